@@ -1,0 +1,30 @@
+"""The one error root of this floor. A message says what, where, value, limit, and what to do next."""
+
+from __future__ import annotations
+
+
+class ModelError(ValueError):
+    """Something that the physics or the identification cannot accept or cannot do.
+
+    `what` is the sentence; `where` the path of the value (`geometry.radial_deformation`); `value` what was found;
+    `limit` what is allowed; `remedy` what to do next. All of them stay readable as attributes.
+    """
+
+    def __init__(self, what: str, *, where: str = "", value: object = None, limit: str = "", remedy: str = "") -> None:
+        self.what, self.where, self.value, self.limit, self.remedy = what, where, value, limit, remedy
+        text = f"{where}: {what}" if where else what
+        if value is not None:
+            text += f"; value {value}"
+        if limit:
+            text += f", allowed {limit}"
+        if remedy:
+            text += f". {remedy}"
+        super().__init__(text)
+
+
+class ParameterError(ModelError):
+    """A parameter set with a wrong, missing or impossible value."""
+
+
+class IdentificationError(ModelError):
+    """Data that cannot carry the estimate that was asked of them."""
