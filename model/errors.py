@@ -1,10 +1,13 @@
-"""The one error root of this floor. A message says what, where, value, limit, and what to do next."""
+"""The wording rule of errors, and the one error root of this floor.
+
+A message says what, where, value, limit, and what to do next. The floors above reuse the wording for their own roots.
+"""
 
 from __future__ import annotations
 
 
-class ModelError(ValueError):
-    """Something that the physics or the identification cannot accept or cannot do.
+class WordedError(Exception):
+    """An error in the project's wording.
 
     `what` is the sentence; `where` the path of the value (`geometry.radial_deformation`); `value` what was found;
     `limit` what is allowed; `remedy` what to do next. All of them stay readable as attributes.
@@ -20,6 +23,10 @@ class ModelError(ValueError):
         if remedy:
             text += f". {remedy}"
         super().__init__(text)
+
+
+class ModelError(WordedError, ValueError):
+    """Something that the physics or the identification cannot accept or cannot do."""
 
 
 class ParameterError(ModelError):

@@ -1,0 +1,186 @@
+"""The one seam: everything that turns is behind `RigPort.exchange(Command, cycles, Guard) -> SampleBlock`.
+
+target[k] acts from SYNC k on, counts[k] are latched at SYNC k, and the call returns at the first cycle that breaks the
+guard. Every rig implements it: simulated, on the wire, replayed, hardware. How a run is cut into blocks (1, 7, 100, 1000
+cycles) must not change a single count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.channel import Channel
+from drivers.samples import Break, SampleBlock
+
+Origin = Literal["simulated", "replay", "hardware"]
+
+
+class Mode(Enum):
+    """What the drive is told to do."""
+
+    OFF = "servo off"
+    SPEED = "cyclic velocity"
+    TORQUE = "cyclic torque"
+    QUICK_STOP = "quick stop"
+
+
+@dataclass(frozen=True)
+class Command:
+    """Set-points for the coming cycles: `target` (cycles,) in rad/s (SPEED) or N m (TORQUE); empty in OFF and QUICK_STOP."""
+
+    mode: Mode
+    target: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A linear quantity of the counts that must stay within [low, high] in every complete cycle.
+
+    quantity[k] = offset + sum over channels of weight * (counts[k] - counts[k - lag])     for lag > 0,
+    quantity[k] = offset + sum over channels of weight * counts[k]                         for lag = 0.
+    `is_trip` tells a safety limit (the supervisor trips) from an engine's "until" (the step is over). The first `lag`
+    cycles after opening, and cycles that are flagged incomplete, are not judged. `consecutive` cycles must break it.
+    """
+
+    cause: str
+    weights: Mapping[str, float]
+    low: float = -math.inf
+    high: float = math.inf
+    lag: int = 0
+    offset: float = 0.0
+    is_trip: bool = True
+    consecutive: int = 1
+
+
+@dataclass(frozen=True)
+class Guard:
+    """The bounds that every cycle is held against while a block is exchanged."""
+
+    bounds: tuple[Bound, ...] = ()
+
+    @property
+    def history(self) -> int:
+        """Cycles before a block that are needed to judge it."""
+        return max((b.lag + b.consecutive - 1 for b in self.bounds), default=0)
+
+
+@dataclass(frozen=True)
+class DriveLimits:
+    """The last software line of defence, held by the drive itself: motor side, SI.
+
+    torque (0x6072), speed (0x6080), acceleration and deceleration (0x6083, 0x6084), quick-stop deceleration (0x6085).
+    """
+
+    torque: float
+    speed: float
+    acceleration: float
+    deceleration: float
+    quick_stop_deceleration: float
+
+
+@dataclass(frozen=True)
+class RigDescription:
+    """What stands on the other side of the port: origin, one line in words, devices, and the truth if it is simulated."""
+
+    origin: Origin
+    title: str
+    devices: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    truth: Mapping[str, object] | None = None
+
+
+class RigPort(Protocol):
+    """A rig: servo amplifier, torque port, both encoders and their acquisition by SYNC."""
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """The channels in the order of the columns of every block."""
+        ...
+
+    @property
+    def cycle_ns(self) -> int:
+        """The nominal SYNC period [ns]."""
+        ...
+
+    @property
+    def time_base(self) -> Literal["hardware", "device", "host", "virtual"]:
+        """What the time stamps are."""
+        ...
+
+    def open(self) -> RigDescription:
+        """Connect, bring every device to operation with the servo off, and say what is there."""
+        ...
+
+    def write_limits(self, limits: DriveLimits) -> DriveLimits:
+        """Write the limits into the drive and return what reads back."""
+        ...
+
+    def exchange(self, command: Command, cycles: int, guard: Guard) -> SampleBlock:
+        """Run `cycles` SYNC cycles (fewer if the guard breaks) and return what was latched. Raises `DriverError`."""
+        ...
+
+    def reset_fault(self) -> None:
+        """Acknowledge a drive fault after an operator has acknowledged it by name."""
+        ...
+
+    def close(self) -> None:
+        """Servo off, release the bus. Never raises because something is already gone."""
+        ...
+
+
+class GuardWatch:
+    """Judges blocks against a guard for a port: keeps the tail of counts that lagged bounds need."""
+
+    def __init__(self, channels: Sequence[Channel], memory: int = 1024) -> None:
+        self._column = {channel.name: i for i, channel in enumerate(channels)}
+        self._memory = memory
+        self._tail: NDArray[np.int64] = np.empty((0, len(channels)), dtype=np.int64)
+        self._tail_good: NDArray[np.bool_] = np.empty(0, dtype=bool)
+
+    def first_break(
+        self, guard: Guard, counts: NDArray[np.int64], flags: NDArray[np.uint16]
+    ) -> Break | None:
+        """The first row of `counts` (n, channels) that breaks a bound, seen with the rows accepted before."""
+        if not guard.bounds or not len(counts):
+            return None
+        keep = min(guard.history, len(self._tail))
+        joined = np.concatenate([self._tail[len(self._tail) - keep :], counts])
+        good = np.concatenate([self._tail_good[len(self._tail) - keep :], (flags & 1) == 0])
+        breaks = (self._judge(bound, joined, good, keep) for bound in guard.bounds)
+        return min((b for b in breaks if b is not None), key=lambda b: b.row, default=None)
+
+    def accept(self, counts: NDArray[np.int64], flags: NDArray[np.uint16]) -> None:
+        """Remember the rows that were really returned."""
+        self._tail = np.concatenate([self._tail, counts])[-self._memory :]
+        self._tail_good = np.concatenate([self._tail_good, (flags & 1) == 0])[-self._memory :]
+
+    def _judge(self, bound: Bound, joined: NDArray[np.int64], good: NDArray[np.bool_], keep: int) -> Break | None:
+        total = np.full(len(joined), bound.offset)
+        for name, weight in bound.weights.items():
+            column = joined[:, self._column[name]]
+            if bound.lag:
+                moved = np.zeros(len(column))
+                moved[bound.lag :] = column[bound.lag :] - column[: -bound.lag]
+                total += weight * moved
+            else:
+                total += weight * column
+        outside = ((total < bound.low) | (total > bound.high)) & good
+        if bound.lag:
+            outside[: bound.lag] = False
+            outside[bound.lag :] &= good[: -bound.lag]
+        run = outside.copy()
+        for shift in range(1, bound.consecutive):
+            run[shift:] &= outside[:-shift]
+            run[:shift] = False
+        rows = np.flatnonzero(run[keep:])
+        if not len(rows):
+            return None
+        row = int(rows[0])
+        value = float(total[keep + row])
+        return Break(row, bound.cause, value, bound.high if value > bound.high else bound.low, bound.is_trip)

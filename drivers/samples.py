@@ -1,0 +1,61 @@
+"""What comes back from the rig: a block of consecutive SYNC cycles, in counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class CycleFlag(IntFlag):
+    """What was wrong with one SYNC cycle; 0 is a complete cycle on time. A flagged value is kept, never interpolated."""
+
+    COMPLETE = 0
+    INCOMPLETE = 1
+    """At least one channel did not arrive; its previous value stands there."""
+    LATE = 2
+    """A frame of this cycle arrived after the next SYNC."""
+    DOUBLED = 4
+    """A frame of this cycle arrived twice."""
+    SHORT = 8
+    """A frame had fewer bytes than its mapping says."""
+    JUMPED = 16
+    """An encoder count moved further than the gear can turn within one cycle."""
+    SIGNAL_ERROR = 32
+    """A device says itself that its value is not valid."""
+    SATURATED = 64
+    """The analogue input is at the end of its range, or its line is open."""
+    HOST_TIME = 128
+    """The time of this cycle is a host arrival time, not a hardware or device stamp."""
+
+
+@dataclass(frozen=True)
+class Break:
+    """The first cycle that broke the guard: row in the block, the bound's cause, the value found and its limit."""
+
+    row: int
+    cause: str
+    value: float
+    limit: float
+    is_trip: bool
+
+
+@dataclass(frozen=True)
+class SampleBlock:
+    """Consecutive SYNC cycles.
+
+    `first_cycle` is the index of row 0 since the port was opened; `time_ns` (n,) int64 the stamp of each SYNC;
+    `counts` (n, channels) int64, unwrapped, in the order of the port's `channels`, latched at SYNC k and paired by its
+    index; `flags` (n,) uint16 of `CycleFlag`; `broken` why the block ended early, if it did: its row is the last one.
+    """
+
+    first_cycle: int
+    time_ns: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    flags: NDArray[np.uint16]
+    broken: Break | None = None
+
+    def __len__(self) -> int:
+        return len(self.time_ns)

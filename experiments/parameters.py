@@ -1,0 +1,128 @@
+"""The parameter model of a protocol: a frozen dataclass whose `Annotated` fields are the only definition of its numbers.
+
+CLI flags, the window's form, file attributes and the table of the documentation are all made from it. Constraints come
+from annotated_types (`Ge`, `Gt`, `Le`, `Lt`), the unit and the explanation from `Unit` and `Help`:
+
+    speed_rpm: Annotated[float, Gt(0.0), Le(120.0), Unit("r/min"), Help("input speed")] = 30.3
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from annotated_types import Ge, Gt, Le, Lt
+
+from experiments.errors import PlanError
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """The unit of a parameter, as shown beside its number."""
+
+    symbol: str
+
+
+@dataclass(frozen=True, slots=True)
+class Help:
+    """What a parameter is, in a few words."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class ParameterField:
+    """One parameter as flags, forms and tables need it. `kind` is float, int, bool, str or tuple (of floats)."""
+
+    name: str
+    kind: type
+    default: Any
+    unit: str
+    help: str
+    limit: str
+    checks: tuple[Any, ...]
+
+    @property
+    def flag(self) -> str:
+        """The command-line flag."""
+        return "--" + self.name.replace("_", "-")
+
+
+_COMPARE = {
+    Ge: (lambda v, c: v >= c.ge, lambda c: f">= {c.ge:g}"),
+    Gt: (lambda v, c: v > c.gt, lambda c: f"> {c.gt:g}"),
+    Le: (lambda v, c: v <= c.le, lambda c: f"<= {c.le:g}"),
+    Lt: (lambda v, c: v < c.lt, lambda c: f"< {c.lt:g}"),
+}
+
+
+def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
+    """The fields of a parameter model in the order they are declared."""
+    hints = typing.get_type_hints(model, include_extras=True)
+    found = []
+    for f in dataclasses.fields(model):
+        hint = hints[f.name]
+        notes = hint.__metadata__ if hasattr(hint, "__metadata__") else ()
+        base = hint.__origin__ if hasattr(hint, "__metadata__") else hint
+        base = typing.get_origin(base) if isinstance(base, types.GenericAlias) else base
+        checks = tuple(n for n in notes if type(n) in _COMPARE)
+        unit = next((n.symbol for n in notes if isinstance(n, Unit)), "")
+        text = next((n.text for n in notes if isinstance(n, Help)), "")
+        limit = " and ".join(_COMPARE[type(c)][1](c) for c in checks)
+        default = f.default if f.default is not dataclasses.MISSING else None
+        found.append(ParameterField(f.name, typing.cast(type, base), default, unit, text, limit, checks))
+    return tuple(found)
+
+
+def make_parameters(model: type[Any], values: Mapping[str, Any], where: str = "") -> Any:
+    """A parameter model from text or numbers: unknown keys, wrong types and values out of range are refused by name."""
+    fields = {f.name: f for f in parameter_fields(model)}
+    for name in values:
+        if name not in fields:
+            known = ", ".join(fields)
+            raise PlanError("no such parameter", where=f"{where}.{name}" if where else name, remedy=f"Known: {known}.")
+    made = {name: _convert(fields[name], value, where) for name, value in values.items()}
+    parameters = model(**made)
+    check_parameters(parameters, where)
+    return parameters
+
+
+def check_parameters(parameters: Any, where: str = "") -> None:
+    """Raise `PlanError` for the first value outside its declared range."""
+    for f in parameter_fields(type(parameters)):
+        value = getattr(parameters, f.name)
+        for number in value if isinstance(value, tuple) else (value,):
+            _check(f, number, where)
+
+
+def _convert(f: ParameterField, value: Any, where: str) -> Any:
+    path = f"{where}.{f.name}" if where else f.name
+    try:
+        if f.kind is tuple:
+            parts = value.replace(",", " ").split() if isinstance(value, str) else value
+            return tuple(float(p) for p in parts)
+        if f.kind is bool:
+            if isinstance(value, bool):
+                return value
+            return {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}[str(value).lower()]
+        if f.kind is int and isinstance(value, float) and value != int(value):
+            raise ValueError
+        return f.kind(value)
+    except (ValueError, KeyError, TypeError, OverflowError):
+        wanted = {int: "a whole number", float: "a number", bool: "true or false", tuple: "numbers"}.get(f.kind, "text")
+        raise PlanError("is of the wrong kind", where=path, value=repr(value), limit=wanted) from None
+
+
+def _check(f: ParameterField, value: Any, where: str) -> None:
+    path = f"{where}.{f.name}" if where else f.name
+    unit = f" {f.unit}" if f.unit else ""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise PlanError("is not a finite number", where=path, value=value, limit=f.limit or "finite")
+    for c in f.checks:
+        if not _COMPARE[type(c)][0](value, c):
+            raise PlanError("is out of range", where=path, value=f"{value}{unit}", limit=f"{f.limit}{unit}")

@@ -1,0 +1,128 @@
+"""What an analysis returns: estimates, metrics, warnings, verdicts, and plots and tables as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.gear import Provenance
+from model.identify.estimate import Estimate
+
+SeriesStyle = Literal["line", "points", "band", "steps", "bars"]
+VerdictOutcome = Literal["PASS", "MARGINAL", "FAIL", "no verified limit"]
+
+VERIFIED_PROVENANCES: frozenset[Provenance] = frozenset({"catalogue", "measured", "identified", "published"})
+"""A limit of any other provenance gives "no verified limit", never PASS or FAIL."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """One curve: x and y (n,) in the units of the plot's axes; `low`, `high` (n,) draw error bars or a band."""
+
+    label: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    style: SeriesStyle = "line"
+    low: NDArray[np.float64] | None = None
+    high: NDArray[np.float64] | None = None
+    group: int = 0
+    """Series of one group share a colour."""
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure as data: the report and the window draw it. Axis labels carry their unit. `figure` names the paper's."""
+
+    name: str
+    title: str
+    x_label: str
+    y_label: str
+    series: tuple[Series, ...]
+    x_scale: Literal["linear", "log"] = "linear"
+    y_scale: Literal["linear", "log"] = "linear"
+    figure: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table as data: columns with their unit in the heading, rows of numbers or words."""
+
+    name: str
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[float | int | str, ...], ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One measured quantity against its limit, with U (k = 2): MARGINAL when the limit lies inside the interval."""
+
+    name: str
+    definition: str
+    estimate: Estimate
+    limit: float
+    limit_source: str
+    limit_provenance: Provenance
+    outcome: VerdictOutcome
+
+
+def judge_upper(
+    name: str, definition: str, estimate: Estimate, limit: float, provenance: Provenance, source: str
+) -> Verdict:
+    """The verdict on a quantity that must not exceed `limit`."""
+    if provenance not in VERIFIED_PROVENANCES:
+        outcome: VerdictOutcome = "no verified limit"
+    elif estimate.value + estimate.expanded_uncertainty <= limit:
+        outcome = "PASS"
+    elif estimate.value - estimate.expanded_uncertainty > limit:
+        outcome = "FAIL"
+    else:
+        outcome = "MARGINAL"
+    return Verdict(name, definition, estimate, limit, source, provenance, outcome)
+
+
+@dataclass(frozen=True)
+class Result:
+    """All that one analysis found of one run."""
+
+    run: str
+    kind: str
+    estimates: Mapping[str, Estimate]
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+    plots: tuple[Plot, ...] = ()
+    tables: tuple[Table, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """The conventions used: torque balance, mounting, tare or not, orders."""
+
+    @property
+    def outcome(self) -> Literal["PASS", "MARGINAL", "FAIL"]:
+        """The worst verdict; PASS where nothing was judged."""
+        found = {v.outcome for v in self.verdicts}
+        return "FAIL" if "FAIL" in found else "MARGINAL" if "MARGINAL" in found else "PASS"
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `--json` prints and the analysis store keeps."""
+        return {
+            "run": self.run,
+            "kind": self.kind,
+            "parameters": {name: e.as_json() for name, e in self.estimates.items()},
+            "metrics": {name: float(value) for name, value in self.metrics.items()},
+            "warnings": list(self.warnings),
+            "verdicts": [
+                {
+                    "name": v.name, "definition": v.definition, "value": v.estimate.value, "unit": v.estimate.unit,
+                    "expanded_uncertainty": v.estimate.expanded_uncertainty, "limit": v.limit,
+                    "limit_source": v.limit_source, "limit_provenance": v.limit_provenance, "outcome": v.outcome,
+                }
+                for v in self.verdicts
+            ],
+            "options": dict(self.options),
+        }  # fmt: skip

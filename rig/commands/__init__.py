@@ -1,0 +1,1 @@
+"""The commands of `rig`, one file per group; each imports its heavy parts when it is called."""

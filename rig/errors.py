@@ -1,0 +1,25 @@
+"""The error root of the application. A message says what, where, value, limit, and what to do next."""
+
+from __future__ import annotations
+
+from model.errors import WordedError
+
+
+class RigError(WordedError, RuntimeError):
+    """Something that the application cannot do: a file, a configuration, a limit, a rig."""
+
+
+class RunFileError(RigError):
+    """A run file that cannot be read, written, trusted or recovered."""
+
+
+class RecorderOverflowError(RigError):
+    """The recorder's ring is full: the run stops rather than lose rows in silence."""
+
+
+class LimitError(RigError):
+    """A plan or a set-point that would break a limit."""
+
+
+class ConfigurationError(RigError):
+    """A configuration file with a wrong or missing value."""
