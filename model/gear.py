@@ -11,6 +11,7 @@ positive opposite to theta_i when the circular spline is fixed.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -72,6 +73,16 @@ def allowed_range(meta: Mapping[str, Any]) -> str:
     return f"{sign} {lower:g} and <= {meta['high']:g}{unit}"
 
 
+def is_finite_number(found: object) -> bool:
+    """Whether this is a number that a float can hold: no text, no truth value, not NaN, not infinite."""
+    if isinstance(found, bool) or not isinstance(found, (int, float)):
+        return False
+    try:
+        return math.isfinite(found)
+    except OverflowError:
+        return False
+
+
 class Section:
     """Base of every section: checks each declared quantity on construction and names the path on refusal."""
 
@@ -83,8 +94,10 @@ class Section:
                 continue
             found = getattr(self, f.name)
             meta = f.metadata
-            if isinstance(found, bool) or not isinstance(found, (int, float)) or not math.isfinite(found):
+            if not is_finite_number(found):
                 refuse(self.section, f.name, found, allowed_range(meta), "is not a finite number")
+            if f.type in ("int", int) and int(found) != found:
+                refuse(self.section, f.name, found, f"a whole number {allowed_range(meta)}", "is not a whole number")
             if found <= meta["above"] or found < meta["low"] or found > meta["high"]:
                 refuse(self.section, f.name, found, allowed_range(meta), "is out of range")
 
@@ -105,9 +118,6 @@ class Teeth(Section):
 
     def __post_init__(self) -> None:
         Section.__post_init__(self)
-        for name in ("flexspline", "circular_spline"):
-            if int(getattr(self, name)) != getattr(self, name):
-                refuse(self.section, name, getattr(self, name), "a whole number", "is not a whole number")
         if self.circular_spline - self.flexspline <= 0:
             refuse(self.section, "circular_spline", self.circular_spline, f"> {self.flexspline}", "is too small")
 
@@ -117,7 +127,9 @@ class Geometry(Section):
     """The engaged zone and the wedge (equations 1, 3-5)."""
 
     section = "geometry"
-    flexspline_diameter: float = quantity("m", "reference diameter of the flexspline", symbol="d_f", above=0.0, high=1.0)
+    flexspline_diameter: float = quantity(
+        "m", "reference diameter of the flexspline", symbol="d_f", above=0.0, high=1.0
+    )
     circular_spline_diameter: float = quantity(
         "m", "reference diameter of the circular spline", symbol="d_c", above=0.0, high=1.0
     )
@@ -125,9 +137,15 @@ class Geometry(Section):
         "m", "largest radial deformation of the flexspline; must exceed the module", symbol="omega", above=0.0
     )
     tooth_angle: float = quantity(
-        "rad", "flank angle of the tooth from the radial direction", symbol="alpha_t", low=math.radians(5), high=math.radians(60)
+        "rad",
+        "flank angle of the tooth from the radial direction",
+        symbol="alpha_t",
+        low=math.radians(5),
+        high=math.radians(60),
     )
-    neutral_radius: float = quantity("m", "radius of the neutral layer of the flexspline", symbol="r_g", above=0.0, high=0.5)
+    neutral_radius: float = quantity(
+        "m", "radius of the neutral layer of the flexspline", symbol="r_g", above=0.0, high=0.5
+    )
 
     @property
     def module(self) -> float:
@@ -150,6 +168,10 @@ class Geometry(Section):
         if self.radial_deformation >= 0.5 * self.flexspline_diameter:
             limit = f"< {0.5 * self.flexspline_diameter:g} m"
             refuse(self.section, "radial_deformation", self.radial_deformation, limit, "is out of range")
+        low, high = 0.4 * self.flexspline_diameter, 0.6 * self.flexspline_diameter
+        if not low <= self.neutral_radius <= high:
+            limit = f">= {low:g} and <= {high:g} m (0.4 to 0.6 flexspline diameters)"
+            refuse(self.section, "neutral_radius", self.neutral_radius, limit, "does not fit the flexspline diameter")
 
 
 @dataclass(frozen=True)
@@ -217,8 +239,12 @@ class Bearing(Section):
     ball_diameter: float = quantity("m", "ball diameter", symbol="D_w", above=0.0, high=0.1)
     pitch_diameter: float = quantity("m", "pitch diameter", symbol="d_m", above=0.0, high=1.0)
     groove_ratio: float = quantity("1", "groove radius over ball diameter", symbol="f", low=0.501, high=0.7)
-    ring_factor: float = quantity("1", "softening by the thin flexible rings", symbol="ring_factor", above=0.0, high=2.0)
-    radial_load: float = quantity("N", "radial load at which the stiffness is evaluated", symbol="F_r", above=0.0, high=1e6)
+    ring_factor: float = quantity(
+        "1", "softening by the thin flexible rings", symbol="ring_factor", above=0.0, high=2.0
+    )
+    radial_load: float = quantity(
+        "N", "radial load at which the stiffness is evaluated", symbol="F_r", above=0.0, high=1e6
+    )
     damping: float = quantity("N s/m", "radial damping", symbol="C_b", low=0.0, high=1e7)
     friction_factor: float = quantity("1", "bearing and lubrication factor", symbol="f_0", low=0.0, high=20.0)
     viscosity: float = quantity("m2/s", "kinematic viscosity of the lubricant", symbol="nu_0", low=0.0, high=1e-2)
@@ -236,7 +262,9 @@ class Inertia(Section):
 
     section = "inertia"
     flexspline: float = quantity("kg m2", "inertia of the flexspline", symbol="J_g", above=0.0, high=1.0)
-    output: float = quantity("kg m2", "equivalent inertia of the output axis with its load", symbol="J_o", above=0.0, high=1e3)
+    output: float = quantity(
+        "kg m2", "equivalent inertia of the output axis with its load", symbol="J_o", above=0.0, high=1e3
+    )
     wave_generator: float = quantity("kg m2", "inertia of the wave generator", symbol="J_wg", low=0.0, high=1.0)
 
 
@@ -307,6 +335,14 @@ class Ratings(Section):
     stiffness_2: float = quantity("N m/rad", "catalogue stiffness between T1 and T2", symbol="K2", above=0.0)
     stiffness_3: float = quantity("N m/rad", "catalogue stiffness above T2", symbol="K3", above=0.0)
 
+    def __post_init__(self) -> None:
+        Section.__post_init__(self)
+        ascending = ("rated_torque", "repeated_peak_torque", "momentary_peak_torque"), ("torque_1", "torque_2")
+        for smaller, larger in (pair for chain in ascending for pair in itertools.pairwise(chain)):
+            if getattr(self, larger) <= getattr(self, smaller):
+                limit = f"> ratings.{smaller} = {getattr(self, smaller):g} N m"
+                refuse(self.section, larger, getattr(self, larger), limit, "is too small")
+
 
 @dataclass(frozen=True)
 class ModelOptions:
@@ -350,6 +386,18 @@ class HarmonicDrive:
     kinematic_error: tuple[Harmonic, ...] = ()
     options: ModelOptions = ModelOptions()
     origins: Mapping[str, Origin] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __post_init__(self) -> None:
+        reach = self.tooth.height - self.tooth.force_depth
+        half = 0.5 * self.tooth.root_width - reach * math.tan(self.geometry.tooth_angle)
+        if half <= 0.0:
+            raise ParameterError(
+                "the tooth has no thickness left at the force point: L_b/2 - (H_t - L_m) tan(alpha_t) is not positive",
+                where="tooth.root_width",
+                value=f"{self.tooth.root_width:g} m",
+                limit=f"> {2.0 * reach * math.tan(self.geometry.tooth_angle):.6g} m",
+                remedy="Check tooth height, force depth and tooth angle.",
+            )
 
     @property
     def ratio(self) -> float:

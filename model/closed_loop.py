@@ -1,0 +1,280 @@
+"""The rig's closed loop: servo, motor, wedge, gear and load in one compiled simulation, with friction that truly sticks.
+
+(2)   the three masses of the gear, here with the rotor as a fourth; propagated exactly per step (matrix exponential,
+      first-order hold on e), in coordinates relative to the rigid gear so that no angle grows
+(17)  e = ke r_g/tan(alpha_t)
+      T_wg = F_b (r_g tan(alpha_n) + de/dtheta_i) + friction        F_b = K_b (x1 - x2 + e) + C_b (x1' - x2' + e')
+      (J_m + J_wg) theta_i'' = T_m - T_wg - T_motor friction
+      T_ref = J_tot 2 pi K_v (eps + (1/T_i) int eps dt)             with torque limit, torque filter and anti-windup
+
+Friction is lumped on the rotor: eq (19) applied to x2 and y1 with the sign of a *state* theta_i' chatters at any step
+size, because the rotor answers a mesh force only through the elastic chain. On the rotor the friction torque acts on the
+speed whose sign it takes, so one scalar equation gives exact stick: the speed is 0.0 at a hold. The wind-up that the
+friction leaves in the output (theta_f of the reduced form) is added to the output angle as a static lag.
+
+Whatever a real rig has and equation 2 has not is a `Deviations`; the default is the published model with its servo.
+Equations 2 and 17 of Zou et al. 2015; the reaction torque by virtual work; the servo as the usual speed loop of an AC drive.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model import friction, loop_tables
+from model.gear import Harmonic, HarmonicDrive, Mounting
+from model.kernels import closed_loop as kernel
+from model.kinematic_error import series_slope, series_value
+from model.linear import DynamicParameters, dynamic_parameters
+from model.motor import ServoMotor
+
+Array = NDArray[np.float64]
+
+OFF, SPEED, TORQUE, QUICK_STOP = kernel.OFF, kernel.SPEED, kernel.TORQUE, kernel.QUICK_STOP
+"""What the servo is told: power stage off, speed set-points [rad/s], torque set-points [N m], ramp down and hold."""
+
+
+@dataclass(frozen=True)
+class Servo:
+    """The drive's speed loop: K_v [Hz], T_i [s], torque filter [s], period of the loop [s]."""
+
+    speed_gain: float = 40.0
+    integral_time: float = 0.020
+    torque_filter_time: float = 0.001
+    period: float = 250e-6
+
+
+@dataclass(frozen=True)
+class ServoLimits:
+    """What the drive never exceeds: torque [N m], speed [rad/s], acceleration and decelerations [rad/s2], motor side."""
+
+    torque: float
+    speed: float
+    acceleration: float = 1e6
+    deceleration: float = 1e6
+    quick_stop_deceleration: float = 1e6
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """Two lumped heat stores, housing (with the grease) and motor, and what warming does to friction and torque constant.
+
+    Temperatures in degC, capacities in J/K, conductances to the room and between them in W/K, copper loss in W/(N m)^2.
+    Friction parameters are those at `reference`. Coulomb friction falls by `coulomb_per_kelvin` of itself per kelvin,
+    viscous friction as exp(-viscous_per_kelvin dT), the bearing's no-load torque as that to 2/3 (equation 18).
+    """
+
+    ambient: float = 22.0
+    housing_start: float = 22.0
+    motor_start: float = 22.0
+    reference: float = 22.0
+    housing_capacity: float = 900.0
+    motor_capacity: float = 350.0
+    housing_conductance: float = 1.6
+    motor_conductance: float = 0.9
+    coupling: float = 0.5
+    copper_loss: float = 55.0
+    coulomb_per_kelvin: float = 0.002
+    viscous_per_kelvin: float = 0.03
+    motor_friction_per_kelvin: float = 0.004
+    torque_constant_per_kelvin: float = 0.0010
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """What a rig has and equation 2 has not. The default is none of it.
+
+    kinematic_error      orders added to the gear's own series [rad over theta_i]
+    friction_windup      the static lag theta_f that friction leaves in the output
+    mesh_depth           relative modulation of the mesh friction in phase with the kinematic error (figure 16), 0..1
+    hardening            stiffness grows beyond T1 and T2 in the catalogue's proportions K2/K1, K3/K1
+    hysteresis_torque, hysteresis_stiffness   a Dahl element parallel to the gear: its limit [N m] and its stiffness
+                         as a fraction of K_HDf
+    output_coulomb, output_viscous            friction of the output bearing [N m], [N m s/rad]
+    motor_friction       the motor's own Coulomb and viscous friction
+    cogging              orders of the motor's cogging torque over theta_i, amplitudes in N m
+    torque_constant_error   relative excess of the true motor torque over the reference
+    port_lag             time constant of the torque monitor [s]
+    thermal              housing and motor that warm; None: every temperature stays at 22 degC
+    """
+
+    kinematic_error: tuple[Harmonic, ...] = ()
+    friction_windup: bool = False
+    mesh_depth: float = 0.0
+    hardening: bool = False
+    hysteresis_torque: float = 0.0
+    hysteresis_stiffness: float = 0.0
+    output_coulomb: float = 0.0
+    output_viscous: float = 0.0
+    motor_friction: bool = True
+    cogging: tuple[Harmonic, ...] = ()
+    torque_constant_error: float = 0.0
+    port_lag: float = 0.0
+    thermal: Thermal | None = None
+
+
+@dataclass(frozen=True)
+class LoopSettings:
+    """How the loop is put together: mounting, gear on the motor or not, tare disc [kg m2], SYNC period and step [s]."""
+
+    mounting: Mounting = "circular-spline-fixed"
+    gear_mounted: bool = True
+    disc_inertia: float = 0.0
+    cycle: float = 1e-3
+    step: float = 125e-6
+    servo: Servo = field(default_factory=Servo)
+
+
+class ClosedLoop:
+    """The closed loop of one motor and one gear (or the bare motor), ready to be advanced.
+
+    Holds only what does not change while it turns; what does is the state array that `rest` makes and `advance` changes
+    in place (a copy of it is a snapshot). `series` is the kinematic error that acts, `parameters` the numbers of equation
+    2, `inertia` what the motor turns [kg m2], `time_step` the exact step [s].
+    """
+
+    def __init__(
+        self,
+        gear: HarmonicDrive,
+        motor: ServoMotor,
+        deviations: Deviations | None = None,
+        settings: LoopSettings | None = None,
+    ) -> None:
+        self.gear, self.motor = gear, motor
+        self.deviations = deviations or Deviations()
+        self.settings = settings or LoopSettings()
+        self.ratio = gear.mounted_ratio(self.settings.mounting)
+        self.parameters: DynamicParameters = dynamic_parameters(gear, ratio=self.ratio)
+        self.substeps = max(1, round(self.settings.cycle / self.settings.step))
+        self.time_step = self.settings.cycle / self.substeps
+        mounted = self.settings.gear_mounted
+        self.series = (*gear.kinematic_error, *self.deviations.kinematic_error) if mounted else ()
+        self.rotor_inertia = motor.rotor_inertia + (gear.inertia.wave_generator if mounted else 0.0)
+        self.rotor_inertia += self.settings.disc_inertia
+        self.inertia = self.rotor_inertia + (gear.inertia.output / self.ratio**2 if mounted else 0.0)
+        system = loop_tables.linear_system(self.parameters, self.rotor_inertia, coupled=mounted)
+        self._step = loop_tables.step_matrix(system, self.time_step)
+        self._error, self._period = loop_tables.error_table(self.series, self.ratio, self.parameters.radial_lever)
+        self._highest_speed = 2.0 * motor.maximum_speed
+        self._friction = loop_tables.friction_table(
+            gear, self.parameters, self._highest_speed, windup=self.deviations.friction_windup
+        )
+        if not mounted:
+            self._friction[:] = 0.0
+        self._cogging = loop_tables.cogging_table(self.deviations.cogging)
+        self._physics = self._make_physics()
+        self._servo = np.zeros(kernel.SERVO_SIZE)
+        self.set_limits(ServoLimits(motor.peak_torque, motor.maximum_speed))
+
+    def rest(self, angle: float = 0.0) -> Array:
+        """The state of standstill at an input angle [rad], unwound, servo off, cold."""
+        state = np.zeros(kernel.STATE_SIZE)
+        state[kernel.THETA] = angle
+        if self.settings.gear_mounted:
+            lever, tangent = self.parameters.radial_lever, math.tan(self.parameters.tooth_angle)
+            error = lever * float(series_value(self.series, angle))
+            state[kernel.ERROR], state[kernel.SLOPE] = error, lever * float(series_slope(self.series, angle))
+            state[kernel.R2] = error
+            state[kernel.R1] = state[kernel.RO] = tangent * error
+        thermal = self.deviations.thermal or Thermal()
+        state[kernel.HOUSING], state[kernel.MOTOR] = thermal.housing_start, thermal.motor_start
+        return state
+
+    def set_limits(self, limits: ServoLimits) -> None:
+        """Tell the drive its limits; they act from the next servo period on."""
+        servo, values = self.settings.servo, self._servo
+        steps = max(1, round(servo.period / self.time_step))
+        period = steps * self.time_step
+        values[kernel.GAIN] = self.inertia * 2.0 * math.pi * servo.speed_gain
+        values[kernel.INTEGRAL_STEP] = period / servo.integral_time
+        values[kernel.FILTER_STEP] = -math.expm1(-period / servo.torque_filter_time) if servo.torque_filter_time else 1.0
+        values[kernel.PERIOD_STEPS] = steps
+        values[kernel.TORQUE_LIMIT], values[kernel.SPEED_LIMIT] = limits.torque, limits.speed
+        values[kernel.RATE_UP] = limits.acceleration * period
+        values[kernel.RATE_DOWN] = limits.deceleration * period
+        values[kernel.RATE_QUICK_STOP] = limits.quick_stop_deceleration * period
+        values[kernel.GUARD_GAIN] = values[kernel.GAIN]
+
+    def advance(self, state: Array, mode: int, targets: Array, rows: Array | None = None) -> Array:
+        """Advance the state over one SYNC cycle per target; row k is what is true at SYNC k, before target[k] acts.
+
+        `rows` (n, ROW_SIZE) is filled and returned; its columns are the ROW_ names of `model.kernels.closed_loop`.
+        """
+        if rows is None:
+            rows = np.empty((len(targets), kernel.ROW_SIZE))
+        kernel.advance(
+            state, self._physics, self._servo, self._step, self._error, self._friction, self._cogging,
+            mode, targets, self.substeps, rows,
+        )  # fmt: skip
+        return rows
+
+    @property
+    def stiffness_over_inertia(self) -> float:
+        """(2 pi f_1)^2 of theta_i -> theta_o for small windings: K_HDf (1 + Dahl's share)/J_o [1/s2]."""
+        share = self.deviations.hysteresis_stiffness if self.deviations.hysteresis_torque > 0.0 else 0.0
+        return self.parameters.combined_stiffness * (1.0 + share) / self.parameters.output_inertia
+
+    def _make_physics(self) -> Array:
+        """The scalar constants of the kernel."""
+        p = np.zeros(kernel.PHYSICS_SIZE)
+        motor, extra, found = self.motor, self.deviations, self.parameters
+        p[kernel.H], p[kernel.RADIUS] = self.time_step, found.neutral_radius
+        p[kernel.TANGENT] = math.tan(found.tooth_angle)
+        p[kernel.K_B], p[kernel.C_B] = found.bearing_stiffness, found.bearing_damping
+        p[kernel.CUP] = found.cup_stiffness
+        p[kernel.ERROR_TURNS] = 1.0 / (2.0 * math.pi * self._period)
+        p[kernel.ERROR_POINTS] = len(self._error) - 1
+        if self.settings.gear_mounted:
+            p[kernel.INVERSE_RATIO], p[kernel.LAMBDA] = 1.0 / self.ratio, found.radial_lever / self.ratio
+            still = loop_tables.bearing_drag(self.gear, np.zeros(1))
+            p[kernel.BEARING_LOW] = friction.bearing_lever(self.gear) * float(still[0])
+            p[kernel.DEPTH] = extra.mesh_depth / max(self._largest_error(), 1e-12)
+            p[kernel.OUTPUT_COULOMB] = extra.output_coulomb
+            p[kernel.OUTPUT_VISCOUS] = extra.output_viscous / found.neutral_radius
+            self._fill_elastic(p)
+        if extra.motor_friction:
+            p[kernel.MOTOR_COULOMB], p[kernel.MOTOR_VISCOUS] = motor.coulomb_friction, motor.viscous_friction
+        p[kernel.PORT_STEP] = -math.expm1(-self.time_step / extra.port_lag) if extra.port_lag > 0.0 else 1.0
+        p[kernel.TORQUE_FACTOR] = 1.0 + extra.torque_constant_error
+        p[kernel.FRICTION_SCALE] = loop_tables.FRICTION_POINTS / math.sqrt(self._highest_speed)
+        p[kernel.FRICTION_LAST] = loop_tables.FRICTION_POINTS - 1
+        p[kernel.COGGING_POINTS] = loop_tables.COGGING_POINTS if extra.cogging else 0
+        self._fill_thermal(p)
+        return p
+
+    def _fill_elastic(self, p: Array) -> None:
+        """Hardening and hysteresis, parallel to the gear between rotor and output."""
+        ratings, extra, stiffness = self.gear.ratings, self.deviations, self.parameters.combined_stiffness
+        p[kernel.KINK_1] = p[kernel.KINK_2] = math.inf
+        if extra.hardening:
+            second = stiffness * ratings.stiffness_2 / ratings.stiffness_1
+            third = stiffness * ratings.stiffness_3 / ratings.stiffness_1
+            p[kernel.KINK_1] = ratings.torque_1 / stiffness
+            p[kernel.KINK_2] = p[kernel.KINK_1] + (ratings.torque_2 - ratings.torque_1) / second
+            p[kernel.EXTRA_2], p[kernel.EXTRA_3] = second - stiffness, third - second
+        p[kernel.HYSTERESIS_LIMIT] = extra.hysteresis_torque
+        p[kernel.HYSTERESIS_STIFFNESS] = extra.hysteresis_stiffness * stiffness
+        p[kernel.ELASTIC] = float(extra.hardening or extra.hysteresis_torque > 0.0)
+
+    def _fill_thermal(self, p: Array) -> None:
+        """Heat stores and sensitivities; without `thermal` the stores are infinite."""
+        heat = self.deviations.thermal
+        if heat is None:
+            return
+        p[kernel.TORQUE_PER_KELVIN] = heat.torque_constant_per_kelvin
+        p[kernel.COULOMB_PER_KELVIN] = heat.coulomb_per_kelvin
+        p[kernel.VISCOUS_PER_KELVIN] = heat.viscous_per_kelvin
+        p[kernel.MOTOR_PER_KELVIN] = heat.motor_friction_per_kelvin
+        p[kernel.AMBIENT] = heat.ambient
+        p[kernel.HOUSING_REFERENCE] = p[kernel.MOTOR_REFERENCE] = heat.reference
+        p[kernel.HOUSING_STEP], p[kernel.MOTOR_STEP] = 1.0 / heat.housing_capacity, 1.0 / heat.motor_capacity
+        p[kernel.HOUSING_LOSS], p[kernel.MOTOR_LOSS] = heat.housing_conductance, heat.motor_conductance
+        p[kernel.COUPLING], p[kernel.COPPER] = heat.coupling, heat.copper_loss
+
+    def _largest_error(self) -> float:
+        """Largest |e| of the acting series [m]."""
+        angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
+        return float(np.max(np.abs(series_value(self.series, angle)))) * self.parameters.radial_lever

@@ -1,0 +1,245 @@
+"""Two directions together: the kinematic error proper, wind-up and skew, and the phase of friction against error.
+
+The mean of forward and reverse is the kinematic error (a function of the input angle alone); their half difference is what
+changes sign with the direction: wind-up by friction, backlash, and skew between the channels times speed.
+
+Figure 16: the half difference of the *torque* of both directions over the input angle is friction; the half sum is
+conservative (cogging, and the reaction of the error's own slope). The phase between the friction's order 2 and that of the
+kinematic error says whether both have their extremes at the same angle.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from model.errors import IdentificationError
+from model.identify.angle_regression import AngleFit, AngleRegression, Basis, solve_angle
+from model.identify.checks import Array, channels
+from model.identify.estimate import Estimate
+from model.identify.kinematic_error import KinematicErrorFit
+from model.identify.least_squares import student_quantile
+from model.units import DEGREE
+
+PhaseVerdict = Literal["in phase", "not in phase", "cannot tell"]
+IN_PHASE = 30.0 * DEGREE
+"""Largest phase difference [rad] at which two extremes are still called the same place."""
+
+
+@dataclass(frozen=True)
+class CombinedKinematicError:
+    """Forward and reverse of one gear: mean curve (kinematic error) and half difference (wind-up and skew).
+
+    cosine, sine, and their covariance (2k, 2k) of the mean, in the order of `orders`; estimates: amplitude_v, phase_v,
+    transmission_accuracy_forward/reverse, lost_motion; metrics: agreement [rms of the half difference, rad].
+    """
+
+    ratio: float
+    orders: tuple[float, ...]
+    labels: tuple[str, ...]
+    cosine: Array
+    sine: Array
+    covariance: Array
+    half_cosine: Array
+    half_sine: Array
+    freedom: float
+    estimates: dict[str, Estimate]
+    metrics: dict[str, float]
+    warnings: tuple[str, ...]
+    input_angle: Array
+    forward: Array
+    reverse: Array
+    mean: Array
+
+
+def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedKinematicError:
+    """The kinematic error of a gear from one fit of each direction; both must share basis, ratio and index mark."""
+    if forward.direction == reverse.direction:
+        raise IdentificationError("are both of the same direction", where="forward, reverse", remedy="Give one fit of each direction.")
+    if forward.direction < 0.0:
+        forward, reverse = reverse, forward
+    if forward.basis.orders != reverse.basis.orders or forward.ratio != reverse.ratio:
+        raise IdentificationError("differ in basis or ratio", where="forward, reverse", remedy="Fit both with the same orders.")
+    ahead, back = forward.regression, reverse.regression
+    mean = 0.5 * (ahead.values + back.values)
+    half = 0.5 * (ahead.values - back.values)
+    covariance = 0.25 * (ahead.covariance + back.covariance)[2:, 2:]
+    freedom = min(ahead.freedom, back.freedom)
+    basis = forward.basis
+    estimates = {
+        "transmission_accuracy_forward": forward.estimates["transmission_accuracy"],
+        "transmission_accuracy_reverse": reverse.estimates["transmission_accuracy"],
+        "lost_motion": _lost_motion(forward, reverse),
+    }
+    for k, label in enumerate(basis.labels):
+        block = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
+        if forward.orders[k].significant or reverse.orders[k].significant:
+            pair = polar_estimates(label, mean[2 + 2 * k], mean[3 + 2 * k], block, freedom, "rad")
+            estimates[f"amplitude_{label}"], estimates[f"phase_{label}"] = pair
+    angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
+    curves = [_whole_orders(basis, values, angle) for values in (ahead.values, back.values)]
+    warnings = [f"forward: {w}" for w in forward.warnings] + [f"reverse: {w}" for w in reverse.warnings]
+    return CombinedKinematicError(
+        ratio=forward.ratio,
+        orders=basis.orders,
+        labels=basis.labels,
+        cosine=mean[2::2],
+        sine=mean[3::2],
+        covariance=covariance,
+        half_cosine=half[2::2],
+        half_sine=half[3::2],
+        freedom=freedom,
+        estimates=estimates,
+        metrics={"agreement": float(np.sqrt(0.5 * np.sum(half[2:] ** 2)))},
+        warnings=tuple(warnings),
+        input_angle=angle,
+        forward=curves[0],
+        reverse=curves[1],
+        mean=0.5 * (curves[0] + curves[1]),
+    )
+
+
+def _lost_motion(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> Estimate:
+    """Offset between the directions: wind-up by friction plus skew times speed, forward minus reverse [rad]."""
+    ahead, back = forward.regression, reverse.regression
+    middle = 0.5 * (ahead.sums.first_angle + ahead.sums.last_angle)
+    value, variance = 0.0, 0.0
+    for fit, sign in ((ahead, 1.0), (back, -1.0)):
+        weights = np.array([1.0, (middle - fit.sums.first_angle) / fit.sums.trend_scale])
+        value += sign * float(weights @ fit.values[:2])
+        variance += float(weights @ fit.covariance[:2, :2] @ weights)
+    half = student_quantile(min(ahead.freedom, back.freedom)) * math.sqrt(max(variance, 0.0))
+    note = "wind-up by friction and skew between the channels together; runs at several speeds tell them apart"
+    return Estimate("lost_motion", value, "rad", value - half, value + half, "weakly", note)
+
+
+def _whole_orders(basis: Basis, values: Array, angle: Array) -> Array:
+    total = np.zeros_like(angle)
+    for k, order in enumerate(basis.orders):
+        if abs(order - round(order)) < 1e-9:
+            total += values[2 + 2 * k] * np.cos(order * angle) + values[3 + 2 * k] * np.sin(order * angle)
+    return total
+
+
+def polar_estimates(label: str, a: float, b: float, block: Array, freedom: float, unit: str) -> tuple[Estimate, Estimate]:
+    """Amplitude and phase of a cos + b sin = amplitude cos(v theta - phase), with 95 % intervals from the covariance."""
+    size = math.hypot(a, b)
+    t = student_quantile(freedom)
+    along = np.array([a, b]) / size if size > 0.0 else np.array([1.0, 0.0])
+    across = np.array([-along[1], along[0]])
+    radial = t * math.sqrt(max(float(along @ block @ along), 0.0))
+    turn = math.pi
+    if size > 0.0:
+        turn = min(t * math.sqrt(max(float(across @ block @ across), 0.0)) / size, math.pi)
+    phase = math.atan2(b, a)
+    verdict = "yes" if radial < size and turn < math.pi else "weakly"
+    note = "" if verdict == "yes" else "not above the noise"
+    return (
+        Estimate(f"amplitude_{label}", size, unit, max(size - radial, 0.0), size + radial, verdict, note),
+        Estimate(f"phase_{label}", phase, "rad", phase - turn, phase + turn, verdict, note),
+    )
+
+
+def fit_over_angle(angle: ArrayLike, value: ArrayLike, basis: Basis) -> AngleFit:
+    """Any channel over the input angle by the same streaming regression: trend, orders, covariance by blocks."""
+    x, y = channels(16, angle=angle, value=value)
+    regression = AngleRegression(basis)
+    regression.add(x, y)
+    return solve_angle(regression.sums())[0]
+
+
+@dataclass(frozen=True)
+class PhaseRelation:
+    """Figure 16: does the friction torque have its extremes where the kinematic error has them?
+
+    estimates: phase_difference [rad, torque minus error at `order`, in (-pi, pi]], friction_amplitude and
+    conservative_amplitude [N m], error_amplitude [rad]. input_angle with friction_torque, conservative_torque and
+    kinematic_error: curves over one input revolution without their means.
+    """
+
+    order: float
+    verdict: PhaseVerdict
+    sentence: str
+    estimates: dict[str, Estimate]
+    input_angle: Array
+    friction_torque: Array
+    conservative_torque: Array
+    kinematic_error: Array
+
+
+def phase_relation(
+    error: CombinedKinematicError,
+    torque_forward: AngleFit,
+    torque_reverse: AngleFit,
+    *,
+    order: float = 2.0,
+    torque_lag_angle: tuple[float, float] = (0.0, 0.0),
+) -> PhaseRelation:
+    """Phase difference between friction torque and kinematic error at one order, with 95 % interval and verdict.
+
+    The torques are `fit_over_angle` of the torque channel of each direction over the same input angle. `torque_lag_angle`:
+    value and standard uncertainty of the torque's lag times input speed [rad of input angle]; the lag turns the phase of each
+    direction the opposite way.
+    """
+    if torque_forward.sums.direction < 0.0:
+        torque_forward, torque_reverse = torque_reverse, torque_forward
+    ahead, block_a = torque_forward.complex_amplitude(order)
+    back, block_b = torque_reverse.complex_amplitude(order)
+    lag, lag_error = torque_lag_angle
+    ahead, back = ahead * cmath.exp(1j * order * lag), back * cmath.exp(-1j * order * lag)
+    friction, conservative = 0.5 * (ahead - back), 0.5 * (ahead + back)
+    at = int(np.argmin(np.abs(np.array(error.orders) - order)))
+    e_block = error.covariance[2 * at : 2 * at + 2, 2 * at : 2 * at + 2]
+    freedom = min(torque_forward.freedom, torque_reverse.freedom, error.freedom)
+    label = error.labels[at]
+    block = 0.25 * (block_a + block_b) + 0.5 * (order * lag_error * abs(conservative)) ** 2 * np.eye(2)
+    f_amp, f_phase = polar_estimates(label, friction.real, -friction.imag, block, freedom, "N m")
+    e_amp, e_phase = polar_estimates(label, float(error.cosine[at]), float(error.sine[at]), e_block, freedom, "rad")
+    c_amp, _ = polar_estimates(label, conservative.real, -conservative.imag, block, freedom, "N m")
+    difference = math.remainder(f_phase.value - e_phase.value, 2.0 * math.pi)
+    half = min(math.hypot(0.5 * (f_phase.high - f_phase.low), 0.5 * (e_phase.high - e_phase.low)), math.pi)
+    verdict = _phase_verdict(difference, half)
+    angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
+    basis = torque_forward.sums.basis
+    curves = [_whole_orders(basis, fit.values, angle) for fit in (torque_forward, torque_reverse)]
+    known = "yes" if half < 0.5 * math.pi else "no"
+    return PhaseRelation(
+        order=order,
+        verdict=verdict,
+        sentence=_phase_sentence(label, difference, half, verdict),
+        estimates={
+            "phase_difference": Estimate(
+                "phase_difference", difference, "rad", difference - half, difference + half, known,
+                "" if known == "yes" else "the friction torque at this order is not above the noise",
+            ),
+            "friction_amplitude": f_amp,
+            "conservative_amplitude": c_amp,
+            "error_amplitude": e_amp,
+        },
+        input_angle=angle,
+        friction_torque=0.5 * (curves[0] - curves[1]),
+        conservative_torque=0.5 * (curves[0] + curves[1]),
+        kinematic_error=error.mean,
+    )  # fmt: skip
+
+
+def _phase_verdict(difference: float, half: float) -> PhaseVerdict:
+    if abs(difference) + half <= IN_PHASE:
+        return "in phase"
+    if abs(difference) - half > IN_PHASE:
+        return "not in phase"
+    return "cannot tell"
+
+
+def _phase_sentence(label: str, difference: float, half: float, verdict: PhaseVerdict) -> str:
+    number = f"{difference / DEGREE:.0f} ± {half / DEGREE:.0f} degrees of order {label}"
+    if verdict == "in phase":
+        return f"Friction torque and kinematic error have their extremes at the same angle: {number} apart."
+    if verdict == "not in phase":
+        return f"Friction torque and kinematic error do not have their extremes at the same angle: {number} apart."
+    return f"The data cannot tell whether friction torque and kinematic error are in phase: {number}."

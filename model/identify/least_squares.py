@@ -1,0 +1,130 @@
+"""Linear least squares with errors that respect autocorrelation: the common ground of every linear fit here.
+
+Parameters of y = X b + r come from a column-scaled QR-equivalent (SVD) solution; their covariance is a sandwich
+(X'X)^-1 S (X'X)^-1, where S sums the scores x_t r_t either over contiguous blocks (clusters) or with Bartlett weights over
+lags (Newey and West 1987, lag by Andrews 1991). Intervals use Student's t with the degrees of freedom that remain.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from model.errors import IdentificationError
+from model.identify.checks import Array
+
+CONDITION_LIMIT = 1e10
+"""Above this condition number of the column-scaled design the data cannot separate the parameters."""
+
+
+def student_quantile(freedom: float, level: float = 0.95) -> float:
+    """The two-sided quantile of Student's t for `freedom` degrees of freedom (at least one)."""
+    return float(scipy.special.stdtrit(max(float(freedom), 1.0), 0.5 + 0.5 * level))
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """Solution of a linear least-squares problem.
+
+    values, standard_error: (p,); covariance (p, p); residual (n,); condition of X with unit columns, condition_raw of X as
+    given; freedom of the variance; relative_error |r|/|y|.
+    """
+
+    values: Array
+    covariance: Array
+    residual: Array
+    condition: float
+    condition_raw: float
+    freedom: float
+    relative_error: float
+
+    @property
+    def standard_error(self) -> Array:
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def interval(self, index: int) -> tuple[float, float]:
+        """The 95 % interval of parameter `index`."""
+        half = student_quantile(self.freedom) * float(self.standard_error[index])
+        return float(self.values[index]) - half, float(self.values[index]) + half
+
+
+def correlation_length(residual: Array) -> float:
+    """Integral correlation length of a residual in samples, (1 + rho)/(1 - rho) of an AR(1) fit; 1 for white noise."""
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    if power <= 0.0 or len(centred) < 3:
+        return 1.0
+    rho = min(max(float(centred[1:] @ centred[:-1]) / power, 0.0), 0.9999)
+    return (1.0 + rho) / (1.0 - rho)
+
+
+def _bartlett_lag(residual: Array) -> int:
+    """Andrews' automatic lag of the Bartlett kernel from an AR(1) approximation."""
+    length = correlation_length(residual)
+    rho = (length - 1.0) / (length + 1.0)
+    alpha = 4.0 * rho**2 / ((1.0 - rho) ** 2 * (1.0 + rho) ** 2)
+    return int(min(math.ceil(1.1447 * (alpha * len(residual)) ** (1.0 / 3.0)), len(residual) // 5))
+
+
+def _lagged_scores(design: Array, residual: Array) -> tuple[Array, float]:
+    """S by Bartlett weights and the effective number of independent scores."""
+    scores = design * residual[:, None]
+    lag = _bartlett_lag(residual)
+    total = scores.T @ scores
+    for k in range(1, lag + 1):
+        cross = scores[k:].T @ scores[:-k]
+        total += (1.0 - k / (lag + 1.0)) * (cross + cross.T)
+    return total, len(residual) / (1.0 + 2.0 * lag / 3.0)
+
+
+def _block_scores(design: Array, residual: Array, starts: Array) -> tuple[Array, float]:
+    """S by contiguous blocks that begin at `starts`."""
+    sums = np.add.reduceat(design * residual[:, None], starts.astype(np.intp), axis=0)
+    return sums.T @ sums * len(sums) / max(len(sums) - 1, 1), float(len(sums) - 1)
+
+
+def solve(design: Array, observed: Array, *, block_starts: Array | None = None, where: str = "design") -> LinearFit:
+    """Least squares of `observed` (n,) on `design` (n, p), covariance by lags or by the given blocks.
+
+    Raises `IdentificationError` when there are too few samples or a column is empty or a combination of others.
+    """
+    n, p = design.shape
+    if n <= p + 1:
+        raise IdentificationError("too few samples for this fit", where=where, value=n, limit=f"> {p + 1}")
+    scale = np.linalg.norm(design, axis=0)
+    if not np.all(scale > 0.0):
+        column = int(np.argmin(scale))
+        raise IdentificationError("has a regressor that is zero throughout", where=where, value=f"column {column}")
+    left, singular, right = np.linalg.svd(design / scale, full_matrices=False)
+    condition = float(singular[0] / max(singular[-1], np.finfo(float).tiny))
+    if condition > CONDITION_LIMIT:
+        raise IdentificationError(
+            "the data cannot separate the parameters",
+            where=where,
+            value=f"condition number {condition:.3g}",
+            limit=f"<= {CONDITION_LIMIT:g}",
+            remedy="Excite the motion more richly, or ask for fewer parameters.",
+        )
+    values = (right.T @ ((left.T @ observed) / singular)) / scale
+    residual = observed - design @ values
+    inverse = (right.T / singular**2) @ right / np.outer(scale, scale)
+    if block_starts is None:
+        score, effective = _lagged_scores(design, residual)
+    else:
+        score, effective = _block_scores(design, residual, block_starts)
+    freedom = max(effective - (p if block_starts is None else 0), 1.0)
+    covariance = inverse @ score @ inverse * (n / (n - p))
+    raw = np.linalg.svd(design, compute_uv=False)
+    size = float(np.linalg.norm(observed))
+    return LinearFit(
+        values=values,
+        covariance=covariance,
+        residual=residual,
+        condition=condition,
+        condition_raw=float(raw[0] / raw[-1]),
+        freedom=freedom,
+        relative_error=float(np.linalg.norm(residual)) / size if size > 0.0 else math.nan,
+    )

@@ -1,0 +1,261 @@
+"""The running torque of one constant speed: work per whole revolution, with an error that respects autocorrelation.
+
+    T = (1/2 pi K) * integral of T d theta over K whole input revolutions
+
+Averaging over angle takes out everything that is periodic in the input (cogging, mesh depth), averaging over time would not at
+a speed that ripples. The error comes from revolution to revolution; with few revolutions, from what a Fourier series over one
+revolution leaves. Half the difference of the directions is friction; half the sum is offset of the torque zero and asymmetry.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from model.errors import IdentificationError
+from model.identify.checks import Array, channels, increasing
+from model.identify.least_squares import solve
+from model.units import DEGREE, REVOLUTION, RPM
+
+FEW_REVOLUTIONS = 6
+REST_LIMIT = 5.0 * DEGREE
+"""Standstill, in angle that a steady speed would have turned, above which a hold counts as stick."""
+
+
+@dataclass(frozen=True)
+class RunningTorque:
+    """Mean torque of one hold: speed [rad/s, signed], torque [N m, signed], its standard error and degrees of freedom.
+
+    revolutions: whole input revolutions averaged; time: middle of the hold [s]; speed_ripple: rms of the speed between tenths
+    of a revolution, relative; rest_angle: longest standstill as the angle that the mean speed would have turned [rad].
+    """
+
+    speed: float
+    torque: float
+    standard_error: float
+    freedom: float
+    revolutions: int
+    time: float
+    speed_ripple: float = 0.0
+    rest_angle: float = 0.0
+    temperature: float = math.nan
+
+    @property
+    def direction(self) -> float:
+        return math.copysign(1.0, self.speed)
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the input stood still for longer than a steady speed explains."""
+        return self.rest_angle > REST_LIMIT
+
+
+def average_torque(
+    time: ArrayLike, input_angle: ArrayLike, torque: ArrayLike, *, temperature: float = math.nan
+) -> RunningTorque:
+    """The running torque of one hold from time [s], input angle [rad] and torque [N m], shape (n,), settled.
+
+    The last whole number of input revolutions is used. Raises `IdentificationError` for less than one revolution.
+    """
+    clock = increasing("time", time, minimum=16)
+    clock, angle, effort = channels(16, time=clock, input_angle=input_angle, torque=torque)
+    direction = 1.0 if angle[-1] >= angle[0] else -1.0
+    turned = np.maximum.accumulate(direction * (angle - angle[0]))
+    whole = math.floor(turned[-1] / REVOLUTION + 1e-6)
+    if whole < 1:
+        raise IdentificationError(
+            "covers less than one whole input revolution", where="input_angle", value=f"{turned[-1] / REVOLUTION:.2f} revolutions",
+            limit=">= 1", remedy="Hold the speed for longer.",
+        )  # fmt: skip
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (effort[1:] + effort[:-1]) * np.diff(turned))])
+    marks = turned[-1] - REVOLUTION * np.arange(whole, -1, -1.0)
+    rising = np.concatenate([[True], np.diff(turned) > 0.0])
+    at_marks = np.interp(marks, turned[rising], work[rising])
+    means = np.diff(at_marks) / REVOLUTION
+    times = np.interp(marks, turned[rising], clock[rising])
+    speed = direction * REVOLUTION * whole / (times[-1] - times[0])
+    inside = turned >= marks[0]
+    error, freedom = _mean_error(means, turned[inside] - marks[0], effort[inside], whole)
+    tenths = np.interp(np.linspace(marks[0], marks[-1], 10 * whole + 1), turned[rising], clock[rising])
+    local = REVOLUTION / 10.0 / np.maximum(np.diff(tenths), 1e-12)
+    rests = np.diff(clock[rising])
+    return RunningTorque(
+        speed=speed,
+        torque=float(means.mean()),
+        standard_error=error,
+        freedom=freedom,
+        revolutions=whole,
+        time=0.5 * (times[0] + times[-1]),
+        speed_ripple=float(np.std(local) / abs(speed)),
+        rest_angle=_rest_angle(rests, turned[rising], speed),
+        temperature=temperature,
+    )
+
+
+def _rest_angle(rests: Array, turned: Array, speed: float) -> float:
+    """The longest time without a count, as angle at the mean speed, less what a count itself takes."""
+    if len(rests) == 0:
+        return 0.0
+    count = float(np.median(np.diff(turned)))
+    return max(float(rests.max()) * abs(speed) - 2.0 * count, 0.0)
+
+
+def _mean_error(means: Array, turned: Array, effort: Array, whole: int) -> tuple[float, float]:
+    """Standard error of the mean and its degrees of freedom."""
+    if whole >= FEW_REVOLUTIONS:
+        centred = means - means.mean()
+        variance = float(centred @ centred) / (whole - 1)
+        inflation = 1.0
+        if whole >= 20 and variance > 0.0:
+            rho = min(max(float(centred[1:] @ centred[:-1]) / float(centred @ centred) + 1.0 / whole, 0.0), 0.9)
+            inflation = (1.0 + rho) / (1.0 - rho)
+        floor = 1e-12 * max(abs(float(means.mean())), 1e-9)
+        return max(math.sqrt(variance * inflation / whole), floor), max((whole - 1) / inflation, 2.0)
+    return _error_within(turned, effort, whole)
+
+
+def _error_within(turned: Array, effort: Array, whole: int) -> tuple[float, float]:
+    """Error of the mean from what a Fourier series over one input revolution leaves (few revolutions)."""
+    bins = min(240 * whole, max(len(effort) // 4, 40 * whole))
+    place = np.minimum((turned * (bins / (REVOLUTION * whole))).astype(np.intp), bins - 1)
+    counts = np.bincount(place, minlength=bins)
+    filled = counts > 0
+    means = np.bincount(place, weights=effort, minlength=bins)[filled] / counts[filled]
+    angle = (np.flatnonzero(filled) + 0.5) * (REVOLUTION * whole / bins)
+    orders = [n for n in range(1, 13) if 2 * n + 4 < int(filled.sum()) // 3]
+    design = np.column_stack([np.ones_like(angle)] + [f(n * angle) for n in orders for f in (np.cos, np.sin)])
+    if len(angle) <= design.shape[1] + 3:
+        spread = float(np.std(effort, ddof=1)) if len(effort) > 1 else abs(float(effort.mean()))
+        return max(spread / math.sqrt(max(whole, 1)), 1e-12), 2.0
+    fit = solve(design, means, where="torque over one revolution")
+    floor = 1e-12 * max(abs(float(means.mean())), 1e-9)
+    return max(float(fit.standard_error[0]), floor), max(fit.freedom, 2.0)
+
+
+@dataclass(frozen=True)
+class FrictionPoints:
+    """Friction and offset over speed: arrays of shape (n,), SI.
+
+    speed > 0; friction [N m]: half difference of the directions, or the torque of one direction with its sign removed
+    (`paired` False); offset [N m]: half sum (NaN where unpaired).
+    """
+
+    speed: Array
+    friction: Array
+    standard_error: Array
+    freedom: Array
+    offset: Array
+    offset_error: Array
+    paired: np.ndarray
+    warnings: tuple[str, ...] = field(default=())
+
+
+def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) -> FrictionPoints:
+    """Half difference and half sum of forward and reverse holds whose speeds agree within `tolerance` (relative).
+
+    Holds of one speed and direction (up and down, repeats) are matched in order of time, so that what drifts slowly cancels.
+    Holds without a partner keep their own torque and are marked as not paired.
+    """
+    if not holds:
+        raise IdentificationError("holds no point", where="running torque", remedy="Give at least six speeds.")
+    ordered = sorted(holds, key=lambda h: abs(h.speed))
+    groups: list[list[RunningTorque]] = []
+    for hold in ordered:
+        if groups and abs(hold.speed) <= abs(groups[-1][0].speed) * (1.0 + tolerance):
+            groups[-1].append(hold)
+        else:
+            groups.append([hold])
+    rows: list[tuple[float, float, float, float, float, float, bool]] = []
+    alone = 0
+    for group in groups:
+        ahead = sorted((h for h in group if h.speed > 0.0), key=lambda h: h.time)
+        back = sorted((h for h in group if h.speed < 0.0), key=lambda h: h.time)
+        for a, b in zip(ahead, back, strict=False):
+            variance = 0.25 * (a.standard_error**2 + b.standard_error**2)
+            parts = (0.25 * a.standard_error**2) ** 2 / a.freedom + (0.25 * b.standard_error**2) ** 2 / b.freedom
+            freedom = variance**2 / parts if parts > 0.0 else a.freedom + b.freedom
+            speed, error = 0.5 * (a.speed - b.speed), math.sqrt(variance)
+            rows.append((speed, 0.5 * (a.torque - b.torque), error, freedom, 0.5 * (a.torque + b.torque), error, True))
+        matched = min(len(ahead), len(back))
+        for h in (*ahead[matched:], *back[matched:]):
+            alone += 1
+            rows.append((abs(h.speed), h.direction * h.torque, h.standard_error, h.freedom, math.nan, math.nan, False))
+    table = np.array([row[:6] for row in rows])
+    warnings = []
+    if alone:
+        warnings.append(
+            f"{alone} of {len(holds)} holds have no partner in the other direction: an error of the torque zero enters their "
+            "friction in full."
+        )
+    return FrictionPoints(*table.T, paired=np.array([row[6] for row in rows]), warnings=tuple(warnings))
+
+
+@dataclass(frozen=True)
+class Tare:
+    """Friction torque of the motor alone over speed, from a run without the gear: speed, torque, standard error (n,)."""
+
+    speed: Array
+    torque: Array
+    standard_error: Array
+    valid: bool = True
+    note: str = ""
+
+    def at(self, speed: Array) -> tuple[Array, Array, np.ndarray]:
+        """Torque and standard error at speeds [rad/s], linear in speed, and which speeds lie beyond the range."""
+        torque = np.interp(speed, self.speed, self.torque)
+        right = np.clip(np.searchsorted(self.speed, speed), 1, len(self.speed) - 1)
+        left = right - 1
+        width = self.speed[right] - self.speed[left]
+        share = np.clip((speed - self.speed[left]) / width, 0.0, 1.0)
+        error = np.hypot((1.0 - share) * self.standard_error[left], share * self.standard_error[right])
+        beyond = (speed < self.speed[0] * 0.97) | (speed > self.speed[-1] * 1.03)
+        return torque, error, beyond
+
+
+def tare_from(holds: Sequence[RunningTorque]) -> Tare:
+    """The motor's own friction over speed from the holds of a tare run; repeats of one speed are averaged."""
+    points = pair_directions(holds)
+    order = np.argsort(points.speed)
+    speed, torque, error = points.speed[order], points.friction[order], points.standard_error[order]
+    merged: list[tuple[float, float, float]] = []
+    start = 0
+    for k in range(1, len(speed) + 1):
+        if k < len(speed) and speed[k] <= speed[start] * 1.03:
+            continue
+        part = slice(start, k)
+        count = k - start
+        internal = math.sqrt(float(np.sum(error[part] ** 2))) / count
+        scatter = float(np.std(torque[part], ddof=1)) / math.sqrt(count) if count > 1 else 0.0
+        merged.append((float(speed[part].mean()), float(torque[part].mean()), max(internal, scatter)))
+        start = k
+    if len(merged) < 2:
+        raise IdentificationError("needs at least two speeds", where="tare", value=len(merged), limit=">= 2")
+    table = np.array(merged)
+    note = "" if points.paired.all() else "the tare was not taken in both directions"
+    return Tare(table[:, 0], table[:, 1], table[:, 2], note=note)
+
+
+def bracket_drift(holds: Sequence[RunningTorque], *, limit: float = 0.03) -> tuple[float, str | None]:
+    """Relative drift of the friction at the reference speed over a sweep, and a sentence when it exceeds `limit`.
+
+    `holds`: the visits to the reference speed in order of time, each direction apart or mixed.
+    """
+    if len(holds) < 2:
+        return math.nan, "The sweep was not bracketed by a reference speed: a drift with temperature cannot be seen."
+    worst = 0.0
+    for sign in (1.0, -1.0):
+        part = [h.torque for h in sorted(holds, key=lambda h: h.time) if h.direction == sign]
+        if len(part) >= 2:
+            mean = abs(float(np.mean(part)))
+            worst = max(worst, float(np.ptp(part)) / max(mean, 1e-12))
+    if worst > limit:
+        speed = abs(holds[0].speed) / RPM
+        return worst, (
+            f"The reference speed of {speed:.0f} r/min drifted by {100 * worst:.1f} % during the sweep (limit {100 * limit:g} %): "
+            "warm up longer; heat looks like a smaller viscous coefficient."
+        )
+    return worst, None

@@ -1,0 +1,196 @@
+"""The Stribeck curve from forces over speed: variable projection, profile likelihood, and the paper's genetic search.
+
+    F(v) = F_c + (F_s - F_c) exp[-(v/v_s)^sigma] + c_v v        v = |theta_i'|        (equation 19)
+
+For given (v_s, sigma) the curve is linear in F_c, F_s - F_c and c_v, so only two parameters are searched (variable projection;
+Golub and Pereyra 1973): a coarse grid, then Levenberg-Marquardt on the projected residual. Intervals are where the profile
+of chi-square has risen by the quantile of F(1, n - 5), so that they are as skew as the likelihood is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from model.errors import IdentificationError
+from model.identify.checks import Array, channels
+from model.identify.least_squares import student_quantile
+from model.kernels import regression as kernels
+
+NAMES = ("coulomb", "static", "stribeck_velocity", "shape", "viscous")
+"""F_c, F_s, v_s, sigma, c_v: the order of every array of parameters here."""
+
+
+@dataclass(frozen=True)
+class StribeckBounds:
+    """Where v_s [rad/s] and sigma are searched, and the forces of the genetic search [N, N s/rad]."""
+
+    stribeck_velocity: tuple[float, float] = (0.05, 300.0)
+    shape: tuple[float, float] = (0.3, 4.0)
+
+    def logarithms(self) -> Array:
+        return np.log(np.array([self.stribeck_velocity, self.shape]))
+
+
+@dataclass(frozen=True)
+class StribeckFit:
+    """Best parameters (5,) in the order of `NAMES`, chi-square, degrees of freedom, linearised covariance (5, 5).
+
+    `scale` multiplies the stated errors so that chi-square per degree of freedom is at least one (Birge ratio, squared).
+    at_bound: names of parameters that stopped at a bound.
+    """
+
+    values: Array
+    chi_square: float
+    freedom: int
+    scale: float
+    covariance: Array
+    fitted: Array
+    jacobian: Array
+    at_bound: tuple[str, ...]
+
+
+def stribeck_curve(speed: ArrayLike, values: ArrayLike) -> Array:
+    """Equation 19 at speeds |theta_i'| [rad/s] for parameters (F_c, F_s, v_s, sigma, c_v)."""
+    v = np.abs(np.asarray(speed, dtype=np.float64))
+    coulomb, static, velocity, shape, viscous = np.asarray(values, dtype=np.float64)
+    return coulomb + (static - coulomb) * np.exp(-((v / velocity) ** shape)) + viscous * v
+
+
+def stribeck_jacobian(speed: Array, values: Array) -> Array:
+    """Derivatives of the curve by its five parameters, shape (n, 5)."""
+    coulomb, static, velocity, shape, _ = values
+    ratio = np.maximum(speed / velocity, 1e-300)
+    power = ratio**shape
+    decay = np.exp(-power)
+    drop = (static - coulomb) * decay * power
+    return np.column_stack([1.0 - decay, decay, drop * shape / velocity, -drop * np.log(ratio), speed])
+
+
+def _checked(speed: ArrayLike, force: ArrayLike, standard_error: ArrayLike) -> tuple[Array, Array, Array]:
+    v, f, u = channels(6, speed=np.abs(np.asarray(speed, dtype=np.float64)), force=force, standard_error=standard_error)
+    if v.min() <= 0.0:
+        raise IdentificationError("needs speeds other than zero", where="speed", value=float(v.min()), limit="> 0 rad/s")
+    if u.min() <= 0.0:
+        raise IdentificationError("must be above zero", where="standard_error", value=float(u.min()), limit="> 0")
+    if len(np.unique(np.round(v, 9))) < 6:
+        raise IdentificationError(
+            "has too few different speeds for five parameters", where="speed", value=len(np.unique(v)), limit=">= 6",
+            remedy="Measure at more speeds, dense at the low end.",
+        )  # fmt: skip
+    return v, f, u
+
+
+def fit_stribeck(
+    speed: ArrayLike, force: ArrayLike, standard_error: ArrayLike, *, bounds: StribeckBounds | None = None
+) -> StribeckFit:
+    """The five parameters of equation 19 from forces [N] at speeds [rad/s] with standard errors [N], all of shape (n,).
+
+    Forces are magnitudes of one direction or of the half difference. Linear parameters are kept non-negative.
+    """
+    v, f, u = _checked(speed, force, standard_error)
+    limits = (StribeckBounds() if bounds is None else bounds).logarithms()
+    weight = 1.0 / u
+    best, linear = np.zeros(2), np.zeros(3)
+    low = max(limits[0, 0], math.log(0.3 * v.min()))
+    high = max(min(limits[0, 1], math.log(v.max())), low + 1.0)
+    grid_v, grid_s = np.linspace(low, high, 14), np.clip(np.log([0.5, 0.8, 1.2, 2.0]), *limits[1])
+    chi = kernels.stribeck_search(v, f, weight, limits, grid_v, grid_s, best, linear)
+    values = np.array([linear[0], linear[0] + linear[1], math.exp(best[0]), math.exp(best[1]), linear[2]])
+    jacobian = stribeck_jacobian(v, values)
+    freedom = len(v) - 5
+    scale = max(1.0, chi / max(freedom, 1))
+    information = (jacobian * weight[:, None]).T @ (jacobian * weight[:, None])
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    covariance = scale * np.linalg.pinv(information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
+    at_bound = [name for name, k in (("stribeck_velocity", 0), ("shape", 1)) if np.min(np.abs(limits[k] - best[k])) < 1e-6]
+    at_bound += [name for name, value in (("coulomb", linear[0]), ("viscous", linear[2])) if value <= 0.0]
+    if linear[1] <= 0.0:
+        at_bound.append("static")
+    return StribeckFit(values, float(chi), freedom, float(scale), covariance, stribeck_curve(v, values), jacobian, tuple(at_bound))
+
+
+def profile_intervals(
+    fit: StribeckFit,
+    speed: ArrayLike,
+    force: ArrayLike,
+    standard_error: ArrayLike,
+    *,
+    bounds: StribeckBounds | None = None,
+    level: float = 0.95,
+) -> Array:
+    """Profile-likelihood intervals of the five parameters, shape (5, 2); NaN where the profile does not close.
+
+    The data must be those of the fit. Holding one parameter, all others are at their best.
+    """
+    v, f, u = _checked(speed, force, standard_error)
+    limits = (StribeckBounds() if bounds is None else bounds).logarithms()
+    rise = fit.scale * student_quantile(fit.freedom, level) ** 2
+    optimum = np.log(fit.values[2:4])
+    errors = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    start = fit.values.copy()
+    start[2:4] = optimum
+    steps = errors.copy()
+    steps[2:4] = np.minimum(errors[2:4] / fit.values[2:4], 1.0)
+    steps = np.where(steps > 0.0, 1.8 * steps, 0.1 * np.maximum(np.abs(start), 1e-3))
+    ceiling = 20.0 * max(float(np.max(np.abs(f))), 1e-12)
+    ends = np.array([[0.0, ceiling], [0.0, ceiling], limits[0], limits[1], [0.0, ceiling / max(float(v.min()), 1e-6)]])
+    found = np.full((5, 2), math.nan)
+    for k in range(5):
+        for side, sign in enumerate((-1.0, 1.0)):
+            found[k, side] = kernels.stribeck_profile(
+                v, f, 1.0 / u, optimum, k, start[k], limits, fit.chi_square, rise, sign * steps[k], ends[k, side]
+            )
+    found[2:4] = np.exp(found[2:4])
+    return found
+
+
+@dataclass(frozen=True)
+class GeneticFit:
+    """The paper's way: a genetic search over all five parameters; best values, chi-square and evaluations."""
+
+    values: Array
+    chi_square: float
+    evaluations: int
+
+
+def fit_stribeck_genetic(
+    speed: ArrayLike,
+    force: ArrayLike,
+    standard_error: ArrayLike,
+    *,
+    seed: int = 0,
+    bounds: StribeckBounds | None = None,
+    generations: int = 400,
+) -> GeneticFit:
+    """Equation 19 by differential evolution, as in the paper, for comparison with `fit_stribeck`; same data, same bounds."""
+    v, f, u = _checked(speed, force, standard_error)
+    box = StribeckBounds() if bounds is None else bounds
+    top = 3.0 * float(np.max(np.abs(f)))
+    slope = 3.0 * float(np.max(np.abs(f)) / v.max())
+    ranges = [(0.0, top), (0.0, top), np.log(box.stribeck_velocity), np.log(box.shape), (0.0, slope)]
+
+    def chi_square(x: Array) -> Array:
+        coulomb, drop, velocity, shape, viscous = x
+        decay = np.exp(-((v[:, None] / np.exp(velocity)) ** np.exp(shape)))
+        curve = coulomb + drop * decay + viscous * v[:, None]
+        return np.sum(((f[:, None] - curve) / u[:, None]) ** 2, axis=0)
+
+    result = scipy.optimize.differential_evolution(
+        lambda x: chi_square(x[:, None] if x.ndim == 1 else x),
+        ranges,
+        rng=np.random.default_rng(seed),
+        vectorized=True,
+        updating="deferred",
+        polish=False,
+        maxiter=generations,
+        tol=1e-8,
+        popsize=20,
+    )
+    coulomb, drop, velocity, shape, viscous = result.x
+    values = np.array([coulomb, coulomb + drop, math.exp(velocity), math.exp(shape), viscous])
+    return GeneticFit(values, float(np.sum(result.fun)), (int(result.nit) + 1) * len(result.population))

@@ -1,0 +1,292 @@
+"""The compiled closed loop: servo, rotor, wedge, mesh, output, and everything that makes a real one worse.
+
+One function advances whole SYNC cycles of equal substeps. The linear part of a substep is exact (a matrix of the matrix
+exponential, first-order hold on the wedge's error, constant torques); friction is an exact scalar prox on the rotor and
+one on the output. The whole state is one array, so that a copy of it is a snapshot. Indices are named here and used by
+`model.closed_loop`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+# State. W..UO are the linear part: speeds absolute, displacements relative to the rigid gear (x2 - lambda theta, ...).
+(
+    W, R2, V2, R1, U1, RO, UO, THETA, ERROR, SLOPE, INTEGRAL, FILTER, TICK, RAMP, PORT, FRICTION, WINDUP, HYSTERESIS,
+    TORSION, HOUSING, MOTOR, ACCELERATION, OUTPUT_ACCELERATION, OUTPUT_FRICTION, LOAD, WEDGE, EXTRA,
+    FORCE,
+) = range(28)  # fmt: skip
+STATE_SIZE = 28
+
+# Physics.
+(
+    H, LAMBDA, INVERSE_RATIO, RADIUS, TANGENT, K_B, C_B, ERROR_TURNS, ERROR_POINTS, FRICTION_SCALE, FRICTION_LAST,
+    MOTOR_COULOMB, MOTOR_VISCOUS, BEARING_LOW, DEPTH, KINK_1, KINK_2, EXTRA_2, EXTRA_3, HYSTERESIS_STIFFNESS,
+    HYSTERESIS_LIMIT, OUTPUT_COULOMB, OUTPUT_VISCOUS, PORT_STEP, TORQUE_FACTOR, TORQUE_PER_KELVIN, COULOMB_PER_KELVIN,
+    VISCOUS_PER_KELVIN, MOTOR_PER_KELVIN, AMBIENT, HOUSING_REFERENCE, MOTOR_REFERENCE, HOUSING_STEP, MOTOR_STEP,
+    HOUSING_LOSS, MOTOR_LOSS, COUPLING, COPPER, COGGING_POINTS, ELASTIC, CUP,
+) = range(41)  # fmt: skip
+PHYSICS_SIZE = 41
+
+# Servo: gains and limits that a drive can be told; rates are per servo period.
+(
+    GAIN, INTEGRAL_STEP, FILTER_STEP, PERIOD_STEPS, TORQUE_LIMIT, SPEED_LIMIT, RATE_UP, RATE_DOWN, RATE_QUICK_STOP,
+    GUARD_GAIN,
+) = range(10)  # fmt: skip
+SERVO_SIZE = 10
+
+OFF, SPEED, TORQUE, QUICK_STOP = 0, 1, 2, 3
+
+# Columns of a row: what is true at a SYNC instant, before this cycle's set-point acts.
+(
+    ROW_INPUT_ANGLE, ROW_INPUT_SPEED, ROW_INPUT_ACCELERATION, ROW_OUTPUT_ANGLE, ROW_OUTPUT_SPEED,
+    ROW_OUTPUT_ACCELERATION, ROW_TORQUE_REFERENCE, ROW_PORT_TORQUE, ROW_FRICTION, ROW_WEDGE_TORQUE, ROW_WINDUP_TORQUE,
+    ROW_SPEED_REFERENCE, ROW_HOUSING, ROW_MOTOR,
+) = range(14)  # fmt: skip
+ROW_SIZE = 14
+
+# Rows of the step matrix: the seven linear states, then the inputs; eight columns: the states and the increment of theta.
+STEP_TORQUE, STEP_ERROR_START, STEP_ERROR_END, STEP_OUTPUT = 7, 8, 9, 10
+STEP_ROWS = 11
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def servo_reference(state, servo, mode, target):
+    """One servo period: the filtered torque reference of the drive from its set-point; carries ramp and integral."""
+    limit = servo[TORQUE_LIMIT]
+    speed = state[W]
+    if mode == TORQUE:
+        # The drive's own speed limit: a stiff proportional controller that can only take torque away.
+        room = servo[GUARD_GAIN]
+        upper = min(limit, max(room * (servo[SPEED_LIMIT] - speed), -limit))
+        lower = max(-limit, min(room * (-servo[SPEED_LIMIT] - speed), limit))
+        wanted = min(max(target, lower), upper)
+        state[RAMP] = speed
+        state[INTEGRAL] = wanted / servo[GAIN]
+    else:
+        goal = min(max(target, -servo[SPEED_LIMIT]), servo[SPEED_LIMIT]) if mode == SPEED else 0.0
+        ramp = state[RAMP]
+        slower = servo[RATE_DOWN] if mode == SPEED else servo[RATE_QUICK_STOP]
+        if goal >= ramp:
+            ramp = min(goal, ramp + servo[RATE_UP]) if ramp >= 0.0 else min(goal, min(0.0, ramp + slower))
+        else:
+            ramp = max(goal, ramp - servo[RATE_UP]) if ramp <= 0.0 else max(goal, max(0.0, ramp - slower))
+        state[RAMP] = ramp
+        difference = ramp - speed
+        summed = state[INTEGRAL] + servo[INTEGRAL_STEP] * difference
+        wanted = servo[GAIN] * (difference + summed)
+        if abs(wanted) > limit:
+            wanted = math.copysign(limit, wanted)
+            if wanted * difference < 0.0:
+                state[INTEGRAL] = summed
+        else:
+            state[INTEGRAL] = summed
+    state[FILTER] += servo[FILTER_STEP] * (wanted - state[FILTER])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def error_at(table, turns, points, angle):
+    """e and de/dtheta of the wedge at an input angle, from cubic pieces (points + 1, 4) of one period (1/turns rad)."""
+    place = angle * turns
+    place = (place - math.floor(place)) * points
+    index = int(place)
+    f = place - index
+    c1, c2, c3 = table[index, 1], table[index, 2], table[index, 3]
+    return table[index, 0] + f * (c1 + f * (c2 + f * c3)), (c1 + f * (2.0 * c2 + 3.0 * f * c3)) * (turns * points)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def cogging_at(table, points, angle):
+    """Cogging torque at an input angle, linear between (points + 2,) values of one revolution."""
+    place = angle * (0.5 / math.pi)
+    place = (place - math.floor(place)) * points
+    index = int(place)
+    return table[index] + (place - index) * (table[index + 1] - table[index])
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def friction_at(table, scale, last, speed):
+    """Mesh dry, mesh viscous, bearing above its low-speed value [N m], wind-up [rad] at a speed >= 0, over its root."""
+    place = math.sqrt(speed) * scale
+    index = min(int(place), last)
+    f = place - index
+    return (
+        table[index, 0] + f * (table[index + 1, 0] - table[index, 0]),
+        table[index, 1] + f * (table[index + 1, 1] - table[index, 1]),
+        table[index, 2] + f * (table[index + 1, 2] - table[index, 2]),
+        table[index, 3] + f * (table[index + 1, 3] - table[index, 3]),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def hardened(physics, torsion):
+    """Torque beyond the linear stiffness at a torsion of the gear: K2 above T1, K3 above T2."""
+    size = abs(torsion)
+    if size <= physics[KINK_1]:
+        return 0.0
+    extra = physics[EXTRA_2] * (size - physics[KINK_1])
+    if size > physics[KINK_2]:
+        extra += physics[EXTRA_3] * (size - physics[KINK_2])
+    return math.copysign(extra, torsion)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def dahl(physics, torque, moved):
+    """The torque of the hysteresis element after a movement: dT = sigma (1 - T sgn(d)/T_h) d (Dahl 1968)."""
+    limit = physics[HYSTERESIS_LIMIT]
+    pull = 1.0 - math.copysign(torque / limit, torque * moved)
+    return min(max(torque + physics[HYSTERESIS_STIFFNESS] * moved * pull, -limit), limit)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def advance(state, physics, servo, step, error_table, friction_table, cogging_table, mode, targets, substeps, rows):
+    """Run one SYNC cycle of `substeps` per row of `rows` (n, ROW_SIZE), filled with what is true at each SYNC.
+
+    `targets` (n,) acts from its row on; `error_table` (points, 4) holds cubic pieces of e over one period of the wedge;
+    `friction_table` (points, 4) mesh dry, mesh viscous, bearing, wind-up over sqrt(|w|).
+    """
+    h, lift, inverse_ratio, radius = physics[H], physics[LAMBDA], physics[INVERSE_RATIO], physics[RADIUS]
+    tangent, k_b, c_b = physics[TANGENT], physics[K_B], physics[C_B]
+    turns, points = physics[ERROR_TURNS], physics[ERROR_POINTS]
+    last_friction = int(physics[FRICTION_LAST])
+    rotor, free_output = step[8 * STEP_TORQUE], step[8 * STEP_OUTPUT + UO]
+    cogging = physics[COGGING_POINTS]
+    elastic, hysteretic = physics[ELASTIC] > 0.0, physics[HYSTERESIS_LIMIT] > 0.0
+    output_friction = physics[OUTPUT_COULOMB] > 0.0 or physics[OUTPUT_VISCOUS] > 0.0
+    period = int(servo[PERIOD_STEPS])
+    w, r2, v2, r1, u1, ro, uo = state[W], state[R2], state[V2], state[R1], state[U1], state[RO], state[UO]
+    theta, e0, slope0 = state[THETA], state[ERROR], state[SLOPE]
+    port, hysteresis, torsion = state[PORT], state[HYSTERESIS], state[TORSION]
+    acceleration, output_acceleration = state[ACCELERATION], state[OUTPUT_ACCELERATION]
+    friction, windup, output_drag, wedge = state[FRICTION], state[WINDUP], state[OUTPUT_FRICTION], state[WEDGE]
+    housing, motor = state[HOUSING], state[MOTOR]
+    tick, force_before = int(state[TICK]), state[FORCE]
+    next_state = state[:8].copy()
+    width = next_state.size  # not a constant, so that the loops over it become SIMD instead of being unrolled
+    extra = state[EXTRA]
+    warming = physics[HOUSING_STEP] > 0.0
+    dry_factor, viscous_factor, bearing_factor, motor_factor = 1.0, 1.0, 1.0, 1.0
+    torque_factor = physics[TORQUE_FACTOR]
+    per_radius, per_step, per_rotor = 1.0 / radius, 1.0 / h, 1.0 / rotor
+    per_lift = 1.0 / lift if lift > 0.0 else 0.0
+    per_output, bearing_low, depth = 1.0 / free_output, physics[BEARING_LOW], physics[DEPTH]
+    motor_coulomb, motor_viscous = physics[MOTOR_COULOMB], physics[MOTOR_VISCOUS]
+    friction_scale, port_step = physics[FRICTION_SCALE], physics[PORT_STEP]
+    for k in range(rows.shape[0]):
+        rows[k, ROW_INPUT_ANGLE] = theta
+        rows[k, ROW_INPUT_SPEED] = w
+        rows[k, ROW_INPUT_ACCELERATION] = acceleration
+        rows[k, ROW_OUTPUT_ANGLE] = theta * inverse_ratio + ro * per_radius - windup
+        rows[k, ROW_OUTPUT_SPEED] = uo * per_radius
+        rows[k, ROW_OUTPUT_ACCELERATION] = output_acceleration
+        rows[k, ROW_TORQUE_REFERENCE] = state[FILTER]
+        rows[k, ROW_PORT_TORQUE] = port
+        rows[k, ROW_FRICTION] = friction
+        rows[k, ROW_WEDGE_TORQUE] = wedge
+        rows[k, ROW_WINDUP_TORQUE] = physics[CUP] * (r1 - ro) * per_radius + extra
+        rows[k, ROW_SPEED_REFERENCE] = state[RAMP]
+        rows[k, ROW_HOUSING] = housing
+        rows[k, ROW_MOTOR] = motor
+        if warming:
+            warmer = housing - physics[HOUSING_REFERENCE]
+            motor_warmer = motor - physics[MOTOR_REFERENCE]
+            thinner = math.exp(-physics[VISCOUS_PER_KELVIN] * warmer * (1.0 / 3.0))
+            dry_factor = 1.0 - physics[COULOMB_PER_KELVIN] * warmer
+            bearing_factor = thinner * thinner
+            viscous_factor = bearing_factor * thinner
+            motor_factor = 1.0 - physics[MOTOR_PER_KELVIN] * motor_warmer
+            torque_factor = physics[TORQUE_FACTOR] * (1.0 - physics[TORQUE_PER_KELVIN] * motor_warmer)
+        gear_heat = 0.0
+        motor_heat = 0.0
+        target = targets[k]
+        for _ in range(substeps):
+            if tick == 0:
+                if mode == OFF:
+                    state[FILTER] = 0.0
+                    state[INTEGRAL] = 0.0
+                    state[RAMP] = w
+                else:
+                    state[W] = w
+                    servo_reference(state, servo, mode, target)
+                tick = period
+            tick -= 1
+            reference = state[FILTER]
+            # The wedge's error where the rotor will be, so that one look-up per step serves both ends of the hold.
+            e1, slope1 = error_at(error_table, turns, points, theta + h * w)
+            force = k_b * (e0 - r2) + c_b * ((lift + slope0) * w - v2)
+            torque = torque_factor * reference - (slope0 + slope1) * (0.75 * force - 0.25 * force_before)
+            force_before = force
+            output_torque = -state[LOAD]
+            if elastic:
+                now = (e0 * tangent - ro) * per_radius
+                extra = hardened(physics, now)
+                if hysteretic:
+                    hysteresis = dahl(physics, hysteresis, now - torsion)
+                    extra += hysteresis
+                torsion = now
+                output_torque += extra
+                torque -= extra * (inverse_ratio + slope0 * tangent * per_radius)
+            wedge = torque_factor * reference - torque + lift * force
+            if cogging > 0:
+                torque += cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
+            speed = abs(w)
+            dry, viscous, bearing, wound = friction_at(friction_table, friction_scale, last_friction, speed)
+            sliding = 1.0 + slope0 * per_lift
+            gear_part = (
+                sliding * (dry_factor * dry * (1.0 + depth * e0) + viscous_factor * viscous)
+                + dry_factor * bearing_low
+                + bearing_factor * bearing
+            )
+            motor_part = motor_factor * (motor_coulomb + motor_viscous * speed)
+            bound = gear_part + motor_part
+            for i in range(width):
+                next_state[i] = (
+                    ((w * step[i] + r2 * step[8 + i]) + (v2 * step[16 + i] + r1 * step[24 + i]))
+                    + ((u1 * step[32 + i] + ro * step[40 + i]) + (uo * step[48 + i] + e0 * step[64 + i]))
+                ) + ((torque * step[56 + i] + output_torque * step[80 + i]) + e1 * step[72 + i])
+            free = next_state[0]
+            stuck = abs(free) <= rotor * bound
+            friction = free * per_rotor if stuck else math.copysign(bound, free)
+            for i in range(width):
+                next_state[i] -= friction * step[56 + i]
+            if output_friction:
+                most = physics[OUTPUT_COULOMB] + physics[OUTPUT_VISCOUS] * abs(uo)
+                drag = next_state[UO] * per_output
+                held = abs(drag) <= most
+                if not held:
+                    drag = math.copysign(most, drag)
+                for i in range(width):
+                    next_state[i] -= drag * step[80 + i]
+                if held:
+                    next_state[UO] = 0.0
+                output_drag = drag
+            after = 0.0 if stuck else next_state[0]
+            moved_angle = 0.0 if stuck and w == 0.0 else next_state[7]
+            share = friction / bound if bound > 0.0 else 0.0
+            windup = wound * share
+            gear_heat += share * gear_part * moved_angle
+            motor_heat += share * motor_part * moved_angle
+            acceleration = 0.0 if after == 0.0 else (after - w) * per_step
+            output_acceleration = (next_state[UO] - uo) * per_step * per_radius
+            theta += moved_angle
+            w, r2, v2, r1 = after, next_state[1], next_state[2], next_state[3]
+            u1, ro, uo = next_state[4], next_state[5], next_state[6]
+            e0, slope0 = e1, slope1
+            port += port_step * (reference - port)
+        if warming:
+            duration = substeps * h
+            copper = physics[COPPER] * state[FILTER] * state[FILTER] * duration
+            exchanged = physics[COUPLING] * (motor - housing) * duration
+            housing_heat = gear_heat + exchanged - physics[HOUSING_LOSS] * (housing - physics[AMBIENT]) * duration
+            motor_heat += copper - exchanged - physics[MOTOR_LOSS] * (motor - physics[AMBIENT]) * duration
+            housing += physics[HOUSING_STEP] * housing_heat
+            motor += physics[MOTOR_STEP] * motor_heat
+    state[W], state[R2], state[V2], state[R1], state[U1], state[RO], state[UO] = w, r2, v2, r1, u1, ro, uo
+    state[THETA], state[ERROR], state[SLOPE] = theta, e0, slope0
+    state[PORT], state[HYSTERESIS], state[TORSION] = port, hysteresis, torsion
+    state[ACCELERATION], state[OUTPUT_ACCELERATION] = acceleration, output_acceleration
+    state[FRICTION], state[WINDUP], state[OUTPUT_FRICTION], state[WEDGE] = friction, windup, output_drag, wedge
+    state[HOUSING], state[MOTOR] = housing, motor
+    state[TICK], state[EXTRA], state[FORCE] = tick, extra, force_before

@@ -1,0 +1,225 @@
+"""The linear part of equation 2: its parameters, matrices, modes, and where the orders of the error meet a resonance.
+
+(2)  K_b (x1 - x2 + e) + C_b (x1' - x2' + e') = (J_g/r_g^2) x2'' + K_m (x2 s - y1 c) s + F_fm c ,   x1 = theta_i r_g tan(alpha_n)
+     K_m (x2 s - y1 c) c = (J_g/r_g^2) y1'' + (K_t/r_g^2)(y1 - y2) + (C_t/r_g^2)(y1' - y2') + F_fb + F_fm s
+     (K_t/r_g^2)(y1 - y2) + (C_t/r_g^2)(y1' - y2') = (J_o/r_g^2) y2'' + T_L/r_g ,   theta_o = y2/r_g
+
+with s = sin(alpha_t), c = cos(alpha_t), coordinates q = (x2, y1, y2). With theta_i prescribed, e, F_fm and F_fb depend on
+the input alone, so M q'' + C q' + K q = f(t) is linear with a known right-hand side. C_t is the optional structural damping
+(0 in the published model). T_L is an external torque that opposes the output.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import ParameterError
+from model.gear import HarmonicDrive
+from model.stiffness import drive_stiffness
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicParameters:
+    """What equation 2 needs of a gear, as plain SI numbers, so that an identification can vary each of them.
+
+    `ratio` N; `tooth_angle` alpha_t [rad]; `neutral_radius` r_g [m]; `bearing_stiffness` K_b [N/m]; `bearing_damping` C_b
+    [N s/m]; `mesh_stiffness` K_m [N/m]; `cup_stiffness` K_t [N m/rad]; `structural_damping` C_t [N m s/rad];
+    `flexspline_inertia` J_g and `output_inertia` J_o [kg m2].
+    """
+
+    ratio: float
+    tooth_angle: float
+    neutral_radius: float
+    bearing_stiffness: float
+    bearing_damping: float
+    mesh_stiffness: float
+    cup_stiffness: float
+    structural_damping: float
+    flexspline_inertia: float
+    output_inertia: float
+
+    def __post_init__(self) -> None:
+        for f in dataclasses.fields(self):
+            found = getattr(self, f.name)
+            may_vanish = f.name in ("bearing_damping", "structural_damping")
+            if not math.isfinite(found) or found < 0.0 or (found == 0.0 and not may_vanish):
+                limit = "finite and >= 0" if may_vanish else "finite and > 0"
+                raise ParameterError("cannot be simulated", where=f"dynamics.{f.name}", value=found, limit=limit)
+        if self.tooth_angle >= 0.5 * math.pi:
+            raise ParameterError(
+                "cannot be simulated", where="dynamics.tooth_angle", value=self.tooth_angle, limit="< pi/2 rad"
+            )
+
+    def replaced(self, **changes: float) -> DynamicParameters:
+        """A copy with some of the numbers changed, by their names here."""
+        return dataclasses.replace(self, **changes)
+
+    @property
+    def radial_lever(self) -> float:
+        """r_g/tan(alpha_t), wedge displacement per output angle [m/rad]."""
+        return self.neutral_radius / math.tan(self.tooth_angle)
+
+    @property
+    def combined_stiffness(self) -> float:
+        """K_HDf, stiffness at the output with the wave generator locked (equation 21) [N m/rad]."""
+        bearing = self.bearing_stiffness * self.radial_lever**2
+        mesh = self.mesh_stiffness * (self.neutral_radius * math.cos(self.tooth_angle)) ** 2
+        return 1.0 / (1.0 / self.cup_stiffness + 1.0 / bearing + 1.0 / mesh)
+
+    @property
+    def reduced_damping(self) -> float:
+        """Damping at the output of the reduced one-degree form, to first order in C_b and C_t [N m s/rad]."""
+        bearing = self.bearing_damping / (self.bearing_stiffness * self.radial_lever) ** 2
+        return self.combined_stiffness**2 * (bearing + self.structural_damping / self.cup_stiffness**2)
+
+
+def dynamic_parameters(gear: HarmonicDrive, **changes: float) -> DynamicParameters:
+    """The numbers of equation 2 from the geometry of a gear; `changes` replaces some of them by name."""
+    stiffness = drive_stiffness(gear)
+    parameters = DynamicParameters(
+        ratio=gear.ratio,
+        tooth_angle=gear.geometry.tooth_angle,
+        neutral_radius=gear.geometry.neutral_radius,
+        bearing_stiffness=stiffness.bearing.total,
+        bearing_damping=gear.bearing.damping,
+        mesh_stiffness=stiffness.mesh,
+        cup_stiffness=stiffness.cup.total,
+        structural_damping=gear.damping.structural,
+        flexspline_inertia=gear.inertia.flexspline,
+        output_inertia=gear.inertia.output,
+    )
+    return parameters.replaced(**changes) if changes else parameters
+
+
+def mass_matrix(p: DynamicParameters) -> Array:
+    """M = diag(m_g, m_g, m_o), masses referred to r_g [kg]."""
+    flexspline = p.flexspline_inertia / p.neutral_radius**2
+    return np.diag([flexspline, flexspline, p.output_inertia / p.neutral_radius**2])
+
+
+def damping_matrix(p: DynamicParameters) -> Array:
+    """C of equation 2 with the structural damping between y1 and y2 [N s/m]."""
+    cup = p.structural_damping / p.neutral_radius**2
+    return np.array([[p.bearing_damping, 0.0, 0.0], [0.0, cup, -cup], [0.0, -cup, cup]])
+
+
+def stiffness_matrix(p: DynamicParameters) -> Array:
+    """K of equation 2 [N/m]."""
+    s, c = math.sin(p.tooth_angle), math.cos(p.tooth_angle)
+    mesh, cup = p.mesh_stiffness, p.cup_stiffness / p.neutral_radius**2
+    return np.array(
+        [
+            [p.bearing_stiffness + mesh * s * s, -mesh * s * c, 0.0],
+            [-mesh * s * c, mesh * c * c + cup, -cup],
+            [0.0, -cup, cup],
+        ]
+    )
+
+
+INPUTS = ("ideal output angle", "ideal output speed", "mesh friction", "bearing friction torque", "load torque")
+"""What drives equation 2: psi = theta_i/N + ke [rad], psi' [rad/s], F_fm [N], M_0 [N m], T_L [N m]."""
+
+
+def input_matrix(p: DynamicParameters) -> Array:
+    """f = B u: forces on (x2, y1, y2) per input of `INPUTS`, shape (3, 5).
+
+    K_b (x1 + e) = K_b (r_g/tan alpha_t)(theta_i/N + ke), by equations 1 and 17.
+    """
+    matrix = np.zeros((3, len(INPUTS)))
+    matrix[0, 0] = p.bearing_stiffness * p.radial_lever
+    matrix[0, 1] = p.bearing_damping * p.radial_lever
+    matrix[0, 2], matrix[1, 2] = -math.cos(p.tooth_angle), -math.sin(p.tooth_angle)
+    matrix[1, 3] = -1.0 / p.neutral_radius
+    matrix[2, 4] = -1.0 / p.neutral_radius
+    return matrix
+
+
+def energy_forms(sets: Sequence[DynamicParameters]) -> tuple[Array, Array, Array, Array]:
+    """A, B and the maps back to q and q' of x' = A x + B u, in the state whose squared length is twice the energy.
+
+    x = (R M^(1/2) q, M^(1/2) q') with R^2 = M^(-1/2) K M^(-1/2); then A = [[0, R], [-R, -C']] is skew apart from the
+    damping, so its eigenvectors are well conditioned wherever the modes are distinct. Shapes per set (first axis) (6, 6),
+    (6, 5), (3, 6), (3, 6).
+    """
+    count = len(sets)
+    masses = np.array([[p.flexspline_inertia, p.flexspline_inertia, p.output_inertia] for p in sets])
+    scale = np.array([p.neutral_radius for p in sets])[:, None] / np.sqrt(masses)
+    both = scale[:, :, None] * scale[:, None, :]
+    squared, vectors = np.linalg.eigh(np.stack([stiffness_matrix(p) for p in sets]) * both)
+    frequencies, back = np.sqrt(squared)[:, None, :], np.swapaxes(vectors, 1, 2)
+    system, drive = np.zeros((count, 6, 6)), np.zeros((count, 6, len(INPUTS)))
+    root = (vectors * frequencies) @ back
+    system[:, :3, 3:], system[:, 3:, :3] = root, -root
+    system[:, 3:, 3:] = -np.stack([damping_matrix(p) for p in sets]) * both
+    drive[:, 3:] = scale[:, :, None] * np.stack([input_matrix(p) for p in sets])
+    position, velocity = np.zeros((count, 3, 6)), np.zeros((count, 3, 6))
+    position[:, :, :3] = scale[:, :, None] * ((vectors / frequencies) @ back)
+    velocity[:, [0, 1, 2], [3, 4, 5]] = scale
+    return system, drive, position, velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Mode:
+    """One mode of equation 2 with the input angle prescribed.
+
+    `natural_frequency` |pole| [rad/s], `damping_ratio` (1 for a real, aperiodic pole), `damped_frequency` [rad/s],
+    `time_constant` of its decay [s] (infinite without damping).
+    """
+
+    natural_frequency: float
+    damping_ratio: float
+    damped_frequency: float
+    time_constant: float
+
+
+def modes(p: DynamicParameters) -> tuple[Mode, ...]:
+    """The modes in ascending frequency: complex pairs once, real poles each; the first is the torsional resonance."""
+    found: list[Mode] = []
+    for pole in np.linalg.eigvals(energy_forms([p])[0][0]):
+        if pole.imag < 0.0:
+            continue
+        size = abs(pole)
+        decay = -pole.real if -pole.real > 1e-13 * size else 0.0
+        ratio = 1.0 if pole.imag == 0.0 else decay / size
+        found.append(Mode(float(size), float(ratio), float(pole.imag), float(1.0 / decay) if decay > 0.0 else math.inf))
+    return tuple(sorted(found, key=lambda mode: mode.natural_frequency))
+
+
+def undamped_frequencies(p: DynamicParameters) -> Array:
+    """The three natural frequencies of equation 2 without damping, ascending [rad/s]."""
+    scale = 1.0 / np.sqrt(np.diag(mass_matrix(p)))
+    return np.sqrt(np.linalg.eigvalsh(stiffness_matrix(p) * np.outer(scale, scale)))
+
+
+@dataclass(frozen=True, slots=True)
+class Resonance:
+    """An order of the kinematic error and the input speed [rad/s] at which it excites the torsional resonance."""
+
+    order: float
+    input_speed: float
+
+
+def resonance_speeds(p: DynamicParameters, orders: Iterable[float]) -> tuple[Resonance, ...]:
+    """Where n theta_i' equals the damped frequency of the first oscillating mode, for each order n > 0."""
+    oscillating = [mode for mode in modes(p) if mode.damped_frequency > 0.0]
+    if not oscillating:
+        return ()
+    frequency = oscillating[0].damped_frequency
+    return tuple(Resonance(float(order), frequency / float(order)) for order in orders if order > 0.0)
+
+
+def common_ratio(sets: Sequence[DynamicParameters]) -> float:
+    """The one ratio of a batch; raises `ParameterError` where the sets differ, because the inputs depend on it."""
+    if not sets:
+        raise ParameterError("holds no parameter set", where="batch", limit="at least one")
+    if any(p.ratio != sets[0].ratio for p in sets):
+        raise ParameterError("mixes ratios", where="batch", limit=f"ratio {sets[0].ratio:g} in every set")
+    return sets[0].ratio
