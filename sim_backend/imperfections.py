@@ -1,0 +1,309 @@
+"""Everything that makes the simulated rig worse than its model: a switch and a name for each, all on by default.
+
+`Imperfections` says what is on, `Sizes` how large it is, `draw` makes of both one rig on one day (`Condition`): phases,
+offsets and amplitudes drawn by seed, each from its own stream, so that switching one off leaves the others as they were.
+What belongs to the bench (encoders, torque port, skew, cogging) follows the bench's seed, what belongs to the gear the
+gear's, and what changes from run to run (zero of the port, start angle, noise) the run's.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from drivers.errors import DriverError
+from model.closed_loop import Deviations, Thermal
+from model.gear import Harmonic, HarmonicDrive
+from model.motor import ServoMotor
+from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
+from sim_backend.streams import stream
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large each imperfection is, in SI. Random ones are drawn about these.
+
+    Encoder errors are amplitudes of the angle; output orders and sidebands amplitudes at the gear's output; the torque
+    port's offset and scale error are standard deviations of what is drawn; skews are mean latch delays after SYNC.
+    """
+
+    input_lines: int = 8192
+    output_lines: int = 18000
+    multiplication: int = 4
+    input_subdivision: float = 0.01 * REVOLUTION / 8192
+    output_subdivision: float = 0.7 * ARCSEC
+    input_once_per_turn: float = 60.0 * ARCSEC
+    input_twice_per_turn: float = 25.0 * ARCSEC
+    output_once_per_turn: float = 4.0 * ARCSEC
+    output_twice_per_turn: float = 1.5 * ARCSEC
+    output_orders: tuple[float, ...] = (0.035 * ARCMIN, 0.02 * ARCMIN, 0.01 * ARCMIN, 0.007 * ARCMIN)
+    wave_sidebands: tuple[tuple[int, float], ...] = ((1, 0.006 * ARCMIN), (2, 0.03 * ARCMIN), (4, 0.006 * ARCMIN))
+    output_sidebands: tuple[tuple[int, int, float], ...] = ((2, -2, 0.012 * ARCMIN), (2, -1, 0.012 * ARCMIN),
+                                                            (2, 1, 0.012 * ARCMIN))  # fmt: skip
+    torque_offset: float = 0.006
+    torque_drift_per_kelvin: float = 5e-5
+    torque_scale: float = 0.01
+    torque_lag: float = 0.4e-3
+    torque_noise: float = 0.0015
+    torque_constant: float = 0.01
+    adc_volts: float = 0.3125e-3
+    adc_step_counts: int = 4
+    torque_per_volt_of_rated: float = 1.0
+    motor_cogging: tuple[tuple[int, float], ...] = ((1, 0.0006), (4, 0.0005), (24, 0.0025), (48, 0.0006))
+    output_coulomb: float = 0.5
+    output_viscous: float = 0.4
+    mesh_depth: float = 0.10
+    hysteresis_torque: float = 0.3
+    hysteresis_stiffness: float = 0.012
+    temperature_noise: float = 0.02
+    temperature_offset: float = 0.1
+    sync_jitter: float = 15e-6
+    input_skew: float = 2e-6
+    output_skew: float = 12e-6
+
+
+@dataclass(frozen=True)
+class Imperfections:
+    """The switches. Off means: as the model has it, or as a perfect instrument would.
+
+    With `quantisation`, `adc_steps` or `drive_torque_steps` off the channel is counted so finely that its steps vanish.
+    `mesh_depth_friction` off is the false case of figure 16: then only the wedge's own reaction varies with the angle.
+    """
+
+    quantisation: bool = True
+    sub_divisional_error: bool = True
+    encoder_revolution_error: bool = True
+    output_orders: bool = True
+    sidebands: bool = True
+    torque_offset: bool = True
+    torque_scale_error: bool = True
+    torque_lag: bool = True
+    torque_noise: bool = True
+    adc_steps: bool = True
+    drive_torque_steps: bool = True
+    motor_friction: bool = True
+    motor_cogging: bool = True
+    output_bearing_friction: bool = True
+    hardening: bool = True
+    hysteresis: bool = True
+    friction_windup: bool = True
+    mesh_depth_friction: bool = True
+    warming: bool = True
+    temperature_noise: bool = True
+    sync_jitter: bool = True
+    channel_skew: bool = True
+    random_start: bool = True
+    sizes: Sizes = field(default_factory=Sizes)
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """The switches by name."""
+        return tuple(f.name for f in dataclasses.fields(cls) if f.name != "sizes")
+
+    @classmethod
+    def none(cls) -> Imperfections:
+        """A rig as good as its model, with instruments that see everything."""
+        off: dict[str, Any] = dict.fromkeys(cls.names(), False)
+        return cls(**off)
+
+    def without(self, *names: str) -> Imperfections:
+        """The same with these switched off."""
+        off: dict[str, Any] = dict.fromkeys(self._checked(names), False)
+        return dataclasses.replace(self, **off)
+
+    def with_only(self, *names: str) -> Imperfections:
+        """None but these, at the same sizes."""
+        chosen = set(self._checked(names))
+        switches: dict[str, Any] = {name: name in chosen for name in self.names()}
+        return dataclasses.replace(self, **switches)
+
+    def _checked(self, names: Iterable[str]) -> tuple[str, ...]:
+        wanted, known = tuple(names), self.names()
+        for name in wanted:
+            if name not in known:
+                raise DriverError("no such imperfection", where="imperfections", value=name, limit=", ".join(known))
+        return wanted
+
+
+@dataclass(frozen=True)
+class EncoderErrors:
+    """Where an encoder reads wrong: error [rad] over its own absolute angle, as a series; its sub-divisional error as one
+    order of its lines; the angle of its index mark, and its latch delay [s]."""
+
+    series: tuple[Harmonic, ...] = ()
+    subdivision: Harmonic | None = None
+    index_angle: float = 0.0
+    skew: float = 0.0
+
+
+@dataclass(frozen=True)
+class TorquePort:
+    """How the torque monitor reads: gain error, zero [N m] and its drift [N m/K], noise [N m], lag [s]."""
+
+    gain_error: float = 0.0
+    offset: float = 0.0
+    drift_per_kelvin: float = 0.0
+    noise: float = 0.0
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One rig on one day: everything that was drawn. `deviations` go into the plant, the rest into the instruments."""
+
+    deviations: Deviations
+    input_encoder: EncoderErrors
+    output_encoder: EncoderErrors
+    torque_port: TorquePort
+    sync_jitter: float
+    temperature_noise: float
+    housing_offset: float
+    start_angle: float
+    input_count: int
+    output_count: int
+
+
+def draw(imperfections: Imperfections, ratio: float, seed: int, bench_seed: int, gear_seed: int) -> Condition:
+    """One rig on one day, drawn by its seeds."""
+    on, sizes = imperfections, imperfections.sizes
+    run, day = stream(seed, "start"), stream(seed, "torque zero")
+    offset = sizes.torque_offset * _bounded(day) if on.torque_offset else 0.0
+    gain = sizes.torque_scale * _bounded(stream(bench_seed, "torque gain")) if on.torque_scale_error else 0.0
+    port = TorquePort(
+        gain, offset, sizes.torque_drift_per_kelvin if on.torque_offset and on.warming else 0.0,
+        sizes.torque_noise if on.torque_noise else 0.0,
+    )  # fmt: skip
+    started = on.random_start
+    angle = run.uniform(0.0, REVOLUTION * ratio)
+    counts = run.integers(-(2**20), 2**20, 2)
+    thermometer = stream(bench_seed, "thermometer")
+    return Condition(
+        deviations=_deviations(on, ratio, bench_seed, gear_seed),
+        input_encoder=_encoder(on, "input", bench_seed),
+        output_encoder=_encoder(on, "output", bench_seed),
+        torque_port=port,
+        sync_jitter=sizes.sync_jitter if on.sync_jitter else 0.0,
+        temperature_noise=sizes.temperature_noise if on.temperature_noise else 0.0,
+        housing_offset=sizes.temperature_offset * _bounded(thermometer) if on.temperature_noise else 0.0,
+        start_angle=float(angle) if started else 0.0,
+        input_count=int(counts[0]) if started else 0,
+        output_count=int(counts[1]) if started else 0,
+    )
+
+
+def _deviations(on: Imperfections, ratio: float, bench_seed: int, gear_seed: int) -> Deviations:
+    """What the plant has and equation 2 has not."""
+    sizes = on.sizes
+    constant = sizes.torque_constant * _bounded(stream(bench_seed, "torque constant"))
+    bearing = stream(bench_seed, "output bearing").uniform(0.8, 1.2, 2)
+    return Deviations(
+        kinematic_error=_added_orders(on, ratio, gear_seed),
+        friction_windup=on.friction_windup,
+        mesh_depth=sizes.mesh_depth if on.mesh_depth_friction else 0.0,
+        hardening=on.hardening,
+        hysteresis_torque=sizes.hysteresis_torque if on.hysteresis else 0.0,
+        hysteresis_stiffness=sizes.hysteresis_stiffness if on.hysteresis else 0.0,
+        output_coulomb=sizes.output_coulomb * float(bearing[0]) if on.output_bearing_friction else 0.0,
+        output_viscous=sizes.output_viscous * float(bearing[1]) if on.output_bearing_friction else 0.0,
+        motor_friction=on.motor_friction,
+        cogging=_cogging(on, bench_seed),
+        torque_constant_error=constant if on.torque_scale_error else 0.0,
+        port_lag=sizes.torque_lag if on.torque_lag else 0.0,
+        thermal=Thermal() if on.warming else None,
+    )
+
+
+def _added_orders(on: Imperfections, ratio: float, gear_seed: int) -> tuple[Harmonic, ...]:
+    """Output orders k/N, and the sidebands n(1 + 1/N) and n + k/N, with drawn amplitudes and phases."""
+    found: list[Harmonic] = []
+    random = stream(gear_seed, "output orders")
+    for k, size in enumerate(on.sizes.output_orders, start=1):
+        found.append(_harmonic(k / ratio, size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION)))
+    if not on.output_orders:
+        found.clear()
+    random = stream(gear_seed, "sidebands")
+    bands = [(n * (1.0 + 1.0 / ratio), size) for n, size in on.sizes.wave_sidebands]
+    bands += [(n + k / ratio, size) for n, k, size in on.sizes.output_sidebands]
+    if on.sidebands:
+        for order, size in bands:
+            found.append(_harmonic(order, size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION)))
+    return tuple(found)
+
+
+def _cogging(on: Imperfections, bench_seed: int) -> tuple[Harmonic, ...]:
+    """Cogging torque of the motor over its angle [N m]."""
+    if not on.motor_cogging:
+        return ()
+    random = stream(bench_seed, "cogging")
+    return tuple(
+        _harmonic(float(n), size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION))
+        for n, size in on.sizes.motor_cogging
+    )
+
+
+def _encoder(on: Imperfections, which: str, bench_seed: int) -> EncoderErrors:
+    """The errors of the "input" or "output" encoder."""
+    sizes = on.sizes
+    random = stream(bench_seed, f"{which} encoder")
+    scale, phase = random.uniform(0.6, 1.4, 3), random.uniform(0.0, REVOLUTION, 4)
+    once, twice, lines, fine, skew = (
+        (sizes.input_once_per_turn, sizes.input_twice_per_turn, sizes.input_lines, sizes.input_subdivision,
+         sizes.input_skew)
+        if which == "input"
+        else (sizes.output_once_per_turn, sizes.output_twice_per_turn, sizes.output_lines, sizes.output_subdivision,
+              sizes.output_skew)
+    )  # fmt: skip
+    series = (_harmonic(1.0, once * scale[0], phase[0]), _harmonic(2.0, twice * scale[1], phase[1]))
+    return EncoderErrors(
+        series if on.encoder_revolution_error else (),
+        _harmonic(float(lines), fine * scale[2], phase[2]) if on.sub_divisional_error else None,
+        float(phase[3]) if on.random_start else math.pi,
+        skew * float(random.uniform(0.7, 1.3)) if on.channel_skew else 0.0,
+    )
+
+
+def _harmonic(order: float, amplitude: float, phase: float) -> Harmonic:
+    """amplitude cos(order theta - phase)."""
+    return Harmonic(order, float(amplitude * math.cos(phase)), float(amplitude * math.sin(phase)))
+
+
+def _bounded(random: object) -> float:
+    """A standard normal number, drawn again beyond three sigma."""
+    while True:
+        found = float(random.standard_normal())  # type: ignore[attr-defined]
+        if abs(found) <= 3.0:
+            return found
+
+
+def individual_gear(nominal: HarmonicDrive, seed: int) -> HarmonicDrive:
+    """One gear of a series: parameters drawn about the nominal ones, as one delivered part differs from the next.
+
+    Mesh friction +-10 % (static stays above Coulomb), Stribeck velocity +-15 %, bearing and lubrication factor +-10 %,
+    damping +-15 %, thickness of the cup's bottom +-3 % (the stiffness follows), amplitudes of the kinematic error +-20 %
+    with phases turned by up to 20 degrees; standard deviations, each parameter from its own stream.
+    """
+    spread = {
+        "mesh_friction.coulomb": 0.10, "mesh_friction.stribeck_velocity": 0.15, "mesh_friction.viscous": 0.10,
+        "bearing.friction_factor": 0.10, "bearing.damping": 0.15, "cup.bottom_thickness": 0.03,
+    }  # fmt: skip
+    changes = {
+        path: nominal.value(path).value * math.exp(size * _bounded(stream(seed, path))) for path, size in spread.items()
+    }
+    mesh = nominal.mesh_friction
+    rise = (mesh.static - mesh.coulomb) * math.exp(0.15 * _bounded(stream(seed, "mesh_friction.static")))
+    changes["mesh_friction.static"] = changes["mesh_friction.coulomb"] + rise
+    series = []
+    for h in nominal.kinematic_error:
+        random = stream(seed, f"kinematic error {h.order:.12g}")
+        phase = math.atan2(h.sine, h.cosine) + random.uniform(-20.0, 20.0) * DEGREE
+        series.append(_harmonic(h.order, h.amplitude * math.exp(0.2 * _bounded(random)), phase))
+    return dataclasses.replace(nominal.with_values(changes), kinematic_error=tuple(series))
+
+
+def individual_motor(nominal: ServoMotor, seed: int) -> ServoMotor:
+    """One motor of a series: its own friction drawn +-10 % about the nominal one."""
+    coulomb = nominal.coulomb_friction * math.exp(0.1 * _bounded(stream(seed, "motor coulomb")))
+    viscous = nominal.viscous_friction * math.exp(0.1 * _bounded(stream(seed, "motor viscous")))
+    return dataclasses.replace(nominal, coulomb_friction=coulomb, viscous_friction=viscous)

@@ -1,0 +1,253 @@
+"""The instruments of the simulated rig: what is true at a SYNC, as counts of each channel.
+
+Encoders: latched at the true instant of SYNC plus their own delay, wrong by their errors over their own absolute angle,
+counted in whole counts; index marks latch the count where the mark stands. Torque port: lag (in the plant), gain, zero
+and its drift, noise, steps of the converter. Everything is a pure function of state and cycle index except the index
+latches, which are carried.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import channel as names
+from drivers.channel import Calibration, Channel, encoder_channel
+from drivers.samples import CycleFlag
+from model.kernels import closed_loop as row
+from model.motor import ServoMotor
+from model.units import REVOLUTION
+from sim_backend.clock import NANOSECOND
+from sim_backend.imperfections import Condition, EncoderErrors, Imperfections
+from sim_backend.servo_drive import SPEED_COUNT, TORQUE_COUNT_OF_RATED
+from sim_backend.streams import CycleNoise
+
+Array = NDArray[np.float64]
+Counts = NDArray[np.int64]
+
+FINE = 4096
+"""How many times finer than the real one a channel counts when its steps are switched off."""
+ADC_RANGE = 2**15 - 1
+
+
+class Encoder:
+    """An incremental encoder with its counter and index latch. `sense` -1 counts down when the angle grows."""
+
+    def __init__(self, channel: Channel, errors: EncoderErrors, start_angle: float, start_count: int) -> None:
+        self.quantum = channel.scale
+        self._errors = errors
+        waves = errors.series if errors.subdivision is None else (*errors.series, errors.subdivision)
+        self._waves = tuple((h.order, h.amplitude, math.atan2(h.sine, h.cosine)) for h in waves)
+        self._offset = 0
+        self._offset = start_count - int(self.count(np.array([start_angle]))[0])
+        self.turn = self._turns(np.array([start_angle]))[0]
+        self.latched = 0
+        self.seen = False
+
+    @property
+    def angle_offset(self) -> float:
+        """What this counter shows more than the true angle, on average [rad]."""
+        return (self._offset - 0.5) * self.quantum
+
+    @property
+    def index_angle(self) -> float:
+        """Where the index mark stands, in the counter's own angle within a revolution [rad]."""
+        return (self._errors.index_angle + self.angle_offset) % REVOLUTION
+
+    def error(self, angle: Array) -> Array:
+        """What the encoder reads too much at its absolute angles [rad]: per revolution, and within a line."""
+        if not self._waves:
+            return np.zeros_like(angle)
+        within = angle % REVOLUTION
+        return sum((size * np.cos(order * within - phase) for order, size, phase in self._waves), np.zeros_like(angle))
+
+    def count(self, angle: Array) -> Counts:
+        """The counter at true angles (n,)."""
+        return np.floor((angle + self.error(angle)) / self.quantum).astype(np.int64) + self._offset
+
+    def latch_delay(self) -> float:
+        """How long after SYNC the counter is latched [s]."""
+        return self._errors.skew
+
+    def latch_index(self, angle: Array) -> tuple[Counts, NDArray[np.bool_]]:
+        """The count latched at the latest index mark, and whether one was seen, per cycle; carries both.
+
+        The mark is one count wide: passed backwards it latches its far edge.
+        """
+        turns = self._turns(angle)
+        before = np.concatenate([[self.turn], turns[:-1]])
+        crossed = np.flatnonzero(turns != before)
+        latched = np.full(len(angle), self.latched, dtype=np.int64)
+        seen = np.full(len(angle), self.seen)
+        if len(crossed):
+            mark = self._errors.index_angle + REVOLUTION * np.maximum(turns, before)[crossed]
+            values = self.count(mark) + (turns < before)[crossed]
+            which = np.searchsorted(crossed, np.arange(len(angle)), side="right") - 1
+            latched = np.where(which >= 0, values[which], self.latched)
+            seen = seen | (which >= 0)
+            self.latched, self.seen = int(latched[-1]), True
+        if len(turns):
+            self.turn = turns[-1]
+        return latched, seen
+
+    def _turns(self, angle: Array) -> Array:
+        return np.floor((angle - self._errors.index_angle) / REVOLUTION)
+
+
+@dataclass(frozen=True)
+class Latches:
+    """What the instruments carry from block to block."""
+
+    input: tuple[float, int, bool]
+    output: tuple[float, int, bool]
+
+
+class Instruments:
+    """All channels of the simulated rig. `output_sense` is -1 where the output turns against the input."""
+
+    def __init__(
+        self, on: Imperfections, condition: Condition, motor: ServoMotor, seed: int, output_sense: int, start_output: float
+    ) -> None:
+        self._on, self._condition, self._sense = on, condition, output_sense
+        self.channels = make_channels(on, motor)
+        by_name = {c.name: c for c in self.channels}
+        self.column = {c.name: i for i, c in enumerate(self.channels)}
+        self.input = Encoder(
+            by_name[names.INPUT_ANGLE], condition.input_encoder, condition.start_angle, condition.input_count
+        )
+        self.output = Encoder(
+            by_name[names.OUTPUT_ANGLE], condition.output_encoder, output_sense * start_output, condition.output_count
+        )
+        self._torque = by_name[names.TORQUE]
+        self._drive_torque = by_name[names.DRIVE_TORQUE]
+        self._adc_step = on.sizes.adc_step_counts if on.adc_steps else 1
+        self._adc_limit = ADC_RANGE if on.adc_steps else ADC_RANGE * FINE
+        self._target_torque = motor.rated_torque * TORQUE_COUNT_OF_RATED
+        self._reference = (condition.deviations.thermal.reference) if condition.deviations.thermal else 22.0
+        self._torque_noise = CycleNoise(seed, "torque noise")
+        self._housing_noise = CycleNoise(seed, "housing temperature")
+        self._ambient_noise = CycleNoise(seed, "ambient temperature")
+
+    def read(
+        self, rows: Array, first_cycle: int, lateness_ns: Counts, statuswords: Counts, targets: tuple[Counts, Counts]
+    ) -> tuple[Counts, NDArray[np.uint16]]:
+        """Counts (n, channels) and flags (n,) of rows (n, ROW_SIZE); `targets` are speed and torque set-points in counts."""
+        n = len(rows)
+        counts = np.zeros((n, len(self.channels)), dtype=np.int64)
+        late = lateness_ns.astype(np.float64) * NANOSECOND
+        angle = _latched(rows, row.ROW_INPUT_ANGLE, late + self.input.latch_delay())
+        output = self._sense * _latched(rows, row.ROW_OUTPUT_ANGLE, late + self.output.latch_delay())
+        put = self.column
+        counts[:, put[names.INPUT_ANGLE]] = self.input.count(angle)
+        counts[:, put[names.OUTPUT_ANGLE]] = self.output.count(output)
+        counts[:, put[names.INPUT_INDEX]], input_seen = self.input.latch_index(angle)
+        counts[:, put[names.OUTPUT_INDEX]], output_seen = self.output.latch_index(output)
+        counts[:, put[names.INDEX_SEEN]] = input_seen + 2 * output_seen
+        torque, saturated = self._port_counts(rows, first_cycle)
+        counts[:, put[names.TORQUE]] = torque
+        reference = rows[:, row.ROW_TORQUE_REFERENCE]
+        counts[:, put[names.DRIVE_TORQUE]] = np.rint(reference / self._drive_torque.scale).astype(np.int64)
+        counts[:, put[names.TARGET_SPEED]], counts[:, put[names.TARGET_TORQUE]] = targets
+        counts[:, put[names.STATUSWORD]] = statuswords
+        counts[:, put[names.HOUSING_TEMPERATURE]] = self._temperature(
+            rows[:, row.ROW_HOUSING] + self._condition.housing_offset, self._housing_noise, first_cycle
+        )
+        thermal = self._condition.deviations.thermal
+        room = np.full(n, thermal.ambient if thermal else 22.0)
+        counts[:, put[names.AMBIENT_TEMPERATURE]] = self._temperature(room, self._ambient_noise, first_cycle)
+        return counts, np.where(saturated, CycleFlag.SATURATED, 0).astype(np.uint16)
+
+    def pass_by(self, rows: Array) -> None:
+        """Rows of truth that nobody reads: only the index latches see them."""
+        self.input.latch_index(rows[:, row.ROW_INPUT_ANGLE])
+        self.output.latch_index(self._sense * rows[:, row.ROW_OUTPUT_ANGLE])
+
+    def latches(self) -> Latches:
+        """What must be carried to go on from here."""
+        a, b = self.input, self.output
+        return Latches((a.turn, a.latched, a.seen), (b.turn, b.latched, b.seen))
+
+    def restore(self, latches: Latches) -> None:
+        """Go on from there."""
+        self.input.turn, self.input.latched, self.input.seen = latches.input
+        self.output.turn, self.output.latched, self.output.seen = latches.output
+
+    def _port_counts(self, rows: Array, first_cycle: int) -> tuple[Counts, NDArray[np.bool_]]:
+        """Counts of the torque port, and where the converter is at its end."""
+        port = self._condition.torque_port
+        reading = rows[:, row.ROW_PORT_TORQUE] * (1.0 + port.gain_error) + port.offset
+        if port.drift_per_kelvin:
+            reading += port.drift_per_kelvin * (rows[:, row.ROW_MOTOR] - self._reference)
+        if port.noise:
+            reading += port.noise * self._torque_noise.at(first_cycle, len(rows))
+        step = self._adc_step
+        counts = np.rint(reading / (self._torque.scale * step)).astype(np.int64) * step
+        saturated = np.abs(counts) >= self._adc_limit
+        return np.where(saturated, np.sign(counts) * self._adc_limit, counts), saturated
+
+    def _temperature(self, truth: Array, noise: CycleNoise, first_cycle: int) -> Counts:
+        sigma = self._condition.temperature_noise
+        if sigma:
+            truth = truth + sigma * noise.at(first_cycle, len(truth))
+        return np.rint(truth / TEMPERATURE_COUNT).astype(np.int64)
+
+
+TEMPERATURE_COUNT = 0.01
+"""Kelvin per count of the thermometers."""
+
+
+def make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
+    """The channels of the simulated rig in the order of its columns, with the uncertainties that its sizes imply."""
+    sizes = on.sizes
+    adc = sizes.adc_volts * sizes.torque_per_volt_of_rated * motor.rated_torque / (1 if on.adc_steps else FINE)
+    reported = motor.rated_torque * TORQUE_COUNT_OF_RATED
+    certificate = "simulated instrument"
+    torque = Calibration(
+        certificate, scale_relative_uncertainty=math.hypot(sizes.torque_scale, sizes.torque_constant),
+        offset_uncertainty=sizes.torque_offset,
+    )  # fmt: skip
+    drive = Calibration(certificate, scale_relative_uncertainty=sizes.torque_constant)
+    thermometer = Calibration(certificate, offset_uncertainty=sizes.temperature_offset)
+    fine = 1 if on.drive_torque_steps else FINE
+    return (
+        _encoder_channel(on, names.INPUT_ANGLE, "motor encoder"),
+        _encoder_channel(on, names.OUTPUT_ANGLE, "output encoder"),
+        Channel(names.TORQUE, "N m", adc, long_name="torque monitor port", model="simulated", calibration=torque),
+        Channel(names.DRIVE_TORQUE, "N m", reported / fine, long_name="torque reported by the drive (0x6077)",
+                model="simulated", calibration=drive),
+        Channel(names.TARGET_SPEED, "rad/s", SPEED_COUNT, long_name="speed set-point (0x60FF)", model="simulated"),
+        Channel(names.TARGET_TORQUE, "N m", reported, long_name="torque set-point (0x6071)", model="simulated"),
+        _encoder_channel(on, names.INPUT_INDEX, "input angle at its index mark"),
+        _encoder_channel(on, names.OUTPUT_INDEX, "output angle at its index mark"),
+        Channel(names.INDEX_SEEN, "1", 1.0, long_name="index marks seen (bit 0 input, bit 1 output)", model="simulated"),
+        Channel(names.STATUSWORD, "1", 1.0, long_name="statusword (0x6041)", model="simulated"),
+        Channel(names.HOUSING_TEMPERATURE, "degC", TEMPERATURE_COUNT, long_name="temperature of the gear housing",
+                model="simulated", calibration=thermometer),
+        Channel(names.AMBIENT_TEMPERATURE, "degC", TEMPERATURE_COUNT, long_name="temperature of the room",
+                model="simulated", calibration=thermometer),
+    )  # fmt: skip
+
+
+def _encoder_channel(on: Imperfections, name: str, long_name: str) -> Channel:
+    """A channel of the input or the output encoder; its accuracy is the size of the errors over one revolution."""
+    sizes = on.sizes
+    lines, once, twice = (
+        (sizes.input_lines, sizes.input_once_per_turn, sizes.input_twice_per_turn)
+        if name in (names.INPUT_ANGLE, names.INPUT_INDEX)
+        else (sizes.output_lines, sizes.output_once_per_turn, sizes.output_twice_per_turn)
+    )
+    return encoder_channel(
+        name, lines=lines, multiplication=sizes.multiplication * (1 if on.quantisation else FINE),
+        long_name=long_name, model="simulated",
+        calibration=Calibration("simulated instrument", accuracy=math.hypot(once, twice)),
+    )  # fmt: skip
+
+
+def _latched(rows: Array, column: int, delay: Array) -> Array:
+    """An angle `delay` seconds after nominal SYNC; angle, speed and acceleration stand in neighbouring columns."""
+    angle, speed, acceleration = rows[:, column], rows[:, column + 1], rows[:, column + 2]
+    return angle + delay * (speed + 0.5 * delay * acceleration)
+

@@ -1,0 +1,50 @@
+"""Random numbers as pure functions: of a seed and a name, and for noise also of the SYNC cycle.
+
+Noise is drawn in aligned chunks of cycles, each from its own counter of a Philox generator. So cycle 123 456 of a channel
+has the same noise however a run is cut into blocks, and switching one imperfection off leaves all others as they were.
+"""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+CHUNK = 1024
+"""Cycles that are drawn together."""
+
+
+def stream(seed: int, name: str) -> np.random.Generator:
+    """The generator that belongs to a seed and a name: for what is drawn once per rig, gear or run."""
+    return np.random.Generator(np.random.Philox(key=[seed & 0xFFFFFFFFFFFFFFFF, zlib.crc32(name.encode())]))
+
+
+class CycleNoise:
+    """Standard normal noise of one channel, one number per SYNC cycle."""
+
+    def __init__(self, seed: int, name: str) -> None:
+        self._key = np.array([seed & 0xFFFFFFFFFFFFFFFF, zlib.crc32(name.encode()) | 1 << 40], dtype=np.uint64)
+        self._drawn: dict[int, Array] = {}
+
+    def at(self, first_cycle: int, cycles: int) -> Array:
+        """The numbers of `cycles` cycles from `first_cycle` on (cycles,)."""
+        out = np.empty(cycles)
+        done = 0
+        while done < cycles:
+            chunk, offset = divmod(first_cycle + done, CHUNK)
+            take = min(CHUNK - offset, cycles - done)
+            out[done : done + take] = self._of_chunk(chunk)[offset : offset + take]
+            done += take
+        return out
+
+    def _of_chunk(self, chunk: int) -> Array:
+        """The chunk's numbers; the latest two are kept, because blocks seldom end where chunks do."""
+        if chunk not in self._drawn:
+            while len(self._drawn) > 1:
+                del self._drawn[min(self._drawn)]
+            bits = np.random.Philox(key=self._key, counter=np.array([0, 0, 0, chunk], dtype=np.uint64))
+            self._drawn[chunk] = np.random.Generator(bits).standard_normal(CHUNK)
+        return self._drawn[chunk]

@@ -1,0 +1,59 @@
+"""The electronic data sheet of a simulated device, written from its own object dictionary (CiA 306)."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+from sim_backend.wire.dictionary import Entry, ObjectDictionary
+
+
+def electronic_data_sheet(dictionary: ObjectDictionary, *, product: str, vendor: str, vendor_number: int) -> str:
+    """The EDS text of a device: every object that it really has, and none that it has not."""
+    objects: dict[int, list[Entry]] = defaultdict(list)
+    for entry in dictionary:
+        objects[entry.index].append(entry)
+    lines = [
+        "[FileInfo]", "FileName=simulated.eds", "FileVersion=1", "FileRevision=0", "EDSVersion=4.0",
+        f"Description={product}", "CreationTime=12:00AM", "CreationDate=01-01-2026", "CreatedBy=harmonic-rig",
+        "ModificationTime=12:00AM", "ModificationDate=01-01-2026", "ModifiedBy=harmonic-rig", "",
+        "[DeviceInfo]", f"VendorName={vendor}", f"VendorNumber=0x{vendor_number:08X}", f"ProductName={product}",
+        "ProductNumber=0x00000001", "RevisionNumber=0x00000001", "OrderCode=simulated",
+        *(f"BaudRate_{rate}={int(rate >= 125)}" for rate in (10, 20, 50, 125, 250, 500, 800, 1000)),
+        "SimpleBootUpMaster=0", "SimpleBootUpSlave=1", "Granularity=8", "DynamicChannelsSupported=0",
+        "GroupMessaging=0", f"NrOfRXPDO={sum(0x1400 <= i < 0x1600 for i in objects)}",
+        f"NrOfTXPDO={sum(0x1800 <= i < 0x1A00 for i in objects)}", "LSS_Supported=0", "",
+    ]  # fmt: skip
+    mandatory = [i for i in objects if i in (0x1000, 0x1001, 0x1018)]
+    makers = [i for i in objects if 0x2000 <= i < 0x6000]
+    optional = [i for i in objects if i not in mandatory and i not in makers]
+    for title, listed in (("Mandatory", mandatory), ("Optional", optional), ("Manufacturer", makers)):
+        lines += [f"[{title}Objects]", f"SupportedObjects={len(listed)}"]
+        lines += [f"{n}=0x{index:04X}" for n, index in enumerate(listed, 1)] + [""]
+    for index, entries in objects.items():
+        lines += _object(index, entries)
+    return "\r\n".join(lines) + "\r\n"
+
+
+def _object(index: int, entries: list[Entry]) -> list[str]:
+    if len(entries) == 1 and entries[0].sub == 0:
+        return [f"[{index:04X}]", *_fields(entries[0], entries[0].name), ""]
+    name = entries[0].name.split(":")[0]
+    kind = "0x8" if len({e.type for e in entries if e.sub}) == 1 else "0x9"
+    lines = [f"[{index:04X}]", f"ParameterName={name}", f"ObjectType={kind}", f"SubNumber={len(entries)}", ""]
+    for entry in entries:
+        lines += [f"[{index:04X}sub{entry.sub:X}]", *_fields(entry, entry.name.split(": ")[-1]), ""]
+    return lines
+
+
+def _fields(entry: Entry, name: str) -> list[str]:
+    access = {"t": "rwr", "r": "rww", "tr": "rw"}.get(entry.mappable, "rw") if entry.access == "rw" else entry.access
+    default = f"{entry.default:g}" if isinstance(entry.default, float) else str(entry.default)
+    found = [
+        f"ParameterName={name}", "ObjectType=0x7", f"DataType=0x{entry.type.code:04X}", f"AccessType={access}",
+        f"DefaultValue={default}", f"PDOMapping={int(bool(entry.mappable))}",
+    ]  # fmt: skip
+    if entry.low is not None:
+        found.append(f"LowLimit={int(entry.low)}")
+    if entry.high is not None:
+        found.append(f"HighLimit={int(entry.high)}")
+    return found

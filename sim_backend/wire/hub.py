@@ -1,0 +1,112 @@
+"""A socketcand hub on loopback: any CANopen tool that speaks socketcand can join the simulated bus.
+
+Protocol: `< hi >`, `< open NAME >`, `< ok >`, `< rawmode >`, `< ok >`, then `< send ID DLC BYTES >` from a client and
+`< frame ID SECONDS DATA >` to all others. The hub stamps each frame with the time that the simulated bus says, so a
+client sees simulated hardware stamps.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable
+
+Frame = tuple[int, bytes]
+Listener = Callable[[int, bytes], Awaitable[None] | None]
+
+LONGEST_LINE = 512
+"""Bytes without a closing bracket after which a client is disconnected."""
+
+
+class Hub:
+    """The hub: frames from one client go to all others and to the listener; `broadcast` sends from the simulated nodes."""
+
+    def __init__(self, channel: str, listener: Callable[[int, bytes], None], stamp_ns: Callable[[], int]) -> None:
+        self._channel = channel
+        self._listener = listener
+        self._stamp_ns = stamp_ns
+        self._clients: dict[int, asyncio.StreamWriter] = {}
+        self._server: asyncio.Server | None = None
+
+    @property
+    def clients(self) -> int:
+        """How many have joined the bus."""
+        return len(self._clients)
+
+    async def start(self, host: str, port: int) -> int:
+        """Listen; returns the port (port 0 takes a free one)."""
+        self._server = await asyncio.start_server(self._serve, host, port)
+        return int(self._server.sockets[0].getsockname()[1])
+
+    async def stop(self) -> None:
+        """Disconnect everybody."""
+        for writer in list(self._clients.values()):
+            writer.close()
+        if self._server is not None:
+            self._server.close()
+            with contextlib.suppress(ConnectionError):
+                await self._server.wait_closed()
+
+    def broadcast(self, cob_id: int, data: bytes, *, but: int | None = None) -> None:
+        """Send a frame to every client (except the one it came from)."""
+        line = frame_line(cob_id, data, self._stamp_ns())
+        for key, writer in list(self._clients.items()):
+            if key != but and not writer.is_closing():
+                writer.write(line)
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        key = id(writer)
+        try:
+            writer.write(b"< hi >")
+            await self._greet(reader, writer)
+            self._clients[key] = writer
+            while True:
+                frame = parse_send(await read_message(reader))
+                if frame is not None:
+                    self.broadcast(*frame, but=key)
+                    self._listener(*frame)
+        except (asyncio.IncompleteReadError, asyncio.LimitOverrunError, ConnectionError):
+            return
+        finally:
+            self._clients.pop(key, None)
+            writer.close()
+
+    async def _greet(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        while True:
+            words = (await read_message(reader)).split()
+            if words[:1] == ["open"]:
+                known = words[1:2] == [self._channel]
+                writer.write(b"< ok >" if known else b"< error could not open bus >")
+            elif words == ["rawmode"]:
+                writer.write(b"< ok >")
+                return
+            elif words == ["echo"]:
+                writer.write(b"< echo >")
+            await writer.drain()
+
+
+async def read_message(reader: asyncio.StreamReader) -> str:
+    """The words between the next pair of brackets."""
+    raw = await reader.readuntil(b">")
+    if len(raw) > LONGEST_LINE:
+        raise ConnectionResetError("a message that never ends")
+    return raw.decode("ascii", "replace").partition("<")[2].rstrip(">").strip()
+
+
+def parse_send(message: str) -> Frame | None:
+    """(COB-ID, data) of a `send` message, None for anything else."""
+    words = message.split()
+    if len(words) < 3 or words[0] != "send":
+        return None
+    try:
+        cob_id, length = int(words[1], 16), int(words[2])
+        data = bytes(int(word, 16) for word in words[3 : 3 + length])
+    except ValueError:
+        return None
+    return (cob_id, data) if len(data) == length <= 8 and 0 <= cob_id < 0x800 else None
+
+
+def frame_line(cob_id: int, data: bytes, stamp_ns: int) -> bytes:
+    """A `frame` message with the time of the simulated bus."""
+    seconds, rest = divmod(stamp_ns, 1_000_000_000)
+    return f"< frame {cob_id:X} {seconds}.{rest // 1000:06d} {data.hex().upper()} >".encode("ascii")
