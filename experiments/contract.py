@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from experiments.errors import PlanError
 from experiments.recording import Recording
 from experiments.result import Result
 from experiments.steps import Step
@@ -18,7 +19,7 @@ class Evidence:
 
     `gear` is the parameter set to compare with (and the source of everything that is not identified); `tare` the result of a
     motor-tare run of the same rig, if there is one; `maximum_missed_share` the share of incomplete cycles above which a run
-    is refused.
+    is refused; `settings` what an analysis offers to choose (each names its own and refuses others).
     """
 
     gear: HarmonicDrive
@@ -32,7 +33,9 @@ class Experiment:
     """A protocol. `parameters` is a frozen dataclass whose annotations are the only definition of flags, form and ranges.
 
     `plan(parameters, gear)` yields steps and is pure; `analyse(recording, evidence)` returns a `Result`. `gear_mounted` is
-    False for protocols that run the bare motor.
+    False for protocols that run the bare motor. `compare(recording, gear, evidence)` scores given parameters on a run
+    without fitting any; `identified(result, gear)` is the gear with what the analysis identified written into it. Both are
+    None where a protocol has nothing of the kind. `has_plan` is False for analyses of recordings only.
     """
 
     name: str
@@ -43,3 +46,20 @@ class Experiment:
     analyse: Callable[[Recording, Evidence], Result]
     needs: tuple[str, ...] = ("input_angle", "output_angle", "torque")
     gear_mounted: bool = True
+    compare: Callable[[Recording, HarmonicDrive, Evidence], Result] | None = None
+    identified: Callable[[Result, HarmonicDrive], HarmonicDrive] | None = None
+    has_plan: bool = True
+
+
+@dataclass(frozen=True)
+class NoParameters:
+    """The parameter model of an analysis that moves nothing."""
+
+
+def no_plan(parameters: object, gear: HarmonicDrive) -> Iterator[Step]:
+    """The plan of an analysis that needs none: always refused."""
+    raise PlanError(
+        "this is an analysis of recordings, it cannot be planned or run",
+        where="protocol",
+        remedy="Use it as a kind of `rig fit`.",
+    )

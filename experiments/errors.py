@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from model.errors import WordedError
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from model.errors import IdentificationError, WordedError
 
 
 class ExperimentError(WordedError, ValueError):
@@ -15,3 +18,15 @@ class PlanError(ExperimentError):
 
 class AnalysisError(ExperimentError):
     """A recording that lacks what the analysis needs, or whose data cannot carry it."""
+
+
+@contextmanager
+def analysing(run: str) -> Iterator[None]:
+    """Refusals of the identification as refusals of the analysis of this run, in the same words."""
+    try:
+        yield
+    except IdentificationError as error:
+        where = f"{run}: {error.where}" if error.where else run
+        raise AnalysisError(
+            error.what, where=where, value=error.value, limit=error.limit, remedy=error.remedy
+        ) from error

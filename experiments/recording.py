@@ -167,7 +167,7 @@ class Recording:
         """A channel in SI over a segment (or slice, or all of it)."""
         signal = self.signals[name]
         start, stop = self.rows_of(where)
-        return self.source.stored(name, start, stop) * signal.scale + signal.offset
+        return np.asarray(self.source.stored(name, start, stop) * signal.scale + signal.offset, dtype=np.float64)
 
     def stored(self, name: str, where: Segment | slice | None = None) -> NDArray[Any]:
         """A channel as stored: counts, or floats of an imported recording."""
@@ -181,7 +181,9 @@ class Recording:
         """Time since the first row of the run [s]."""
         start, stop = self.rows_of(where)
         origin = self.source.time_ns(0, 1)
-        return (self.source.time_ns(start, stop) - (origin[0] if len(origin) else 0)) * 1e-9
+        return np.asarray(
+            (self.source.time_ns(start, stop) - (origin[0] if len(origin) else 0)) * 1e-9, dtype=np.float64
+        )
 
     def flags(self, where: Segment | slice | None = None) -> NDArray[np.uint16]:
         """Cycle flags (0: complete and on time)."""

@@ -1,0 +1,82 @@
+"""The only list of protocols and analyses: names and summaries at once, modules only when one is asked for.
+
+This module stays light: it imports no array library, so that a command line can list names without waiting.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from experiments.errors import PlanError
+
+if TYPE_CHECKING:
+    from experiments.contract import Experiment
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of the catalogue: the name people type, its module, one line of summary, and whether it moves a rig."""
+
+    name: str
+    module: str
+    summary: str
+    has_plan: bool = True
+
+
+ENTRIES: tuple[Entry, ...] = (
+    Entry(
+        "kinematic-error",
+        "experiments.kinematic_error",
+        "kinematic error over whole output revolutions at low speed, both directions (figures 12, 13, 16)",
+    ),
+    Entry(
+        "friction",
+        "experiments.friction",
+        "no-load running torque at constant speeds, both directions, up and down (figures 9, 17)",
+    ),
+    Entry(
+        "velocity-steps",
+        "experiments.velocity_steps",
+        "speed steps, simulated output against measured output per speed (figure 19)",
+    ),
+    Entry("motor-tare", "experiments.motor_tare", "friction and cogging of the bare motor, gear removed"),
+    Entry("warm-up", "experiments.warm_up", "turn until the running torque is steady"),
+    Entry(
+        "starting-torque",
+        "experiments.starting_torque",
+        "slow torque ramps at several wave-generator positions, ended by first motion",
+    ),
+    Entry("home", "experiments.home", "index marks of both encoders, slowly, from one side"),
+    Entry("motion", "experiments.motion", "inertia and friction from any motion (inverse dynamics)", has_plan=False),
+    Entry(
+        "revolution", "experiments.revolution", "Fourier series of a channel per revolution, both ways", has_plan=False
+    ),
+    Entry("order-spectrum", "experiments.order_spectrum", "order spectrum of a channel over an angle", has_plan=False),
+)
+"""Protocols first, in the order of a day on the rig; then the analyses that need no plan."""
+
+
+def names() -> tuple[str, ...]:
+    """The protocols that can be planned and run."""
+    return tuple(entry.name for entry in ENTRIES if entry.has_plan)
+
+
+def kinds() -> tuple[str, ...]:
+    """Every kind of fit: the protocols' own analyses and those that need no plan."""
+    return tuple(entry.name for entry in ENTRIES)
+
+
+def entry(name: str) -> Entry:
+    """The line of one name; an unknown one is a `PlanError` that lists those there are."""
+    for found in ENTRIES:
+        if found.name == name:
+            return found
+    raise PlanError("no such protocol or analysis", where="protocol", value=repr(name), limit=", ".join(kinds()))
+
+
+def load(name: str) -> Experiment:
+    """The protocol (or plan-less analysis) of this name, its module imported now."""
+    module = import_module(entry(name).module)
+    return module.EXPERIMENT

@@ -1,0 +1,492 @@
+"""No-load running torque over speed: constant speeds, both directions, up and down, bracketed by a reference speed.
+
+(18) F_fb, (19) F_fm, (20) T_f(v), in the torque balance that the parameter set names
+
+Half-difference of the directions is friction, half-sum is offset and asymmetry. The torque port shows motor + gear: a valid
+motor tare is subtracted with its uncertainty, without one everything is labelled "motor + gear". Figures 9 and 17.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from experiments.budget import budget_table, torque_scale_uncertainty
+from experiments.contract import Evidence, Experiment
+from experiments.errors import AnalysisError, PlanError, analysing
+from experiments.friction_plots import friction_plots, friction_prediction_plot, point_table
+from experiments.parameters import Help, Unit
+from experiments.plan_parts import between_zeros, checked, longest, ramp, stop, whole_revolutions, window_of
+from experiments.quality import check_recording, known_settings, time_base_remark
+from experiments.recording import Recording
+from experiments.result import Result, Verdict, judge_upper
+from experiments.running_torque import Hold, foreign_holds, measured_holds
+from experiments.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
+from experiments.speeds import (
+    clear_of_resonances,
+    incommensurate,
+    log_speeds,
+    near_resonance,
+    refuse_speed,
+    resonance_speeds,
+)
+from experiments.steps import HoldRevolutions, HoldTime, Mark, MoveRevolutions, SegmentLabel, Settle, Step
+from experiments.tare import read_tare
+from experiments.zero import TorqueZero, torque_zero
+from model.friction import bearing_lever, bearing_magnitude, friction_torque, mesh_lever
+from model.gear import HarmonicDrive, Origin
+from model.identify.estimate import BudgetLine, Estimate
+from model.identify.friction import FrictionFit, TorqueUncertainty, check_identifiable, fit_friction
+from model.identify.running_torque import FrictionPoints, RunningTorque, Tare, pair_directions
+from model.identify.stribeck import NAMES, fit_stribeck, fit_stribeck_genetic, profile_intervals, stribeck_jacobian
+from model.units import DEGREE, RPM
+
+NAME = "friction"
+
+GOLDEN_STEP = 0.1458980337503154
+"""Output revolutions between the start positions of successive speeds: the golden ratio to the power -4, which spreads any
+number of positions evenly and never repeats one."""
+
+WIND_UP = 10.0 * DEGREE
+"""Input angle within which friction winds the gear up after a reversal (hysteresis of 1 arcmin is 2 degrees at the input)."""
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What a friction run can be told."""
+
+    lowest_rpm: Annotated[
+        float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("lowest input speed; below a tenth of the Stribeck velocity")
+    ] = 1.0
+    highest_rpm: Annotated[float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")] = 3000.0
+    points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
+    speeds_rpm: Annotated[
+        tuple[float, ...], Gt(0.0), Le(10000.0), Unit("r/min"), Help("speeds to run instead of the list above")
+    ] = ()
+    up_and_down: Annotated[bool, Help("go up the list and down again")] = True
+    repeats: Repeats = 1
+    bracket_rpm: Annotated[
+        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("reference speed that brackets the sweep")
+    ] = 600.0
+    bracket_every: Annotated[int, Ge(1), Le(1000), Unit(""), Help("speeds between two brackets")] = 5
+    measure_time: Annotated[float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")] = 1.0
+    settle_time: Annotated[float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")] = 0.6
+    settle_tolerance: Annotated[
+        float, Gt(0.0), Le(1.0), Unit("N m"), Help("agreement of consecutive torque windows")
+    ] = 0.002
+    resonance_band: Annotated[
+        float, Ge(0.0), Le(0.5), Unit("1"), Help("share of a resonance speed that is steered clear of")
+    ] = 0.04
+    move_rpm: Annotated[
+        float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("speed of the moves that spread the start positions")
+    ] = 900.0
+    acceleration: Acceleration = 800.0
+    zero_time: ZeroTime = 3.0
+    sync_rate: SyncRate = 1000.0
+
+
+def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
+    """Torque zero; at every speed a new start position, both directions, settle, whole revolutions; torque zero."""
+    checked(parameters, Parameters, NAME)
+    speeds = sweep_speeds(parameters, gear)
+    for name in ("bracket_rpm", "move_rpm"):
+        refuse_speed(getattr(parameters, name), gear, f"{NAME}.{name}")
+    return between_zeros(_sweeps(parameters, gear, speeds), parameters.zero_time)
+
+
+def sweep_speeds(p: Parameters, gear: HarmonicDrive) -> tuple[float, ...]:
+    """The input speeds [rad/s], ascending: as given or log-spaced, then moved off SYNC ratios and resonances."""
+    if not p.speeds_rpm and p.highest_rpm < p.lowest_rpm:
+        raise PlanError(
+            "the highest speed is below the lowest",
+            where=f"{NAME}.highest_rpm",
+            value=f"{p.highest_rpm:g} r/min",
+            limit=f">= {p.lowest_rpm:g} r/min",
+        )
+    wanted = sorted(p.speeds_rpm) if p.speeds_rpm else log_speeds(p.lowest_rpm, p.highest_rpm, p.points)
+    for rpm in wanted:
+        refuse_speed(rpm, gear, f"{NAME}.speeds_rpm" if p.speeds_rpm else f"{NAME}.highest_rpm")
+    low, high = wanted[0] * RPM, wanted[-1] * RPM
+    resonances = resonance_speeds(gear)
+    moved = (clear_of_resonances(rpm * RPM, resonances, p.resonance_band, low, high) for rpm in wanted)
+    ceiling = gear.ratings.maximum_input_speed
+    return tuple(incommensurate(w, p.sync_rate, p.measure_time, ceiling=ceiling) for w in moved)
+
+
+def _sweeps(p: Parameters, gear: HarmonicDrive, speeds: tuple[float, ...]) -> Iterator[Step]:
+    resonances = resonance_speeds(gear)
+    for speed in speeds:
+        order = near_resonance(speed, resonances, p.resonance_band)
+        if order is not None:
+            text = f"{speed / RPM:.4g} r/min lies where order {order:g} meets the first torsional mode"
+            yield Mark("near-resonance", text)
+    position = 0
+    for sweep in range(p.repeats * (2 if p.up_and_down else 1)):
+        ordered = speeds if sweep % 2 == 0 or not p.up_and_down else speeds[::-1]
+        yield from _bracket(p, sweep)
+        for index, speed in enumerate(ordered):
+            yield _start_position(p, gear, position)
+            position += 1
+            for direction in (1, -1):
+                yield from constant_speed(p, direction * speed, "hold", sweep)
+            if (index + 1) % p.bracket_every == 0 or index + 1 == len(ordered):
+                yield from _bracket(p, sweep)
+
+
+def _bracket(p: Parameters, sweep: int) -> Iterator[Step]:
+    reference = incommensurate(p.bracket_rpm * RPM, p.sync_rate, p.measure_time)
+    for direction in (1, -1):
+        yield from constant_speed(p, direction * reference, "bracket", sweep)
+
+
+def _start_position(p: Parameters, gear: HarmonicDrive, position: int) -> Step:
+    """A move by a golden part of the output revolution, forward or back so that the output stays within one."""
+    here, there = ((GOLDEN_STEP * k) % 1.0 for k in (position, position + 1))
+    turns = (there - here) * gear.ratio
+    speed = p.move_rpm * RPM
+    return MoveRevolutions(turns, speed, p.acceleration, longest(abs(turns), speed) + 5.0, SegmentLabel("position"))
+
+
+def constant_speed(p: Parameters, setpoint: float, label: str, repeat: int) -> Iterator[Step]:
+    """One point: ramp, settle, whole revolutions at a constant signed speed [rad/s], stop."""
+    direction, speed = (1 if setpoint > 0.0 else -1), abs(setpoint)
+    yield ramp(setpoint, p.acceleration, direction)
+    settle = SegmentLabel("settle", setpoint, direction, repeat)
+    window = window_of(speed, p.settle_time)
+    if window > 2.0 * p.settle_time:
+        # A revolution takes longer than any transient: waiting for equal whole turns would double the run for nothing.
+        yield HoldTime(max(2.0 * p.settle_time, WIND_UP / speed), settle)
+    else:
+        yield Settle(window, p.settle_tolerance, 6.0 * window, settle)
+    turns = whole_revolutions(speed, p.measure_time)
+    yield HoldRevolutions(turns, longest(turns, speed), SegmentLabel(label, setpoint, direction, repeat))
+    yield stop(p.acceleration)
+
+
+SETTINGS = ("channel", "balance", "bracket_limit", "bracket_refusal", "genetic", "seed")
+CATALOGUE_SPEEDS_RPM = (500.0, 1000.0, 2000.0, 3500.0)
+"""Input speeds at which catalogues give the no-load running torque."""
+TARE_RELATIVE = 0.03
+"""Relative standard uncertainty of a tare as a whole: the same motor, another day, another warmth."""
+BEARING_RELATIVE = 0.2
+"""Relative standard uncertainty of M_0 where f_0 and nu_0 are taken from the literature."""
+TEMPERATURE_COEFFICIENT = -0.04
+"""Change of friction per kelvin, relative: typical of grease."""
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Everything a friction analysis takes from its recording."""
+
+    holds: list[Hold]
+    bracket: list[Hold]
+    zero: TorqueZero
+    tare: Tare | None
+    channel: str
+    unit: str
+    warnings: list[str]
+
+
+def analyse(recording: Recording, evidence: Evidence) -> Result:
+    """Friction parameters with profile intervals, running torque at the catalogue's speeds, offset and asymmetry.
+
+    Settings: channel ("torque"), balance ("energy" or "published", the gear's own), bracket_limit (0.03; above it a warning),
+    bracket_refusal (0.25; above it refused), genetic (True: the paper's search beside it), seed of that search (0).
+    """
+    known_settings(evidence.settings, SETTINGS, NAME)
+    measured = _measure(recording, evidence)
+    if measured.unit != "N m":
+        return _in_foreign_unit(recording, measured)
+    settings = evidence.settings
+    spread = reproducibility([h.torque for h in measured.bracket])
+    with analysing(recording.metadata.run_id):
+        fit = fit_friction(
+            _with_reproducibility(measured.holds, spread), evidence.gear, tare=measured.tare,
+            bracket=[h.torque for h in measured.bracket], uncertainty=_type_b(recording, evidence.gear, measured),
+            balance=settings.get("balance"), bracket_limit=float(settings.get("bracket_limit", 0.03)),
+        )  # fmt: skip
+        check_identifiable(fit, limit=float(settings.get("bracket_refusal", 0.25)))
+        metrics = dict(fit.metrics)
+        if settings.get("genetic", True):
+            metrics |= _genetic(fit, evidence.gear, int(settings.get("seed", 0)))
+    metrics["torque_zero_drift"] = measured.zero.drift
+    metrics["reproducibility"] = spread
+    metrics |= _warmth(measured.holds)
+    estimates = (
+        dict(fit.estimates) | _offset(fit, measured.zero) | _running_torques(recording, fit, evidence.gear, measured)
+    )
+    run = recording.metadata.run_id
+    return Result(
+        run, NAME, estimates, metrics, (*measured.warnings, *fit.warnings), _verdicts(fit, estimates, evidence.gear),
+        friction_plots(fit, measured.holds, measured.bracket, measured.tare),
+        (point_table(measured.holds, measured.bracket, measured.tare), budget_table(estimates.values())),
+        {
+            "torque_is_of": fit.subject, "torque_balance": fit.torque_balance, "channel": measured.channel,
+            "low_speed_branch": evidence.gear.options.low_speed_branch,
+        },
+    )  # fmt: skip
+
+
+def _measure(recording: Recording, evidence: Evidence) -> _Measured:
+    channel = str(evidence.settings.get("channel", "torque"))
+    if channel == "torque" and not recording.has("torque") and recording.has("drive_torque"):
+        channel = "drive_torque"
+    recording.require("running torque", "input_angle", channel)
+    if recording.signals["input_angle"].unit != "rad":
+        raise AnalysisError(
+            "running torque is averaged over revolutions and needs a rotary input", where=recording.metadata.run_id,
+            value=f"input_angle in {recording.signals['input_angle'].unit}", limit="rad",
+            remedy="For a linear axis use the kind `motion`.",
+        )  # fmt: skip
+    warnings = list(check_recording(recording, "running torque", evidence.maximum_missed_share).warnings)
+    warnings += time_base_remark(recording)
+    zero = torque_zero(recording, channel)
+    warnings += zero.warnings
+    bracket: list[Hold] = []
+    if recording.segments:
+        holds, remarks = measured_holds(recording, recording.labelled("hold"), zero, channel)
+        bracket, more = measured_holds(recording, recording.labelled("bracket"), zero, channel)
+        remarks += more
+    else:
+        holds, remarks = foreign_holds(recording, zero, channel)
+    if not holds:
+        raise AnalysisError(
+            "no stretch at constant speed over a whole input revolution was found", where=recording.metadata.run_id,
+            remedy="Hold each speed for whole revolutions.",
+        )  # fmt: skip
+    speeds = [abs(h.torque.speed) for h in holds]
+    tare, said = read_tare(evidence.tare, min(speeds), max(speeds))
+    unit = recording.signals[channel].unit
+    return _Measured(holds, bracket, zero, tare, channel, unit, [*warnings, *remarks, *said])
+
+
+def reproducibility(bracket: list[RunningTorque]) -> float:
+    """Relative standard deviation of the friction at the reference speed over the run; NaN with less than four visits.
+
+    What a point shows when it is measured again later and elsewhere: more than the scatter between its own revolutions, which
+    says nothing about heat and about the place on the output.
+    """
+    if not bracket:
+        return math.nan
+    points = pair_directions(bracket)
+    friction = points.friction[points.paired]
+    return float(friction.std(ddof=1) / friction.mean()) if len(friction) >= 4 else math.nan
+
+
+def _with_reproducibility(holds: list[Hold], spread: float) -> list[RunningTorque]:
+    """The running torques with the reproducibility in their standard errors.
+
+    Both directions of a point are measured together and share it, so that it must not average out between them.
+    """
+    if not math.isfinite(spread):
+        return [h.torque for h in holds]
+    share = math.sqrt(2.0) * spread
+    return [
+        dataclasses.replace(h.torque, standard_error=math.hypot(h.torque.standard_error, share * abs(h.torque.torque)))
+        for h in holds
+    ]
+
+
+def _warmth(holds: list[Hold]) -> dict[str, float]:
+    """Mean and span of the housing temperature of the points [degC], where it was recorded."""
+    warmth = np.array([h.torque.temperature for h in holds])
+    if not np.isfinite(warmth).all():
+        return {}
+    return {"housing_temperature": float(warmth.mean()), "housing_temperature_span": float(np.ptp(warmth))}
+
+
+def _type_b(recording: Recording, gear: HarmonicDrive, measured: _Measured) -> TorqueUncertainty:
+    """What the data cannot show: torque scale, zero, the tare as a whole, warmth of the points, literature values."""
+    scale, _ = torque_scale_uncertainty(recording, measured.channel)
+    warmth = np.array([h.torque.temperature for h in measured.holds])
+    spread = float(np.std(warmth)) if np.isfinite(warmth).all() else 0.5
+    known = gear.origins.get("bearing.friction_factor", Origin("assumed"))
+    relative = BEARING_RELATIVE
+    if known.standard_uncertainty is not None and gear.bearing.friction_factor > 0.0:
+        relative = known.standard_uncertainty / gear.bearing.friction_factor
+    return TorqueUncertainty(
+        scale=scale,
+        zero=measured.zero.standard_uncertainty,
+        tare=TARE_RELATIVE if measured.tare is not None else 0.0,
+        temperature=spread,
+        temperature_coefficient=TEMPERATURE_COEFFICIENT,
+        bearing=relative,
+    )
+
+
+def _forces(fit: FrictionFit, gear: HarmonicDrive) -> tuple[np.ndarray, np.ndarray]:
+    """Mesh friction [N] and its standard error behind the torques of a fit, in its balance."""
+    lever = mesh_lever(gear, fit.torque_balance)
+    drag = bearing_lever(gear, fit.torque_balance) * bearing_magnitude(
+        gear.bearing, fit.speed, low_speed_branch=gear.options.low_speed_branch
+    )
+    return (fit.torque - drag) / lever, fit.standard_error / lever
+
+
+def _genetic(fit: FrictionFit, gear: HarmonicDrive, seed: int) -> dict[str, float]:
+    """The paper's genetic search on the same data: how far it stays behind variable projection."""
+    force, error = _forces(fit, gear)
+    found = fit_stribeck_genetic(fit.speed, force, error, seed=seed)
+    best = max(fit.stribeck.chi_square, 1e-12)
+    names = {f"genetic_{name}": float(v) for name, v in zip(NAMES, found.values, strict=True)}
+    return {
+        "genetic_chi_square_excess": found.chi_square / best - 1.0,
+        "genetic_evaluations": float(found.evaluations),
+        **names,
+    }
+
+
+def _running_torques(
+    recording: Recording, fit: FrictionFit, gear: HarmonicDrive, measured: _Measured
+) -> dict[str, Estimate]:
+    """The fitted no-load running torque at the catalogue's input speeds that lie within the run."""
+    found: dict[str, Estimate] = {}
+    lever = mesh_lever(gear, fit.torque_balance)
+    scale, source = torque_scale_uncertainty(recording, measured.channel)
+    for rpm in CATALOGUE_SPEEDS_RPM:
+        speed = rpm * RPM
+        if not fit.speed.min() <= speed <= fit.speed.max() * 1.01:
+            continue
+        value = float(np.interp(speed, fit.curve_speed, fit.curve_torque))
+        row = stribeck_jacobian(np.array([speed]), fit.stribeck.values)[0]
+        error = lever * math.sqrt(max(float(row @ fit.stribeck.covariance @ row), 0.0))
+        budget = [BudgetLine("fit of the points", "A", error), BudgetLine("torque scale", "B", scale * value, source)]
+        if measured.tare is not None:
+            at, _, _ = measured.tare.at(np.array([speed]))
+            budget.append(BudgetLine("tare", "B", TARE_RELATIVE * float(at[0]), "same motor, another day"))
+        name = f"running_torque_{rpm:.0f}_rpm"
+        found[name] = Estimate(
+            name, value, "N m", value - 1.96 * error, value + 1.96 * error, "yes", fit.subject, tuple(budget)
+        )
+    return found
+
+
+def _offset(fit: FrictionFit, zero: TorqueZero) -> dict[str, Estimate]:
+    """The half-sum of the directions with the torque zero in its budget."""
+    if "offset" not in fit.estimates:
+        return {}
+    offset = fit.estimates["offset"]
+    line = BudgetLine("scatter of the half-sums", "A", 0.25 * (offset.high - offset.low))
+    return {"offset": offset.with_budget((line, zero.budget()))}
+
+
+def _verdicts(fit: FrictionFit, estimates: dict[str, Estimate], gear: HarmonicDrive) -> tuple[Verdict, ...]:
+    """The largest running torque at the catalogue's speeds against the catalogue's value, if it is the gear's alone."""
+    judged = [e for name, e in estimates.items() if name.startswith("running_torque_")]
+    if fit.subject != "gear" or not judged:
+        return ()
+    worst = max(judged, key=lambda e: e.value)
+    limit = gear.value("ratings.running_torque")
+    definition = (
+        "torque that keeps the input turning at a constant speed, nothing on the output; largest of the speeds run"
+    )
+    rpm = worst.name.removeprefix("running_torque_").removesuffix("_rpm")
+    name = f"no-load running torque at {rpm} r/min"
+    return (judge_upper(name, definition, worst, limit.value, limit.origin.provenance, limit.origin.source),)
+
+
+def _in_foreign_unit(recording: Recording, measured: _Measured) -> Result:
+    """Friction over speed in the channel's own unit (a motor current): the Stribeck curve without levers and bearing."""
+    unit = measured.unit
+    with analysing(recording.metadata.run_id):
+        points = pair_directions([h.torque for h in measured.holds])
+        fit = fit_stribeck(points.speed, points.friction, points.standard_error)
+        intervals = profile_intervals(fit, points.speed, points.friction, points.standard_error)
+    units = {"coulomb": unit, "static": unit, "stribeck_velocity": "rad/s", "shape": "1", "viscous": f"{unit} s/rad"}
+    estimates: dict[str, Estimate] = {}
+    for k, name in enumerate(NAMES):
+        low, high = (float(x) for x in intervals[k])
+        closed = math.isfinite(low) and math.isfinite(high)
+        note = "" if closed else "the profile of the likelihood does not close: the data do not bound it"
+        low, high = (low if math.isfinite(low) else 0.0), (high if math.isfinite(high) else math.inf)
+        estimates[name] = Estimate(name, float(fit.values[k]), units[name], low, high, "yes" if closed else "no", note)
+    text = f'The channel "{measured.channel}" is in {unit}, not N m: friction is that of the whole axis, in {unit}.'
+    return Result(
+        recording.metadata.run_id, NAME, estimates,
+        {"points": float(len(points.speed)), "chi_square": fit.chi_square, "freedom": float(fit.freedom)},
+        (*measured.warnings, *points.warnings, text),
+        tables=(point_table(measured.holds, measured.bracket, None, unit),),
+        options={"torque_is_of": "motor + gear", "channel": measured.channel, "torque_balance": "none"},
+    )  # fmt: skip
+
+
+def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:
+    """Score the friction of a given parameter set on a run: MSE as in (22), and skill against two null models.
+
+    Null models: the mean torque, and a straight line over speed; both are fitted to the run, the parameter set is not.
+    """
+    known_settings(evidence.settings, SETTINGS, NAME)
+    measured = _measure(recording, evidence)
+    if measured.unit != "N m":
+        raise AnalysisError(
+            "a parameter set gives torques; this recording has none", where=recording.metadata.run_id,
+            value=f"{measured.channel} in {measured.unit}", limit="N m",
+        )  # fmt: skip
+    with analysing(recording.metadata.run_id):
+        points = pair_directions([h.torque for h in measured.holds])
+    torque = points.friction - (measured.tare.at(points.speed)[0] if measured.tare is not None else 0.0)
+    predicted = friction_torque(gear, points.speed)
+    metrics = _scores(points, torque, predicted)
+    subject = "gear" if measured.tare is not None else "motor + gear"
+    warnings = [*measured.warnings, *points.warnings]
+    if subject != "gear":
+        warnings.append("Without a valid tare a gear's parameter set is compared with motor and gear together.")
+    return Result(
+        recording.metadata.run_id, NAME, {}, metrics, tuple(warnings),
+        plots=(friction_prediction_plot(gear, points, torque, predicted, subject),),
+        options={
+            "torque_is_of": subject, "torque_balance": gear.options.torque_balance, "parameter_set": gear.name,
+            "fitted": "nothing",
+        },
+    )  # fmt: skip
+
+
+def _scores(points: FrictionPoints, torque: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
+    """MSE as in (22), rms, and skill 1 - rms/rms_null against the mean and a straight line."""
+    residual = torque - predicted
+    rms = float(np.sqrt(np.mean(residual**2)))
+    spread = float(np.std(torque))
+    line = np.polyfit(points.speed, torque, 1) if len(torque) > 2 else np.array([0.0, float(torque.mean())])
+    straight = float(np.sqrt(np.mean((torque - np.polyval(line, points.speed)) ** 2)))
+    return {
+        "mse": 100.0 * (rms / spread) ** 2 if spread > 0.0 else math.nan,
+        "residual_rms": rms,
+        "relative_rms": float(np.sqrt(np.mean((residual / torque) ** 2))),
+        "mean_residual": float(residual.mean()),
+        "skill_against_mean": 1.0 - rms / spread if spread > 0.0 else math.nan,
+        "skill_against_straight_line": 1.0 - rms / straight if straight > 0.0 else math.nan,
+        "points": float(len(torque)),
+    }
+
+
+def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
+    """The gear with the identified mesh friction and its uncertainty, in the torque balance of the fit.
+
+    Friction of motor + gear does not belong in a gear's parameter set: without a valid tare the gear comes back as it was.
+    """
+    if result.kind != NAME:
+        raise AnalysisError("is the result of another protocol", where=result.run, value=result.kind, limit=NAME)
+    if result.options.get("torque_is_of") != "gear":
+        return gear
+    changed = gear.with_values({f"mesh_friction.{name}": result.estimates[name].value for name in NAMES})
+    origins = dict(changed.origins)
+    for name in NAMES:
+        estimate = result.estimates[name]
+        u = estimate.standard_uncertainty
+        source = f"run {result.run}" + (f"; {estimate.note}" if estimate.note else "")
+        origins[f"mesh_friction.{name}"] = Origin("identified", source, u if math.isfinite(u) else None)
+    balance = result.options["torque_balance"]
+    options = dataclasses.replace(changed.options, torque_balance=balance)
+    return dataclasses.replace(changed, options=options, origins=origins)
+
+
+EXPERIMENT = Experiment(
+    NAME, "Friction", "no-load running torque at constant speeds, both directions, up and down", Parameters, plan, analyse,
+    needs=("input_angle", "torque"), compare=compare, identified=identified,
+)  # fmt: skip

@@ -1,0 +1,72 @@
+"""Where angles are counted from: the index mark of the motor encoder where the run saw it, else the start of the run.
+
+Phases of orders are stored against the index mark; without it they die with the power, and a kinematic error cannot be carried
+to another run.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments.recording import Recording
+from model.units import REVOLUTION
+
+INPUT_SEEN = 1
+OUTPUT_SEEN = 2
+
+
+@dataclass(frozen=True)
+class PhaseReference:
+    """The input angle [rad] that counts as zero, and what it is: "index marks", "input index" or "start of the run"."""
+
+    input_angle: float
+    what: str
+
+    @property
+    def carries(self) -> bool:
+        """Whether phases against this reference mean the same in another run."""
+        return self.what != "start of the run"
+
+    def warnings(self) -> list[str]:
+        """What must be said of phases against this reference."""
+        if self.what == "start of the run":
+            return ["No index mark was seen: phases count from the start of this run and cannot be carried to another."]
+        if self.what == "input index":
+            return [
+                "No output index mark was seen: phases of output orders and sidebands cannot be carried to another run."
+            ]
+        return []
+
+
+def phase_reference(recording: Recording) -> PhaseReference:
+    """The input index mark; the one that precedes the output's index mark where both were seen.
+
+    Whole orders repeat at every input mark. Output orders and sidebands do not, so that the output mark chooses the turn.
+    """
+    if not recording.has("input_index", "index_seen"):
+        return PhaseReference(0.0, "start of the run")
+    input_row, output_row = _first_rows(recording)
+    if input_row is None:
+        return PhaseReference(0.0, "start of the run")
+    last = recording.rows
+    mark = float(recording.si("input_index", slice(last - 1, last))[0])
+    if output_row is None or not recording.has("output_index"):
+        return PhaseReference(mark % REVOLUTION, "input index")
+    here = float(recording.si("input_angle", slice(output_row, output_row + 1))[0])
+    turns = np.floor((here - mark) / REVOLUTION)
+    return PhaseReference(mark + float(turns) * REVOLUTION, "index marks")
+
+
+def _first_rows(recording: Recording) -> tuple[int | None, int | None]:
+    """The first rows at which the input's and the output's mark had been seen."""
+    found: list[int | None] = [None, None]
+    for rows in recording.blocks(size=1 << 18):
+        seen = recording.stored("index_seen", rows).astype(np.int64)
+        for which, bit in enumerate((INPUT_SEEN, OUTPUT_SEEN)):
+            if found[which] is None and (seen & bit).any():
+                found[which] = rows.start + int(np.argmax((seen & bit) > 0))
+        if None not in found:
+            break
+    return found[0], found[1]

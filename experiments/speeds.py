@@ -1,0 +1,121 @@
+"""Choosing input speeds: logarithmic, incommensurate with SYNC, away from resonances.
+
+At r = speed/(2 pi f_SYNC) input revolutions per cycle, input order m appears in the samples as the fraction m r mod 1. Where
+that is close to a whole number the order does not average out over whole revolutions: 3000 r/min at 1 kHz is 20 samples per
+revolution, and orders 20, 40, 60 then stand in the mean. `incommensurate` moves a speed by at most a few per cent to where the
+worst order up to `HIGHEST_ORDER` leaks least. Resonance n f_1: order n of the kinematic error meets the first torsional
+mode f_1 at the input speed 60 f_1/n [r/min].
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+from experiments.errors import PlanError
+from model.gear import HarmonicDrive
+from model.stiffness import drive_stiffness
+from model.units import REVOLUTION, RPM
+
+HIGHEST_ORDER = 120
+"""Orders of the input up to which aliasing into the mean is looked at (tooth engagement, motor slots and their harmonics)."""
+_CANDIDATES = 61
+
+
+def alias_leak(speed: float, sample_rate: float, seconds: float) -> float:
+    """The largest share (0..1) of an aliased input order that stays in a mean of `seconds` at `speed` [rad/s].
+
+    |sin(pi m r M)| <= 1 is taken as 1: bound 1/(M |sin(pi m r)|) with M samples; orders below Nyquist count as none.
+    """
+    per_cycle = abs(speed) / (REVOLUTION * sample_rate)
+    samples = max(seconds * sample_rate, 1.0)
+    worst = 0.0
+    for order in range(1, HIGHEST_ORDER + 1):
+        phase = order * per_cycle
+        if phase > 0.5:
+            worst = max(worst, 1.0 / max(samples * abs(math.sin(math.pi * phase)), 1.0))
+    return worst
+
+
+def incommensurate(
+    speed: float, sample_rate: float, seconds: float, *, within: float = 0.015, ceiling: float = math.inf
+) -> float:
+    """The speed [rad/s] nearest to `speed` (within the share `within`, not above `ceiling`) at which orders alias least.
+
+    A speed whose leak is already below 2 % is kept.
+    """
+    if alias_leak(speed, sample_rate, seconds) < 0.02:
+        return speed
+    best = speed
+    least = alias_leak(speed, sample_rate, seconds)
+    for step in range(1, _CANDIDATES):
+        for sign in (-1.0, 1.0):
+            candidate = speed * (1.0 + sign * within * step / (_CANDIDATES - 1))
+            if candidate > ceiling:
+                continue
+            leak = alias_leak(candidate, sample_rate, seconds)
+            if leak < 0.9 * least:
+                best, least = candidate, leak
+    return best
+
+
+def lattice_distance(speed: float, sample_rate: float, lattice: float) -> float:
+    """How far the samples per input revolution are from a simple multiple or fraction p/q (q <= 12) of a count lattice.
+
+    The output encoder gives exactly `lattice` counts per input revolution, phase-locked to the input. Returned is the
+    smallest |x q - p| of x = lattice * speed/(2 pi f): near 0 the quantisation repeats at the same angles and does not average.
+    """
+    x = lattice * abs(speed) / (REVOLUTION * sample_rate)
+    return min(abs(x * q - round(x * q)) for q in range(1, 13))
+
+
+def log_speeds(low_rpm: float, high_rpm: float, count: int) -> tuple[float, ...]:
+    """`count` speeds [r/min] from low to high in equal ratios: about half of them below 100 r/min for 1 to 3000."""
+    if count == 1:
+        return (low_rpm,)
+    ratio = (high_rpm / low_rpm) ** (1.0 / (count - 1))
+    return tuple(low_rpm * ratio**k for k in range(count))
+
+
+def first_resonances(gear: HarmonicDrive) -> tuple[float, ...]:
+    """Candidates of the first torsional mode [rad/s]: sqrt(K/J_o) with the catalogue's K1 and with the computed K_HDf."""
+    stiffnesses = (gear.ratings.stiffness_1, drive_stiffness(gear).combined_output)
+    return tuple(sorted(math.sqrt(k / gear.inertia.output) for k in stiffnesses))
+
+
+def resonance_speeds(gear: HarmonicDrive, orders: Iterable[float] = ()) -> tuple[tuple[float, float], ...]:
+    """(order, input speed [rad/s]) pairs at which an order of the kinematic error meets the first mode."""
+    wanted = tuple(orders) or tuple(h.order for h in gear.kinematic_error if h.order >= 0.5) or (1.0, 2.0, 4.0)
+    return tuple((n, w / n) for w in first_resonances(gear) for n in wanted)
+
+
+def near_resonance(speed: float, resonances: Sequence[tuple[float, float]], band: float) -> float | None:
+    """The order whose resonance lies within the share `band` of `speed`, or None."""
+    for order, critical in resonances:
+        if abs(abs(speed) / critical - 1.0) < band:
+            return order
+    return None
+
+
+def clear_of_resonances(
+    speed: float, resonances: Sequence[tuple[float, float]], band: float, low: float, high: float
+) -> float:
+    """The nearest speed in [low, high] that is outside every resonance band; `speed` itself where there is none."""
+    if near_resonance(speed, resonances, band) is None:
+        return speed
+    edges = [c * (1.0 + s * 1.001 * band) for _, c in resonances for s in (-1.0, 1.0)]
+    free = [e for e in edges if low <= e <= high and near_resonance(e, resonances, band) is None]
+    return min(free, key=lambda e: abs(math.log(e / speed)), default=speed)
+
+
+def refuse_speed(speed_rpm: float, gear: HarmonicDrive, where: str) -> None:
+    """Raise `PlanError` for a speed that is not positive or is above the gear's rating."""
+    highest = gear.ratings.maximum_input_speed / RPM
+    if not 0.0 < speed_rpm <= highest * (1.0 + 1e-9):
+        raise PlanError(
+            "the input speed is outside what the gear is rated for",
+            where=where,
+            value=f"{speed_rpm:g} r/min",
+            limit=f"> 0 and <= {highest:.0f} r/min (ratings.maximum_input_speed)",
+            remedy="Choose a speed within the rating.",
+        )

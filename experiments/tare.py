@@ -1,0 +1,63 @@
+"""The motor's own friction over speed, from the result of a motor-tare run, so that the torque of the gear alone is left."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from experiments.result import Result, Table
+from model.identify.running_torque import Tare
+from model.units import RPM
+
+KIND = "motor-tare"
+TABLE = "motor-friction"
+COLUMNS = ("speed [r/min]", "friction [N m]", "standard error [N m]")
+"""Columns of the table that carries a tare from its result to those who subtract it."""
+REACH = 1.25
+"""A tare may be used up to this factor beyond its slowest and its fastest speed."""
+NO_TARE = "There is no motor tare: every torque is that of motor + gear and says nothing about the gear alone."
+
+
+def tare_table(tare: Tare) -> Table:
+    """The table that carries a tare: half-difference of the directions at each speed."""
+    rows = tuple(
+        (float(s) / RPM, float(t), float(u))
+        for s, t, u in zip(tare.speed, tare.torque, tare.standard_error, strict=True)
+    )
+    note = "half-difference of the directions; standard errors without the torque scale"
+    return Table(TABLE, "Friction of the bare motor", COLUMNS, rows, note)
+
+
+def read_tare(result: Result | None, low: float, high: float) -> tuple[Tare | None, list[str]]:
+    """The tare for input speeds (magnitudes) from low to high [rad/s], or None and the reason why there is none.
+
+    Valid is a tare from a motor-tare run with at least two speeds that covers the speeds of the run.
+    """
+    if result is None:
+        return None, []
+    problem = ""
+    tare = None
+    if result.kind != KIND:
+        problem = f"it is the result of {result.kind}, not of {KIND}"
+    else:
+        tare = _tare(result)
+        if tare is None:
+            problem = "it holds less than two speeds"
+        elif tare.speed[0] / REACH > low or tare.speed[-1] * REACH < high:
+            problem = (
+                f"it covers {tare.speed[0] / RPM:.3g} to {tare.speed[-1] / RPM:.4g} r/min, the run {low / RPM:.3g} to "
+                f"{high / RPM:.4g} r/min"
+            )
+    if problem:
+        return None, [f"The motor tare {result.run} was not used: {problem}."]
+    return tare, []
+
+
+def _tare(result: Result) -> Tare | None:
+    table = next((t for t in result.tables if t.name == TABLE), None)
+    if table is None or len(table.rows) < 2:
+        return None
+    rows = np.array([[float(v) for v in row] for row in table.rows])
+    rows = rows[np.argsort(rows[:, 0])]
+    if not np.isfinite(rows).all():
+        return None
+    return Tare(rows[:, 0] * RPM, rows[:, 1], rows[:, 2])
