@@ -1,0 +1,131 @@
+"""Identified numbers and parameter sets: taking results over into a gear, and holding a gear against results."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from experiments.result import Result
+    from model.gear import HarmonicDrive
+
+
+@dataclass(frozen=True)
+class Adopted:
+    """A parameter set with identified values in it, and the paths of what was identified."""
+
+    gear: HarmonicDrive
+    changed: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One value of a parameter set beside what a run identified for it, both in `unit` (SI); `uncertainty` is U (k = 2)."""
+
+    path: str
+    unit: str
+    parameter: float
+    identified: float
+    uncertainty: float
+
+    @property
+    def normalised_error(self) -> float:
+        """|difference| / U: above one, set and run disagree."""
+        difference = abs(self.identified - self.parameter)
+        if not self.uncertainty > 0:
+            return 0.0 if difference == 0 else math.inf
+        return difference / self.uncertainty
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the value of the set lies inside identified ± U."""
+        return self.normalised_error <= 1.0
+
+    def as_json(self) -> dict[str, Any]:
+        """The row as `rig compare --json` prints it."""
+        return {
+            "parameter": self.parameter,
+            "identified": self.identified,
+            "unit": self.unit,
+            "expanded_uncertainty": self.uncertainty,
+            "normalised_error": self.normalised_error,
+            "agrees": self.agrees,
+        }
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """How one quantity spreads between runs: mean, standard deviation, number of runs (SI)."""
+
+    kind: str
+    name: str
+    unit: str
+    mean: float
+    deviation: float
+    runs: int
+
+    @property
+    def key(self) -> str:
+        """The name under which `--json` lists it."""
+        return f"{self.kind}.{self.name}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Mean, standard deviation, unit, runs."""
+        return {"mean": self.mean, "standard_deviation": self.deviation, "unit": self.unit, "runs": self.runs}
+
+
+def adopt(gear: HarmonicDrive, results: Sequence[Result]) -> Adopted:
+    """The set with everything that these results identify, marked "identified" with its uncertainty; later results win.
+
+    What an analysis takes over, and what it leaves because the data cannot identify it, is the analysis' own decision.
+    """
+    from experiments import catalogue
+
+    before = gear
+    for result in results:
+        take_over = catalogue.load(result.kind).identified
+        if take_over is not None:
+            gear = take_over(result, gear)
+    changed = [
+        path for path, origin in gear.origins.items()
+        if origin.provenance == "identified" and before.origins.get(path) != origin
+    ]  # fmt: skip
+    return Adopted(gear, tuple(changed))
+
+
+def compare_with(gear: HarmonicDrive, result: Result) -> tuple[Comparison, ...]:
+    """What a result identifies beside what the set says, value by value; orders of the kinematic error by amplitude."""
+    found = adopt(gear, [result])
+    theirs, ours = _numbers(gear), _numbers(found.gear)
+    rows = []
+    for path in found.changed:
+        if path not in ours:
+            continue
+        value, unit = ours[path]
+        u = found.gear.origins[path].standard_uncertainty
+        rows.append(Comparison(path, unit, theirs.get(path, (0.0, unit))[0], value, 2.0 * u if u else 0.0))
+    return tuple(rows)
+
+
+def _numbers(gear: HarmonicDrive) -> dict[str, tuple[float, str]]:
+    from model.gear_file import harmonic_path
+
+    numbers = {value.path: (value.value, value.unit) for value in gear.values()}
+    return numbers | {harmonic_path(h.order): (h.amplitude, "rad") for h in gear.kinematic_error}
+
+
+def pooled(results: Sequence[Result]) -> tuple[Pooled, ...]:
+    """Mean and spread of every quantity that at least two runs of one kind give."""
+    groups: dict[tuple[str, str, str], list[float]] = {}
+    for result in results:
+        for name, estimate in result.estimates.items():
+            if math.isfinite(estimate.value) and not name.startswith("phase"):
+                groups.setdefault((result.kind, name, estimate.unit), []).append(estimate.value)
+    return tuple(
+        Pooled(kind, name, unit, statistics.fmean(v), statistics.stdev(v), len(v))
+        for (kind, name, unit), v in groups.items()
+        if len(v) > 1
+    )

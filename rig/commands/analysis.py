@@ -1,0 +1,253 @@
+"""`rig fit` and `rig compare`: identify a model from runs, and hold a parameter set against a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from experiments.result import Result
+    from model.gear import HarmonicDrive
+    from rig.adopt import Comparison
+    from rig.fit import Fit
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
+Parameters = Annotated[
+    Path | None, typer.Option("--parameters", metavar="FILE", help="Parameter set (TOML) instead of the run's own.")
+]
+Tare = Annotated[
+    Path | None, typer.Option("--tare", metavar="RUN", help="Motor-tare run (gear removed) that is subtracted.")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="A setting of the analysis, for instance channel=torque."),
+]
+
+
+def fit(
+    words: Annotated[
+        list[str], typer.Argument(metavar="[KIND] RUN...", help="Kind of fit (optional), then one or more run files.")
+    ],
+    tare: Tare = None,
+    parameters: Parameters = None,
+    parameters_out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the parameter set with what was identified (TOML).")
+    ] = None,
+    setting: Settings = None,
+    json: Json = False,
+) -> None:
+    """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
+
+    Kinds: kinematic-error, friction, velocity-steps, motor-tare, warm-up, starting-torque, home, and for any recording
+    motion (inertia and friction), revolution (Fourier series per revolution), order-spectrum. The exit code is the verdict:
+    0 PASS or nothing to judge, 1 FAIL, 3 MARGINAL.
+    """
+    from rig.exits import code_of_outcome
+    from rig.fit import fit_files
+
+    kind, runs = split_kind(words)
+    fits = fit_files(runs, kind, gear=_gear(parameters), tare=tare, settings=_settings(setting))
+    notes = _keep(fits)
+    if parameters_out is not None:
+        from model.gear_file import save_gear
+        from rig.adopt import adopt
+
+        adopted = adopt(fits[-1].gear, [f.result for f in fits])
+        save_gear(adopted.gear, parameters_out)
+        notes.append(f"{parameters_out}: {len(adopted.changed)} identified values written")
+    if json:
+        from rig.results import json_text
+
+        typer.echo(json_text(_as_object(fits)))
+    else:
+        _print_fits(fits, notes)
+    raise typer.Exit(max((code_of_outcome(f.result.outcome) for f in fits), key=_severity))
+
+
+def compare(
+    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run file.")],
+    parameters: Annotated[
+        Path, typer.Option("--parameters", metavar="FILE", help="Parameter set (TOML) to hold against it.")
+    ],
+    kind: Annotated[str, typer.Option(help="Kind of fit, where the run's protocol does not say it.")] = "",
+    tare: Tare = None,
+    setting: Settings = None,
+    json: Json = False,
+) -> None:
+    """Hold a parameter set against a run: what it predicts, what was measured, and how far apart they are."""
+    from rig.adopt import compare_with
+    from rig.fit import fit_files, score
+
+    gear = _gear(parameters)
+    assert gear is not None
+    found = fit_files([run], kind, gear=gear, tare=tare, settings=_settings(setting))[0]
+    rows = compare_with(gear, found.result)
+    scored = score(found)
+    if json:
+        from rig.results import json_text
+
+        made = {
+            "run": found.result.run,
+            "kind": found.result.kind,
+            "parameter_set": gear.name,
+            "parameters_file": str(parameters),
+            "comparison": {row.path: row.as_json() for row in rows},
+            "metrics": dict(scored.metrics),
+            "warnings": list(dict.fromkeys((*scored.warnings, *found.result.warnings))),
+        }
+        typer.echo(json_text(made))
+        return
+    _print_comparison(found, scored, gear, rows)
+
+
+def split_kind(words: list[str]) -> tuple[str, list[Path]]:
+    """KIND and RUNs: the first word is a kind if it is one and no file of that name is there."""
+    from experiments import catalogue
+
+    first, rest = words[0], words[1:]
+    if first in catalogue.kinds() and not Path(first).is_file():
+        if not rest:
+            raise typer.BadParameter(f"which run? For instance: rig fit {first} RUN.h5", param_hint="RUN")
+        return first, [Path(w) for w in rest]
+    if rest and not Path(first).exists() and not any(c in first for c in "./\\"):
+        kinds = ", ".join(catalogue.kinds())
+        raise typer.BadParameter(
+            f"{first!r} is neither a run file nor a kind of fit. Kinds: {kinds}", param_hint="KIND"
+        )
+    return "", [Path(w) for w in words]
+
+
+def _gear(path: Path | None) -> HarmonicDrive | None:
+    from model.gear_file import load_gear
+
+    return None if path is None else load_gear(path)
+
+
+def _settings(pairs: list[str] | None) -> dict[str, Any]:
+    """NAME=VALUE pairs; numbers, truth values and lists of numbers are read as such."""
+    made: dict[str, Any] = {}
+    for pair in pairs or ():
+        name, equals, text = pair.partition("=")
+        if not equals or not name.strip():
+            raise typer.BadParameter(f"{pair!r} is not NAME=VALUE", param_hint="--set")
+        made[name.strip().replace("-", "_")] = _read(text.strip())
+    return made
+
+
+def _read(text: str) -> Any:
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    parts = text.split(",")
+    numbers: list[float | int] = []
+    for part in parts:
+        try:
+            numbers.append(int(part) if part.strip().lstrip("+-").isdigit() else float(part))
+        except ValueError:
+            return text
+    return numbers[0] if len(numbers) == 1 else tuple(numbers)
+
+
+def _severity(code: int) -> int:
+    """FAIL is worse than MARGINAL is worse than PASS."""
+    return {0: 0, 3: 1, 1: 2}.get(code, 3)
+
+
+def _keep(fits: tuple[Fit, ...]) -> list[str]:
+    """Append every fit to the store beside its run; a folder that cannot be written is said, not fatal."""
+    from datetime import datetime
+
+    from rig.errors import RunFileError
+    from rig.fit import store
+
+    notes = []
+    for found in fits:
+        try:
+            kept = store(found, datetime.now().astimezone().isoformat(timespec="seconds"))
+        except RunFileError as error:
+            typer.echo(f"Not stored: {error}", err=True)
+        else:
+            if kept.stored and found.path is not None:
+                notes.append(f"kept as {found.path.with_name(kept.stored.split('/')[0]) / kept.stored.split('/')[1]}")
+    return notes
+
+
+def _as_object(fits: tuple[Fit, ...]) -> dict[str, Any]:
+    if len(fits) == 1:
+        return fits[0].result.as_json()
+    from rig.adopt import pooled
+
+    spread = pooled([f.result for f in fits])
+    return {"fits": [f.result.as_json() for f in fits], "pooled": {p.key: p.as_json() for p in spread}}
+
+
+def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
+    from rich.text import Text
+
+    from rig.commands.result_tables import console, print_result
+    from rig.report.figures import WATERMARKS
+    from rig.report.wording import number, readable
+
+    out = console()
+    for found in fits:
+        metadata = found.recording.metadata
+        word = WATERMARKS.get(metadata.origin, metadata.origin.upper())
+        gear = f", gear {metadata.gear_serial}" if metadata.gear_serial else ""
+        print_result(
+            out, found.result, f"{found.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}"
+        )
+    if len(fits) > 1:
+        from rig.adopt import pooled
+
+        spread = pooled([f.result for f in fits])
+        if spread:
+            out.print()
+            out.print(Text("Between runs", style="bold"))
+        for p in spread:
+            text = f"  {p.kind} {readable(p.name)}: mean {number(p.mean)}, standard deviation {number(p.deviation)}"
+            out.print(Text(f"{text} {p.unit} over {p.runs} runs"))
+    out.print()
+    for note in notes:
+        out.print(Text(f"  {note}", style="dim"))
+
+
+def _print_comparison(found: Fit, scored: Result, gear: HarmonicDrive, rows: Sequence[Comparison]) -> None:
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    from rig.commands.result_tables import console, print_metrics, print_warnings
+    from rig.report.wording import display_unit, number
+
+    out = console()
+    out.print()
+    out.print(Text(f"{found.result.kind} · run {found.result.run} against parameter set {gear.name}", style="bold"))
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading in ("parameter", "set", "run", "± U", "unit", "|Δ| / U", "agrees?"):
+        table.add_column(heading, justify="left" if heading in ("parameter", "unit", "agrees?") else "right")
+    for row in rows:
+        factor, unit = display_unit(row.path, row.unit, row.identified)
+        table.add_row(
+            _name_of(gear, row.path), number(row.parameter / factor), number(row.identified / factor),
+            number(row.uncertainty / factor, 2), unit, number(row.normalised_error, 2),
+            Text("yes", style="green") if row.agrees else Text("no", style="red"),
+        )  # fmt: skip
+    if rows:
+        out.print(table)
+    else:
+        out.print(Text("  This run identifies no value that a parameter set holds.", style="dim"))
+    print_metrics(out, scored)
+    print_warnings(out, tuple(dict.fromkeys((*scored.warnings, *found.result.warnings))))
+
+
+def _name_of(gear: HarmonicDrive, path: str) -> str:
+    """A value of the set as people call it: its description and symbol."""
+    from rig.report.wording import readable
+
+    for value in gear.values():
+        if value.path == path:
+            return f"{value.description} {value.symbol}".rstrip()
+    return readable(path.replace(".", " "))

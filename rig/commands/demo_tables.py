@@ -1,0 +1,100 @@
+"""What `rig demo` shows on a terminal: progress with time left, then what was found and where the files are."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rig.demo import Demonstration, Finished, Step
+
+
+@contextlib.contextmanager
+def progress(quiet: bool) -> Iterator[Callable[[Step | Finished], None]]:
+    """Bars on a terminal, one line per finished protocol elsewhere, nothing when quiet. Everything goes to stderr."""
+    if quiet:
+        yield lambda message: None
+    elif sys.stderr.isatty():
+        with _bars() as show:
+            yield show
+    else:
+        yield _line
+
+
+def _line(message: Step | Finished) -> None:
+    from rig.demo import Finished
+
+    if isinstance(message, Finished):
+        sys.stderr.write(f"{message.protocol}: {message.outcome}, run and fitted in {message.seconds:.1f} s\n")
+
+
+@contextlib.contextmanager
+def _bars() -> Iterator[Callable[[Step | Finished], None]]:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    from rig.demo import ORDER, Finished
+
+    columns = (
+        TextColumn("{task.description:<16}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn(),
+        TextColumn("{task.fields[what]}"),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+        tasks = {name: bars.add_task(name, total=1.0, what="waiting") for name in ORDER}
+
+        def show(message: Step | Finished) -> None:
+            task = tasks[message.protocol]
+            if isinstance(message, Finished):
+                bars.update(task, completed=1.0, what=f"{message.outcome}, {message.seconds:.1f} s")
+                return
+            share = message.done / max(message.done + message.left, 1e-9)
+            bars.update(task, completed=0.9 * share, what=message.what)
+
+        yield show
+
+
+def print_demonstration(made: Demonstration) -> None:
+    """What was found, and where the files are."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    from rig.commands.result_tables import VERDICT_STYLE, console, print_warnings, verdict_sentence
+    from rig.report.wording import number, readable, show
+
+    out = console()
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    for heading in ("test", "quantity"):
+        table.add_column(heading)
+    for heading in ("found", "truth", "|Δ| / U"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("within U")
+    for kind, row in made.truth:
+        if row.estimate.name.startswith("phase_"):
+            continue
+        shown, u = show(row.estimate), row.estimate.expanded_uncertainty
+        truth = f"{shown.number(row.estimate.value - row.difference)} {shown.unit}".rstrip()
+        table.add_row(
+            kind, readable(row.estimate.name), shown.with_uncertainty, truth,
+            number(abs(row.difference) / u, 2) if u > 0 else "–",
+            Text("yes", style="green") if row.within else Text("no", style="yellow"),
+        )  # fmt: skip
+    out.print()
+    out.print(Text("SIMULATED: what was found, and what the simulated gear was made of", style="bold"))
+    out.print(table)
+    covered, within = (sum(getattr(row, what) for _, row in made.truth) for what in ("covered", "within"))
+    text = f"{covered} of {len(made.truth)} true values (phases included) lie in the 95 % interval, {within} within ± U (k = 2).\n"
+    out.print(Text(text))
+    for fit in made.fits:
+        for verdict in fit.result.verdicts:
+            line = Text.assemble("  ", (verdict.outcome, VERDICT_STYLE.get(verdict.outcome, "")))
+            out.print(line.append(f"  {verdict.name}: {verdict_sentence(verdict)}"))
+        print_warnings(out, [f"{fit.result.kind}: {w}" for w in fit.result.warnings])
+    out.print()
+    for name, path in (("report", made.report), ("parameter set", made.parameters)):
+        out.print(Text(f"  {name:<14} {path}"), soft_wrap=True)
+    for done in made.finished:
+        out.print(Text(f"  {done.protocol:<14} {done.path}"), soft_wrap=True)
+    out.print(Text(f"\nDone in {made.seconds:.0f} s.", style="dim"))

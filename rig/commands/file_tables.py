@@ -1,0 +1,224 @@
+"""How runs, their channels, segments and events look on a screen and as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from experiments.recording import Event, Recording, Segment
+from model.units import RPM
+from rig.library import ListedRun
+from rig.runfile.header import ORIGIN_WORDS
+from rig.runfile.verify import Finding
+
+SHOWN_SEGMENTS = 24
+SHOWN_EVENTS = 20
+_COLOURS = {"error": "bold red", "warning": "yellow", "ok": "green", "info": ""}
+_OUTCOME_COLOURS = {"PASS": "green", "MARGINAL": "yellow"}
+
+
+def print_runs(folder: Path, listed: Sequence[ListedRun]) -> None:
+    """The list of a folder."""
+    console = Console()
+    if not listed:
+        console.print(f"No runs in {folder}.")
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for heading in ("run", "started", "protocol", "gear", "time", "rows", "outcome", "origin"):
+        right = heading in ("time", "rows")
+        table.add_column(heading, overflow="fold", no_wrap=heading == "run", justify="right" if right else "left")
+    for run in listed:
+        m = run.metadata
+        if m is None:
+            table.add_row(run.path.name, Text("unreadable: " + run.problem, style="bold red"))
+            continue
+        outcome = "unfinished" if run.unfinished and not m.outcome else m.outcome or "-"
+        style = _OUTCOME_COLOURS.get(outcome, "bold red" if outcome not in ("-", "unfinished") else "")
+        table.add_row(
+            run.path.name, m.start_time[:16] or "-", m.experiment or "-", _gear_text(run_gear(m.gear), m.gear_serial),
+            duration_text(run.duration), str(run.rows), Text(outcome, style=style), ORIGIN_WORDS[m.origin] or "hardware",
+        )  # fmt: skip
+    console.print(table)
+
+
+def listed_as_json(run: ListedRun) -> dict[str, Any]:
+    """One run of the list."""
+    m = run.metadata
+    if m is None:
+        return {"file": str(run.path), "problem": run.problem}
+    return {
+        "file": str(run.path), "run": m.run_id, "protocol": m.experiment, "origin": m.origin, "outcome": m.outcome,
+        "unfinished": run.unfinished, "started": m.start_time, "operator": m.operator, "gear": run_gear(m.gear),
+        "gear_serial": m.gear_serial, "rows": run.rows, "duration_s": run.duration, "problem": run.problem,
+    }  # fmt: skip
+
+
+def print_recording(recording: Recording, path: Path) -> None:
+    """One run on one or two screens."""
+    console = Console()
+    m = recording.metadata
+    mark = ORIGIN_WORDS[m.origin]
+    console.print(Text(f"{m.run_id or path.name}", style="bold") + Text(f"  {mark}" if mark else "", style="bold magenta"))
+    facts = Table(box=None, show_header=False, pad_edge=False)
+    facts.add_column(style="dim")
+    facts.add_column(overflow="fold")
+    for name, text in _facts(recording, path):
+        facts.add_row(name, text)
+    console.print(facts)
+    console.print(_channel_table(recording))
+    if recording.segments:
+        console.print(_segment_table(recording))
+    if recording.events:
+        console.print(_event_table(recording.events))
+
+
+def recording_as_json(recording: Recording, path: Path) -> dict[str, Any]:
+    """Everything that `rig show` says of a run."""
+    m = recording.metadata
+    ranges = channel_ranges(recording)
+    return {
+        "run": m.run_id, "file": str(path), "title": m.title, "protocol": m.experiment, "origin": m.origin,
+        "outcome": m.outcome, "started": m.start_time, "ended": m.end_time, "operator": m.operator,
+        "gear": run_gear(m.gear), "gear_serial": m.gear_serial, "ratio": m.ratio, "mounting": m.mounting,
+        "output_sense": m.output_sense, "gear_mounted": m.gear_mounted, "rows": recording.rows,
+        "sample_rate": m.sample_rate, "time_base": m.time_base, "sha256": m.sha256, "parameters": m.parameters,
+        "conditions": m.conditions, "process": {k: v for k, v in m.process.items() if k != "truth"},
+        "channels": [
+            {"name": s.name, "unit": s.unit, "scale": s.scale, "offset": s.offset, "quantum": s.quantum,
+             "long_name": s.long_name, "minimum": ranges[s.name][0], "maximum": ranges[s.name][1]}
+            for s in recording.signals.values()
+        ],
+        "segments": [
+            {"index": s.index, "label": s.label, "start": s.start, "stop": s.stop, "setpoint": s.setpoint,
+             "direction": s.direction, "repeat": s.repeat}
+            for s in recording.segments
+        ],
+        "events": [
+            {"time": _moment(e.time_ns), "level": e.level, "code": e.code, "source": e.source, "text": e.text}
+            for e in recording.events
+        ],
+    }  # fmt: skip
+
+
+def print_findings(checked: Mapping[str, Sequence[Finding]]) -> None:
+    """What verifying found, run by run."""
+    console = Console()
+    for path, findings in checked.items():
+        console.print(Text(path, style="bold"))
+        table = Table(box=None, show_header=False, pad_edge=True)
+        table.add_column()
+        table.add_column()
+        table.add_column(overflow="fold")
+        for finding in findings:
+            table.add_row(Text(finding.level, style=_COLOURS[finding.level]), finding.check, Text(finding.text))
+        console.print(table)
+
+
+def channel_ranges(recording: Recording) -> dict[str, tuple[float, float]]:
+    """Smallest and largest SI value of every channel, in constant memory; NaN for a run without rows."""
+    ranges: dict[str, tuple[float, float]] = {}
+    for name in recording.signals:
+        low, high = math.inf, -math.inf
+        for block in recording.blocks():
+            values = recording.si(name, block)
+            low, high = min(low, float(values.min())), max(high, float(values.max()))
+        ranges[name] = (low, high) if low <= high else (math.nan, math.nan)
+    return ranges
+
+
+def duration_text(seconds: float) -> str:
+    """A duration as people say it."""
+    if not math.isfinite(seconds):
+        return "-"
+    if seconds < 60.0:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def run_gear(gear: Any) -> str:
+    """The part number of a gear, "" without one."""
+    return gear.name if gear is not None else ""
+
+
+def _gear_text(name: str, serial: str) -> str:
+    return " ".join(part for part in (name, serial) if part) or "-"
+
+
+def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
+    m = recording.metadata
+    ratio = "" if math.isnan(m.ratio) else f", ratio {m.ratio:g}"
+    mounted = f"{m.mounting}, output encoder counts {'with' if m.output_sense > 0 else 'against'} the input"
+    rate = "" if math.isnan(m.sample_rate) else f" at {m.sample_rate:g} Hz"
+    flagged = _flagged(recording)
+    total = float(recording.time(slice(recording.rows - 1, recording.rows))[0]) if recording.rows else 0.0
+    missed = f", {flagged} cycles flagged" if flagged else ""
+    facts = [
+        ("file", str(path)), ("title", m.title), ("protocol", m.experiment or "-"),
+        ("outcome", m.outcome or ("unfinished" if path.name.endswith(".part") else "-")),
+        ("started", m.start_time or "-"), ("ended", m.end_time or "-"), ("operator", m.operator or "-"),
+        ("gear", f"{_gear_text(run_gear(m.gear), m.gear_serial)}{ratio}" if m.gear_mounted else "none mounted"),
+        ("mounting", mounted if m.gear_mounted else ""),
+        ("rows", f"{recording.rows}{rate}, {duration_text(total)}, time base {m.time_base}{missed}"),
+        ("backend", ", ".join(f"{k} {m.process[k]}" for k in ("backend", "seed", "program_version") if k in m.process)),
+        ("parameters", ", ".join(f"{name} = {value}" for name, value in m.parameters.items())),
+        ("conditions", ", ".join(f"{name} = {value}" for name, value in m.conditions.items())),
+        ("SHA-256", m.sha256 or "not sealed"),
+    ]  # fmt: skip
+    return [(name, text) for name, text in facts if text]
+
+
+def _flagged(recording: Recording) -> int:
+    return sum(int((recording.flags(block) != 0).sum()) for block in recording.blocks())
+
+
+def _channel_table(recording: Recording) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False, title="Channels", title_justify="left")
+    for heading in ("channel", "what", "unit", "one count", "minimum", "maximum"):
+        table.add_column(heading, justify="left" if heading in ("channel", "what", "unit") else "right")
+    ranges = channel_ranges(recording)
+    for name, signal in recording.signals.items():
+        low, high = ranges[name]
+        quantum = f"{signal.quantum:.4g}" if signal.quantum else "-"
+        table.add_row(name, signal.long_name, signal.unit, quantum, f"{low:.6g}", f"{high:.6g}")
+    return table
+
+
+def _segment_table(recording: Recording) -> Table:
+    shown, left = recording.segments[:SHOWN_SEGMENTS], len(recording.segments) - SHOWN_SEGMENTS
+    title = "Segments" + (f" (the first {SHOWN_SEGMENTS}; {left} more with --json)" if left > 0 else "")
+    table = Table(box=None, header_style="bold", pad_edge=False, title=title, title_justify="left")
+    for heading in ("#", "label", "from row", "to row", "set-point (SI)", "r/min", "direction", "repeat"):
+        table.add_column(heading, justify="left" if heading == "label" else "right")
+    for s in shown:
+        table.add_row(
+            str(s.index), s.label, str(s.start), str(s.stop), f"{s.setpoint:.6g}", _rpm(s), f"{s.direction:+d}", str(s.repeat)
+        )
+    return table
+
+
+def _rpm(segment: Segment) -> str:
+    return f"{segment.setpoint / RPM:.5g}" if segment.setpoint else "-"
+
+
+def _event_table(events: Sequence[Event]) -> Table:
+    left = len(events) - SHOWN_EVENTS
+    title = "Events" + (f" (the last {SHOWN_EVENTS}; {left} more with --json)" if left > 0 else "")
+    table = Table(box=None, header_style="bold", pad_edge=False, title=title, title_justify="left")
+    for heading in ("time (UTC)", "level", "code", "source", "text"):
+        table.add_column(heading, overflow="fold")
+    for e in events[-SHOWN_EVENTS:]:
+        table.add_row(_moment(e.time_ns)[11:23], Text(e.level, style=_COLOURS.get(e.level, "")), e.code, e.source, Text(e.text))
+    return table
+
+
+def _moment(time_ns: int) -> str:
+    return datetime.fromtimestamp(time_ns // 1_000_000 / 1e3, UTC).isoformat(timespec="milliseconds")

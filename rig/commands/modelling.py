@@ -1,0 +1,30 @@
+"""`rig model`: every quantity that the model derives from a parameter set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def model(
+    parameters: Annotated[
+        Path | None, typer.Option("--parameters", metavar="FILE", help="Parameter set (TOML); CSF-25-120 without it.")
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output, in SI.")] = False,
+) -> None:
+    """Show what the model derives from a parameter set: stiffnesses, modes, resonance speeds, friction, in SI."""
+    from model.gear_file import load_gear, shipped_gear
+    from model.summary import derived_quantities
+
+    gear = load_gear(parameters) if parameters else shipped_gear()
+    summary = derived_quantities(gear)
+    if json:
+        from rig.results import json_text
+
+        typer.echo(json_text(summary.as_json()))
+        return
+    from rig.commands.model_tables import print_summary
+
+    print_summary(gear, summary)

@@ -1,0 +1,116 @@
+"""A folder of runs: the next run number, which is never used twice, and the list of what is there."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.recording import RunMetadata
+from rig.errors import RigError, RunFileError
+
+NUMBERS_FOLDER = ".run-numbers"
+"""One empty file per number that was ever given out in a folder; taking a number is creating its file."""
+
+RUN_SUFFIXES = (".h5", ".h5.part")
+_LEADING_NUMBER = re.compile(r"(\d{1,9})-")
+_NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9._]+")
+
+
+@dataclass(frozen=True)
+class RunPlace:
+    """A number that belongs to one run for good, and the file that it will be in."""
+
+    number: int
+    path: Path
+
+    @property
+    def run_id(self) -> str:
+        """`<number>-<protocol>-<serial>`."""
+        return self.path.name.removesuffix(".h5")
+
+
+@dataclass(frozen=True)
+class ListedRun:
+    """One line of the list: what the file says of itself, or why it cannot be read."""
+
+    path: Path
+    metadata: RunMetadata | None
+    rows: int = 0
+    duration: float = float("nan")
+    problem: str = ""
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether it is still being written or was cut off."""
+        return self.path.name.endswith(".part")
+
+
+def claim_run(folder: str | Path, protocol: str, serial: str) -> RunPlace:
+    """Take the next run number of a folder, made if need be; safe against other processes that do the same."""
+    folder = Path(folder)
+    try:
+        (folder / NUMBERS_FOLDER).mkdir(parents=True, exist_ok=True)
+        number = _highest_number(folder) + 1
+        while True:
+            try:
+                (folder / NUMBERS_FOLDER / f"{number:05d}").open("x").close()
+                break
+            except FileExistsError:
+                number += 1
+    except OSError as error:
+        raise RunFileError(
+            f"no run can be recorded here: {error.strerror or error}", where=str(folder),
+            remedy="Name a folder that can be written.",
+        ) from error  # fmt: skip
+    return RunPlace(number, folder / f"{number:05d}-{_in_name(protocol, 'run')}-{_in_name(serial, 'unknown')}.h5")
+
+
+def run_files(folder: str | Path) -> tuple[Path, ...]:
+    """The run files of a folder in the order of their numbers, unfinished ones included."""
+    folder = Path(folder)
+    try:
+        found = [path for path in folder.iterdir() if path.name.endswith(RUN_SUFFIXES) and path.is_file()]
+    except OSError as error:
+        raise RunFileError(
+            f"is no folder of runs: {error.strerror or error}", where=str(folder), remedy="Name the folder with --output."
+        ) from error
+    return tuple(sorted(found, key=lambda path: (_number(path.name), path.name)))
+
+
+def list_runs(folder: str | Path) -> tuple[ListedRun, ...]:
+    """What every run of a folder says of itself; a file that cannot be read is listed with its reason."""
+    return tuple(_listed(path) for path in run_files(folder))
+
+
+def _listed(path: Path) -> ListedRun:
+    from rig.runfile.read import close_recording, open_run
+
+    try:
+        recording = open_run(path, digest=False)
+    except RigError as error:
+        return ListedRun(path, None, problem=str(error))
+    try:
+        rows = recording.rows
+        ends = recording.source.time_ns(0, 1), recording.source.time_ns(max(rows - 1, 0), rows)
+        duration = float(ends[1][0] - ends[0][0]) * 1e-9 if rows else 0.0
+        return ListedRun(path, recording.metadata, rows, duration)
+    except RigError as error:
+        return ListedRun(path, recording.metadata, problem=str(error))
+    finally:
+        close_recording(recording)
+
+
+def _highest_number(folder: Path) -> int:
+    names = [path.name + "-" for path in (folder / NUMBERS_FOLDER).iterdir()]
+    names += [path.name for path in folder.iterdir()]
+    return max((_number(name) for name in names), default=0)
+
+
+def _number(name: str) -> int:
+    found = _LEADING_NUMBER.match(name)
+    return int(found.group(1)) if found else 0
+
+
+def _in_name(text: str, otherwise: str) -> str:
+    return _NOT_IN_NAMES.sub("_", text.strip())[:60].strip("._") or otherwise

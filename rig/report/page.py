@@ -1,0 +1,236 @@
+"""The report: one self-contained HTML page that a laboratory can send out, made from fits.
+
+Verdict first, then warnings, results with the paper's figures, conditions, uncertainty, provenance, definitions. Nothing is
+loaded from elsewhere; everything that comes from files is escaped. Runs that do not come from hardware are marked on every
+figure and cannot be signed.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.result import Plot
+from rig.errors import RigError
+from rig.report import content, definitions, figures
+from rig.report.wording import printable
+
+if TYPE_CHECKING:
+    from experiments.truth import TruthRow
+    from rig.fit import Fit
+
+TEMPLATE, STYLE = "page.html", "page.css"
+
+TITLES = {
+    "kinematic-error": "Kinematic error and transmission accuracy",
+    "friction": "No-load running torque and friction",
+    "velocity-steps": "Velocity steps",
+    "motor-tare": "Motor tare",
+    "warm-up": "Warm-up",
+    "starting-torque": "No-load starting torque",
+    "home": "Index marks",
+    "motion": "Inertia and friction from motion",
+    "revolution": "Fourier series per revolution",
+    "order-spectrum": "Order spectrum",
+}
+"""Headings of the kinds of fit."""
+
+ORDER = tuple(TITLES)
+"""The order of the parts of a report."""
+
+ORIGIN_SENTENCES = {
+    "simulated": "Made on a simulated rig with a simulated gear. This is no measurement of a physical gear, stays out of any "
+    "gear's history and cannot be signed.",
+    "replay": "Made by playing back a recorded run. It is no new measurement and cannot be signed.",
+    "imported": "Made from a recording of another rig, whose calibration this program has not seen. It cannot be signed.",
+}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing in the page with its number and caption."""
+
+    number: int
+    anchor: str
+    svg: Any
+    title: str
+    after: str
+    note: str
+    half: bool
+
+
+@dataclass(frozen=True)
+class Signature:
+    """Who may sign: only runs from hardware, all of them."""
+
+    allowed: bool
+    reason: str = ""
+
+
+def write_report(
+    fits: Sequence[Fit],
+    path: str | Path,
+    *,
+    created: str,
+    truth: Sequence[tuple[str, TruthRow]] = (),
+    note: str = "",
+) -> Path:
+    """Write the report of these fits (of one gear) as one HTML file and return its path.
+
+    `created` is the calendar time of the report (ISO 8601); `truth` kind of fit and what the simulator knows, where it was asked; `note` a
+    sentence under the title. The same input gives the same bytes. Raises `RigError` for nothing to report or a file that
+    cannot be written.
+    """
+    path = Path(path)
+    text = render_report(fits, created=created, truth=truth, note=note)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise RigError(
+            "the report cannot be written", where=str(path), value=error.strerror or str(error),
+            remedy="Choose another --output.",
+        ) from None  # fmt: skip
+    return path
+
+
+def render_report(fits: Sequence[Fit], *, created: str, truth: Sequence[tuple[str, TruthRow]] = (), note: str = "") -> str:
+    """The text of the page; see `write_report`."""
+    import jinja2
+    from markupsafe import Markup
+
+    if not fits:
+        raise RigError("there is nothing to report", remedy="Name at least one run.")
+    fits = sorted(fits, key=_place)
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("rig", "report"), autoescape=True, undefined=jinja2.StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True, finalize=_finalize,
+    )  # fmt: skip
+    style = environment.get_template(STYLE).render()
+    return environment.get_template(TEMPLATE).render(
+        style=Markup(style), created=created, note=note, **_context(fits, truth)
+    )
+
+
+def _finalize(value: Any) -> Any:
+    """Texts without control characters; markup of ours as it is."""
+    return printable(value) if type(value) is str else value
+
+
+def _place(fit: Fit) -> tuple[int, str]:
+    kind = fit.result.kind
+    return ORDER.index(kind) if kind in ORDER else len(ORDER), fit.recording.metadata.start_time
+
+
+def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict[str, Any]:
+    """Everything that the template shows."""
+    results = [f.result for f in fits]
+    number = content.report_number(results, [f.recording.metadata.sha256 for f in fits])
+    mounted = [f for f in fits if f.recording.metadata.gear_mounted] or list(fits)
+    parts, all_figures = _parts(fits)
+    origins = list(dict.fromkeys(f.recording.metadata.origin for f in fits))
+    warnings = [(p.title, p.anchor, p.run, w) for p in parts for w in p.warnings]
+    serials = list(dict.fromkeys(f.recording.metadata.gear_serial for f in mounted))
+    gears = list({f.gear.name: f.gear for f in mounted}.values())
+    return {
+        "number": number,
+        "gear_name": ", ".join(g.name for g in gears),
+        "serial": ", ".join(s for s in serials if s) or "not stated",
+        "serials": serials,
+        "operators": ", ".join(dict.fromkeys(f.recording.metadata.operator or "not stated" for f in fits)),
+        "dates": _dates(fits),
+        "words": [w for w in (figures.WATERMARKS.get(o, o.upper()) for o in origins) if w],
+        "origin_sentences": [ORIGIN_SENTENCES[o] for o in origins if o in ORIGIN_SENTENCES],
+        "overall": content.overall(fits),
+        "verdicts": content.verdict_lines(fits),
+        "warnings": warnings,
+        "parts": parts,
+        "conditions": content.side_by_side(parts, "conditions"),
+        "identities": content.side_by_side(parts, "rows", "Runs"),
+        "conventions": content.side_by_side(parts, "options", "Conventions of the analyses"),
+        "settings": content.side_by_side(parts, "settings", "Parameters of the protocols and settings of the analyses"),
+        "truth": content.truth_grid(truth) if truth else None,
+        "covered": (sum(r.covered for _, r in truth), sum(r.within for _, r in truth), len(truth)),
+        "paper_figures": _paper_figures(all_figures),
+        "parameter_sets": [content.parameter_grid(g) for g in gears],
+        "definitions": definitions.definitions_for(r.kind for r in results),
+        "not_measured": definitions.NOT_MEASURED,
+        "paper": definitions.PAPER,
+        "signature": _signature(origins, fits),
+        "version": content.program_version(),
+        "key_results": content.key_results(fits),
+    }
+
+
+def _parts(fits: Sequence[Fit]) -> tuple[tuple[content.Part, ...], list[tuple[Figure, Plot]]]:
+    parts, all_figures = [], []
+    for index, fit in enumerate(fits):
+        drawn = _figures(fit, len(all_figures))
+        all_figures += drawn
+        parts.append(replace(content.part_of(fit, index, _title(fit, fits)), figures=tuple(f for f, _ in drawn)))
+    return tuple(parts), all_figures
+
+
+def _title(fit: Fit, fits: Sequence[Fit]) -> str:
+    title = TITLES.get(fit.result.kind, fit.result.kind)
+    same = [f for f in fits if f.result.kind == fit.result.kind]
+    return f"{title}, run {fit.result.run}" if len(same) > 1 else title
+
+
+def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
+    """The plots of a result as numbered figures; three or more of one figure of the paper stand two in a row."""
+    from markupsafe import Markup
+
+    origin = fit.recording.metadata.origin
+    siblings: dict[str, int] = defaultdict(int)
+    for plot in fit.result.plots:
+        siblings[plot.figure] += bool(plot.figure)
+    made = []
+    begun: set[str] = set()
+    for number, plot in enumerate(fit.result.plots, before + 1):
+        half = siblings[plot.figure] >= 3 and not (siblings[plot.figure] % 2 and plot.figure not in begun)
+        begun.add(plot.figure)
+        size = figures.HALF_WIDTH if half else figures.FULL_WIDTH
+        drawing = figures.draw_svg(plot, origin, f"f{number}", size)
+        after = f"cf. figure {plot.figure} of the paper" if plot.figure else ""
+        note = " ".join(part for part in (plot.note, *drawing.remarks) if part)
+        made.append((Figure(number, f"figure-{number}", Markup(drawing.svg), plot.title, after, note, half), plot))
+    return made
+
+
+def _paper_figures(made: Sequence[tuple[Figure, Plot]]) -> list[tuple[str, str, list[Figure], str]]:
+    """Each of the paper's figures: its number, what it shows, the figures here, and what is missing."""
+    rows = []
+    for number, (what, kind) in definitions.PAPER_FIGURES.items():
+        here = [f for f, plot in made if number in _figure_numbers(plot.figure)]
+        rows.append((number, what, here, "" if here else f"needs a {kind} run"))
+    return rows
+
+
+def _figure_numbers(text: str) -> set[str]:
+    """The numbers named in a plot's `figure`: "12", "12-13", "9, 17"."""
+    import re
+
+    found: set[str] = set()
+    for first, last in re.findall(r"(\d+)(?:\s*[-–]\s*(\d+))?", text):
+        found |= {str(n) for n in range(int(first), int(last or first) + 1)}
+    return found
+
+
+def _dates(fits: Sequence[Fit]) -> str:
+    days = sorted({f.recording.metadata.start_time[:10] for f in fits if f.recording.metadata.start_time})
+    if not days:
+        return "not stated"
+    return days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
+
+
+def _signature(origins: Sequence[str], fits: Sequence[Fit]) -> Signature:
+    if any(o != "hardware" for o in origins):
+        words = ", ".join(figures.WATERMARKS.get(o, o.upper()) for o in origins if o != "hardware")
+        return Signature(False, f"This report holds runs marked {words}. There is no room for a signature on it.")
+    if any(f.recording.metadata.outcome in content.UNFINISHED for f in fits):
+        return Signature(False, "Not every run reached its end; an incomplete test is not signed.")
+    return Signature(True)

@@ -1,0 +1,165 @@
+"""Numbers in words: an estimate as people read it, rounded by its own uncertainty (GUM: two digits of U), unit beside it."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from model.identify.estimate import Estimate
+from model.units import ARCMIN, ARCSEC, DEGREE, RPM
+
+_ARCMIN_WORDS = ("accuracy", "peak_to_peak", "closure", "backlash")
+_PHASE_WORDS = ("phase", "lag_angle")
+_SPEED_WORDS = ("speed", "rpm")
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An estimate as text: value and U share their decimals; `low` and `high` bound the 95 % interval."""
+
+    value: str
+    expanded: str
+    low: str
+    high: str
+    unit: str
+    scale: float
+    """SI = scale * shown number."""
+
+    def number(self, value: float) -> str:
+        """Another value of the same quantity (SI), such as a limit or a truth, in the same unit."""
+        return number(value / self.scale, 6)
+
+    @property
+    def with_uncertainty(self) -> str:
+        """`value ± U unit`."""
+        return f"{self.value} ± {self.expanded} {self.unit}".rstrip() if self.expanded else f"{self.value} {self.unit}"
+
+
+def display_unit(name: str, unit: str, size: float) -> tuple[float, str]:
+    """Factor and unit in which a quantity in SI is read in a laboratory: SI = factor * shown.
+
+    Angles are minutes or seconds of arc (a phase: degrees), small torques mN m, speeds r/min where the name says speed.
+    """
+    if unit == "rad":
+        if any(word in name for word in _PHASE_WORDS):
+            return DEGREE, "°"
+        if any(word in name for word in _ARCMIN_WORDS):
+            return ARCMIN, "arcmin"
+        return (ARCSEC, "arcsec") if abs(size) < 0.02 else (1.0, "rad")
+    if unit == "N m" and abs(size) < 1.0:
+        return 1e-3, "mN m"
+    if unit == "m" and abs(size) < 1e-3:
+        return 1e-6, "µm"
+    if unit == "rad/s" and any(word in name for word in _SPEED_WORDS):
+        return RPM, "r/min"
+    if unit == "kg m2":
+        return (1e-4, "kg cm²") if abs(size) < 1e-3 else (1.0, "kg m²")
+    if unit in ("1", ""):
+        return 1.0, ""
+    return 1.0, pretty(unit)
+
+
+def pretty(unit: str) -> str:
+    """Squares and cubes as they are printed: m2/s is m²/s."""
+    return re.sub(r"(?<=[A-Za-z])[23](?=$|[ /])", lambda m: {"2": "²", "3": "³"}[m[0]], unit)
+
+
+def show(estimate: Estimate) -> Shown:
+    """An estimate as text in the unit of the laboratory, rounded to two digits of its expanded uncertainty."""
+    expanded = estimate.expanded_uncertainty
+    size = max((abs(v) for v in (estimate.value, expanded) if math.isfinite(v)), default=0.0)
+    factor, unit = display_unit(estimate.name, estimate.unit, size)
+    value, low, high = (v / factor for v in (estimate.value, estimate.low, estimate.high))
+    expanded /= factor
+    size /= factor
+    if size and (size >= 1e6 or size < 1e-3):
+        power = 3 * math.floor(math.log10(size) / 3)
+        value, low, high, expanded = (v / 10.0**power for v in (value, low, high, expanded))
+        factor *= 10.0**power
+        unit = f"× 10{superscript(power)} {unit}".rstrip()
+    decimals = decimals_of(expanded)
+    if decimals is None:
+        return Shown(number(value), "", number(low), number(high), unit, factor)
+    value, expanded, low, high = (fixed(v, decimals) for v in (value, expanded, low, high))
+    return Shown(value, expanded, low, high, unit, factor)
+
+
+def decimals_of(expanded: float) -> int | None:
+    """Decimals that show two digits of an uncertainty; None where there is none to go by."""
+    if not math.isfinite(expanded) or expanded <= 0:
+        return None
+    return min(max(1 - math.floor(math.log10(expanded) + 1e-9), 0), 9)
+
+
+def fixed(value: float, decimals: int) -> str:
+    """A number with fixed decimals, a real minus sign and thin groups of thousands."""
+    if not math.isfinite(value):
+        return "–" if math.isnan(value) else ("∞" if value > 0 else "−∞")
+    text = f"{value:,.{decimals}f}".replace(",", "\u202f")
+    if not any(c in "123456789" for c in text):
+        text = text.lstrip("-")
+    return text.replace("-", "−")
+
+
+def number(value: object, digits: int = 4) -> str:
+    """Any number of a table or a metric in `digits` significant digits; words stay words."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return str(value)
+    if isinstance(value, int):
+        return fixed(value, 0)
+    if not math.isfinite(value):
+        return fixed(value, 0)
+    if value == 0:
+        return "0"
+    power = math.floor(math.log10(abs(value)))
+    if power >= 6 or power < -3:
+        return f"{_trim(fixed(value / 10.0**power, max(digits - 1, 0)))} × 10{superscript(power)}"
+    return _trim(fixed(value, max(digits - 1 - power, 0)))
+
+
+def _trim(text: str) -> str:
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def superscript(power: int) -> str:
+    """An exponent as raised digits."""
+    return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def readable(name: str) -> str:
+    """A key such as `transmission_accuracy_forward` as words; symbols of the paper (F_c, K_HDf) stay as they are."""
+    if len(name) <= 6 or any(c.isupper() for c in name):
+        return name
+    return name.replace("_", " ").replace("-", " ")
+
+
+METRIC_UNITS: tuple[tuple[str, str], ...] = (
+    ("mse", ""),
+    ("raw_peak_to_peak", "rad"),
+    ("closure", "rad"),
+    ("residual_rms", "rad"),
+    ("repeatability", "rad"),
+    ("agreement_of_directions", "rad"),
+    ("cogging_peak_to_peak", "N m"),
+    ("torque_zero_drift", "N m"),
+    ("last_change", "N m"),
+    ("total_change", "N m"),
+    ("time_until", "s"),
+)
+"""SI units of the figures of merit that have one, by the beginning of their name."""
+
+
+def metric(name: str, value: float) -> str:
+    """A figure of merit with its unit, where it has one."""
+    unit = next((unit for start, unit in METRIC_UNITS if name.startswith(start)), "")
+    factor, shown = display_unit(name, unit, value)
+    return f"{number(value / factor)} {shown}".rstrip()
+
+
+def printable(text: str) -> str:
+    """A text from a file without control characters, which neither XML nor HTML can hold."""
+    return "".join(" " if c in "\t\n\r" else c for c in text if c >= " " or c in "\t\n\r").translate(_UNPRINTABLE)
+
+
+_UNPRINTABLE = dict.fromkeys([*range(0x7F, 0xA0), *range(0xD800, 0xE000), 0xFFFE, 0xFFFF])

@@ -1,0 +1,192 @@
+"""The analysis store: what was found of a run lies beside it, one numbered file per analysis, appended, never edited.
+
+`<run>.analysis/0001.json` names the run by its SHA-256, the program's version, the parameter set and the settings that were
+used, and holds the result as `rig fit --json` prints it. The run file itself is never touched.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from experiments.result import Result
+from rig.errors import RunFileError
+
+STORE_FORMAT = "harmonic-rig-analysis-1"
+_NUMBER = re.compile(r"(\d{4,})\.json\Z")
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """One stored analysis: its number, its file, and what the file says."""
+
+    number: int
+    path: Path
+    content: Mapping[str, Any]
+
+    @property
+    def kind(self) -> str:
+        """The kind of fit."""
+        return str(self.content.get("kind", ""))
+
+    @property
+    def result(self) -> Mapping[str, Any]:
+        """The result as `rig fit --json` prints it."""
+        return self.content.get("result", {})
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What an analysis rests on besides the recording.
+
+    `run_sha256` of the run file, `gear` the parameter set as a mapping, `tare` names run and SHA-256 of the motor tare,
+    `settings` what was asked for, `created` the calendar time (ISO 8601).
+    """
+
+    run_sha256: str
+    created: str
+    gear: Mapping[str, Any] = field(default_factory=dict)
+    tare: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+def program_version() -> str:
+    """The installed version of the program."""
+    try:
+        return metadata.version("harmonic-rig")
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def json_ready(found: Any) -> Any:
+    """The same object with everything that JSON cannot hold made plain: numpy numbers, tuples; NaN and infinity are null."""
+    if isinstance(found, Mapping):
+        return {str(key): json_ready(value) for key, value in found.items()}
+    if isinstance(found, (list, tuple, set, frozenset)):
+        return [json_ready(value) for value in found]
+    if isinstance(found, (str, bool)) or found is None:
+        return found
+    if isinstance(found, int):
+        return int(found)
+    if isinstance(found, float):
+        return float(found) if math.isfinite(found) else None
+    for convert in ("tolist", "as_json"):
+        if hasattr(found, convert):
+            return json_ready(getattr(found, convert)())
+    return str(found)
+
+
+def json_text(found: Any) -> str:
+    """An object as JSON text that every reader accepts."""
+    return json.dumps(json_ready(found), indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def analysis_folder(run: str | Path) -> Path:
+    """Where the analyses of a run file lie: `<run>.analysis` beside it."""
+    run = Path(run)
+    return run.with_name(re.sub(r"\.(h5|hdf5|nxs)(\.part)?\Z", "", run.name, flags=re.IGNORECASE) + ".analysis")
+
+
+def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
+    """Write an analysis beside its run under the next free number and return it.
+
+    An analysis that says the very same as the newest one of its kind is not written twice: that one is returned. Raises
+    `RunFileError` where nothing can be written.
+    """
+    folder = analysis_folder(run)
+    content = {
+        "format": STORE_FORMAT,
+        "created": basis.created,
+        "program_version": program_version(),
+        "run": result.run,
+        "run_file": Path(run).name,
+        "run_sha256": basis.run_sha256,
+        "kind": result.kind,
+        "settings": dict(basis.settings),
+        "tare": dict(basis.tare),
+        "gear": dict(basis.gear),
+        "outcome": result.outcome,
+        "result": result.as_json(),
+        "tables": [
+            {"name": t.name, "title": t.title, "columns": t.columns, "rows": t.rows, "note": t.note}
+            for t in result.tables
+        ],
+    }
+    content = json_ready(content)
+    stored = read_analyses(run)
+    same = [a for a in stored if a.kind == result.kind][-1:]
+    if same and _without_time(same[0].content) == _without_time(content):
+        return same[0]
+    try:
+        folder.mkdir(exist_ok=True)
+        return _write_next(folder, content, stored[-1].number + 1 if stored else 1)
+    except OSError as error:
+        raise RunFileError(
+            "the analysis cannot be written beside its run",
+            where=str(folder),
+            value=error.strerror or str(error),
+            remedy="Make the folder writable, or copy the run to one that is.",
+        ) from None
+
+
+def _write_next(folder: Path, content: Mapping[str, Any], number: int) -> Analysis:
+    """Write under the first number from `number` on that nobody has; a number is taken by creating its file."""
+    while True:
+        path = folder / f"{number:04d}.json"
+        scratch = folder / f".{number:04d}.{os.getpid()}.tmp"
+        try:
+            with scratch.open("x", encoding="utf-8") as file:
+                file.write(json_text({**content, "number": number}) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+            scratch.chmod(stat.S_IRUSR | stat.S_IRGRP | stat.S_IROTH)
+            # A hard link fails if the number is taken; where there are no links, exclusive creation does the same.
+            _take(scratch, path)
+            return Analysis(number, path, {**content, "number": number})
+        except FileExistsError:
+            number += 1
+        finally:
+            scratch.unlink(missing_ok=True)
+
+
+def _take(scratch: Path, path: Path) -> None:
+    try:
+        os.link(scratch, path)
+    except FileExistsError:
+        raise
+    except OSError:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(scratch.read_text(encoding="utf-8"))
+        path.chmod(stat.S_IRUSR | stat.S_IRGRP | stat.S_IROTH)
+
+
+def read_analyses(run: str | Path) -> tuple[Analysis, ...]:
+    """The stored analyses of a run, oldest first. Raises `RunFileError` for a file that is not what was written."""
+    folder = analysis_folder(run)
+    if not folder.is_dir():
+        return ()
+    found = []
+    for path in sorted(folder.iterdir()):
+        match = _NUMBER.fullmatch(path.name)
+        if match is None:
+            continue
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise RunFileError("a stored analysis cannot be read", where=str(path), value=str(error)) from None
+        if not isinstance(content, dict) or content.get("format") != STORE_FORMAT:
+            raise RunFileError("is no analysis of this program", where=str(path), limit=f"format {STORE_FORMAT}")
+        found.append(Analysis(int(match[1]), path, content))
+    return tuple(sorted(found, key=lambda a: a.number))
+
+
+def _without_time(content: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in content.items() if key not in ("created", "number")}

@@ -1,0 +1,94 @@
+"""Begins the file of a run: its number, its header, its writer, and the recorder that belongs to the clock."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Any, cast
+
+from drivers.port import RigDescription
+from experiments.recording import Origin, RunMetadata
+from rig.library import claim_run
+from rig.run.dry_run import vars_of
+from rig.run.order import RunOrder
+from rig.run.recorder import InlineRecorder
+from rig.run.session import output_sense
+from rig.runfile.header import RunHeader
+from rig.runfile.layout import Column
+from rig.runfile.write import RunWriter
+
+
+@dataclass(frozen=True)
+class InlineRun:
+    """A run file that is written in the loop's own thread (virtual time)."""
+
+    run_id: str
+    writer: RunWriter
+    recorder: InlineRecorder
+
+    @property
+    def part(self) -> Path:
+        """The file while it is written."""
+        return self.writer.part
+
+    def flush(self) -> None:
+        """Bring everything so far into the file."""
+        self.writer.flush()
+
+
+def begin_inline_run(order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str) -> InlineRun:
+    """Claim the next number in the order's folder and begin the file. Raises `RunFileError`."""
+    place = claim_run(order.output, order.planned.experiment.name, order.gear_serial)
+    writer = RunWriter(place.path, header_of(order, description, place.run_id, epoch_ns, start_time))
+    return InlineRun(place.run_id, writer, InlineRecorder(writer))
+
+
+def header_of(order: RunOrder, description: RigDescription, run_id: str, epoch_ns: int, start_time: str) -> RunHeader:
+    """Everything of a run that is known before its first row."""
+    planned = order.planned
+    process: dict[str, Any] = {
+        "backend": order.backend,
+        "seed": "" if order.seed is None else order.seed,
+        "program_version": metadata.version("harmonic-rig"),
+        "git_commit": git_commit(),
+        "rig": description.title,
+        "motor": planned.motor.name,
+        "planned_duration": planned.nominal,
+    }
+    run = RunMetadata(
+        run_id=run_id,
+        experiment=planned.experiment.name,
+        origin=cast(Origin, description.origin),
+        title=planned.experiment.title,
+        start_time=start_time,
+        operator=order.operator,
+        gear=planned.gear,
+        gear_serial=order.gear_serial,
+        ratio=planned.gear.mounted_ratio(planned.mounting),
+        mounting=planned.mounting,
+        output_sense=output_sense(planned.mounting),
+        gear_mounted=planned.experiment.gear_mounted,
+        sample_rate=1e9 / order.port.cycle_ns,
+        time_base=order.port.time_base,
+        parameters=vars_of(planned.parameters),
+        conditions=order.conditions,
+        process=process,
+    )
+    columns = tuple(Column.of(channel) for channel in order.port.channels)
+    return RunHeader(run, columns, planned.limits.as_json(), description.devices, description.truth, epoch_ns)
+
+
+def git_commit() -> str:
+    """The commit of the source tree that this program runs from; "" for an installed package."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():
+        return ""
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, timeout=5, check=False
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""

@@ -1,0 +1,126 @@
+"""What a session is given and what it gives back: the order, the open run file, the judgement, the report, the progress."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from drivers.clock import Clock
+from drivers.port import RigDescription, RigPort
+from rig.run.dry_run import PlannedRun
+from rig.run.make_safe import MakeSafeReport
+from rig.run.recorder import Recorder
+from rig.run.supervisor import Watch
+from rig.run.trips import Trip
+
+
+@dataclass(frozen=True)
+class RunOrder:
+    """What is to be run, on which rig, by whom, and where the file goes."""
+
+    planned: PlannedRun
+    port: RigPort
+    clock: Clock
+    backend: str
+    output: Path
+    operator: str = ""
+    gear_serial: str = ""
+    seed: int | None = None
+    block_cycles: int = 1000
+    make_safe_cycles: int = 100
+    conditions: dict[str, Any] = field(default_factory=dict)
+    watch: Watch | None = None
+    free_space: Callable[[], int] | None = None
+    """Bytes left where the file is written; None: nobody looks."""
+
+
+class OpenRun(Protocol):
+    """A run file that has been begun: where it is, the recorder that fills it, and how it is brought up to date for a reader."""
+
+    @property
+    def run_id(self) -> str: ...
+
+    @property
+    def part(self) -> Path: ...
+
+    @property
+    def recorder(self) -> Recorder: ...
+
+    def flush(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the analysis of a completed run says: PASS, MARGINAL or FAIL, its warnings and metrics."""
+
+    outcome: str
+    warnings: tuple[str, ...] = ()
+    metrics: dict[str, float] = field(default_factory=dict)
+
+
+Begin = Callable[[RunOrder, RigDescription, int, str], OpenRun]
+"""Makes the run file: order, what the rig says it is, calendar time of a stamp of zero [ns], start time (ISO 8601)."""
+Judge = Callable[[Path], Judgement]
+"""Analyses the (still open) run file of a completed run."""
+
+
+@dataclass
+class RunReport:
+    """How a run ended."""
+
+    run_id: str
+    outcome: str
+    path: Path
+    rows: int
+    message: str
+    trip: Trip | None
+    make_safe: MakeSafeReport | None
+    warnings: list[str]
+    metrics: dict[str, float]
+    margins: dict[str, dict[str, float]]
+    readable: bool = True
+
+    @property
+    def safe(self) -> bool:
+        """Whether standstill was verified."""
+        return self.make_safe is not None and self.make_safe.safe
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `rig run --json` prints."""
+        return {
+            "run": self.run_id,
+            "outcome": self.outcome,
+            "path": str(self.path),
+            "rows": self.rows,
+            "message": self.message,
+            "trip": None
+            if self.trip is None
+            else {
+                "cause": self.trip.cause, "row": self.trip.row, "value": _finite(self.trip.value),
+                "limit": _finite(self.trip.limit), "unit": self.trip.unit, "action": self.trip.action.value,
+            },
+            "make_safe": self.make_safe.as_json() if self.make_safe else None,
+            "warnings": self.warnings,
+            "metrics": self.metrics,
+            "margins": self.margins,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """One line of progress: step, nominal time done and left [s], input speed [rad/s], torque [N m]."""
+
+    step: int
+    steps: int
+    what: str
+    elapsed: float
+    left: float
+    speed: float
+    events: int
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,188 @@
+"""Preflight: what is checked before anything moves, each check with its evidence.
+
+The static checks need no rig (space, folder, calibrations, where the ratings come from); the standing ones look at a few
+hundred cycles with the servo off. A check that fails refuses the run; a warning is kept in it as an event.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from datetime import date
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE, Channel
+from drivers.drive_state import POWERED_STATES, DriveState, drive_state
+from drivers.port import DriveLimits
+from drivers.samples import CycleFlag
+from experiments.result import VERIFIED_PROVENANCES
+from rig.errors import LimitError, RigError
+from rig.run.dry_run import PlannedRun
+
+CheckResult = Literal["ok", "warning", "failed"]
+
+STANDING_TIME = 0.2
+"""s with the servo off before anything moves."""
+STANDING_COUNTS = 3
+"""Counts that an encoder at standstill may flicker by (one on each side of an edge, and one for luck)."""
+LARGEST_ZERO = 0.1
+"""Share of the rated torque that the torque port may show with the servo off."""
+MISSED_SHARE = 0.05
+READBACK_TOLERANCE = 0.02
+"""Drives hold their limits in coarse units (0.1 % of rated torque, whole r/min)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One check: what, how it came out, the evidence, and what to do if it is not fine."""
+
+    name: str
+    result: CheckResult
+    evidence: str
+    remedy: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.evidence}" + (f". {self.remedy}" if self.remedy and self.result != "ok" else "")
+
+
+def static_checks(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
+    """What can be known without the rig: disk space, folder, provenance of the ratings."""
+    return (*_disk(planned, output), *_ratings(planned))
+
+
+def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
+    folder = output
+    while not folder.exists() and folder != folder.parent:
+        folder = folder.parent
+    if not folder.is_dir():
+        return (Check("folder", "failed", f"{output} is no folder", "Name another with --output."),)
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError as error:
+        return (Check("folder", "failed", f"{folder}: {error.strerror or error}", "Name another with --output."),)
+    needed = planned.file_size() + 50_000_000
+    evidence = f"{free / 1e6:.0f} MB free, {planned.file_size() / 1e6:.0f} MB expected, {needed / 1e6:.0f} MB asked for"
+    if free < needed:
+        return (Check("disk space", "failed", evidence, "Free space, or name another folder with --output."),)
+    worst = planned.space_needed()
+    if free < worst:
+        return (Check("disk space", "warning", f"{evidence}, {worst / 1e6:.0f} MB if every step takes its longest"),)
+    return (Check("disk space", "ok", evidence),)
+
+
+def _ratings(planned: PlannedRun) -> tuple[Check, ...]:
+    if not planned.experiment.gear_mounted:
+        return ()
+    doubtful = []
+    for name in ("repeated_peak_torque", "maximum_input_speed"):
+        value = planned.gear.value(f"ratings.{name}")
+        if value.origin.provenance not in VERIFIED_PROVENANCES:
+            doubtful.append(f"{name} ({value.origin.provenance})")
+    if not doubtful:
+        return (Check("ratings", "ok", "limits rest on verified ratings"),)
+    return (
+        Check(
+            "ratings", "warning", f"limits rest on {', '.join(doubtful)}",
+            "Check them against the catalogue or the nameplate before a run on hardware.",
+        ),
+    )  # fmt: skip
+
+
+def channel_checks(channels: Sequence[Channel], needs: Sequence[str], today: date) -> tuple[Check, ...]:
+    """Whether the rig has the channels that the protocol needs, and whether their calibrations are still valid."""
+    names = {channel.name for channel in channels}
+    missing = [name for name in (*needs, INPUT_ANGLE) if name not in names]
+    checks = []
+    if missing:
+        checks.append(
+            Check("channels", "failed", f"missing: {', '.join(dict.fromkeys(missing))}", "Map them in the configuration.")
+        )
+    else:
+        checks.append(Check("channels", "ok", ", ".join(sorted(names))))
+    if OUTPUT_ANGLE not in names and not missing:
+        text = "no output encoder: torsion, disagreement and standstill of the output are not watched"
+        checks.append(Check("output encoder", "warning", text))
+    for channel in channels:
+        due = channel.calibration.due
+        if due:
+            checks.append(_calibration(channel.name, due, today))
+    return tuple(checks)
+
+
+def _calibration(name: str, due: str, today: date) -> Check:
+    try:
+        overdue = date.fromisoformat(due[:10]) < today
+    except ValueError:
+        return Check("calibration", "warning", f"{name}: due date {due!r} cannot be read", "Write it as YYYY-MM-DD.")
+    if overdue:
+        return Check("calibration", "warning", f"{name} was due on {due}", "Have it calibrated; results will say so.")
+    return Check("calibration", "ok", f"{name} due on {due}")
+
+
+def limits_check(wanted: DriveLimits, found: DriveLimits) -> Check:
+    """The drive's limits as they read back; a drive that holds others than were written must not be armed."""
+    written, read = asdict(wanted), asdict(found)
+    for name, value in written.items():
+        if not abs(read[name] - value) <= READBACK_TOLERANCE * abs(value):
+            raise LimitError(
+                f"the drive's {name.replace('_', ' ')} limit reads back differently: it is not armed",
+                where="drive limits", value=f"{read[name]:.5g}", limit=f"{value:.5g} as written",
+                remedy="Check that the drive accepts the object and its unit, then try again.",
+            )  # fmt: skip
+    held = ", ".join(f"{name} {value:.4g}" for name, value in read.items())
+    return Check("drive limits", "ok", f"read back: {held}")
+
+
+def standing_checks(
+    channels: Sequence[Channel], counts: NDArray[np.int64], flags: NDArray[np.uint16], rated_torque: float
+) -> tuple[Check, ...]:
+    """A few hundred cycles with the servo off: drive state, standstill of both encoders, complete cycles, torque zero."""
+    column = {channel.name: i for i, channel in enumerate(channels)}
+    by_name = {channel.name: channel for channel in channels}
+    checks = [_completeness(flags)]
+    if STATUSWORD in column:
+        checks.append(_state(int(counts[-1, column[STATUSWORD]])))
+    for name in (INPUT_ANGLE, OUTPUT_ANGLE):
+        if name in column:
+            spread = int(np.ptp(counts[:, column[name]]))
+            standing = spread <= STANDING_COUNTS
+            evidence = f"{name} moves by {spread} counts in {len(counts)} cycles"
+            checks.append(Check("standstill", "ok" if standing else "failed", evidence, "Wait until the rig stands."))
+    if TORQUE in column:
+        torque = by_name[TORQUE].to_si(counts[:, column[TORQUE]])
+        zero, noise = float(torque.mean()), float(torque.std())
+        evidence = f"{1e3 * zero:.1f} mN m with {1e3 * noise:.2f} mN m of noise (r.m.s.), servo off"
+        fine = abs(zero) <= LARGEST_ZERO * rated_torque
+        remedy = "Trim the monitor's offset or check its cable."
+        checks.append(Check("torque zero", "ok" if fine else "failed", evidence, remedy))
+    return tuple(checks)
+
+
+def _completeness(flags: NDArray[np.uint16]) -> Check:
+    share = float(np.mean((flags & CycleFlag.INCOMPLETE) != 0)) if len(flags) else 1.0
+    evidence = f"{100.0 * (1.0 - share):.1f} % of {len(flags)} cycles complete"
+    return Check("cycles", "ok" if share <= MISSED_SHARE else "failed", evidence, "Check the bus before anything moves.")
+
+
+def _state(word: int) -> Check:
+    state = drive_state(word)
+    evidence = f"statusword 0x{word:04X}, {state.value}"
+    if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
+        return Check("drive", "failed", evidence, "Remove the cause and acknowledge the fault at the drive.")
+    if state in POWERED_STATES or state is DriveState.UNKNOWN:
+        return Check("drive", "failed", evidence, "The servo must be off before a run.")
+    return Check("drive", "ok", evidence)
+
+
+def refuse_failed(checks: Sequence[Check]) -> None:
+    """Raise `RigError` naming every check that failed."""
+    failed = [check for check in checks if check.result == "failed"]
+    if failed:
+        raise RigError(
+            "the rig is not ready, nothing has moved", where="preflight", value="; ".join(str(check) for check in failed)
+        )

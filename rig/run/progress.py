@@ -1,0 +1,70 @@
+"""The progress line of a run: step, time left, speed; on stderr and only for a terminal."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from experiments.recording import Event
+from model.units import RPM
+from rig.run.order import Progress
+
+REDRAW_INTERVAL = 0.1
+"""s of wall time between two redraws; a rig in virtual time reports far more often."""
+
+
+Listeners = tuple[Callable[[Progress], None], Callable[[Event], None]]
+"""What to call with progress, and with events."""
+
+
+@contextmanager
+def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[Listeners]:
+    """Draws while the block runs; yields what to call with progress and with events. Silent without a terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield _nothing, _nothing
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[left]} left"),
+        TextColumn("{task.fields[speed]:>8.1f} r/min"), TextColumn("step {task.fields[step]}: {task.fields[what]}"),
+    )  # fmt: skip
+    with Bar(*columns, console=console, transient=True) as bar:
+        task = bar.add_task(title, total=duration, left=in_words(duration), speed=0.0, step="", what="preflight")
+        last = [-REDRAW_INTERVAL]
+
+        def on_progress(now: Progress) -> None:
+            instant = time.monotonic()
+            if instant - last[0] < REDRAW_INTERVAL:
+                return
+            last[0] = instant
+            bar.update(
+                task, completed=now.elapsed, total=now.elapsed + now.left, left=in_words(now.left), speed=now.speed / RPM,
+                step=f"{now.step}/{now.steps}", what=now.what,
+            )  # fmt: skip
+
+        def on_event(event: Event) -> None:
+            if event.level in ("warning", "error"):
+                style = "red" if event.level == "error" else "yellow"
+                console.print(f"{event.level}: {event.text}", style=style, markup=False, highlight=False)
+
+        yield on_progress, on_event
+
+
+def in_words(seconds: float) -> str:
+    """A duration as people say it: 48 s, 12 min 05 s, 1 h 20 min."""
+    whole = round(seconds)
+    if whole < 120:
+        return f"{whole} s"
+    if whole < 7200:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def _nothing(_: object) -> None:
+    return None

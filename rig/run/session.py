@@ -1,0 +1,360 @@
+"""The session: one execution of a protocol on a rig, and the only loop in which a rig turns, in both clocks.
+
+    while turn is not None:
+        block = port.exchange(turn.command, turn.cycles, supervisor.guard(turn))
+        logbook.put(block)                     record first, so that the tripping block is kept
+        supervisor.review(block, turn)         pure
+        turn = engine or make-safe .next(block)
+
+Whatever ends the run (the plan's end, STOP, ABORT, a trip, a step that fails, an exception), make-safe has the last word and
+is verified. The outcome: TRIPPED, ABORTED and ERROR say why it ended early; a run that was completed is judged by its
+protocol's own analysis while the file is still open (PASS, MARGINAL, FAIL). An analysis that cannot be made leaves PASS with
+the event "not-judged": it must never cost the data.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+import numpy as np
+
+from drivers.channel import OUTPUT_ANGLE
+from drivers.errors import BusLostError, DriverError, StaleDataError
+from drivers.port import STALE_DATA, Command, Guard, Mode
+from drivers.samples import SampleBlock
+from experiments.errors import ExperimentError
+from experiments.recording import Event
+from model.errors import ModelError
+from rig import limits as lim
+from rig.errors import RigError
+from rig.run.dry_run import PlannedRun
+from rig.run.engine import Ask, Engine, StepFailedError, describe
+from rig.run.logbook import Logbook, iso_time
+from rig.run.make_safe import Action, MakeSafe
+from rig.run.order import Begin, Judge, Progress, RunOrder, RunReport
+from rig.run.phases import Machine, Turn
+from rig.run.preflight import (
+    STANDING_TIME,
+    Check,
+    channel_checks,
+    limits_check,
+    refuse_failed,
+    standing_checks,
+    static_checks,
+)
+from rig.run.stop import StopRequest
+from rig.run.supervisor import Geometry, Supervisor
+from rig.run.trajectory import cycles_of
+from rig.run.trips import BUS_LOST, DEVICE_ERROR, DISK_SPACE, MAKE_SAFE_FAILED, Trip
+
+STOP_SHARE = 0.25
+"""Share of the allowed deceleration that a controlled stop uses."""
+SPACE_CHECK_CYCLES = 10_000
+"""Cycles between two looks at the free space of the disk."""
+EXCHANGE_ATTEMPTS = 3
+"""Exchanges in a row without an answer after which the run trips, and again as many until making safe is given up."""
+
+
+def execute(
+    order: RunOrder,
+    begin: Begin,
+    *,
+    stop: StopRequest | None = None,
+    ask: Ask = lambda prompt: "",
+    judge: Judge | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    on_event: Callable[[Event], None] | None = None,
+) -> RunReport:
+    """Run an order from preflight to the sealed file.
+
+    Raises (`RigError`, `LimitError`, `DriverError`) for what is wrong before there is a file and before anything moves;
+    afterwards every ending is in the report.
+    """
+    planned, port = order.planned, order.port
+    checks = static_checks(planned, order.output)
+    refuse_failed(checks)
+    try:
+        description = port.open()
+        today = datetime.fromtimestamp(order.clock.calendar_ns() * 1e-9, UTC).date()
+        checks = (*checks, *channel_checks(port.channels, planned.experiment.needs, today))
+        refuse_failed(checks)
+        written = planned.limits.drive_limits()
+        checks = (*checks, limits_check(written, port.write_limits(written)))
+        # One cycle with the servo off ties the rig's time stamps to the calendar.
+        first = port.exchange(Command(Mode.OFF), 1, Guard())
+        if not len(first):
+            raise StaleDataError("no cycle came back", where="preflight", remedy="Check the bus and the SYNC.")
+        calendar = order.clock.calendar_ns()
+        epoch = calendar - int(first.time_ns[0])
+        logbook = Logbook(begin(order, description, epoch, iso_time(calendar)), epoch, on_event)
+        session = Session(order, logbook, stop or StopRequest(), ask, on_progress)
+        return session.run(first, checks, judge)
+    finally:
+        port.close()
+
+
+class Session:
+    """One run that has its file and has not moved yet. `run()` once."""
+
+    def __init__(
+        self,
+        order: RunOrder,
+        logbook: Logbook,
+        stop: StopRequest,
+        ask: Ask,
+        on_progress: Callable[[Progress], None] | None,
+    ) -> None:
+        port, planned = order.port, order.planned
+        self._order, self._port, self._planned = order, port, planned
+        self._logbook, self._stop, self._on_progress = logbook, stop, on_progress
+        self._machine = Machine(port.channels, port.cycle_ns)
+        geometry = _geometry(planned) if self._machine.has(OUTPUT_ANGLE) else None
+        self._supervisor = Supervisor(
+            port.channels, port.cycle_ns, planned.limits, geometry, planned.travel, order.watch
+        )
+        self._engine = Engine(planned.plan, self._machine, logbook, ask, order.block_cycles)
+        self._make_safe: MakeSafe | None = None
+        self._outcome = self._message = ""
+        self._silent = 0
+        self._step_index, self._step_rows = -1, 0
+        self._space_rows = 0
+
+    def run(self, first: SampleBlock, checks: tuple[Check, ...], judge: Judge | None) -> RunReport:
+        """Stand and look, execute the plan, make safe, judge, seal."""
+        try:
+            self._stand(first, checks)
+            self._turn_until_safe()
+        except BaseException as error:
+            self._outcome = "ABORTED" if isinstance(error, KeyboardInterrupt) else "ERROR"
+            self._message = f"{type(error).__name__}: {error}"
+            self._logbook.event("error", "exception", "session", self._message)
+            self._emergency()
+            self._report({})
+            raise
+        metrics = self._judged(judge) if not self._outcome else {}
+        return self._report(metrics)
+
+    def _stand(self, first: SampleBlock, checks: tuple[Check, ...]) -> None:
+        """Stand for a moment with the servo off, look, and take the position as reference; refuse a rig that is not fit."""
+        turn = Turn(Command(Mode.OFF), 1)
+        blocks = [first]
+        self._keep(first, turn)
+        left = cycles_of(STANDING_TIME, self._machine.period)
+        while left > 0:
+            turn = Turn(Command(Mode.OFF), min(left, self._order.block_cycles))
+            block = self._port.exchange(turn.command, turn.cycles, Guard())
+            if not len(block):
+                raise StaleDataError("no cycle came back", where="preflight", remedy="Check the bus and the SYNC.")
+            self._keep(block, turn)
+            blocks.append(block)
+            left -= len(block)
+        counts = np.concatenate([block.counts for block in blocks])
+        flags = np.concatenate([block.flags for block in blocks])
+        standing = standing_checks(self._port.channels, counts, flags, self._planned.motor.rated_torque)
+        for check in (*checks, *standing):
+            level = {"ok": "info", "warning": "warning", "failed": "error"}[check.result]
+            self._logbook.event(level, "preflight", "preflight", str(check))
+        self._supervisor.begin(np.rint(counts.mean(axis=0)).astype(np.int64), self._machine.rows)
+        try:
+            refuse_failed(standing)
+        except RigError as error:
+            self._end(Action.ZERO_TORQUE, "ERROR", str(error), "preflight")
+
+    # The loop.
+
+    def _turn_until_safe(self) -> None:
+        turn = self._advance(None)
+        while turn is not None:
+            block = self._exchange(turn)
+            if block is not None:
+                self._keep(block, turn)
+                self._supervisor.review(block, turn)
+            self._watch_space()
+            turn = self._advance(block)
+            self._tell_progress()
+
+    def _watch_space(self) -> None:
+        if self._machine.rows - self._space_rows < SPACE_CHECK_CYCLES or self._order.free_space is None:
+            return
+        self._space_rows = self._machine.rows
+        free, least = self._order.free_space(), self._supervisor.watch.smallest_free_space
+        if free < least:
+            self._supervisor.latch(Trip(DISK_SPACE, self._machine.rows, free / 1e6, least / 1e6, "MB free"))
+
+    def _keep(self, block: SampleBlock, turn: Turn) -> None:
+        """Record first, then take notice."""
+        self._logbook.put(block)
+        self._machine.accept(block, turn)
+
+    def _exchange(self, turn: Turn) -> SampleBlock | None:
+        """One exchange; None when the rig did not answer (which latches a trip)."""
+        row = self._machine.rows
+        try:
+            block = self._port.exchange(turn.command, turn.cycles, self._supervisor.guard(turn))
+        except DriverError as error:
+            stale = isinstance(error, StaleDataError)
+            cause = STALE_DATA if stale else BUS_LOST if isinstance(error, BusLostError) else DEVICE_ERROR
+            self._silent += 1
+            self._logbook.event("error", cause, "port", str(error))
+            self._supervisor.latch(Trip(cause, row, math.nan, math.nan, detail=str(error)))
+            return None
+        if len(block):
+            self._silent = 0
+            return block
+        self._silent += 1
+        if self._silent >= EXCHANGE_ATTEMPTS:
+            self._supervisor.latch(Trip(STALE_DATA, row, float(self._silent), 0.0, "empty blocks"))
+        return None
+
+    def _advance(self, block: SampleBlock | None) -> Turn | None:
+        """Who leads from here (plan or make-safe), and its next turn."""
+        if self._change_leader():
+            block = None
+        if self._make_safe is not None and self._silent >= 2 * EXCHANGE_ATTEMPTS:
+            self._make_safe.give_up("the rig does not answer any more")
+            return None
+        if self._make_safe is None:
+            try:
+                turn = self._engine.next(block)
+            except StepFailedError as error:
+                self._end(Action.CONTROLLED_STOP, "ERROR", str(error), "step-failed")
+            else:
+                if turn is not None:
+                    return turn
+                self._make_safe = self._make_safe_by(Action.ZERO_TORQUE)
+            block = None
+        assert self._make_safe is not None
+        return self._make_safe.next(block)
+
+    def _change_leader(self) -> bool:
+        """Hand over to make-safe, or to a harder action, when a trip, the recorder or the operator says so."""
+        trip, error = self._supervisor.state.trip, self._logbook.error
+        if trip is not None and self._outcome not in ("TRIPPED", "ERROR"):
+            self._end(trip.action, "TRIPPED", str(trip), trip.cause)
+            return True
+        if error is not None and self._outcome in ("", "ABORTED"):
+            self._end(Action.QUICK_STOP, "ERROR", str(error), "recorder")
+            return True
+        level = self._stop.level
+        if level and self._make_safe is None:
+            stop = level == 1
+            action = Action.CONTROLLED_STOP if stop else Action.QUICK_STOP
+            text = "STOP by the operator: controlled ramp" if stop else "ABORT by the operator: quick stop"
+            self._end(action, "ABORTED", text, "STOP" if stop else "ABORT")
+            return True
+        if level == 2 and self._make_safe is not None and self._make_safe.report.action is Action.CONTROLLED_STOP:
+            self._end(Action.QUICK_STOP, self._outcome, "ABORT by the operator: quick stop", "ABORT")
+            return True
+        return False
+
+    def _end(self, action: Action, outcome: str, message: str, code: str) -> None:
+        """Leave the plan: cut the open segment, say why, and hand over to make-safe."""
+        self._engine.cut()
+        self._outcome, self._message = outcome, message
+        self._logbook.event("warning" if outcome == "ABORTED" else "error", code, "session", message)
+        self._make_safe = self._make_safe_by(action)
+
+    def _make_safe_by(self, action: Action) -> MakeSafe:
+        limits = self._planned.limits
+        if action is Action.CONTROLLED_STOP:
+            deceleration = STOP_SHARE * limits.value(lim.DECELERATION)
+        else:
+            deceleration = limits.value(lim.QUICK_STOP_DECELERATION)
+        ratio = self._planned.load.ratio if self._planned.experiment.gear_mounted else math.nan
+        cycles = min(self._order.make_safe_cycles, self._order.block_cycles)
+        return MakeSafe(action, self._machine, self._logbook, deceleration, ratio, cycles)
+
+    def _emergency(self) -> None:
+        """Make safe after an exception that nobody expected; nothing that happens here may hide it."""
+        with contextlib.suppress(Exception):
+            self._engine.cut()
+        self._make_safe = make_safe = self._make_safe_by(Action.QUICK_STOP)
+        with contextlib.suppress(Exception):
+            turn, silent = make_safe.next(None), 0
+            while turn is not None and silent < EXCHANGE_ATTEMPTS:
+                try:
+                    block = self._port.exchange(turn.command, turn.cycles, Guard(turn.until))
+                except DriverError:
+                    silent += 1
+                    continue
+                silent = 0 if len(block) else silent + 1
+                self._keep(block, turn)
+                turn = make_safe.next(block)
+            if turn is None:
+                return
+        make_safe.give_up("the rig does not answer any more")
+
+    def _tell_progress(self) -> None:
+        if self._on_progress is None:
+            return
+        engine, planned, machine = self._engine, self._planned, self._machine
+        if engine.index != self._step_index:
+            self._step_index, self._step_rows = engine.index, machine.rows
+        left = 0.0
+        if self._make_safe is None and engine.index < len(planned.steps):
+            in_step = (machine.rows - self._step_rows) * machine.period
+            left = planned.remaining(engine.index) + max(planned.steps[engine.index].nominal - in_step, 0.0)
+        what = describe(engine.step) if self._make_safe is None else "making safe"
+        step = min(engine.index + 1, len(planned.plan))
+        elapsed, speed = machine.rows * machine.period, machine.speed(cycles=50)
+        self._on_progress(Progress(step, len(planned.plan), what, elapsed, left, speed, len(self._logbook.warnings)))
+
+    # The end.
+
+    def _judged(self, judge: Judge | None) -> dict[str, float]:
+        """Sets the outcome of a completed run; an analysis that cannot be made must not cost the data."""
+        self._outcome = "PASS"
+        logbook = self._logbook
+        if judge is None or logbook.error is not None or self._make_safe is None or not self._make_safe.report.safe:
+            return {}
+        logbook.flush()
+        try:
+            judgement = judge(logbook.run.part)
+        except (ExperimentError, ModelError, RigError) as error:
+            logbook.event("warning", "not-judged", "analysis", str(error))
+            return {}
+        except Exception as error:  # noqa: BLE001  a defect of an analysis must not cost the data
+            logbook.event("error", "not-judged", "analysis", f"{type(error).__name__}: {error}")
+            return {}
+        self._outcome = judgement.outcome
+        logbook.warnings += judgement.warnings
+        return dict(judgement.metrics)
+
+    def _report(self, metrics: dict[str, float]) -> RunReport:
+        logbook, supervisor = self._logbook, self._supervisor
+        made_safe = self._make_safe.report if self._make_safe else None
+        trip = supervisor.state.trip
+        if made_safe is not None and not made_safe.safe:
+            failure = Trip(MAKE_SAFE_FAILED, self._machine.rows, math.nan, math.nan, detail=made_safe.problem)
+            if self._outcome not in ("TRIPPED", "ERROR", "ABORTED"):
+                self._outcome, trip = "TRIPPED", failure
+            self._message = f"{failure} (What ended the run: {self._message})" if self._message else str(failure)
+        margins = supervisor.margins()
+        for name, margin in margins.items():
+            numbers = f"peak {margin['peak']:.4g}, limit {margin['limit']:.4g}, margin {100 * margin['margin']:.0f} %"
+            logbook.event("info", "margin", "supervisor", f"{name}: {numbers}")
+        metrics["missed_share"] = supervisor.state.missed_share
+        path, readable = logbook.close(self._outcome)
+        if not readable:
+            self._outcome = self._outcome if self._outcome in ("TRIPPED", "ABORTED") else "ERROR"
+            self._message = self._message or str(logbook.error)
+        return RunReport(
+            logbook.run.run_id, self._outcome, path, self._machine.rows, self._message, trip, made_safe,
+            logbook.warnings, metrics, margins, readable,
+        )  # fmt: skip
+
+
+def _geometry(planned: PlannedRun) -> Geometry | None:
+    """What ties both encoders together; None for the bare motor."""
+    if not planned.experiment.gear_mounted:
+        return None
+    stiffness, free = lim.torsion_stiffness(planned.gear), lim.kinematic_error_margin(planned.gear)
+    return Geometry(planned.load.ratio, output_sense(planned.mounting), stiffness, free)
+
+
+def output_sense(mounting: str) -> int:
+    """-1 when the output turns against the input (circular spline fixed), +1 when it turns with it."""
+    return -1 if mounting == "circular-spline-fixed" else 1

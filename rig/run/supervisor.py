@@ -1,0 +1,435 @@
+"""The supervisor: a per-cycle guard for the port and a pure review of every block, independent of the protocol.
+
+The guard holds what is linear in the counts of a cycle (speed, torque, torsion of the gear, travel, drive state, stale data);
+the review holds what needs windows (following error, missed cycles, heat, the time base). A trip names cause, value, limit
+and remedy, is latched, and the table `rig.run.trips` says how the rig is made safe. Python is not protection: below this are the
+drive's own limits, and below those the hardwired stop.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.channel import (
+    DRIVE_TORQUE,
+    HOUSING_TEMPERATURE,
+    INPUT_ANGLE,
+    OUTPUT_ANGLE,
+    STATUSWORD,
+    TARGET_SPEED,
+    TORQUE,
+    Channel,
+)
+from drivers.drive_state import drive_state
+from drivers.port import STALE_DATA, Bound, Guard, Mode
+from drivers.samples import Break, CycleFlag, SampleBlock
+from model.units import RPM
+from rig import limits as lim
+from rig.limits import Limits
+from rig.run.phases import Turn
+from rig.run.trips import (
+    COUNT_JUMP,
+    DISAGREEMENT,
+    DRIVE_FAULT,
+    FOLLOWING_ERROR,
+    MISSED_CYCLES,
+    OVER_SPEED,
+    OVER_SPEED_OUTPUT,
+    OVER_TEMPERATURE,
+    OVER_TORQUE,
+    OVERLOAD,
+    SIGNAL_ERROR,
+    TIME_BASE,
+    TORQUE_DISAGREEMENT,
+    TORQUE_PORT,
+    TORSION_TORQUE,
+    TRAVEL,
+    UNEXPECTED_STATE,
+    Trip,
+)
+
+
+@dataclass(frozen=True)
+class Watch:
+    """How closely the supervisor looks. Times in s, shares of cycles, torques at the motor in N m."""
+
+    speed_window: float = 0.004
+    output_speed_window: float = 0.04
+    torque_room: float = 1.15
+    torque_offset: float = 0.05
+    torque_cycles: int = 3
+    stale_cycles: int = 5
+    missed_share: float = 0.01
+    missed_window: float = 1.0
+    following_window: float = 0.05
+    following_time: float = 0.3
+    following_absolute: float = 1.5
+    following_share: float = 0.25
+    signal_cycles: int = 3
+    torque_port_cycles: int = 20
+    torque_difference: float = 0.25
+    torque_difference_window: float = 0.5
+    thermal_time: float = 30.0
+    smallest_free_space: int = 100_000_000
+
+
+@dataclass(frozen=True)
+class WatchState:
+    """What the supervisor carries from block to block. Immutable: a review makes the next one."""
+
+    rows: int = 0
+    trip: Trip | None = None
+    next_cycle: int | None = None
+    last_time: int | None = None
+    lost: int = 0
+    flagged: int = 0
+    window_rows: int = 0
+    window_missed: int = 0
+    tail_angle: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    tail_target: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    following_run: int = 0
+    flag_runs: tuple[int, int] = (0, 0)
+    heat: float = 0.0
+    torque_rows: int = 0
+    torque_sums: tuple[float, float] = (0.0, 0.0)
+    speed_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    peaks: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def missed_share(self) -> float:
+        """Share of the cycles so far that were lost, incomplete or late."""
+        total = self.rows + self.lost
+        return (self.flagged + self.lost) / total if total else 0.0
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What ties both encoders together: ratio, sense of the output encoder, stiffest torsion spring, angle that is not torque."""
+
+    ratio: float
+    output_sense: int
+    stiffness: float
+    free_angle: float
+
+
+class Supervisor:
+    """Guards and reviews one run. `geometry` None: the bare motor, or a rig without output encoder."""
+
+    def __init__(
+        self,
+        channels: Sequence[Channel],
+        cycle_ns: int,
+        limits: Limits,
+        geometry: Geometry | None,
+        travel: tuple[float, float] = (-math.inf, math.inf),
+        watch: Watch | None = None,
+    ) -> None:
+        self.watch = watch or Watch()
+        self.limits = limits
+        self.state = WatchState()
+        self._channels = {channel.name: channel for channel in channels}
+        self._column = {channel.name: i for i, channel in enumerate(channels)}
+        self._period = cycle_ns * 1e-9
+        self._cycle_ns = cycle_ns
+        self._geometry = geometry if OUTPUT_ANGLE in self._column else None
+        self._travel = travel
+        self._always: tuple[Bound, ...] = ()
+        self._enabled: tuple[Bound, ...] = ()
+        self._twist: Bound | None = None
+
+    def begin(self, reference: NDArray[np.int64], rows: int = 0) -> None:
+        """Take the position at standstill with the servo off (counts of all channels) as untwisted, and set up the guard."""
+        self.state = replace(self.state, rows=rows)
+        self._twist = self._twist_bound(reference)
+        bounds = [*self._speed_bounds(), *self._torque_bounds(), *self._travel_bounds(reference)]
+        if self._twist is not None:
+            bounds.append(self._twist)
+        if HOUSING_TEMPERATURE in self._column:
+            channel = self._channels[HOUSING_TEMPERATURE]
+            weight = channel.direction * channel.scale
+            high = self.limits.value(lim.HOUSING_TEMPERATURE)
+            bounds.append(
+                Bound(OVER_TEMPERATURE, {channel.name: weight}, high=high, offset=channel.offset, consecutive=10)
+            )
+        if STATUSWORD in self._column:
+            bounds.append(Bound(DRIVE_FAULT, {STATUSWORD: 1.0}, high=0.5, mask=0x08))
+            self._enabled = (Bound(UNEXPECTED_STATE, {STATUSWORD: 1.0}, 0x27 - 0.5, 0x27 + 0.5, mask=0x6F),)
+        self._always = tuple(bounds)
+
+    def guard(self, turn: Turn) -> Guard:
+        """The bounds for the next cycles: everything that must never happen, and what ends the present phase."""
+        if self.state.trip is not None:
+            return Guard(turn.until)
+        state = self._enabled if turn.enabled else ()
+        return Guard((*self._always, *state, *turn.until), self.watch.stale_cycles)
+
+    def review(self, block: SampleBlock, turn: Turn) -> Trip | None:
+        """Look at a block that has been recorded; the trip that is latched, if there is one."""
+        self.state = self.reviewed(self.state, block, turn)
+        return self.state.trip
+
+    def latch(self, trip: Trip) -> None:
+        """Latch a trip that was found outside the blocks (bus, disk); an earlier one stays."""
+        if self.state.trip is None:
+            self.state = replace(self.state, trip=trip)
+
+    # The rest is pure: state and block in, state out.
+
+    def reviewed(self, state: WatchState, block: SampleBlock, turn: Turn) -> WatchState:
+        """The state after a block. The break of the guard comes first: it is the earliest."""
+        if not len(block):
+            return state
+        start = state.rows
+        trips: list[Trip] = []
+        if block.broken is not None and block.broken.is_trip:
+            trips.append(self._trip_of(block, block.broken, start))
+        state, found = self._cycles(state, block)
+        trips += found
+        state, found = self._flags(state, block, start)
+        trips += found
+        state, found = self._following(state, block, turn, start)
+        trips += found
+        state, found = self._torques(state, block, start)
+        trips += found
+        state = replace(self._peaks(state, block), rows=start + len(block))
+        if state.trip is None and trips:
+            state = replace(state, trip=trips[0])
+        return state
+
+    def _si(self, block: SampleBlock, name: str) -> NDArray[np.float64]:
+        return self._channels[name].to_si(block.counts[:, self._column[name]])
+
+    def _trip_of(self, block: SampleBlock, broken: Break, start: int) -> Trip:
+        """The trip for a broken guard; a twist without the torque that would make it is a disagreement of the encoders."""
+        row = start + broken.row
+        units = {
+            OVER_SPEED: ("r/min", RPM), OVER_SPEED_OUTPUT: ("r/min at the input", RPM), OVER_TORQUE: ("N m", 1.0),
+            TORSION_TORQUE: ("N m", 1.0), TRAVEL: ("rev", 2.0 * math.pi), OVER_TEMPERATURE: ("degC", 1.0),
+            STALE_DATA: ("cycles", 1.0),
+        }  # fmt: skip
+        if broken.cause in (DRIVE_FAULT, UNEXPECTED_STATE):
+            word = int(block.counts[broken.row, self._column[STATUSWORD]])
+            detail = f"statusword 0x{word:04X}, {drive_state(word).value}"
+            return Trip(broken.cause, row, math.nan, math.nan, detail=detail)
+        geometry = self._geometry
+        if broken.cause == TORSION_TORQUE and geometry is not None and TORQUE in self._column:
+            recent = self._si(block, TORQUE)[max(0, broken.row - 20) : broken.row + 1]
+            carried = geometry.ratio * float(np.max(np.abs(recent)))
+            if carried < 0.5 * abs(broken.value):
+                allowed = math.degrees(abs(broken.limit) / geometry.stiffness) * 60.0
+                found = math.degrees(broken.value / geometry.stiffness) * 60.0
+                detail = f"the motor's torque accounts for at most {carried:.3g} N m of {abs(broken.value):.3g} N m"
+                return Trip(DISAGREEMENT, row, found, math.copysign(allowed, found), "arcmin", detail)
+        unit, factor = units.get(broken.cause, ("", 1.0))
+        return Trip(broken.cause, row, broken.value / factor, broken.limit / factor, unit)
+
+    def _cycles(self, state: WatchState, block: SampleBlock) -> tuple[WatchState, list[Trip]]:
+        """Lost, incomplete and late cycles over a window, and time stamps that run backwards."""
+        lost = 0 if state.next_cycle is None else max(0, block.first_cycle - state.next_cycle)
+        bad = int(np.count_nonzero(block.flags & (CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.SHORT)))
+        rows, missed = state.window_rows + len(block) + lost, state.window_missed + bad + lost
+        trips: list[Trip] = []
+        length = max(1, round(self.watch.missed_window / self._period))
+        allowed = max(self.watch.missed_share * max(rows, length), self.watch.stale_cycles)
+        if missed > allowed:
+            share = 100.0 * missed / max(rows, length)
+            trips.append(Trip(MISSED_CYCLES, state.rows, share, 100.0 * self.watch.missed_share, "%"))
+        if rows >= length:
+            rows = missed = 0
+        steps = np.diff(block.time_ns, prepend=block.time_ns[0] - self._cycle_ns)
+        if state.last_time is not None:
+            steps[0] = block.time_ns[0] - state.last_time - lost * self._cycle_ns
+        wrong = np.flatnonzero((steps <= 0) | (steps > 100 * self._cycle_ns))
+        if len(wrong):
+            row = int(wrong[0])
+            trips.append(
+                Trip(TIME_BASE, state.rows + row, float(steps[row]) * 1e-6, 100 * self._cycle_ns * 1e-6, "ms between SYNCs")
+            )
+        state = replace(
+            state, next_cycle=block.first_cycle + len(block), last_time=int(block.time_ns[-1]), lost=state.lost + lost,
+            flagged=state.flagged + bad, window_rows=rows, window_missed=missed,
+        )  # fmt: skip
+        return state, trips
+
+    def _flags(self, state: WatchState, block: SampleBlock, start: int) -> tuple[WatchState, list[Trip]]:
+        """Flags that devices and decoders raise, several cycles in a row; a jump of a count at once."""
+        trips: list[Trip] = []
+        if not block.flags.any():
+            return replace(state, flag_runs=(0, 0)), trips
+        jumps = np.flatnonzero(block.flags & CycleFlag.JUMPED)
+        if len(jumps):
+            trips.append(Trip(COUNT_JUMP, start + int(jumps[0]), math.nan, math.nan))
+        runs = []
+        for flag, before, cause, allowed in (
+            (CycleFlag.SIGNAL_ERROR, state.flag_runs[0], SIGNAL_ERROR, self.watch.signal_cycles),
+            (CycleFlag.SATURATED, state.flag_runs[1], TORQUE_PORT, self.watch.torque_port_cycles),
+        ):
+            raised = (block.flags & flag) != 0
+            at, run = _first_run(raised, before, allowed)
+            runs.append(run)
+            if at is not None:
+                trips.append(Trip(cause, start + at, float(allowed), float(allowed), "cycles in a row"))
+        return replace(state, flag_runs=(runs[0], runs[1])), trips
+
+    def _following(
+        self, state: WatchState, block: SampleBlock, turn: Turn, start: int
+    ) -> tuple[WatchState, list[Trip]]:
+        """Mean speed over a window against the mean set-point, beyond tolerance for longer than steps and ramps need."""
+        lag = max(1, round(self.watch.following_window / self._period))
+        if not turn.enabled or turn.command.mode is not Mode.SPEED:
+            return replace(state, tail_angle=state.tail_angle[:0], tail_target=state.tail_target[:0], following_run=0), []
+        channel = self._channels[INPUT_ANGLE]
+        angle = np.concatenate([state.tail_angle, block.counts[:, self._column[INPUT_ANGLE]]])
+        sent = turn.command.target[: len(block)]
+        received = self._si(block, TARGET_SPEED) if TARGET_SPEED in self._column else sent
+        target = np.concatenate([state.tail_target, np.where(np.abs(sent) > np.abs(received), sent, received)])
+        carried = replace(state, tail_angle=angle[-lag - 1 :], tail_target=target[-lag - 1 :])
+        if len(angle) <= lag:
+            return carried, []
+        measured = (angle[lag:] - angle[:-lag]) * (channel.direction * channel.scale / (lag * self._period))
+        total = np.concatenate([[0.0], np.cumsum(target)])
+        wanted = (total[lag + 1 :] - total[1:-lag]) / lag
+        allowed = self.watch.following_absolute + self.watch.following_share * np.abs(wanted)
+        error = np.abs(measured - wanted)
+        new = min(len(block), len(error))
+        patience = max(1, round(self._following_patience / self._period))
+        at, run = _first_run(error[-new:] > allowed[-new:], state.following_run, patience)
+        trips = []
+        if at is not None:
+            index = len(error) - new + at
+            row = start + len(block) - new + at
+            detail = f"set-point {wanted[index] / RPM:.4g} r/min, speed {measured[index] / RPM:.4g} r/min"
+            trips.append(Trip(FOLLOWING_ERROR, row, error[index] / RPM, allowed[index] / RPM, "r/min", detail))
+        return replace(carried, following_run=run), trips
+
+    @property
+    def _following_patience(self) -> float:
+        """s that a step to the highest allowed speed needs with the drive's own ramp, and room."""
+        ramp = self.limits.value(lim.INPUT_SPEED) / self.limits.value(lim.ACCELERATION)
+        return self.watch.following_time + (2.0 * ramp if math.isfinite(ramp) else 0.0)
+
+    def _torques(self, state: WatchState, block: SampleBlock, start: int) -> tuple[WatchState, list[Trip]]:
+        """Heat of the motor (mean square with one time constant), and port against drive over a window."""
+        name = TORQUE if TORQUE in self._column else DRIVE_TORQUE
+        if name not in self._column:
+            return state, []
+        trips = []
+        torque = self._si(block, name)
+        rating = self.limits.value(lim.RMS_TORQUE)
+        share = len(block) * self._period / self.watch.thermal_time
+        mean_square = float(np.mean(np.square(torque))) / rating**2
+        heat = state.heat + (mean_square - state.heat) * -math.expm1(-share)
+        if heat > 1.0:
+            trips.append(Trip(OVERLOAD, start + len(block) - 1, math.sqrt(heat) * rating, rating, "N m r.m.s."))
+        state = replace(state, heat=heat)
+        if TORQUE in self._column and DRIVE_TORQUE in self._column:
+            rows = state.torque_rows + len(block)
+            sums = (
+                state.torque_sums[0] + float(torque.sum()),
+                state.torque_sums[1] + float(self._si(block, DRIVE_TORQUE).sum()),
+            )
+            if rows * self._period >= self.watch.torque_difference_window:
+                port, drive = sums[0] / rows, sums[1] / rows
+                allowed = self.watch.torque_offset + self.watch.torque_difference * max(abs(port), abs(drive))
+                if abs(port - drive) > allowed:
+                    detail = f"port {port:.4g} N m, drive {drive:.4g} N m"
+                    trips.append(Trip(TORQUE_DISAGREEMENT, start + len(block) - 1, abs(port - drive), allowed, "N m", detail))
+                rows, sums = 0, (0.0, 0.0)
+            state = replace(state, torque_rows=rows, torque_sums=sums)
+        return state, trips
+
+    def _peaks(self, state: WatchState, block: SampleBlock) -> WatchState:
+        """The largest speed, motor torque and torsion torque so far."""
+        found = {}
+        lag = max(1, round(self.watch.speed_window / self._period))
+        angle = np.concatenate([state.speed_tail, block.counts[:, self._column[INPUT_ANGLE]]])
+        if len(angle) > lag:
+            step = np.abs(angle[lag:] - angle[:-lag]).max()
+            found[lim.INPUT_SPEED] = float(step) * self._channels[INPUT_ANGLE].scale / (lag * self._period)
+        if TORQUE in self._column:
+            found[lim.MOTOR_TORQUE] = float(np.abs(self._si(block, TORQUE)).max())
+        if self._twist is not None:
+            twist = self._twist.offset + sum(w * block.counts[:, self._column[n]] for n, w in self._twist.weights.items())
+            found[lim.TORSION_TORQUE] = float(np.abs(twist).max())
+        peaks = {name: max(state.peaks.get(name, 0.0), value) for name, value in {**state.peaks, **found}.items()}
+        return replace(state, speed_tail=angle[-lag:], peaks=peaks)
+
+    def margins(self) -> dict[str, dict[str, float]]:
+        """Peak, limit and what was left of it (share) for every quantity that was watched."""
+        found = {}
+        for quantity, peak in sorted(self.state.peaks.items()):
+            limit = self.limits.value(quantity)
+            found[quantity] = {"peak": peak, "limit": limit, "margin": 1.0 - peak / limit}
+        return found
+
+    def _speed_bounds(self) -> list[Bound]:
+        limit = self.limits.value(lim.INPUT_SPEED)
+        lag = max(1, round(self.watch.speed_window / self._period))
+        weight = self._channels[INPUT_ANGLE].scale / (lag * self._period)
+        bounds = [Bound(OVER_SPEED, {INPUT_ANGLE: weight}, -limit, limit, lag=lag, consecutive=2)]
+        if self._geometry is not None:
+            lag = max(1, round(self.watch.output_speed_window / self._period))
+            weight = self._geometry.ratio * self._channels[OUTPUT_ANGLE].scale / (lag * self._period)
+            # Torsional vibration rides on the output's speed: room for it, the input is watched tighter.
+            room = 1.3 * limit + 2.0 * weight
+            bounds.append(Bound(OVER_SPEED_OUTPUT, {OUTPUT_ANGLE: weight}, -room, room, lag=lag, consecutive=2))
+        return bounds
+
+    def _torque_bounds(self) -> list[Bound]:
+        limit = self.watch.torque_room * self.limits.value(lim.MOTOR_TORQUE) + self.watch.torque_offset
+        bounds = []
+        for name in (TORQUE, DRIVE_TORQUE):
+            if name in self._column:
+                channel = self._channels[name]
+                weight = channel.direction * channel.scale
+                bounds.append(
+                    Bound(
+                        OVER_TORQUE, {name: weight}, -limit, limit,
+                        offset=channel.offset, consecutive=self.watch.torque_cycles,
+                    )
+                )  # fmt: skip
+        return bounds
+
+    def _travel_bounds(self, reference: NDArray[np.int64]) -> list[Bound]:
+        low, high = self._travel
+        if math.isinf(low) and math.isinf(high):
+            return []
+        channel = self._channels[INPUT_ANGLE]
+        weight = channel.direction * channel.scale
+        offset = -weight * float(reference[self._column[INPUT_ANGLE]])
+        return [Bound(TRAVEL, {INPUT_ANGLE: weight}, low, high, offset=offset)]
+
+    def _twist_bound(self, reference: NDArray[np.int64]) -> Bound | None:
+        """K (theta_i/N - theta_o), zero at the reference; the angle that is not torque is taken off the limit."""
+        geometry, limit = self._geometry, self.limits.value(lim.TORSION_TORQUE)
+        if geometry is None or math.isinf(limit):
+            return None
+        inner, outer = self._channels[INPUT_ANGLE], self._channels[OUTPUT_ANGLE]
+        weights = {
+            INPUT_ANGLE: geometry.stiffness * inner.direction * inner.scale / geometry.ratio,
+            OUTPUT_ANGLE: -geometry.stiffness * geometry.output_sense * outer.direction * outer.scale,
+        }
+        doubt = geometry.free_angle + 2.0 * outer.calibration.accuracy + outer.scale
+        doubt += (2.0 * inner.calibration.accuracy + inner.scale) / geometry.ratio
+        high = max(limit - geometry.stiffness * doubt, 0.25 * limit)
+        offset = -sum(w * float(reference[self._column[name]]) for name, w in weights.items())
+        return Bound(TORSION_TORQUE, weights, -high, high, offset=offset)
+
+
+def _first_run(raised: NDArray[np.bool_], before: int, allowed: int) -> tuple[int | None, int]:
+    """Where a run of `allowed` raised cycles is complete (None: nowhere), and how long the run at the end is."""
+    if not raised.any():
+        return None, 0
+    clear = np.flatnonzero(~raised)
+    index = np.arange(len(raised))
+    last_clear = np.maximum.accumulate(np.where(raised, -1 - before, index))
+    lengths = np.where(raised, index - last_clear, 0)
+    reached = np.flatnonzero(lengths >= allowed)
+    at = int(reached[0]) if len(reached) else None
+    return at, int(lengths[-1]) if len(clear) or len(raised) else before
+

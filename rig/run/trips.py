@@ -1,0 +1,141 @@
+"""The trips: every cause, what it means, how the rig is made safe, and what the operator does next. One table."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from drivers.port import STALE_DATA
+from rig.run.make_safe import Action
+
+OVER_SPEED = "over_speed"
+OVER_SPEED_OUTPUT = "over_speed_output"
+OVER_TORQUE = "over_torque"
+OVERLOAD = "overload"
+TORSION_TORQUE = "torsion_torque"
+DISAGREEMENT = "input_output_disagreement"
+TRAVEL = "travel"
+OVER_TEMPERATURE = "over_temperature"
+DRIVE_FAULT = "drive_fault"
+UNEXPECTED_STATE = "unexpected_state"
+FOLLOWING_ERROR = "following_error"
+MISSED_CYCLES = "missed_cycles"
+SIGNAL_ERROR = "signal_error"
+COUNT_JUMP = "count_jump"
+TORQUE_PORT = "torque_port"
+TORQUE_DISAGREEMENT = "torque_disagreement"
+TIME_BASE = "time_base"
+BUS_LOST = "bus_lost"
+DEVICE_ERROR = "device_error"
+DISK_SPACE = "disk_space"
+MAKE_SAFE_FAILED = "make_safe_failed"
+
+
+@dataclass(frozen=True, slots=True)
+class TripRule:
+    """What a trip is in words, how the rig is made safe, and what the operator does next."""
+
+    what: str
+    action: Action
+    remedy: str
+
+
+TRIPS: dict[str, TripRule] = {
+    OVER_SPEED: TripRule(
+        "the input turns too fast", Action.QUICK_STOP, "Check the speed loop's gains and the drive's speed limit."
+    ),
+    OVER_SPEED_OUTPUT: TripRule(
+        "the output turns faster than the input limit allows", Action.QUICK_STOP,
+        "Check the motor encoder: the drive may be running on a wrong speed.",
+    ),
+    OVER_TORQUE: TripRule(
+        "the motor torque is above its limit", Action.ZERO_TORQUE,
+        "Something blocks, or the drive does not hold its torque limit: turn the gear by hand, read 0x6072 back.",
+    ),
+    OVERLOAD: TripRule(
+        "the mean square of the motor torque is above its rating", Action.QUICK_STOP, "Let the motor cool; lower the load."
+    ),
+    TORSION_TORQUE: TripRule(
+        "the torsion of the gear says that its torque nears the repeated peak", Action.ZERO_TORQUE,
+        "Find what holds the output; inspect the gear before going on.",
+    ),
+    DISAGREEMENT: TripRule(
+        "input and output angle disagree beyond the compliance of the gear", Action.QUICK_STOP,
+        "Check ratio and mounting, lines and direction of both encoders, and the output coupling.",
+    ),
+    TRAVEL: TripRule(
+        "the input has left the travel of the plan", Action.QUICK_STOP, "Check the direction of the motor encoder."
+    ),
+    OVER_TEMPERATURE: TripRule("the gear housing is too hot", Action.QUICK_STOP, "Let it cool down."),
+    DRIVE_FAULT: TripRule(
+        "the drive reports a fault", Action.ZERO_TORQUE, "Read the drive's error code, remove the cause, acknowledge by name."
+    ),
+    UNEXPECTED_STATE: TripRule(
+        "the drive has left operation enabled by itself", Action.QUICK_STOP,
+        "Check enable input, emergency stop and bus; the drive may have seen its safe torque off.",
+    ),
+    FOLLOWING_ERROR: TripRule(
+        "the speed does not follow its set-point", Action.QUICK_STOP,
+        "Something blocks, a limit in the drive is too low, or the speed loop is badly tuned.",
+    ),
+    STALE_DATA: TripRule(
+        "complete cycles have stopped arriving", Action.QUICK_STOP, "Check bus load, cables and the nodes' heartbeats."
+    ),
+    MISSED_CYCLES: TripRule(
+        "too large a share of the cycles is incomplete, late or lost", Action.QUICK_STOP,
+        "Lower the SYNC rate or the bus load; look for a node that does not answer in time.",
+    ),
+    SIGNAL_ERROR: TripRule(
+        "a device says that its own signal is not valid", Action.QUICK_STOP, "Check encoder signals, cable and supply."
+    ),
+    COUNT_JUMP: TripRule(
+        "an encoder count moved further than the gear can turn in a cycle", Action.QUICK_STOP,
+        "Check shielding and wrap modulus of that counter.",
+    ),
+    TORQUE_PORT: TripRule(
+        "the torque port is saturated or open", Action.QUICK_STOP, "Check the cable of the monitor port and its range."
+    ),
+    TORQUE_DISAGREEMENT: TripRule(
+        "torque port and drive disagree about the torque", Action.QUICK_STOP,
+        "Check volts per rated torque, the gain of the monitor and the cable.",
+    ),
+    TIME_BASE: TripRule(
+        "the time stamps do not follow the SYNC period", Action.QUICK_STOP, "Check the adapter's clock."
+    ),
+    BUS_LOST: TripRule("the rig does not answer any more", Action.QUICK_STOP, "Check adapter, cable and supply."),
+    DEVICE_ERROR: TripRule(
+        "a device did not do what it must", Action.QUICK_STOP, "Look at the device that the message names."
+    ),
+    DISK_SPACE: TripRule("the disk is nearly full", Action.QUICK_STOP, "Free space or choose another folder."),
+    MAKE_SAFE_FAILED: TripRule(
+        "the rig could not be brought to a verified standstill", Action.ZERO_TORQUE,
+        "Press the emergency stop. Do not touch the rig before it stands and is disconnected.",
+    ),
+}  # fmt: skip
+"""Every cause of a trip: how it ends and what it means. The first cause is latched."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """A latched trip: cause, row, the value found, the limit that it broke and its unit."""
+
+    cause: str
+    row: int
+    value: float
+    limit: float
+    unit: str = ""
+    detail: str = ""
+
+    @property
+    def action(self) -> Action:
+        """How the rig is made safe."""
+        return TRIPS[self.cause].action
+
+    def __str__(self) -> str:
+        rule = TRIPS[self.cause]
+        unit = f" {self.unit}" if self.unit else ""
+        text = f"TRIPPED {self.cause}: {rule.what}"
+        if not math.isnan(self.value):
+            text += f"; value {self.value:.4g}{unit}, limit {self.limit:.4g}{unit}"
+        text += f", row {self.row}"
+        return f"{text} ({self.detail}). {rule.remedy}" if self.detail else f"{text}. {rule.remedy}"

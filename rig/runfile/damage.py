@@ -1,0 +1,75 @@
+"""What the HDF5 library and the disk do when something is wrong, turned into one line; and letting go of a file then."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5py
+
+from rig.errors import RigError, RunFileError
+from rig.runfile.layout import PART_SUFFIX
+
+COPY_REMEDY = "Was it copied completely? A run that was cut off keeps its .part file: see `rig recover`."
+
+
+@contextlib.contextmanager
+def refusing_damage(path: Path, what: str = "is not a readable run file", remedy: str = COPY_REMEDY) -> Iterator[None]:
+    """Turn whatever the HDF5 library says about a damaged or foreign file into one line."""
+    try:
+        yield
+    except RigError:
+        raise
+    except FileNotFoundError as error:
+        raise RunFileError("there is no such file", where=str(path), remedy="Check the path, or list the runs.") from error
+    except PermissionError as error:
+        raise RunFileError("may not be read", where=str(path), remedy="Check its permissions.") from error
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError, IndexError, AttributeError, MemoryError,
+            OverflowError, AssertionError) as error:  # fmt: skip
+        raise RunFileError(f"{what} ({reason(error)})", where=str(path), remedy=remedy) from error
+
+
+def open_for_reading(path: Path) -> h5py.File:
+    """A run file opened as a SWMR reader where a writer is at work or was killed, plainly otherwise."""
+    with refusing_damage(path):
+        if path.is_dir():
+            raise RunFileError("is a folder, not a run file", where=str(path))
+        with path.open("rb") as stream:
+            head = stream.read(8)
+        if head != b"\x89HDF\r\n\x1a\n":
+            raise RunFileError(
+                "is empty" if not head else "is not an HDF5 file", where=str(path),
+                remedy="Import a recording of another rig with `rig import`.",
+            )  # fmt: skip
+        if path.name.endswith(PART_SUFFIX):
+            return h5py.File(path, "r", libver="latest", swmr=True)
+        return h5py.File(path, "r")
+    raise AssertionError
+
+
+def reason(error: BaseException) -> str:
+    """The operating system's sentence out of whatever the HDF5 library made of it, in at most one line."""
+    found = re.search(r"error message = '([^']*)'", str(error))
+    if found:
+        return found.group(1)
+    text = getattr(error, "strerror", None) or " ".join(str(error).strip().strip("'\"").split()) or type(error).__name__
+    return text if len(text) <= 160 else text[:157] + "..."
+
+
+def close_without_writing(file: h5py.File) -> None:
+    """Close a file whose disk has failed, leaving it as its last flush left it.
+
+    Closing writes what is cached. On a full disk that fails half-way and the HDF5 library then crashes when the process
+    ends, so its descriptor is pointed at the null device first; that also releases the lock on the file.
+    """
+    with contextlib.suppress(OSError, RuntimeError, ValueError):
+        nowhere = os.open(os.devnull, os.O_RDWR)
+        try:
+            os.dup2(nowhere, file.id.get_vfd_handle())
+        finally:
+            os.close(nowhere)
+    with contextlib.suppress(OSError, RuntimeError, ValueError):
+        file.close()

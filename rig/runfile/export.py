@@ -1,0 +1,123 @@
+"""A run for other programs: text or MATLAB, in SI with the unit in every heading, and with where it comes from."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.recording import Recording
+from rig.errors import RunFileError
+from rig.runfile.header import ORIGIN_WORDS
+
+BLOCK_ROWS = 16384
+LARGEST_MATLAB_BYTES = 2**31 - 1
+"""A variable of a MATLAB 5 file cannot be longer."""
+
+
+def origin_note(recording: Recording) -> str:
+    """SIMULATED, REPLAY or IMPORTED for a run that is not from hardware, else ""."""
+    return ORIGIN_WORDS[recording.metadata.origin]
+
+
+def export_csv(recording: Recording, target: Path, *, overwrite: bool = False) -> int:
+    """Write the run as text, a block at a time; returns the number of rows."""
+    names = list(recording.signals)
+    headings = ["time [s]", *(f"{name} [{recording.signals[name].unit}]" for name in names), "flags", "segment"]
+    partial = _partial(target, overwrite)
+    try:
+        with partial.open("w", encoding="utf-8", newline="\n") as stream:
+            stream.writelines(f"# {line}\n" for line in _description(recording))
+            stream.write(",".join(headings) + "\n")
+            for block in recording.blocks(size=BLOCK_ROWS):
+                columns = [recording.time(block).tolist(), *(recording.si(name, block).tolist() for name in names)]
+                columns += [recording.flags(block).tolist(), _segment_of_rows(recording, block)]
+                stream.writelines(",".join(map(str, row)) + "\n" for row in zip(*columns, strict=True))
+        os.replace(partial, target)
+    except OSError as error:
+        raise _not_written(target, error) from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return recording.rows
+
+
+def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -> int:
+    """Write the run as a MATLAB 5 file: one array per channel, structs `units`, `run`, `segments`; returns the rows."""
+    import scipy.io
+
+    if recording.rows * 8 > LARGEST_MATLAB_BYTES:
+        raise RunFileError(
+            "is too long for a MATLAB 5 file", where=recording.metadata.run_id, value=f"{recording.rows} rows",
+            limit=f"<= {LARGEST_MATLAB_BYTES // 8} rows", remedy="MATLAB opens the run file itself with h5read.",
+        )  # fmt: skip
+    m = recording.metadata
+    content: dict[str, Any] = {"time": recording.time(), "flags": recording.flags().astype(np.float64)}
+    content |= {name: recording.si(name) for name in recording.signals}
+    content["units"] = {"time": "s", **{name: signal.unit for name, signal in recording.signals.items()}}
+    content["run"] = {
+        "description": "\n".join(_description(recording)), "origin": origin_note(recording) or "HARDWARE",
+        "run_id": m.run_id, "experiment": m.experiment, "outcome": m.outcome, "start_time": m.start_time,
+        "operator": m.operator, "gear": m.gear.name if m.gear else "", "gear_serial": m.gear_serial, "ratio": m.ratio,
+        "mounting": m.mounting, "output_sense": float(m.output_sense), "sample_rate": m.sample_rate, "sha256": m.sha256,
+    }  # fmt: skip
+    # MATLAB counts rows from 1 and its ranges include the end.
+    content["segments"] = {
+        "label": np.array([s.label for s in recording.segments] or [""], dtype=object),
+        "first_row": np.array([s.start + 1.0 for s in recording.segments]),
+        "last_row": np.array([float(s.stop) for s in recording.segments]),
+        "setpoint": np.array([s.setpoint for s in recording.segments]),
+        "direction": np.array([float(s.direction) for s in recording.segments]),
+        "repeat": np.array([float(s.repeat) for s in recording.segments]),
+    }
+    partial = _partial(target, overwrite)
+    try:
+        with partial.open("wb") as stream:
+            scipy.io.savemat(stream, content, do_compression=True, long_field_names=True, oned_as="column")
+        os.replace(partial, target)
+    except OSError as error:
+        raise _not_written(target, error) from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return recording.rows
+
+
+def _description(recording: Recording) -> Iterator[str]:
+    """What the run is, one line at a time, for the head of an export."""
+    m = recording.metadata
+    mark = origin_note(recording)
+    yield f"harmonic-rig export of run {m.run_id}" + (f": {mark}" if mark else "")
+    if mark:
+        yield f"{mark}: these are not measurements of this rig"
+    yield f"protocol: {m.experiment or '-'}, outcome: {m.outcome or '-'}, operator: {m.operator or '-'}"
+    yield f"started: {m.start_time or '-'}, ended: {m.end_time or '-'}"
+    ratio = "" if math.isnan(m.ratio) else f", ratio {m.ratio:g}"
+    yield f"gear: {m.gear.name if m.gear else '-'}, serial {m.gear_serial or '-'}{ratio}, {m.mounting}"
+    yield f"sample rate: {m.sample_rate:g} Hz, time base: {m.time_base}, SHA-256 of the run: {m.sha256 or '-'}"
+    yield "SI units; angles as each encoder counts them; flags: 0 is a complete cycle on time; segment: -1 is none"
+
+
+def _segment_of_rows(recording: Recording, block: slice) -> list[int]:
+    """The index of the segment that each row belongs to, the latest where they overlap; -1 where there is none."""
+    found = np.full(block.stop - block.start, -1)
+    for segment in recording.segments:
+        first, last = max(segment.start, block.start), min(segment.stop, block.stop)
+        if first < last:
+            found[first - block.start : last - block.start] = segment.index
+    return found.tolist()
+
+
+def _partial(target: Path, overwrite: bool) -> Path:
+    """Where the export is written until it is complete."""
+    if target.exists() and not overwrite:
+        raise RunFileError("is there already", where=str(target), remedy="Name another file, or give --force.")
+    return target.with_name(f".{target.name}.{os.getpid()}.tmp")
+
+
+def _not_written(target: Path, error: OSError) -> RunFileError:
+    return RunFileError(
+        f"cannot be written: {error.strerror or error}", where=str(target), remedy="Name a folder that can be written."
+    )

@@ -1,0 +1,133 @@
+"""Sealing a run: its SHA-256 beside it, its final name, read-only. After that it is never changed."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+from rig.errors import RunFileError
+from rig.runfile.layout import HASH_SUFFIX, PART_SUFFIX
+
+
+def part_path(final: Path) -> Path:
+    """The name of a run while it is written."""
+    return final.with_name(final.name + PART_SUFFIX)
+
+
+def final_path(part: Path) -> Path:
+    """The name that a `.part` file gets when it is sealed."""
+    return part.with_name(part.name.removesuffix(PART_SUFFIX))
+
+
+def hash_path(run: Path) -> Path:
+    """The file beside a run that holds its SHA-256, in the form that `sha256sum --check` reads."""
+    return run.with_name(run.name + HASH_SUFFIX)
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file's bytes, in hexadecimal."""
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise RunFileError(f"cannot be read: {error.strerror or error}", where=str(path)) from error
+
+
+def recorded_sha256(run: Path) -> str:
+    """The SHA-256 that was noted when the run was sealed; "" where there is no note."""
+    try:
+        words = hash_path(run).read_text(encoding="ascii", errors="replace").split()
+    except OSError:
+        return ""
+    return words[0] if words else ""
+
+
+def seal_file(part: Path, final: Path) -> Path:
+    """Hash, make read-only and rename a closed file; an existing run is never overwritten."""
+    try:
+        digest = file_sha256(part)
+        if final.exists():
+            raise RunFileError("there is a run of this name already", where=str(final), remedy="Move it away first.")
+        note = hash_path(final)
+        note.unlink(missing_ok=True)
+        note.write_text(f"{digest}  {final.name}\n", encoding="ascii")
+        _synchronise(part)
+        _rename_to_new(part, final)
+        protect(final)
+        if hasattr(os, "O_DIRECTORY"):
+            _synchronise(final.parent)
+    except OSError as error:
+        raise RunFileError(
+            f"cannot be sealed: {error.strerror or error}", where=str(part),
+            remedy="The data are complete in this file; make room, then use `rig recover`.",
+        ) from error  # fmt: skip
+    return final
+
+
+def protect(run: Path) -> None:
+    """Make a run and the note of its hash read-only."""
+    for path in (run, hash_path(run)):
+        path.chmod(stat.S_IRUSR | stat.S_IRGRP | stat.S_IROTH)
+
+
+def hold_while_writing(part: Path) -> Callable[[], None]:
+    """Mark a file as being written for as long as this process lives; returns what takes the mark away.
+
+    A shared lock: readers of the growing file, which take shared locks themselves, are not disturbed.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return lambda: None
+    descriptor = os.open(part, os.O_RDONLY)
+    with contextlib.suppress(OSError):
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    return _closing_once(descriptor)
+
+
+def refuse_live(part: Path) -> None:
+    """Raise `RunFileError` for a file that a living writer holds, where the file system has locks."""
+    try:
+        import fcntl
+    except ImportError:
+        return
+    with contextlib.suppress(OSError), part.open("rb") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise RunFileError("is still being written", where=str(part), remedy="Stop that run first.") from error
+
+
+def _closing_once(descriptor: int) -> Callable[[], None]:
+    """Close a descriptor at the first call and do nothing at later ones."""
+    left = [descriptor]
+
+    def close() -> None:
+        if left:
+            os.close(left.pop())
+
+    return close
+
+
+def _rename_to_new(part: Path, final: Path) -> None:
+    """Rename without replacing anything; a hard link does that atomically where the file system has them."""
+    try:
+        os.link(part, final)
+    except FileExistsError:
+        raise
+    except (OSError, NotImplementedError):
+        part.rename(final)
+    else:
+        part.unlink()
+
+
+def _synchronise(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,117 @@
+"""The writer is killed, with SIGKILL, at many moments: every row that it had acknowledged is read back, value by value."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig.errors import RunFileError
+from rig.runfile.read import close_recording, follow, open_run
+from rig.runfile.recover import recover_run
+from rig.runfile.verify import verify_run
+from tests.rig.runfile.making import CHANNELS, CYCLE_NS, EPOCH_NS, counts_of
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="SIGKILL")
+ROOT = Path(__file__).parents[3]
+
+
+class Writer:
+    """The writer's process, driven by single letters."""
+
+    def __init__(self, folder: Path, *, compress: bool, chunk_rows: int = 128) -> None:
+        command = [sys.executable, "-m", "tests.rig.runfile.dying_writer", str(folder), "c" if compress else "u"]
+        self.process = subprocess.Popen(
+            [*command, str(chunk_rows)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT
+        )
+        assert self.process.stdout is not None
+        assert self.process.stdin is not None
+        self.out, self.into = self.process.stdout, self.process.stdin
+        assert self.out.readline() == "ready\n"
+
+    def tell(self, letters: str) -> list[int]:
+        """Send letters; returns the rows that were acknowledged."""
+        self.into.write(letters)
+        self.into.flush()
+        return [int(self.out.readline()) for letter in letters if letter in "fs"]
+
+    def kill(self) -> list[int]:
+        """SIGKILL; returns what had been acknowledged and not yet read."""
+        self.process.send_signal(signal.SIGKILL)
+        rest = self.out.read()
+        self.process.wait()
+        self.into.close()
+        self.out.close()
+        # A last line without its end was cut by the kill.
+        return [int(line) for line in rest.split("\n")[:-1]]
+
+
+def check_rows(path: Path, at_least: int) -> int:
+    recording = open_run(path, verify=True)
+    rows = recording.rows
+    assert rows >= at_least
+    found = np.stack([recording.stored(channel.name) for channel in CHANNELS], axis=1)
+    np.testing.assert_array_equal(found, counts_of(np.arange(rows)))
+    np.testing.assert_array_equal(recording.source.time_ns(0, rows), EPOCH_NS + np.arange(rows) * CYCLE_NS)
+    close_recording(recording)
+    return rows
+
+
+MOMENTS = ["f", "af", "aaaaf", "agafaaag", "aaaagfaaaa", "agfagfagfaaaaaaaaaa", "agsagsags", "aaaafgaaafgaaafgaaaaaaaaaaaaaaaa"]
+
+
+@pytest.mark.parametrize(("moment", "letters"), list(enumerate(MOMENTS)))
+def test_acknowledged_rows_survive_a_kill(tmp_path: Path, moment: int, letters: str) -> None:
+    writer = Writer(tmp_path, compress=moment % 2 == 0)
+    acknowledged = writer.tell(letters)[-1]
+    writer.kill()
+    part = tmp_path / "00001-friction-A1.h5.part"
+    recovered = recover_run(part)
+    assert recovered.outcome == "INTERRUPTED"
+    assert not part.exists()
+    assert check_rows(recovered.path, acknowledged) == recovered.rows
+    recording = open_run(recovered.path)
+    assert recording.metadata.outcome == "INTERRUPTED"
+    assert all(0 <= s.start < s.stop <= recovered.rows for s in recording.segments)
+    assert recording.events[-1].code == "RECOVERED"
+    assert not [f for f in verify_run(recovered.path) if f.level == "error"]
+
+
+@pytest.mark.parametrize(("compress", "acknowledged_before"), [(True, 3), (False, 40), (True, 90), (False, 7)])
+def test_a_kill_in_full_flight(tmp_path: Path, compress: bool, acknowledged_before: int) -> None:
+    writer = Writer(tmp_path, compress=compress, chunk_rows=64)
+    writer.tell("w")
+    acknowledged = [int(writer.out.readline()) for _ in range(acknowledged_before)] + writer.kill()
+    recovered = recover_run(tmp_path / "00001-friction-A1.h5.part")
+    assert acknowledged[-1] >= acknowledged_before * 37
+    check_rows(recovered.path, acknowledged[-1])
+
+
+def test_a_growing_run_is_read_by_another_process_and_not_recovered(tmp_path: Path) -> None:
+    writer = Writer(tmp_path, compress=False)
+    part = tmp_path / "00001-friction-A1.h5.part"
+    try:
+        (rows,) = writer.tell("aaagf")
+        recording = open_run(part)
+        assert recording.rows == rows
+        with pytest.raises(RunFileError, match="still being written"):
+            recover_run(part)
+        (more,) = writer.tell("aaaaaf")
+        grown = follow(recording)
+        assert grown.rows == more > rows
+        np.testing.assert_array_equal(grown.stored("output_angle"), counts_of(np.arange(more))[:, 1])
+        close_recording(recording)
+        assert writer.tell("af") == [more + 37]
+    finally:
+        writer.kill()
+    assert recover_run(part).rows == more + 37
+
+
+def test_killed_before_the_first_row(tmp_path: Path) -> None:
+    Writer(tmp_path, compress=True).kill()
+    recovered = recover_run(tmp_path / "00001-friction-A1.h5.part")
+    assert recovered.rows == 0
+    assert open_run(recovered.path).metadata.gear_serial == "A1"

@@ -1,0 +1,213 @@
+"""What is written is read back: rows value by value, metadata, segments, events; in every way of cutting into blocks."""
+
+import os
+import stat
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from drivers.samples import CycleFlag, SampleBlock
+from experiments.recording import Event, Segment
+from model.gear_file import shipped_gear
+from rig.errors import RunFileError
+from rig.runfile.read import FileSource, close_recording, follow, open_run, read_channels, read_run_header
+from rig.runfile.write import RunWriter
+from tests.rig.runfile.making import CALIBRATION, CHANNELS, CYCLE_NS, EPOCH_NS, block, counts_of, header, write_run
+
+
+@pytest.mark.parametrize("compress", [True, False])
+def test_every_value_comes_back(tmp_path: Path, compress: bool) -> None:
+    recording = open_run(write_run(tmp_path, 2500, compress=compress), verify=True)
+    cycles = np.arange(2500)
+    assert recording.rows == 2500
+    for index, channel in enumerate(CHANNELS):
+        np.testing.assert_array_equal(recording.stored(channel.name), counts_of(cycles)[:, index])
+        np.testing.assert_array_equal(recording.si(channel.name), channel.to_si(counts_of(cycles)[:, index]))
+    np.testing.assert_array_equal(recording.flags(), np.where(cycles % 97 == 0, CycleFlag.INCOMPLETE, 0))
+    np.testing.assert_array_equal(recording.source.time_ns(0, 2500), EPOCH_NS + cycles * CYCLE_NS)
+    np.testing.assert_allclose(recording.time(), cycles * 1e-3, rtol=0, atol=1e-12)
+    assert recording.stored("torque", recording.segments[1]).tolist() == counts_of(np.arange(1250, 2500))[:, 2].tolist()
+    close_recording(recording)
+
+
+def test_metadata_comes_back(tmp_path: Path) -> None:
+    path = write_run(tmp_path)
+    m = open_run(path).metadata
+    wanted = header().metadata
+    for name in ("run_id", "experiment", "origin", "title", "start_time", "operator", "gear", "gear_serial", "ratio",
+                 "mounting", "output_sense", "gear_mounted", "sample_rate", "time_base", "parameters", "conditions"):  # fmt: skip
+        assert getattr(m, name) == getattr(wanted, name), name
+    assert (m.outcome, m.end_time) == ("PASS", "2025-11-21T04:41:00.000+00:00")
+    assert m.gear == shipped_gear()
+    assert m.process == {**wanted.process, "truth": {"coulomb": 70.0}}
+    assert len(m.sha256) == 64
+
+
+def test_channels_come_back_for_replay(tmp_path: Path) -> None:
+    path = write_run(tmp_path)
+    found = read_channels(path)
+    assert [(c.name, c.scale, c.offset, c.direction, c.modulus, c.lines, c.multiplication, c.unit) for c in found] == [
+        (c.name, c.scale, c.offset, c.direction, c.modulus, c.lines, c.multiplication, c.unit) for c in CHANNELS
+    ]
+    assert found[2].calibration == CALIBRATION
+    assert (found[2].model, found[2].serial_number) == ("EL3104", "7")
+    stored = read_run_header(path)
+    assert (stored.limits, stored.devices, stored.truth, stored.epoch_ns) == (
+        {"torque": 2.0}, {"drive": {"vendor": "x"}}, {"coulomb": 70.0}, EPOCH_NS,
+    )  # fmt: skip
+
+
+def test_segments_and_events_come_back(tmp_path: Path) -> None:
+    recording = open_run(write_run(tmp_path))
+    assert recording.segments == (Segment(0, "hold", 0, 1250, 3.25, 1, 0), Segment(1, "hold", 1250, 2500, -3.25, -1, 1))
+    assert recording.events[0] == Event(EPOCH_NS + 5, "info", "NOTE", "operator", "Öl nachgefüllt")
+    assert recording.events[1].text == "x" * 480
+    with h5py.File(recording.source.path) as file:  # type: ignore[attr-defined]
+        assert file["entry/events"]["truncated"].tolist() == [0, 1]
+
+
+def test_a_sealed_run_is_named_hashed_and_read_only(tmp_path: Path) -> None:
+    path = write_run(tmp_path)
+    assert not path.with_name(path.name + ".part").exists()
+    assert stat.S_IMODE(os.stat(path).st_mode) & 0o222 == 0
+    words = path.with_name(path.name + ".sha256").read_text().split()
+    assert words == [open_run(path, verify=True).metadata.sha256, path.name]
+
+
+def test_a_changed_run_is_refused_when_verified(tmp_path: Path) -> None:
+    path = write_run(tmp_path)
+    path.chmod(0o644)
+    with path.open("ab") as stream:
+        stream.write(b"x")
+    with pytest.raises(RunFileError, match="SHA-256 differs"):
+        open_run(path, verify=True)
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(sizes=st.lists(st.integers(0, 700), min_size=1, max_size=12), flush=st.integers(1, 4), compress=st.booleans())
+def test_how_a_run_is_cut_into_blocks_does_not_matter(
+    tmp_path_factory: pytest.TempPathFactory, sizes: list[int], flush: int, compress: bool
+) -> None:
+    path = tmp_path_factory.mktemp("cut") / "1-x-y.h5"
+    writer = RunWriter(path, header(), compress=compress, chunk_rows=256)
+    first = 0
+    for index, size in enumerate(sizes):
+        writer.append(block(first, size))
+        first += size
+        if index % flush == 0:
+            writer.flush()
+    recording = open_run(writer.seal("PASS"))
+    assert recording.rows == first
+    found = [recording.stored(channel.name) for channel in CHANNELS]
+    np.testing.assert_array_equal(np.stack(found, axis=1), counts_of(np.arange(first)))
+
+
+def test_a_growing_run_is_followed(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "1-x-y.h5", header(), compress=False, chunk_rows=64)
+    writer.append(block(0, 100))
+    writer.segment(Segment(0, "hold", 10, -1))
+    writer.flush()
+    recording = open_run(writer.part)
+    assert (recording.rows, recording.metadata.outcome) == (100, "")
+    assert recording.segments == (Segment(0, "hold", 10, 100),)
+    writer.append(block(100, 60))
+    writer.segment(Segment(0, "hold", 10, 150))
+    writer.event(Event(1, "info", "A", "b", "c"))
+    writer.flush()
+    grown = follow(recording)
+    assert grown.rows == 160
+    assert grown.segments == (Segment(0, "hold", 10, 150),)
+    assert len(grown.events) == 1
+    np.testing.assert_array_equal(grown.stored("input_angle"), counts_of(np.arange(160))[:, 0])
+    close_recording(recording)
+    writer.seal("PASS")
+
+
+def test_missing_cycles_are_counted_and_noted(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "1-x-y.h5", header())
+    writer.append(block(7, 10))
+    writer.append(block(20, 10))
+    assert (writer.rows, writer.rows_dropped) == (20, 3)
+    with pytest.raises(RunFileError, match="out of order"):
+        writer.append(block(25, 10))
+    recording = open_run(writer.seal("PASS"))
+    assert [event.code for event in recording.events] == ["CYCLES_MISSING"]
+    assert isinstance(recording.source, FileSource)
+    assert recording.source.cycles(0, 20).tolist() == [*range(7, 17), *range(20, 30)]
+
+
+def test_rows_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "1-x-y.h5", header())
+    good = block(0, 5)
+    with pytest.raises(RunFileError, match="do not fit the channels"):
+        writer.append(SampleBlock(0, good.time_ns, good.counts[:, :2], good.flags))
+    writer.abandon()
+
+
+def test_a_count_beyond_its_column_is_an_error(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "1-x-y.h5", header())
+    good = block(0, 5)
+    good.counts[3, 3] = 2**31
+    writer.append(good)
+    with pytest.raises(RunFileError, match="does not fit its column.*2147483648"):
+        writer.flush()
+    writer.abandon()
+
+
+def test_a_run_without_rows_is_a_run(tmp_path: Path) -> None:
+    recording = open_run(write_run(tmp_path, 0), verify=True)
+    assert recording.rows == 0
+    assert len(recording.si("torque")) == len(recording.time()) == 0
+
+
+def test_long_texts_and_large_truths_come_back(tmp_path: Path) -> None:
+    truth = {"series": list(range(20_000)), "not a number": float("nan"), "array": np.arange(3)}
+    found = open_run(write_run(tmp_path, 30, truth=truth)).metadata.process["truth"]
+    assert found == {"series": list(range(20_000)), "not a number": None, "array": [0, 1, 2]}
+
+
+def test_no_run_is_ever_overwritten(tmp_path: Path) -> None:
+    path = write_run(tmp_path, 30)
+    before = path.read_bytes()
+    with pytest.raises(RunFileError, match="of this name already"):
+        RunWriter(path, header())
+    writer = RunWriter(tmp_path / "2.h5", header())
+    with pytest.raises(RunFileError, match="cannot be created"):
+        RunWriter(tmp_path / "2.h5", header())
+    (tmp_path / "2.h5").write_text("somebody else's")
+    with pytest.raises(RunFileError, match="of this name already"):
+        writer.seal("PASS")
+    assert path.read_bytes() == before
+    assert (tmp_path / "2.h5").read_text() == "somebody else's"
+
+
+def test_an_outcome_that_nobody_knows_is_refused(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "1-x-y.h5", header())
+    with pytest.raises(RunFileError, match="no outcome"):
+        writer.seal("GREAT")
+    assert writer.seal("FAIL").exists()
+
+
+@pytest.mark.parametrize("name", ["time", "flags", "a b", "", "x/y", "ä"])
+def test_channel_names_that_would_break_the_file_are_refused(name: str) -> None:
+    from rig.runfile.layout import Column
+
+    with pytest.raises(RunFileError, match="not a name for a channel"):
+        Column(name, "rad")
+
+
+def test_reading_takes_constant_memory(tmp_path: Path) -> None:
+    import tracemalloc
+
+    recording = open_run(write_run(tmp_path, 200_000))
+    list(recording.blocks(size=4096))
+    tracemalloc.start()
+    total = sum(float(recording.si("input_angle", rows).sum()) for rows in recording.blocks(size=4096))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert total == pytest.approx(float(CHANNELS[0].to_si(counts_of(np.arange(200_000))[:, 0]).sum()), rel=1e-9)
+    assert peak < 200_000 * 8 / 4

@@ -1,0 +1,91 @@
+"""The command line as a whole: light, complete, and with endings that mean something."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from drivers.errors import BusLostError, DriverError
+from experiments.errors import AnalysisError, PlanError
+from model.errors import ModelError, ParameterError
+from rig import exits
+from rig.errors import LimitError, RigError, RunFileError
+
+HEAVY = ("numpy", "scipy", "h5py", "numba", "matplotlib", "pydantic")
+
+
+def run_python(code: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_help_loads_nothing_heavy() -> None:
+    code = (
+        "import sys, json\nfrom rig.main import run\n"
+        "try:\n    run(['--help'])\nexcept SystemExit as end:\n    code = end.code\n"
+        f"print(); print(json.dumps([code, [m for m in {HEAVY!r} if m in sys.modules]]))"
+    )
+    done = run_python(code)
+    code, loaded = json.loads(done.stdout.strip().splitlines()[-1])
+    assert code == 0, done.stderr
+    assert loaded == []
+
+
+def test_help_names_every_command() -> None:
+    done = run_python("from rig.main import run; run(['--help'])")
+    for command in (
+        "plan", "run", "demo", "fit", "compare", "report", "model", "runs", "show", "import", "export", "recover", "verify",
+    ):  # fmt: skip
+        assert f" {command} " in done.stdout
+
+
+def test_every_command_has_help_worth_reading() -> None:
+    code = (
+        "import typer\nfrom rig.main import PANELS\n"
+        "for commands in PANELS.values():\n"
+        "    for command in commands:\n"
+        "        assert command.__doc__ and len(command.__doc__.strip()) > 40, command\n"
+        "print('fine')"
+    )
+    assert run_python(code).stdout.strip() == "fine"
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (ParameterError("x"), exits.USAGE),
+        (PlanError("x"), exits.USAGE),
+        (LimitError("x"), exits.USAGE),
+        (ModelError("x"), exits.ERROR),
+        (AnalysisError("x"), exits.ERROR),
+        (BusLostError("x"), exits.ERROR),
+        (DriverError("x"), exits.ERROR),
+        (RunFileError("x"), exits.ERROR),
+        (RigError("x"), exits.ERROR),
+        (KeyboardInterrupt(), exits.ABORTED),
+        (FileNotFoundError("x"), exits.ERROR),
+    ],
+)
+def test_every_expected_error_has_a_code_and_a_sentence(error: BaseException, code: int) -> None:
+    found = exits.explain(error)
+    assert found is not None
+    assert found[0] == code
+    assert found[1]
+
+
+def test_a_defect_is_not_explained_away() -> None:
+    assert exits.explain(ZeroDivisionError()) is None
+
+
+@pytest.mark.parametrize(
+    ("outcome", "code"),
+    [("PASS", 0), ("FAIL", 1), ("MARGINAL", 3), ("ABORTED", 4), ("TRIPPED", 5), ("ERROR", 6), ("INTERRUPTED", 6)],
+)
+def test_outcomes_have_the_documented_codes(outcome: str, code: int) -> None:
+    assert exits.code_of_outcome(outcome) == code
+
+
+def test_unknown_command_is_a_usage_error() -> None:
+    done = run_python("from rig.main import run; run(['does-not-exist'])")
+    assert done.returncode == exits.USAGE
+    assert "Traceback" not in done.stderr
