@@ -45,6 +45,7 @@ class Bound:
 
     quantity[k] = offset + sum over channels of weight * (counts[k] - counts[k - lag])     for lag > 0,
     quantity[k] = offset + sum over channels of weight * counts[k]                         for lag = 0.
+    With a `mask` the counts are bit fields (a statusword) and are masked before they are weighted.
     `is_trip` tells a safety limit (the supervisor trips) from an engine's "until" (the step is over). The first `lag`
     cycles after opening, and cycles that are flagged incomplete, are not judged. `consecutive` cycles must break it.
     """
@@ -57,18 +58,28 @@ class Bound:
     offset: float = 0.0
     is_trip: bool = True
     consecutive: int = 1
+    mask: int = 0
+
+
+STALE_DATA = "stale_data"
+"""The cause of a break by too many incomplete cycles in a row."""
 
 
 @dataclass(frozen=True)
 class Guard:
-    """The bounds that every cycle is held against while a block is exchanged."""
+    """The bounds that every cycle is held against while a block is exchanged.
+
+    `stale_cycles` incomplete cycles in a row break the guard as well (cause `STALE_DATA`); 0 watches no such thing.
+    """
 
     bounds: tuple[Bound, ...] = ()
+    stale_cycles: int = 0
 
     @property
     def history(self) -> int:
         """Cycles before a block that are needed to judge it."""
-        return max((b.lag + b.consecutive - 1 for b in self.bounds), default=0)
+        needed = max((b.lag + b.consecutive - 1 for b in self.bounds), default=0)
+        return max(needed, self.stale_cycles - 1, 0)
 
 
 @dataclass(frozen=True)
@@ -147,12 +158,13 @@ class GuardWatch:
         self, guard: Guard, counts: NDArray[np.int64], flags: NDArray[np.uint16]
     ) -> Break | None:
         """The first row of `counts` (n, channels) that breaks a bound, seen with the rows accepted before."""
-        if not guard.bounds or not len(counts):
+        if not (guard.bounds or guard.stale_cycles) or not len(counts):
             return None
         keep = min(guard.history, len(self._tail))
         joined = np.concatenate([self._tail[len(self._tail) - keep :], counts])
         good = np.concatenate([self._tail_good[len(self._tail) - keep :], (flags & 1) == 0])
-        breaks = (self._judge(bound, joined, good, keep) for bound in guard.bounds)
+        breaks = [self._stale(guard.stale_cycles, good, keep)]
+        breaks += [self._judge(bound, joined, good, keep) for bound in guard.bounds]
         return min((b for b in breaks if b is not None), key=lambda b: b.row, default=None)
 
     def accept(self, counts: NDArray[np.int64], flags: NDArray[np.uint16]) -> None:
@@ -160,10 +172,22 @@ class GuardWatch:
         self._tail = np.concatenate([self._tail, counts])[-self._memory :]
         self._tail_good = np.concatenate([self._tail_good, (flags & 1) == 0])[-self._memory :]
 
+    def _stale(self, cycles: int, good: NDArray[np.bool_], keep: int) -> Break | None:
+        if cycles <= 0 or good[keep:].all():
+            return None
+        run = 0
+        for index, complete in enumerate(good):
+            run = 0 if complete else run + 1
+            if run >= cycles and index >= keep:
+                return Break(index - keep, STALE_DATA, float(run), float(cycles), True)
+        return None
+
     def _judge(self, bound: Bound, joined: NDArray[np.int64], good: NDArray[np.bool_], keep: int) -> Break | None:
         total = np.full(len(joined), bound.offset)
         for name, weight in bound.weights.items():
             column = joined[:, self._column[name]]
+            if bound.mask:
+                column = column & bound.mask
             if bound.lag:
                 moved = np.zeros(len(column))
                 moved[bound.lag :] = column[bound.lag :] - column[: -bound.lag]

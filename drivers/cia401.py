@@ -1,0 +1,213 @@
+"""The torque port: the servo amplifier's analog monitor, read by a CiA 401 analog input module.
+
+T = (V - V0) / (volts per rated torque) * T_rated, V = counts * volts per count. V0 is taken with the servo off, before and
+after each run. The port shows the torque reference: motor and gear together, with the motor's own friction and inertia.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.bus import PumpedBus
+from drivers.channel import Calibration, Channel
+from drivers.cia301 import I16, REAL32, U8, U32, DataType, ObjectRef
+from drivers.device import Identity, RemoteDevice
+from drivers.eds import DeviceDescription
+from drivers.errors import DriverError
+from drivers.sdo import SdoAbortError
+
+TRIGGER: Final = 0x6421
+GLOBAL_INTERRUPT: Final = ObjectRef(0x6423, 0, U8, "analogue input global interrupt enable")
+DELTA: Final = 0x6426
+_MS: Final = 1_000_000
+
+
+@dataclass(frozen=True)
+class AnalogInput:
+    """One input of the module: the object that carries it, its scale, its range, and what it measures.
+
+    `volts_per_count` of an integer object; for a REAL32 object (0x6403) the size of the count that is recorded [V].
+    `full_scale` [V] is where the converter ends; an open line floats to `open_level` [V] where the module pulls it.
+    """
+
+    channel: str
+    unit: str
+    source: ObjectRef
+    volts_per_count: float
+    unit_per_volt: float
+    zero_volts: float = 0.0
+    full_scale: float = 10.24
+    open_level: float | None = None
+    direction: int = 1
+    long_name: str = ""
+    model: str = ""
+    serial_number: str = ""
+    calibration: Calibration = field(default_factory=Calibration)
+
+    def __post_init__(self) -> None:
+        for name, value in (("volts_per_count", self.volts_per_count), ("unit_per_volt", self.unit_per_volt)):
+            if not (math.isfinite(value) and value > 0.0):
+                raise DriverError(f"{name} must be positive", where=self.channel, value=value, limit="> 0")
+
+    def as_channel(self) -> Channel:
+        """The input as a channel in its SI unit; its offset is the negative zero."""
+        scale = self.volts_per_count * self.unit_per_volt
+        return Channel(
+            self.channel, self.unit, scale, offset=-self.direction * self.zero_volts * self.unit_per_volt,
+            direction=self.direction, long_name=self.long_name, model=self.model, serial_number=self.serial_number,
+            calibration=self.calibration,
+        )  # fmt: skip
+
+    @property
+    def quantum(self) -> float:
+        """The size of one count of a floating-point object, 0 for an integer."""
+        return self.volts_per_count if self.source.data_type.is_float else 0.0
+
+    def saturated(self, counts: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which counts (n,) are at the end of the range, or at the level of an open line."""
+        # One per cent below full scale: converters stop a little before or exactly at their code's end.
+        end = math.floor(0.99 * self.full_scale / self.volts_per_count)
+        found = np.abs(counts) >= end
+        if self.source.data_type.size and not self.source.data_type.is_float:
+            bits = self.source.data_type.size * 8
+            top = (1 << (bits - self.source.data_type.signed)) - 1
+            found |= (counts >= top) | (counts <= -top - 1 if self.source.data_type.signed else False)
+        if self.open_level is not None:
+            found |= np.abs(counts * self.volts_per_count - self.open_level) <= 0.01 * self.full_scale
+        return found
+
+
+def torque_input(
+    rated_torque: float, *, volts_per_rated_torque: float = 1.0, subindex: int = 1, index: int = 0x6401,
+    data_type: DataType = I16, volts_per_count: float = 0.3125e-3, **details: object,
+) -> AnalogInput:  # fmt: skip
+    """The torque monitor on one analog input: `rated_torque` [N m] appears as `volts_per_rated_torque` [V]."""
+    if not (volts_per_rated_torque > 0.0 and rated_torque > 0.0):
+        raise DriverError(
+            "the torque monitor's scale must be positive", where="torque port",
+            value=f"{rated_torque} N m, {volts_per_rated_torque} V", limit="> 0",
+        )  # fmt: skip
+    return AnalogInput(
+        "torque", "N m", ObjectRef(index, subindex, data_type, "torque monitor"), volts_per_count,
+        rated_torque / volts_per_rated_torque, **details,  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class AnalogModuleConfig:
+    """A CiA 401 module: node-ID, its inputs, heartbeat period, and its EDS where there is one."""
+
+    node_id: int
+    inputs: tuple[AnalogInput, ...]
+    description: DeviceDescription | None = None
+    heartbeat_ms: int = 100
+    sdo_timeout_ms: int = 300
+
+
+class AnalogModule:
+    """The module on the bus; brought up with its inputs enabled, read by PDO."""
+
+    def __init__(self, bus: PumpedBus, config: AnalogModuleConfig) -> None:
+        self.config = config
+        self.device = RemoteDevice(bus, config.node_id, config.description, config.sdo_timeout_ms * _MS)
+
+    def bring_up(self, cycle_ns: int) -> Identity:
+        """From any NMT state to PRE-OPERATIONAL with every input configured and checked to be there."""
+        device = self.device
+        device.to_pre_operational()
+        identity = device.identity()
+        if identity.profile != 401:
+            device.bus.emit("warning", "profile", device.where, f"device type says profile {identity.profile}, expected 401")
+        device.listen_to_emergencies()
+        device.follow_sync(cycle_ns // 1000)
+        device.produce_heartbeat(self.config.heartbeat_ms)
+        for analog in self.config.inputs:
+            self._enable(analog)
+        device.write_checked(GLOBAL_INTERRUPT, 1, "inputs are transmitted by SYNC all the same")
+        return identity
+
+    def _enable(self, analog: AnalogInput) -> None:
+        """Check that the input exists; allow its transmission on any change (0x6421 = 7, 0x6426 = 0)."""
+        try:
+            self.device.read(analog.source)
+        except SdoAbortError as error:
+            raise DriverError(
+                f"the analog input does not exist: {error.what}", where=f"{self.device.where}, {analog.source}",
+                remedy="Correct index and sub-index of the input in the rig's configuration.",
+            ) from error  # fmt: skip
+        subindex = analog.source.subindex
+        trigger = ObjectRef(TRIGGER, subindex, U8, "interrupt trigger selection")
+        self.device.write_checked(trigger, 7, "SYNC triggers all the same")
+        delta = REAL32 if analog.source.data_type.is_float else U32
+        self.device.write_checked(ObjectRef(DELTA, subindex, delta, "interrupt delta"), 0, "SYNC triggers all the same")
+
+
+@dataclass(frozen=True)
+class Zero:
+    """The torque port's reading with the servo off: mean [V], its standard error [V], spread [V], cycles that counted."""
+
+    volts: float
+    standard_error: float
+    spread: float
+    cycles: int
+
+
+def servo_off_zero(counts: NDArray[np.int64], usable: NDArray[np.bool_], analog: AnalogInput, least: int = 50) -> Zero:
+    """The zero of an input from its raw counts (n,) while the servo is off; `usable` (n,) leaves out flagged cycles.
+
+    The standard error takes neighbouring samples' correlation into account by means over blocks.
+    """
+    good = np.asarray(counts)[np.asarray(usable, dtype=bool)] * analog.volts_per_count
+    if len(good) < least:
+        raise DriverError(
+            "too few good cycles for a zero", where=analog.channel, value=len(good), limit=f">= {least}",
+            remedy="Take the zero again; look at the share of missed cycles.",
+        )  # fmt: skip
+    blocks = min(20, len(good) // 5)
+    means = np.array([part.mean() for part in np.array_split(good, blocks)])
+    error = float(means.std(ddof=1) / math.sqrt(blocks))
+    return Zero(float(good.mean()), error, float(good.std(ddof=1)), len(good))
+
+
+def with_zero(analog: AnalogInput, zero: Zero) -> AnalogInput:
+    """The input with a measured zero in place of its old one."""
+    calibration = replace(analog.calibration, offset_uncertainty=zero.standard_error * analog.unit_per_volt)
+    return replace(analog, zero_volts=zero.volts, calibration=calibration)
+
+
+@dataclass(frozen=True)
+class CrossCheck:
+    """The torque port against the drive's own 0x6077: slope (1 is agreement), offset and scatter [N m], worst cycle [N m]."""
+
+    slope: float
+    offset: float
+    scatter: float
+    worst: float
+    cycles: int
+
+    def disagrees(self, offset_limit: float, slope_limit: float) -> bool:
+        """Whether they differ by more than `offset_limit` [N m], or their scales by more than `slope_limit` (relative)."""
+        return abs(self.offset) > offset_limit or (math.isfinite(self.slope) and abs(self.slope - 1.0) > slope_limit)
+
+
+def cross_check(port_torque: NDArray[np.float64], drive_torque: NDArray[np.float64], usable: NDArray[np.bool_]) -> CrossCheck:
+    """Disagreement between the torque port (n,) and 0x6077 (n,), both in N m, over the usable cycles (n,).
+
+    The slope is NaN when the torque did not vary by more than its own scatter: then only the offset is judged.
+    """
+    keep = np.asarray(usable, dtype=bool) & np.isfinite(port_torque) & np.isfinite(drive_torque)
+    port, drive = np.asarray(port_torque)[keep], np.asarray(drive_torque)[keep]
+    if len(port) < 2:
+        return CrossCheck(math.nan, math.nan, math.nan, math.nan, len(port))
+    difference = port - drive
+    scatter = float(difference.std())
+    spread = float(drive.std())
+    slope = math.nan
+    if spread > 3.0 * scatter and spread > 0.0:
+        slope = float(np.dot(drive - drive.mean(), port - port.mean()) / np.dot(drive - drive.mean(), drive - drive.mean()))
+    return CrossCheck(slope, float(difference.mean()), scatter, float(np.abs(difference).max()), len(port))

@@ -1,0 +1,374 @@
+"""A CiA 402 servo amplifier: brought up from any state, moved by a table of transitions, its numbers in SI.
+
+Torque: T = x / 1000 * (0x6076) with 0x6076 in mN m. Speed: 0x60FF in the drive's velocity unit, taken from the
+configuration, else from 0x60A9, else from 0x6094. What the device does not offer stands in `missing`, with its consequence.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from drivers import cia402_tables as obj
+from drivers import cia402_units as units
+from drivers.bus import PumpedBus
+from drivers.cia301 import U8, NmtState, ObjectRef, error_code_text
+from drivers.cia402_tables import OperationMode
+from drivers.device import Identity, Missing, RemoteDevice
+from drivers.drive_state import DriveState, drive_state
+from drivers.eds import DeviceDescription
+from drivers.errors import DriverError, ReadbackError
+from drivers.port import DriveLimits, Mode
+from drivers.sdo import SdoAbortError
+
+_MS: Final = 1_000_000
+_POLL_NS: Final = 2 * _MS
+_RPM: Final = 2.0 * math.pi / 60.0
+
+
+@dataclass(frozen=True)
+class DriveConfig:
+    """What has to be known of a servo amplifier beforehand. Zero or None: ask the drive.
+
+    `counts_per_revolution` of 0x6064 per motor revolution; `velocity_unit` [rad/s per count of 0x60FF];
+    `acceleration_unit` [rad/s2 per count of 0x6083]; `rated_torque` [N m]; modes in order of preference; heartbeats and
+    time-outs [ms]; option codes of CiA 402: 0x6007 = 3 quick stop when the computer's heartbeat is lost, 0x605A = 2 quick
+    stop ramp then power off, 0x605E = 2 quick stop ramp in a fault; `gains` further objects to read back.
+    """
+
+    node_id: int = 1
+    description: DeviceDescription | None = None
+    counts_per_revolution: float = 0.0
+    velocity_unit: float | None = None
+    acceleration_unit: float | None = None
+    rated_torque: float | None = None
+    speed_modes: tuple[int, ...] = (OperationMode.CYCLIC_VELOCITY, OperationMode.PROFILE_VELOCITY)
+    torque_modes: tuple[int, ...] = (OperationMode.CYCLIC_TORQUE, OperationMode.PROFILE_TORQUE)
+    heartbeat_ms: int = 100
+    computer_heartbeat_ms: int = 50
+    computer_lost_ms: int = 250
+    abort_connection_option: int = 3
+    quick_stop_option: int = 2
+    fault_reaction_option: int = 2
+    state_timeout_ms: int = 5000
+    sdo_timeout_ms: int = 300
+    gains: tuple[ObjectRef, ...] = ()
+    latch_index: bool = True
+    """Use touch probe 1 to latch the position at the motor encoder's index mark, where the drive has it."""
+
+
+@dataclass(frozen=True)
+class DriveReadings:
+    """What the drive said of itself when it was brought up: identity, units, gains, options, and what it lacks."""
+
+    identity: Identity
+    rated_torque: float
+    counts_per_revolution: float
+    velocity_unit: float
+    acceleration_unit: float
+    speed_mode: OperationMode | None
+    torque_mode: OperationMode | None
+    settings: dict[str, float] = field(default_factory=dict)
+    missing: list[Missing] = field(default_factory=list)
+
+
+class ServoAmplifier:
+    """A drive on the bus. `bring_up` first; PDOs are the acquisition's business, this class speaks SDO."""
+
+    def __init__(self, bus: PumpedBus, config: DriveConfig) -> None:
+        self.config, self.bus = config, bus
+        self.device = RemoteDevice(bus, config.node_id, config.description, config.sdo_timeout_ms * _MS)
+        self._readings: DriveReadings | None = None
+        self._mode_now: OperationMode | None = None
+        self.limits: DriveLimits | None = None
+
+    @property
+    def readings(self) -> DriveReadings:
+        """What was read when the drive was brought up."""
+        if self._readings is None:
+            raise DriverError("the drive has not been brought up", where=self.device.where, remedy="Open the rig first.")
+        return self._readings
+
+    # --- bringing up
+
+    def bring_up(self, cycle_ns: int) -> DriveReadings:
+        """From any NMT and drive state to servo off with everything read and configured; NMT stays PRE-OPERATIONAL."""
+        device, config = self.device, self.config
+        device.to_pre_operational()
+        self.to_off()
+        identity = device.identity()
+        if identity.profile != 402:
+            self.bus.emit("warning", "profile", device.where, f"device type says profile {identity.profile}, expected 402")
+        device.listen_to_emergencies(obj.ERROR_CODES)
+        if device.follow_sync(cycle_ns // 1000):
+            raise DriverError(
+                "the drive insists on a SYNC with counter", where=f"{device.where}, 0x1019:0", limit="0",
+                remedy="Set the synchronous counter overflow value to 0 with the vendor's tool.",
+            )  # fmt: skip
+        if device.produce_heartbeat(config.heartbeat_ms) and not self.bus.wait_for(
+            lambda: device.watch.state is not NmtState.UNKNOWN, 10 * config.heartbeat_ms * _MS
+        ):
+            self.bus.emit("warning", "heartbeat", device.where, "a heartbeat was configured, but none was heard")
+        counts = units.counts_per_revolution(device, config.counts_per_revolution)
+        velocity_unit = units.velocity_unit(device, config.velocity_unit, counts)
+        settings = self._write_options() | self._read_settings()
+        self._write_interpolation_time(cycle_ns)
+        supported = device.read_optional(obj.SUPPORTED_MODES, "whether a mode is supported shows only when it is chosen")
+        self._readings = DriveReadings(
+            identity, units.rated_torque(device, config.rated_torque), counts, velocity_unit,
+            units.acceleration_unit(device, config.acceleration_unit, velocity_unit),
+            self._choose(config.speed_modes, supported), self._choose(config.torque_modes, supported), settings, [],
+        )  # fmt: skip
+        self._readings.missing.extend(device.missing)
+        return self._readings
+
+    def arm_heartbeat(self) -> bool:
+        """Start the computer's heartbeat and let the drive watch it; False if the drive cannot."""
+        self.bus.start_heartbeat(self.config.computer_heartbeat_ms * _MS)
+        return self.device.consume_heartbeat(self.config.computer_lost_ms)
+
+    def _write_options(self) -> dict[str, float]:
+        config, written = self.config, {}
+        for entry, value, consequence in (
+            (obj.ABORT_OPTION, config.abort_connection_option, "the drive's reaction to a lost computer is its own"),
+            (obj.QUICK_STOP_OPTION, config.quick_stop_option, "the quick stop is the drive's default"),
+            (obj.FAULT_REACTION, config.fault_reaction_option, "the reaction to a fault is the drive's default"),
+        ):
+            try:
+                done = self.device.write_checked(entry, value, consequence)
+            except ReadbackError as error:
+                self.bus.emit("warning", "option-code", self.device.where, str(error))
+                done = False
+            if done:
+                written[entry.name] = float(value)
+        return written
+
+    def _read_settings(self) -> dict[str, float]:
+        """Electronic gear, factors and servo gains, as they stand."""
+        settings: dict[str, float] = {}
+        for entry in (
+            obj.GEAR_MOTOR, obj.GEAR_SHAFT, obj.POSITION_FACTOR, obj.POSITION_DIVISOR, obj.VELOCITY_FACTOR,
+            obj.VELOCITY_DIVISOR, obj.FEED, obj.FEED_REVOLUTIONS, *self.config.gains,
+        ):  # fmt: skip
+            value = self.device.read_optional(entry, "not in the run file")
+            if value is not None:
+                settings[f"{entry}"] = float(value)
+        for index, name in obj.GAINS:
+            settings |= self._read_record(index, name)
+        return settings
+
+    def _read_record(self, index: int, name: str) -> dict[str, float]:
+        """All numbers of a record, their width taken from the answer where no EDS tells it."""
+        count = self.device.read_optional(ObjectRef(index, 0, U8, name), "servo gains are not in the run file")
+        found: dict[str, float] = {}
+        for subindex in range(1, min(int(count or 0), 16) + 1):
+            try:
+                data = self.device.sdo.upload(index, subindex)
+            except SdoAbortError:
+                continue
+            described = self.device.description.entry(index, subindex) if self.device.description else None
+            if described is not None and described.data_type.is_number and len(data) >= described.data_type.size:
+                found[f"0x{index:04X}:{subindex} {described.name or name}"] = float(described.data_type.decode(data))
+            elif 0 < len(data) <= 8:
+                found[f"0x{index:04X}:{subindex} {name}"] = float(int.from_bytes(data, "little"))
+        return found
+
+    def _write_interpolation_time(self, cycle_ns: int) -> None:
+        """Tell the drive the SYNC period (0x60C2) as value times 10^exponent seconds, where it fits a byte."""
+        for exponent in (-3, -4, -5, -6):
+            value = cycle_ns / 10 ** (9 + exponent)
+            if value == int(value) and 0 < value <= 255:
+                consequence = "cyclic modes interpolate with the drive's own period"
+                if self.device.write_checked(obj.INTERPOLATION_EXPONENT, exponent, consequence):
+                    self.device.write_checked(obj.INTERPOLATION_TIME, int(value), consequence)
+                return
+
+    def _choose(self, preferred: tuple[int, ...], supported: int | float | None) -> OperationMode | None:
+        for mode in preferred:
+            if supported is None or int(supported) >> (mode - 1) & 1:
+                return OperationMode(mode)
+        return None
+
+    # --- the state machine
+
+    def statusword(self) -> int:
+        """The statusword by SDO."""
+        return self.device.read_integer(obj.STATUSWORD)
+
+    def state(self) -> DriveState:
+        """The state by SDO."""
+        return drive_state(self.statusword())
+
+    def error_text(self) -> str:
+        """The error code 0x603F in words."""
+        code = self.device.read_optional(obj.ERROR_CODE, "faults have no code")
+        return "no error code" if code is None else f"0x{int(code):04X} {error_code_text(int(code), obj.ERROR_CODES)}"
+
+    def to_off(self) -> None:
+        """Servo off from any state: a turning drive is quick-stopped first, a fault is reset. Raises if it does not obey."""
+        state = self.state()
+        if state is DriveState.ENABLED:
+            self.bus.emit("warning", "found-enabled", self.device.where, "the drive was found enabled; quick stop")
+            self._control(obj.QUICK_STOP)
+            self._await_standstill()
+        if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
+            self.bus.emit("warning", "found-faulted", self.device.where, f"the drive was found in fault: {self.error_text()}")
+            self.reset_fault()
+        self._walk(obj.TO_OFF, DriveState.SWITCH_ON_DISABLED, "servo off")
+
+    def enable(self, mode: Mode) -> None:
+        """Operation enabled in the drive's speed or torque mode; set-points are zero. Raises `DriverError`."""
+        readings = self.readings
+        operation = readings.speed_mode if mode is Mode.SPEED else readings.torque_mode
+        if operation is None:
+            raise DriverError(
+                f"the drive supports none of the modes for {mode.value}", where=f"{self.device.where}, 0x6502:0",
+                limit=", ".join(str(m) for m in (self.config.speed_modes if mode is Mode.SPEED else self.config.torque_modes)),
+            )  # fmt: skip
+        if mode is Mode.SPEED and not readings.velocity_unit > 0.0:
+            raise _unknown_unit(self.device.where, "velocity_unit", "rad/s per count of 0x60FF")
+        if mode is Mode.TORQUE and not readings.rated_torque > 0.0:
+            raise _unknown_unit(self.device.where, "rated_torque", "N m")
+        if mode is Mode.TORQUE and (self.limits is None or not math.isfinite(self.limits.speed)):
+            raise DriverError(
+                "torque mode needs a speed limit that the drive holds itself", where=self.device.where,
+                limit="0x6080 written and read back", remedy="Write the limits first; a drive without 0x6080 cannot do this.",
+            )  # fmt: skip
+        if mode is Mode.TORQUE:
+            self.device.write(obj.TARGET_TORQUE, 0)
+        elif self.state() is not DriveState.ENABLED:
+            self.device.write(obj.TARGET_VELOCITY, 0)
+        self.choose_mode(operation)
+        self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
+
+    def choose_mode(self, operation: OperationMode) -> None:
+        """Write 0x6060 and wait until 0x6061 shows it."""
+        if operation is self._mode_now:
+            return
+        self.device.write(obj.MODE, operation)
+        shown: int | float | None = None
+        for _ in range(250):
+            shown = self.device.read_optional(obj.MODE_DISPLAY, "whether the drive took a mode is not known")
+            if shown is None or shown == operation:
+                self._mode_now = operation
+                return
+            self.bus.idle(_POLL_NS)
+        raise ReadbackError(
+            "the drive does not take the mode", where=f"{self.device.where}, 0x6061:0", value=shown, limit=operation.name
+        )
+
+    def reset_fault(self) -> None:
+        """Fault reset by a rising edge of bit 7, from a low level. Raises when the cause persists."""
+        self._await(lambda s: s is not DriveState.FAULT_REACTION, "the end of the fault reaction")
+        if self.state() is DriveState.FAULT:
+            self._control(obj.DISABLE_VOLTAGE)
+            self._control(obj.FAULT_RESET)
+            was = self.error_text()
+            try:
+                self._await(lambda s: s is not DriveState.FAULT, "the end of the fault", 500)
+            except DriverError as error:
+                raise DriverError(
+                    f"the fault cannot be reset: {self.error_text()}", where=self.device.where,
+                    remedy="Remove the cause (see the drive's manual), then acknowledge again.",
+                ) from error  # fmt: skip
+            finally:
+                self._control(obj.DISABLE_VOLTAGE)
+            self.bus.emit("info", "fault-reset", self.device.where, f"fault reset; it was {was}")
+
+    def _walk(self, table: Mapping[DriveState, int], goal: DriveState, words: str) -> None:
+        """Follow a table of transitions until the goal is shown."""
+        deadline = self.bus.clock.monotonic_ns() + self.config.state_timeout_ms * _MS
+        sent_in: DriveState | None = None
+        while (state := self.state()) is not goal:
+            if state is DriveState.FAULT:
+                raise DriverError(
+                    f"the drive is in fault: {self.error_text()}", where=self.device.where,
+                    remedy="Remove the cause, acknowledge the fault, then start again.",
+                )  # fmt: skip
+            if state in table and state is not sent_in:
+                self._control(table[state])
+                sent_in = state
+                continue
+            if self.bus.clock.monotonic_ns() >= deadline:
+                raise DriverError(
+                    f"the drive does not reach {words}", where=self.device.where,
+                    value=f"{state.value} (0x{self.statusword():04X})", limit=f"within {self.config.state_timeout_ms} ms",
+                    remedy="Is the main power on, the STO input closed, and the drive not locked by a panel?",
+                )  # fmt: skip
+            self.bus.idle(_POLL_NS)
+
+    def _await_standstill(self) -> None:
+        """After a quick stop: until the power is off by itself or the speed reads zero."""
+        deadline = self.bus.clock.monotonic_ns() + self.config.state_timeout_ms * _MS
+        while self.state() in (DriveState.ENABLED, DriveState.QUICK_STOP):
+            speed = self.device.read_optional(obj.VELOCITY, "standstill shows only by the encoders")
+            if self.state() is DriveState.QUICK_STOP and speed is not None and speed == 0:
+                return
+            if self.bus.clock.monotonic_ns() >= deadline:
+                self.bus.emit("warning", "quick-stop", self.device.where, "no standstill after a quick stop; power off")
+                return
+            self.bus.idle(_POLL_NS)
+
+    def _await(self, holds: Callable[[DriveState], bool], words: str, timeout_ms: int | None = None) -> None:
+        timeout = timeout_ms or self.config.state_timeout_ms
+        deadline = self.bus.clock.monotonic_ns() + timeout * _MS
+        while not holds(self.state()):
+            if self.bus.clock.monotonic_ns() >= deadline:
+                raise DriverError(f"waited in vain for {words}", where=self.device.where, limit=f"{timeout} ms")
+            self.bus.idle(_POLL_NS)
+
+    def _control(self, word: int) -> None:
+        self.device.write(obj.CONTROLWORD, word)
+
+    # --- limits
+
+    def write_limits(self, limits: DriveLimits) -> DriveLimits:
+        """Write torque, speed and ramp limits, rounded to the safe side, and return what reads back; inf: not held."""
+        readings = self.readings
+        torque = self._limit(obj.MAX_TORQUE, limits.torque, readings.rated_torque / 1000.0, "the drive does not limit torque")
+        if not math.isfinite(torque):
+            either = [
+                self._limit(entry, limits.torque, readings.rated_torque / 1000.0, "the drive does not limit torque")
+                for entry in (obj.POSITIVE_TORQUE_LIMIT, obj.NEGATIVE_TORQUE_LIMIT)
+            ]
+            torque = max(either)
+        speed = self._limit(obj.MAX_MOTOR_SPEED, limits.speed, _RPM, "the drive does not limit the motor's speed")
+        profile = self._limit(
+            obj.MAX_PROFILE_VELOCITY, limits.speed, readings.velocity_unit, "the drive does not limit profile velocities"
+        )
+        unit = readings.acceleration_unit
+        ramps = [
+            self._limit(entry, value, unit, f"the drive does not shape its {entry.name}")
+            for entry, value in (
+                (obj.ACCELERATION, limits.acceleration), (obj.DECELERATION, limits.deceleration),
+                (obj.QUICK_STOP_DECELERATION, limits.quick_stop_deceleration),
+            )
+        ]  # fmt: skip
+        held = speed if math.isfinite(speed) else (math.inf if readings.speed_mode is None else profile)
+        self.limits = DriveLimits(torque, speed, *ramps)
+        readings.missing[:] = self.device.missing
+        return DriveLimits(torque, held, *ramps)
+
+    def _limit(self, entry: ObjectRef, value: float, unit: float, consequence: str) -> float:
+        """Write one limit in the drive's unit; what it means in SI, inf when the drive has no such limit."""
+        typed = self.device.typed(entry)
+        if not unit > 0.0:
+            self.device.note_missing(entry, consequence + ", because its unit is not known")
+            return math.inf
+        counts = math.floor(value / unit * (1.0 + 1e-12)) if math.isfinite(value) else -1
+        most = (1 << (typed.data_type.size * 8 - typed.data_type.signed)) - 1
+        if not 1 <= counts <= most:
+            raise DriverError(
+                f"{entry.name} cannot be expressed in the drive's unit", where=f"{self.device.where}, {entry}", value=value,
+                limit=f"{unit:g} to {most * unit:g}",
+            )  # fmt: skip
+        return counts * unit if self.device.write_checked(typed, counts, consequence) else math.inf
+
+
+def _unknown_unit(where: str, entry: str, unit: str) -> DriverError:
+    return DriverError(
+        "the drive does not tell its unit", where=where, value=entry,
+        remedy=f"Give `{entry}` [{unit}] from the drive's manual or nameplate in the rig's configuration.",
+    )  # fmt: skip

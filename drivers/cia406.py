@@ -1,0 +1,164 @@
+"""An encoder or counter on the bus by CiA 406, or any counter whose object, type and range are configured.
+
+0x6004 is unsigned and wraps at the total measuring range 0x6002, which need not be a power of two.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+from drivers.bus import PumpedBus
+from drivers.channel import OUTPUT_ANGLE, OUTPUT_INDEX, Calibration, Channel, encoder_channel
+from drivers.cia301 import U16, U32, ObjectRef
+from drivers.device import Identity, RemoteDevice
+from drivers.eds import DeviceDescription
+from drivers.errors import DriverError
+from drivers.sdo import SdoAbortError
+
+OPERATING_PARAMETERS: Final = ObjectRef(0x6000, 0, U16, "operating parameters")
+UNITS_PER_REVOLUTION: Final = ObjectRef(0x6001, 0, U32, "measuring units per revolution")
+TOTAL_RANGE: Final = ObjectRef(0x6002, 0, U32, "total measuring range")
+PRESET: Final = ObjectRef(0x6003, 0, U32, "preset value")
+POSITION: Final = ObjectRef(0x6004, 0, U32, "position value")
+CYCLIC_TIMER: Final = ObjectRef(0x6200, 0, U16, "cyclic timer")
+OPERATING_STATUS: Final = ObjectRef(0x6500, 0, U16, "operating status")
+STEPS_PER_REVOLUTION: Final = ObjectRef(0x6501, 0, U32, "single-turn resolution")
+ALARMS: Final = ObjectRef(0x6503, 0, U16, "alarms")
+WARNINGS: Final = ObjectRef(0x6505, 0, U16, "warnings")
+_MS: Final = 1_000_000
+
+
+@dataclass(frozen=True)
+class CounterConfig:
+    """A counter: node-ID, lines and multiplication of its encoder, the object that carries the count, and its range.
+
+    `modulus` 0: from 0x6002, else the range of the object's type. `direction` +1 or -1 turns the sense on the computer's
+    side; `operating_parameters` is written to 0x6000 where given. `alarms` is mapped beside the position, and a value with
+    any bit of `alarm_mask` marks the cycle as a signal error. `index_position` is the object that holds the count latched
+    at the index mark, `index_status` and `index_mask` tell that a mark has been seen; CiA 406 knows none of them.
+    `largest_speed` [rad/s] of the shaft bounds a count's step per cycle.
+    """
+
+    node_id: int = 2
+    lines: int = 18000
+    multiplication: int = 4
+    direction: int = 1
+    channel: str = OUTPUT_ANGLE
+    index_channel: str = OUTPUT_INDEX
+    position: ObjectRef = POSITION
+    modulus: int = 0
+    operating_parameters: int | None = None
+    alarms: ObjectRef | None = ALARMS
+    alarm_mask: int = 0xFFFF
+    index_position: ObjectRef | None = None
+    index_status: ObjectRef | None = None
+    index_mask: int = 0x0001
+    largest_speed: float = 0.0
+    description: DeviceDescription | None = None
+    heartbeat_ms: int = 100
+    sdo_timeout_ms: int = 300
+    long_name: str = ""
+    model: str = ""
+    serial_number: str = ""
+    calibration: Calibration = field(default_factory=Calibration)
+
+    def as_channel(self, modulus: int) -> Channel:
+        """The count as an angle channel."""
+        return encoder_channel(
+            self.channel, lines=self.lines, multiplication=self.multiplication, direction=self.direction, modulus=modulus,
+            long_name=self.long_name, model=self.model, serial_number=self.serial_number, calibration=self.calibration,
+        )  # fmt: skip
+
+    def largest_step(self, cycle_ns: int) -> int:
+        """Counts that the shaft can turn within one cycle, with one count to spare; 0: not bounded."""
+        if not self.largest_speed > 0.0:
+            return 0
+        return 1 + math.ceil(self.largest_speed * cycle_ns * 1e-9 * self.lines * self.multiplication / (2.0 * math.pi))
+
+
+class Counter:
+    """The counter on the bus; brought up and checked by SDO, read by PDO."""
+
+    def __init__(self, bus: PumpedBus, config: CounterConfig) -> None:
+        self.config = config
+        self.device = RemoteDevice(bus, config.node_id, config.description, config.sdo_timeout_ms * _MS)
+        self.modulus = config.modulus
+        self.has_alarms = False
+
+    def bring_up(self, cycle_ns: int) -> Identity:
+        """From any NMT state to PRE-OPERATIONAL, operating parameters written, range and resolution checked."""
+        device, config = self.device, self.config
+        device.to_pre_operational()
+        identity = device.identity()
+        if identity.profile != 406 and config.position.key == POSITION.key:
+            device.bus.emit("warning", "profile", device.where, f"device type says profile {identity.profile}, expected 406")
+        device.listen_to_emergencies()
+        device.follow_sync(cycle_ns // 1000)
+        device.produce_heartbeat(config.heartbeat_ms)
+        try:
+            device.read(config.position)
+        except SdoAbortError as error:
+            raise DriverError(
+                f"the counter's position object does not exist: {error.what}", where=f"{device.where}, {config.position}",
+                remedy="Correct index, sub-index and type of the counter in the rig's configuration.",
+            ) from error  # fmt: skip
+        if config.operating_parameters is not None:
+            device.write_checked(OPERATING_PARAMETERS, config.operating_parameters, "its sense and scaling are its own")
+        device.write_checked(CYCLIC_TIMER, 0, "transmission is by SYNC all the same")
+        self._check_resolution()
+        self.modulus = self._range()
+        self._check_alarms()
+        return identity
+
+    def _check_resolution(self) -> None:
+        """Hold lines times multiplication against what the device says; contradictions are events, the configuration holds."""
+        counts = self.config.lines * self.config.multiplication
+        for entry in (UNITS_PER_REVOLUTION, STEPS_PER_REVOLUTION):
+            told = self.device.read_optional(entry, "the configured resolution cannot be checked against the device")
+            if told is None or int(told) == counts:
+                continue
+            operating = self.device.read_optional(OPERATING_PARAMETERS, "sense and scaling are not known")
+            if entry is UNITS_PER_REVOLUTION and operating is not None and not int(operating) & 0x04:
+                # Bit 2 clear: the scaling objects are not in force.
+                continue
+            if entry is STEPS_PER_REVOLUTION and operating is not None and int(operating) & 0x04:
+                continue
+            self.device.bus.emit(
+                "warning", "resolution", self.device.where,
+                f"{entry} says {int(told)} counts per revolution, the configuration {self.config.lines} lines x "
+                f"{self.config.multiplication} = {counts}; the configuration holds",
+            )  # fmt: skip
+
+    def _range(self) -> int:
+        """The count's range: configured, else 0x6002, else that of the object's type."""
+        position = self.device.typed(self.config.position)
+        whole = 1 << position.data_type.size * 8
+        if self.config.modulus:
+            return self.config.modulus
+        if position.key != POSITION.key:
+            return whole
+        told = self.device.read_optional(TOTAL_RANGE, "the count is taken to wrap at the end of its type")
+        return int(told) if told is not None and 2 <= int(told) <= whole else whole
+
+    def _check_alarms(self) -> None:
+        if self.config.alarms is None:
+            return
+        found = self.device.read_optional(self.config.alarms, "a signal error shows only by emergency messages and jumps")
+        self.has_alarms = found is not None
+        if found is not None and int(found) & self.config.alarm_mask:
+            self.device.bus.emit("error", "signal-error", self.device.where, f"{self.config.alarms} is 0x{int(found):04X}")
+
+    @property
+    def objects(self) -> list[ObjectRef]:
+        """What is to be mapped: the position, then alarms and index objects where there are any."""
+        config = self.config
+        objects = [config.position]
+        objects += [config.alarms] if config.alarms is not None and self.has_alarms else []
+        return objects + [entry for entry in (config.index_position, config.index_status) if entry is not None]
+
+    @property
+    def optional(self) -> frozenset[tuple[int, int]]:
+        """Those of them that the rig can do without."""
+        return frozenset(entry.key for entry in self.objects[1:])

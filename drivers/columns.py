@@ -1,0 +1,190 @@
+"""From raw records to the columns of a block: counters unwrapped, index latches placed, set-points beside them, flags.
+
+A block is decoded at once with numpy; `row` gives the same counts for a single cycle, for the guard that cannot wait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.channel import Channel
+from drivers.cia401 import AnalogInput
+from drivers.counting import Unwrapper, wrapped_difference
+from drivers.frames import FrameLayout
+from drivers.samples import CycleFlag
+
+Kind = Literal["count", "plain", "target_speed", "target_torque", "latch", "seen"]
+_FAR: Final = 2**62
+
+
+@dataclass(frozen=True)
+class Column:
+    """One channel of the blocks: what kind of number it is and which fields of the record it comes from.
+
+    `field` its own field (-1: none); `of` the column of the counter that a latch belongs to; `seen_fields` (field, mask)
+    of latch states, one bit each; `largest_step` counts per cycle; `analog` its input, for saturation.
+    """
+
+    channel: Channel
+    kind: Kind
+    field: int = -1
+    of: int = -1
+    seen_fields: tuple[tuple[int, int], ...] = ()
+    largest_step: int = 0
+    analog: AnalogInput | None = None
+
+
+@dataclass(frozen=True)
+class Validity:
+    """A field in which a device says that its values are not valid, when any bit of the mask is set."""
+
+    field: int
+    mask: int
+
+
+class ColumnDecoder:
+    """Decodes blocks and rows of one rig; keeps the unwrapping state between blocks."""
+
+    def __init__(self, layout: FrameLayout, columns: Sequence[Column], validities: Sequence[Validity] = ()) -> None:
+        self.layout, self.columns, self.validities = layout, tuple(columns), tuple(validities)
+        self._unwrappers = {i: Unwrapper(c.channel.modulus) for i, c in enumerate(columns) if c.kind == "count"}
+        # Counter columns first: a latch is placed relative to its counter.
+        self._order = sorted(range(len(columns)), key=lambda i: columns[i].kind != "count")
+        self._row_raw: dict[int, int] = {}
+        self._row_count: dict[int, int] = {}
+        self._last: NDArray[np.int64] | None = None
+        self._gap = 0
+
+    def block(
+        self, raw: NDArray[np.int64], bad: NDArray[np.bool_], flags: NDArray[np.uint16], speeds: NDArray[np.int64],
+        torques: NDArray[np.int64],
+    ) -> NDArray[np.int64]:  # fmt: skip
+        """Counts (n, columns) of raw values (n, fields) and set-points (n,); sets what it finds in `flags` (n,)."""
+        counts = np.zeros((len(raw), len(self.columns)), dtype=np.int64)
+        for i in self._order:
+            column = self.columns[i]
+            if column.kind == "target_speed":
+                counts[:, i] = speeds
+            elif column.kind == "target_torque":
+                counts[:, i] = torques
+            elif column.kind == "seen":
+                for bit, (field, mask) in enumerate(column.seen_fields):
+                    counts[:, i] |= ((raw[:, field] & mask) != 0).astype(np.int64) << bit
+            elif column.kind == "count":
+                counts[:, i] = self._unwrappers[i].unwrap(raw[:, column.field])
+                if column.channel.modulus:
+                    outside = self._outside(raw[:, column.field], column)
+                    flags[outside] |= np.uint16(CycleFlag.SIGNAL_ERROR)
+            elif column.kind == "latch":
+                counts[:, i] = self._latch(raw, counts, column)
+            else:
+                counts[:, i] = raw[:, column.field]
+                if column.analog is not None:
+                    flags[column.analog.saturated(counts[:, i])] |= np.uint16(CycleFlag.SATURATED)
+        self._mark(raw, bad, counts, flags)
+        self._remember(raw, counts)
+        return counts
+
+    def row(self, record: bytes, speed: int, torque: int) -> list[int]:
+        """Counts of one record, that of the cycle after the last row or block."""
+        raw = self.layout.decode_row(record)
+        counts = [0] * len(self.columns)
+        for i in self._order:
+            column = self.columns[i]
+            if column.kind == "plain":
+                counts[i] = raw[column.field]
+            elif column.kind == "count":
+                counts[i] = self._row_unwrap(i, raw[column.field], column.channel.modulus)
+            elif column.kind == "target_speed":
+                counts[i] = speed
+            elif column.kind == "target_torque":
+                counts[i] = torque
+            elif column.kind == "seen":
+                counts[i] = sum((raw[f] & mask != 0) << bit for bit, (f, mask) in enumerate(column.seen_fields))
+            else:
+                counts[i] = self._row_latch(raw, counts, column)
+        return counts
+
+    def _outside(self, raw: NDArray[np.int64], column: Column) -> NDArray[np.bool_]:
+        """Raw values that a counter of this range cannot show."""
+        modulus, data_type = column.channel.modulus, self.layout.fields[column.field].data_type
+        if data_type.signed:
+            return (raw >= modulus) | (raw < -modulus)
+        return raw >= modulus
+
+    def _latch(self, raw: NDArray[np.int64], counts: NDArray[np.int64], column: Column) -> NDArray[np.int64]:
+        """The latched count beside its unwrapped counter; 0 until a mark has been seen."""
+        counter = self.columns[column.of]
+        latched, now = raw[:, column.field], raw[:, counter.field]
+        placed = counts[:, column.of] + wrapped_difference(latched, now, counter.channel.modulus)
+        if not column.seen_fields:
+            return np.where(latched == 0, 0, placed)
+        field, mask = column.seen_fields[0]
+        return np.where((raw[:, field] & mask) != 0, placed, 0)
+
+    def _row_latch(self, raw: list[int], counts: list[int], column: Column) -> int:
+        counter = self.columns[column.of]
+        latched, modulus = raw[column.field], counter.channel.modulus
+        is_seen = raw[column.seen_fields[0][0]] & column.seen_fields[0][1] if column.seen_fields else latched
+        if not is_seen:
+            return 0
+        return counts[column.of] + _wrapped(latched - raw[counter.field], modulus)
+
+    def _row_unwrap(self, i: int, raw: int, modulus: int) -> int:
+        if not modulus:
+            return raw
+        if i not in self._row_raw:
+            self._row_raw[i] = self._row_count[i] = raw
+        self._row_count[i] += _wrapped(raw - self._row_raw[i], modulus)
+        self._row_raw[i] = raw
+        return self._row_count[i]
+
+    def _mark(
+        self, raw: NDArray[np.int64], bad: NDArray[np.bool_], counts: NDArray[np.int64], flags: NDArray[np.uint16]
+    ) -> None:
+        """Signal errors and jumps."""
+        flags[bad.any(axis=1)] |= np.uint16(CycleFlag.SIGNAL_ERROR)
+        for validity in self.validities:
+            flags[(raw[:, validity.field] & validity.mask) != 0] |= np.uint16(CycleFlag.SIGNAL_ERROR)
+        if not len(counts):
+            return
+        gaps = self._gaps((flags & CycleFlag.INCOMPLETE) != 0)
+        for i, column in enumerate(self.columns):
+            if not column.largest_step:
+                continue
+            first = counts[0, i] if self._last is None else self._last[i]
+            steps = np.abs(np.diff(counts[:, i], prepend=first))
+            allowed = column.largest_step * gaps
+            jumped = steps > allowed
+            if column.channel.modulus:
+                # After so long a gap the counter may have wrapped unseen.
+                jumped |= (gaps > 1) & (2 * allowed >= column.channel.modulus)
+            flags[jumped] |= np.uint16(CycleFlag.JUMPED)
+
+    def _gaps(self, incomplete: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """For each cycle (n,): 1 + the number of incomplete cycles just before it."""
+        index = np.arange(len(incomplete))
+        latest_good = np.maximum.accumulate(np.where(incomplete, -1 - self._gap, index))
+        before = np.concatenate([[-1 - self._gap], latest_good[:-1]])
+        gaps = index - before
+        self._gap = int(len(incomplete) - 1 - latest_good[-1])
+        return np.minimum(gaps, _FAR)
+
+    def _remember(self, raw: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+        """Let the row decoder go on where the block ended."""
+        if not len(counts):
+            return
+        self._last = counts[-1].copy()
+        for i in self._unwrappers:
+            self._row_raw[i] = int(raw[-1, self.columns[i].field])
+            self._row_count[i] = int(counts[-1, i])
+
+
+def _wrapped(difference: int, modulus: int) -> int:
+    half = modulus // 2
+    return (difference + half) % modulus - half if modulus else difference

@@ -1,0 +1,88 @@
+"""Counters that wrap, and index marks: counts without jumps, and a count of counts between marks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import DriverError
+
+
+def wrapped_difference(later: NDArray[np.int64], earlier: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
+    """The shortest way from `earlier` to `later` on a counter of range `modulus` (0: it does not wrap); any shape.
+
+    The result lies in [-modulus/2, modulus/2): a step of half the range or more cannot be told from one the other way.
+    """
+    difference = later - earlier
+    if not modulus:
+        return difference
+    half = modulus // 2
+    return (difference + half) % modulus - half
+
+
+class Unwrapper:
+    """One counter's history: raw values of any range in, counts that never jump out. The first value is kept as it is."""
+
+    def __init__(self, modulus: int) -> None:
+        if modulus < 0 or modulus == 1:
+            raise DriverError("a counter's range is 0 (no wrap) or at least 2", where="counter", value=modulus)
+        self.modulus = modulus
+        self._raw: int | None = None
+        self._count = 0
+
+    def unwrap(self, raw: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Counts (n,) of raw values (n,) that follow those of the last call."""
+        if not len(raw):
+            return raw.astype(np.int64)
+        if not self.modulus:
+            return raw.astype(np.int64)
+        if self._raw is None:
+            self._raw = self._count = int(raw[0])
+        steps = np.empty(len(raw), dtype=np.int64)
+        steps[0] = int(wrapped_difference(np.int64(raw[0]), np.int64(self._raw), self.modulus))  # type: ignore[arg-type]
+        steps[1:] = wrapped_difference(raw[1:], raw[:-1], self.modulus)
+        counts = self._count + np.cumsum(steps)
+        self._raw, self._count = int(raw[-1]), int(counts[-1])
+        return counts
+
+
+@dataclass(frozen=True)
+class IndexInterval:
+    """Counts between two passes of index marks, and the whole number of revolutions that they should be."""
+
+    counts: int
+    revolutions: int
+    excess: int
+    """Counts too many (+) or lost (-) against revolutions * counts per revolution."""
+
+
+def index_intervals(
+    latched: NDArray[np.int64], counts_per_revolution: int, marks_per_revolution: int = 1
+) -> list[IndexInterval]:
+    """Counts between successive different latched positions (n,) of an index mark, held against whole revolutions.
+
+    `latched` are unwrapped counts, one per cycle or one per mark; equal neighbours are the same mark. With several marks
+    per revolution their spacing is counts_per_revolution / marks_per_revolution.
+    """
+    if counts_per_revolution <= 0 or marks_per_revolution <= 0 or counts_per_revolution % marks_per_revolution:
+        raise DriverError(
+            "counts per revolution must be a positive multiple of the marks", where="index mark",
+            value=f"{counts_per_revolution} counts, {marks_per_revolution} marks",
+        )  # fmt: skip
+    spacing = counts_per_revolution // marks_per_revolution
+    steps = np.diff(np.asarray(latched, dtype=np.int64))
+    intervals = []
+    for step in steps[steps != 0]:
+        turns = round(int(step) / spacing)
+        intervals.append(IndexInterval(int(step), turns, int(step) - turns * spacing))
+    return intervals
+
+
+def lost_counts(intervals: list[IndexInterval], tolerance: int) -> list[IndexInterval]:
+    """The intervals whose excess is larger than the mark's own repeatability of `tolerance` counts: lost or extra counts.
+
+    The excess of a mark passed from the other side is the mark's width, so pass only marks approached from one side.
+    """
+    return [interval for interval in intervals if abs(interval.excess) > tolerance]

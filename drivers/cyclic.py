@@ -1,0 +1,482 @@
+"""Acquisition by SYNC: the rig on a CAN bus, behind `RigPort`.
+
+Every cycle: set-points (RPDO), SYNC, one TPDO of every kind. The frames are kept raw and decoded for the whole block at
+once; cycle k holds what was latched at SYNC k. The next SYNC goes out when it is due and the cycle is complete, or when
+the patience with a missing frame is over: a slow computer lowers the achieved rate, which is reported, and never shifts
+a sample to another cycle. Enabling the servo and choosing a mode go by SDO between two cycles.
+
+The time of a cycle is the stamp of its own SYNC where the bus hands it back, else that of its first frame; with a host's
+stamps, or with none, the cycle says `HOST_TIME`.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import channel as names
+from drivers import cia402_tables as obj
+from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
+from drivers.bus import Event, Pump, PumpedBus, RawBus, TimeBase
+from drivers.channel import Channel
+from drivers.cia301 import SDO_REQUEST_BASE, SYNC_COB_ID, NmtCommand
+from drivers.cia401 import AnalogModuleConfig
+from drivers.cia402 import DriveConfig
+from drivers.cia406 import CounterConfig
+from drivers.clock import Clock
+from drivers.columns import ColumnDecoder
+from drivers.device import Missing
+from drivers.drive_state import DriveState, drive_state
+from drivers.errors import BusLostError, DriverError, StaleDataError
+from drivers.frames import CycleStore
+from drivers.judge import CycleJudge
+from drivers.pdo import MappedPdo
+from drivers.port import Command, DriveLimits, Guard, Mode, Origin, RigDescription
+from drivers.rig_nodes import MotorEncoder, RigNodes
+from drivers.samples import Break, CycleFlag, SampleBlock
+
+_CONTROLWORD: Final = {
+    Mode.OFF: obj.DISABLE_VOLTAGE, Mode.QUICK_STOP: obj.QUICK_STOP, Mode.SPEED: obj.ENABLE, Mode.TORQUE: obj.ENABLE,
+}  # fmt: skip
+_ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
+_LONGEST_BLOCK: Final = 10_000_000
+
+
+@dataclass(frozen=True)
+class CanRigConfig:
+    """A rig on one bus: SYNC period [ns], the drive and its encoder, counters and analog modules.
+
+    `patience_cycles`: how long a frame is waited for before its cycle counts as incomplete; `first_patience_ns`: the same
+    for the very first cycle; `settle_factor`: how much longer is waited, once, after a lost frame for its late arrival;
+    `stale_cycles`: incomplete cycles in a row after which an active drive raises; `stamp_wrap_ns`: range of an adapter's
+    clock that wraps (a 32-bit microsecond counter: 4294967296000), 0 if it does not.
+    """
+
+    cycle_ns: int = 1_000_000
+    drive: DriveConfig = field(default_factory=DriveConfig)
+    motor_encoder: MotorEncoder = field(default_factory=MotorEncoder)
+    counters: tuple[CounterConfig, ...] = ()
+    modules: tuple[AnalogModuleConfig, ...] = ()
+    patience_cycles: float = 5.0
+    settle_factor: float = 4.0
+    first_patience_ns: int = 500_000_000
+    stale_cycles: int = 50
+    stamp_wrap_ns: int = 0
+    own_node_id: int = 127
+    title: str = "CANopen rig"
+
+    def __post_init__(self) -> None:
+        if not 100_000 <= self.cycle_ns <= 1_000_000_000:
+            raise DriverError("the SYNC period is out of range", where="rig", value=self.cycle_ns, limit="0.1 ms to 1 s")
+        if not self.patience_cycles >= 1.0 or not self.settle_factor >= 1.0:
+            raise DriverError(
+                "patience and settle factor must be at least one", where="rig",
+                value=f"{self.patience_cycles}, {self.settle_factor}",
+            )  # fmt: skip
+
+
+class CanRig:
+    """A rig on a CAN bus. `connect` opens the raw bus; `pump` lets devices of the same process run; see `drivers.bus`."""
+
+    def __init__(
+        self, config: CanRigConfig, clock: Clock, connect: Callable[[], RawBus], *, pump: Pump | None = None,
+        time_base: TimeBase = "host", origin: Origin = "hardware", truth: Mapping[str, object] | None = None,
+    ) -> None:  # fmt: skip
+        self._config, self._clock, self._connect, self._pump = config, clock, connect, pump
+        self._wanted_base: TimeBase = time_base
+        self._origin: Origin = origin
+        self._truth = truth
+        self._bus: PumpedBus | None = None
+        self._nodes: RigNodes | None = None
+        self._left_events: list[Event] = []
+        self._lost: BusLostError | None = None
+
+    # --- RigPort
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """The channels in the order of the columns; known once the rig is open, because the drive tells its units."""
+        return [column.channel for column in self._opened().columns]
+
+    @property
+    def cycle_ns(self) -> int:
+        """The nominal SYNC period [ns]."""
+        return self._config.cycle_ns
+
+    @property
+    def time_base(self) -> TimeBase:
+        """What the time stamps are: the bus's base, or the host's where neither SYNC nor frames carry a stamp."""
+        return self._wanted_base
+
+    def open(self) -> RigDescription:
+        """Bring every node from any state to OPERATIONAL with the servo off, mapped and watched. Raises `DriverError`."""
+        bus = PumpedBus(
+            self._connect(), self._clock, pump=self._pump, time_base=self._wanted_base, own_node_id=self._config.own_node_id
+        )
+        self._bus = bus
+        config = self._config
+        try:
+            nodes = RigNodes(bus, config.cycle_ns, config.drive, config.motor_encoder, config.counters, config.modules)
+            nodes.bring_up()
+            self._nodes = nodes
+            self._prepare(bus, nodes)
+            nodes.start()
+            nodes.drive.to_off()
+        except DriverError:
+            self._nodes = None
+            self._left_events += bus.events()
+            bus.close()
+            self._bus = None
+            raise
+        self._errors_seen = bus.errors_seen
+        return RigDescription(self._origin, config.title, nodes.describe(), self._truth)
+
+    def write_limits(self, limits: DriveLimits) -> DriveLimits:
+        """Write the limits into the drive and return what reads back; infinite where the drive holds none."""
+        self._pause()
+        return self._opened().drive.write_limits(limits)
+
+    def exchange(self, command: Command, cycles: int, guard: Guard) -> SampleBlock:
+        """Run up to `cycles` SYNC cycles with the set-points and return what was latched. Raises `DriverError`."""
+        bus = self._live_bus()
+        if self._lost is not None:
+            raise self._lost
+        speeds, torques = self._set_points(command, cycles)
+        self._judge.adopt(guard)
+        self._enter(command.mode)
+        frames = self._command_frames(_CONTROLWORD[command.mode], speeds, torques)
+        is_judged = bool(guard.bounds) or guard.stale_cycles > 0
+        self._store.begin_block(cycles)
+        times: list[int] = []
+        latencies: list[int] = []
+        broken: Break | None = None
+        try:
+            for row in range(cycles):
+                stamp, latency, flags = self._cycle(bus, [f[row] for f in frames], row)
+                times.append(stamp)
+                latencies.append(latency)
+                if is_judged:
+                    counts = self._decoder.row(self._store.last_record, int(speeds[row]), int(torques[row]))
+                    broken = self._judge.judge(counts, flags, row)
+                broken = broken or self._trouble(bus, command.mode, flags, row)
+                if broken is not None:
+                    break
+        except BusLostError as error:
+            self._store.drop_open()
+            if not times:
+                raise
+            # What was measured until now is kept; the loss itself is raised by the next call.
+            self._lost = error
+            bus.emit("error", "bus-lost", "bus", str(error))
+            broken = Break(len(times) - 1, "bus_lost", 0.0, 0.0, True)
+        return self._finish(times, latencies, speeds, torques, broken, is_judged)
+
+    def reset_fault(self) -> None:
+        """Acknowledge a drive fault; the servo stays off."""
+        self._pause()
+        self._opened().drive.reset_fault()
+        self._mode = Mode.OFF
+
+    def close(self) -> None:
+        """Servo off, the drive's watch over the computer off, bus released. Never raises."""
+        bus, nodes = self._bus, self._nodes
+        if bus is None:
+            return
+        try:
+            if nodes is not None and self._lost is None:
+                nodes.drive.to_off()
+                nodes.drive.device.release_consumer()
+                bus.start_heartbeat(0)
+                for device in nodes.devices:
+                    bus.nmt(NmtCommand.PRE_OPERATIONAL, device.node_id)
+        except DriverError as error:
+            bus.emit("warning", "close", "rig", f"while closing: {error}")
+        bus.close()
+        self._left_events += bus.events()
+        self._bus = None
+
+    # --- beyond the port
+
+    def events(self) -> list[Event]:
+        """What happened since the last call: emergencies, losses, transitions, warnings; oldest first."""
+        drained, self._left_events = self._left_events, []
+        return drained + (self._bus.events() if self._bus is not None else [])
+
+    def acquisition(self) -> AcquisitionReport:
+        """Achieved rate, jitter, missed cycles and latency since the rig was opened."""
+        self._opened()
+        return self._statistics.report()
+
+    def missing(self) -> dict[int, list[Missing]]:
+        """What each node does not offer, by node-ID."""
+        return self._opened().missing()
+
+    @property
+    def nodes(self) -> RigNodes:
+        """The devices, for checks that go beyond running: doctor, drills."""
+        return self._opened()
+
+    def quick_stop_frames(self) -> list[tuple[int, bytes]]:
+        """(COB-ID, data) of the frames that quick-stop the drive without this loop: for a watchdog with a bus of its own.
+
+        The controlword goes by SDO, so that it acts without SYNC.
+        """
+        request = struct.pack("<BHBHH", 0x2B, *obj.CONTROLWORD.key, obj.QUICK_STOP, 0)
+        return [(SDO_REQUEST_BASE + self._config.drive.node_id, request)]
+
+    # --- inside
+
+    def _opened(self) -> RigNodes:
+        if self._nodes is None:
+            raise DriverError("the rig is not open", where=self._config.title, remedy="Open it first.")
+        return self._nodes
+
+    def _live_bus(self) -> PumpedBus:
+        if self._bus is None:
+            raise BusLostError("the rig has been closed", where=self._config.title)
+        return self._bus
+
+    def _prepare(self, bus: PumpedBus, nodes: RigNodes) -> None:
+        """Everything that one opening of the rig needs anew."""
+        self._store = CycleStore(nodes.layout)
+        self._decoder = ColumnDecoder(nodes.layout, nodes.columns, nodes.validities)
+        self._judge = CycleJudge([column.channel for column in nodes.columns])
+        self._statistics = AcquisitionStatistics(self._config.cycle_ns)
+        self._mode = Mode.OFF
+        self._first_cycle = 0
+        self._due_ns: int | None = None
+        self._last_stamp = self._last_sent = self._echo_stamp = self._wraps = self._errors_seen = self._silent = 0
+        self._was_enabled = False
+        self._statusword = self._statusword_bytes(nodes)
+        self._pause_pending = False
+        self._lost = None
+        bus.sample_time_ns = self._event_time
+        bus.subscribe(SYNC_COB_ID, self._on_sync)
+        for slot, pdo in enumerate(nodes.layout.pdos):
+            bus.subscribe(pdo.cob_id, self._receiver(slot))
+
+    def _receiver(self, slot: int) -> Callable[[bytes, int], None]:
+        put = self._store.put
+        return lambda data, stamp_ns: put(slot, data, stamp_ns)
+
+    def _statusword_bytes(self, nodes: RigNodes) -> slice:
+        column = next(c for c in nodes.columns if c.channel.name == names.STATUSWORD)
+        place = nodes.layout.fields[column.field]
+        return slice(place.slot * 8 + place.offset, place.slot * 8 + place.offset + 2)
+
+    def _on_sync(self, data: bytes, stamp_ns: int) -> None:
+        self._echo_stamp = stamp_ns or 1
+        if self._bus is not None:
+            self._bus.echoes = True
+        self._store.echo()
+
+    def _event_time(self) -> int:
+        """Now, in the base of the samples: the latest stamp and what has passed since."""
+        if not self._first_cycle and not self._last_stamp:
+            return self._clock.calendar_ns()
+        return self._last_stamp + self._clock.monotonic_ns() - self._last_sent
+
+    def _set_points(self, command: Command, cycles: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Set-points of the block in the drive's counts (cycles,); refused, not clipped, when they do not fit."""
+        if not 1 <= cycles <= _LONGEST_BLOCK:
+            raise DriverError("a block needs at least one cycle", where="exchange", value=cycles, limit=f"1 to {_LONGEST_BLOCK}")
+        none = np.zeros(cycles, dtype=np.int64)
+        if command.mode not in _ACTIVE:
+            return none, none
+        name, bits = (names.TARGET_SPEED, 32) if command.mode is Mode.SPEED else (names.TARGET_TORQUE, 16)
+        target = np.asarray(command.target, dtype=np.float64)
+        if target.shape != (cycles,) or not np.isfinite(target).all():
+            raise DriverError(
+                "there must be one finite set-point for every cycle", where="exchange", value=target.shape, limit=f"({cycles},)"
+            )
+        channel = next((c.channel for c in self._opened().columns if c.channel.name == name), None)
+        if channel is None:
+            raise DriverError(
+                f"this drive takes no {command.mode.value} set-points", where=self._config.title,
+                remedy="See the list of missing objects; a unit may have to be given in the rig's configuration.",
+            )  # fmt: skip
+        counts = np.rint((target - channel.offset) / (channel.direction * channel.scale))
+        if np.abs(counts).max() > 2 ** (bits - 1) - 1:
+            worst = float(target[np.argmax(np.abs(counts))])
+            raise DriverError(
+                "a set-point does not fit the drive's object", where=name, value=f"{worst:g} {channel.unit}",
+                limit=f"+-{(2 ** (bits - 1) - 1) * channel.scale:g} {channel.unit}",
+            )  # fmt: skip
+        whole = counts.astype(np.int64)
+        return (whole, none) if command.mode is Mode.SPEED else (none, whole)
+
+    def _command_frames(self, word: int, speeds: NDArray[np.int64], torques: NDArray[np.int64]) -> list[list[bytes]]:
+        """The bytes of every RPDO for every cycle, packed for the whole block at once."""
+        words = np.full(len(speeds), word)
+        values = {obj.CONTROLWORD.key: words, obj.TARGET_VELOCITY.key: speeds, obj.TARGET_TORQUE.key: torques}
+        return [_pack(pdo, values, len(speeds)) for pdo in self._opened().commands]
+
+    def _enter(self, mode: Mode) -> None:
+        """Bring the drive into the mode, or make sure that it is still in it. No automatic restart."""
+        if mode not in _ACTIVE:
+            self._mode = mode
+            return
+        drive = self._opened().drive
+        if self._mode is not mode:
+            self._pause()
+            drive.enable(mode)
+            self._mode, self._was_enabled = mode, True
+        elif not self._was_enabled:
+            state = drive.state()
+            raise DriverError(
+                f"the drive is no longer enabled: {drive.error_text()}", where=drive.device.where, value=state.value,
+                remedy="Command OFF, find and remove the cause, acknowledge the fault; there is no automatic restart.",
+            )  # fmt: skip
+        if self._silent >= self._config.stale_cycles:
+            raise StaleDataError(
+                "no complete cycle came back", where=self._silent_text(), value=f"{self._silent} cycles",
+                limit=f"< {self._config.stale_cycles}", remedy="Stop the drive; is the node powered and on the bus?",
+            )  # fmt: skip
+
+    def _silent_text(self) -> str:
+        layout = self._opened().layout
+        slots = self._store.missing_slots()
+        return ", ".join(f"node {layout.pdos[s].node_id} (0x{layout.pdos[s].cob_id:03X})" for s in slots) or "bus"
+
+    def _pause(self) -> None:
+        self._pause_pending = True
+
+    def _cycle(self, bus: PumpedBus, commands: list[bytes], row: int) -> tuple[int, int, int]:
+        """One SYNC cycle: (stamp, latency, flags)."""
+        self._wait_for_turn(bus, row)
+        for pdo, data in zip(self._opened().commands, commands, strict=True):
+            bus.send(pdo.cob_id, data)
+        is_first = not self._first_cycle and not row
+        patience = self._patience(is_first)
+        self._echo_stamp = 0
+        self._store.begin_cycle(bus.echoes)
+        sent = self._clock.monotonic_ns()
+        calendar = self._clock.calendar_ns()
+        bus.send(SYNC_COB_ID, b"")
+        self._collect(bus, sent, patience)
+        latency = self._clock.monotonic_ns() - sent
+        flags = self._store.end_cycle()
+        stamp, is_host = self._stamp(bus, sent, calendar)
+        if is_host:
+            self._host_rows.append(row)
+        self._last_stamp, self._last_sent = stamp, sent
+        self._silent = self._silent + 1 if flags & CycleFlag.INCOMPLETE else 0
+        bus.check_heartbeats()
+        return stamp, latency, flags
+
+    def _wait_for_turn(self, bus: PumpedBus, row: int) -> None:
+        if row == 0:
+            self._host_rows: list[int] = []
+        now = self._clock.monotonic_ns()
+        if self._due_ns is None:
+            self._due_ns = now
+        late = now - self._due_ns
+        if late > self._config.cycle_ns // 2:
+            if row == 0 and (self._pause_pending or late > self._config.cycle_ns):
+                self._statistics.pause()
+            elif row:
+                self._statistics.overruns += 1
+            self._due_ns = now
+        self._pause_pending = False
+        while self._clock.monotonic_ns() < self._due_ns:
+            bus.receive(self._due_ns)
+        bus.drain()
+        bus.beat()
+        self._due_ns += self._config.cycle_ns
+
+    def _patience(self, is_first: bool) -> int:
+        if is_first:
+            return max(self._config.first_patience_ns, self._config.cycle_ns)
+        if self._store.is_silent:
+            # It has been waited for in full twice: do not slow everybody else down any more.
+            return self._config.cycle_ns
+        return round(self._config.patience_cycles * self._config.cycle_ns)
+
+    def _collect(self, bus: PumpedBus, sent: int, patience: int) -> None:
+        """Pump until the cycle is complete or the patience is over."""
+        store, clock = self._store, self._clock
+        while not store.has_all and clock.monotonic_ns() < sent + patience:
+            bus.receive(sent + patience)
+        if store.has_all and store.is_owed:
+            settled = sent + round(patience * self._config.settle_factor)
+            while store.is_owed and clock.monotonic_ns() < settled:
+                bus.receive(settled)
+
+    def _stamp(self, bus: PumpedBus, sent: int, calendar: int) -> tuple[int, bool]:
+        """The time of this cycle's SYNC [ns] and whether it is only the host's."""
+        stamp = self._echo_stamp
+        if not stamp and bus.time_base in ("hardware", "device"):
+            stamps = [s for i in range(len(self._opened().layout.pdos)) if (s := self._store.stamp(i))]
+            stamp = min(stamps, default=0)
+        if bus.time_base == "virtual":
+            return stamp or calendar, False
+        if bus.time_base == "host" or not stamp:
+            if bus.time_base != "host" and self._last_stamp:
+                # Stay in the adapter's time: its last stamp and what passed here since.
+                return self._last_stamp + sent - self._last_sent, True
+            return stamp or calendar, True
+        wrap = self._config.stamp_wrap_ns
+        stamp += self._wraps * wrap
+        if wrap and stamp < self._last_stamp - wrap // 2:
+            self._wraps += 1
+            stamp += wrap
+        if stamp <= self._last_stamp:
+            return self._last_stamp + max(1, sent - self._last_sent), True
+        return stamp, False
+
+    def _trouble(self, bus: PumpedBus, mode: Mode, flags: int, row: int) -> Break | None:
+        """The onset of something that the guard cannot see: an emergency, a lost node, the drive dropping out."""
+        if bus.errors_seen != self._errors_seen:
+            self._errors_seen = bus.errors_seen
+            event = bus.last_error
+            return Break(row, event.code.replace("-", "_") if event else "bus_error", 1.0, 0.0, True)
+        if mode in _ACTIVE and not flags & CycleFlag.INCOMPLETE and self._was_enabled:
+            word = int.from_bytes(self._store.last_record[self._statusword], "little")
+            if drive_state(word) is not DriveState.ENABLED:
+                self._was_enabled = False
+                bus.emit("error", "drive-state", f"node {self._config.drive.node_id}", _dropped_out(word))
+                self._errors_seen = bus.errors_seen
+                return Break(row, "drive_state", float(word), 0.0, True)
+        return None
+
+    def _finish(
+        self, times: list[int], latencies: list[int], speeds: NDArray[np.int64], torques: NDArray[np.int64],
+        broken: Break | None, is_judged: bool,
+    ) -> SampleBlock:  # fmt: skip
+        """Decode the block, mark it, count it."""
+        rows = len(times)
+        raw, bad = self._store.decoded()
+        flags = self._store.flags()
+        counts = self._decoder.block(raw, bad, flags, speeds[:rows], torques[:rows])
+        host_rows = [row for row in self._host_rows if row < rows]
+        flags[host_rows] |= np.uint16(CycleFlag.HOST_TIME)
+        time_ns = np.array(times, dtype=np.int64)
+        self._statistics.add(time_ns, np.array(latencies, dtype=np.int64), flags)
+        if not is_judged:
+            self._judge.remember(counts, flags)
+        first, self._first_cycle = self._first_cycle, self._first_cycle + rows
+        return SampleBlock(first, time_ns, counts, flags, broken)
+
+
+def _pack(pdo: MappedPdo, values: Mapping[tuple[int, int], NDArray[np.int64]], rows: int) -> list[bytes]:
+    """One RPDO's bytes for every cycle: little-endian fields side by side; entries that are not ours stay 0."""
+    table = np.zeros((rows, pdo.length), dtype=np.uint8)
+    offset = 0
+    for entry in pdo.entries:
+        size = entry.data_type.size
+        if entry.key in values:
+            data = values[entry.key].astype("<i8").view(np.uint8).reshape(rows, 8)
+            table[:, offset : offset + size] = data[:, :size]
+        offset += size
+    packed = table.tobytes()
+    return [packed[i * pdo.length : (i + 1) * pdo.length] for i in range(rows)]
+
+
+def _dropped_out(word: int) -> str:
+    state: DriveState = drive_state(word)
+    return f"the drive left operation enabled: {state.value} (statusword 0x{word:04X})"

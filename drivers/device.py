@@ -1,0 +1,247 @@
+"""One CANopen device as its owner sees it: SDO by object, identity, NMT, heartbeat, and the list of what it lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from drivers.bus import PumpedBus
+from drivers.cia301 import EMCY_BASE, U8, U16, U32, VISIBLE_STRING, NmtCommand, NmtState, ObjectRef, object_text
+from drivers.eds import DeviceDescription
+from drivers.errors import DriverError, ReadbackError
+from drivers.sdo import SdoAbortError, SdoClient, SdoTimeoutError
+
+DEVICE_TYPE: Final = ObjectRef(0x1000, 0, U32, "device type")
+SYNC_COB: Final = ObjectRef(0x1005, 0, U32, "COB-ID of SYNC")
+CYCLE_PERIOD: Final = ObjectRef(0x1006, 0, U32, "communication cycle period")
+EMCY_COB: Final = ObjectRef(0x1014, 0, U32, "COB-ID of EMCY")
+HEARTBEAT_CONSUMER: Final = ObjectRef(0x1016, 1, U32, "consumer heartbeat time")
+HEARTBEAT_PRODUCER: Final = ObjectRef(0x1017, 0, U16, "producer heartbeat time")
+SYNC_OVERFLOW: Final = ObjectRef(0x1019, 0, U8, "SYNC counter overflow")
+SYNC_GENERATE_BIT: Final = 1 << 30
+
+
+@dataclass(frozen=True)
+class Missing:
+    """An entry that the device does not offer, and what the rig loses by it."""
+
+    index: int
+    subindex: int
+    name: str
+    consequence: str
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Who a device says that it is: 0x1000, 0x1018, 0x1008 to 0x100A; 0 or empty where it says nothing."""
+
+    device_type: int = 0
+    vendor_id: int = 0
+    product_code: int = 0
+    revision: int = 0
+    serial_number: int = 0
+    name: str = ""
+    hardware_version: str = ""
+    software_version: str = ""
+
+    @property
+    def profile(self) -> int:
+        """The device profile's number: 402 for a drive, 401 for inputs and outputs, 406 for an encoder."""
+        return self.device_type & 0xFFFF
+
+    def as_text(self) -> dict[str, str]:
+        """For a run file."""
+        return {
+            "profile": str(self.profile), "vendor_id": f"0x{self.vendor_id:08X}", "product_code": f"0x{self.product_code:08X}",
+            "revision": f"0x{self.revision:08X}", "serial_number": str(self.serial_number), "name": self.name,
+            "hardware_version": self.hardware_version, "software_version": self.software_version,
+        }  # fmt: skip
+
+
+class RemoteDevice:
+    """A node on the bus. What its dictionary lacks is collected in `missing`, once per entry, never raised for optional ones."""
+
+    def __init__(
+        self, bus: PumpedBus, node_id: int, description: DeviceDescription | None = None, sdo_timeout_ns: int = 300_000_000
+    ) -> None:
+        self.bus, self.node_id, self.description = bus, node_id, description
+        self.sdo = SdoClient(bus, node_id, sdo_timeout_ns)
+        self.watch = bus.watch(node_id)
+        self._missing: dict[tuple[int, int], Missing] = {}
+
+    @property
+    def missing(self) -> list[Missing]:
+        """What the device turned out not to offer."""
+        return list(self._missing.values())
+
+    @property
+    def where(self) -> str:
+        """The device in an error message."""
+        return f"node {self.node_id}"
+
+    def typed(self, entry: ObjectRef) -> ObjectRef:
+        """The entry with the number type that the device's EDS gives it, where it gives one."""
+        described = self.description.entry(entry.index, entry.subindex) if self.description else None
+        if described is None or not described.data_type.is_number or not entry.data_type.is_number:
+            return entry
+        return ObjectRef(entry.index, entry.subindex, described.data_type, entry.name or described.name)
+
+    def read(self, entry: ObjectRef) -> int | float:
+        """Read an entry that must be there."""
+        return self.sdo.read(self.typed(entry))
+
+    def read_integer(self, entry: ObjectRef) -> int:
+        """Read an integer entry that must be there."""
+        return int(self.read(entry))
+
+    def read_optional(self, entry: ObjectRef, consequence: str = "") -> int | float | None:
+        """Read an entry; None, and a line in `missing`, when the device refuses."""
+        try:
+            return self.read(entry)
+        except SdoAbortError as error:
+            self.note_missing(entry, consequence, error)
+            return None
+
+    def write(self, entry: ObjectRef, value: float) -> None:
+        """Write an entry that must be there."""
+        self.sdo.write(self.typed(entry), value)
+
+    def write_checked(self, entry: ObjectRef, value: float, consequence: str = "") -> bool:
+        """Write an optional entry and read it back; False if the device refuses it. Raises `ReadbackError` if it differs."""
+        typed = self.typed(entry)
+        try:
+            self.sdo.write(typed, value)
+            found = self.sdo.read(typed)
+        except SdoAbortError as error:
+            self.note_missing(entry, consequence, error)
+            return False
+        if found != value:
+            raise ReadbackError(
+                f"{entry.name or 'a value'} reads back differently", where=f"{self.where}, {object_text(*entry.key)}",
+                value=found, limit=f"{value} as written", remedy="The device has its own limit for it: see its manual.",
+            )  # fmt: skip
+        return True
+
+    def note_missing(self, entry: ObjectRef, consequence: str, error: SdoAbortError | None = None) -> None:
+        """Remember that an entry is not offered."""
+        if error is not None and not error.is_missing:
+            consequence = f"{consequence} ({error.what})" if consequence else error.what
+        self._missing.setdefault(entry.key, Missing(entry.index, entry.subindex, entry.name, consequence))
+
+    def identity(self) -> Identity:
+        """Read who it is. Also the first contact: raises `SdoTimeoutError` when nobody is there."""
+        numbers = [
+            self.read_optional(ObjectRef(0x1018, sub, U32, name), "the device cannot be told from another of its kind")
+            for sub, name in ((1, "vendor-ID"), (2, "product code"), (3, "revision"), (4, "serial number"))
+        ]
+        vendor, product, revision, serial = (int(n or 0) for n in numbers)
+        texts = [
+            self._text(index, name)
+            for index, name in ((0x1008, "device name"), (0x1009, "hardware version"), (0x100A, "software version"))
+        ]
+        return Identity(self.read_integer(DEVICE_TYPE), vendor, product, revision, serial, *texts)
+
+    def _text(self, index: int, name: str) -> str:
+        try:
+            return self.sdo.read_text(index)
+        except SdoAbortError as error:
+            self.note_missing(ObjectRef(index, 0, VISIBLE_STRING, name), "not in the run file", error)
+            return ""
+
+    def to_pre_operational(self) -> None:
+        """Bring the node where SDO works and PDOs are silent, from any NMT state, and make sure that it answers."""
+        self.bus.nmt(NmtCommand.PRE_OPERATIONAL, self.node_id)
+        self.bus.drain()
+        try:
+            self.read(DEVICE_TYPE)
+        except SdoTimeoutError:
+            # A node that is still booting, or in a state of its own, is given one communication reset.
+            self.bus.nmt(NmtCommand.RESET_COMMUNICATION, self.node_id)
+            boots = self.watch.boots
+            self.bus.wait_for(lambda: self.watch.boots > boots, 2_000_000_000)
+            self.bus.nmt(NmtCommand.PRE_OPERATIONAL, self.node_id)
+            self.read(DEVICE_TYPE)
+
+    def start(self, timeout_ns: int = 2_000_000_000) -> None:
+        """NMT start, confirmed by the node's heartbeat where it produces one."""
+        self.bus.nmt(NmtCommand.START, self.node_id)
+        if not self.watch.timeout_ns:
+            self.watch.state = NmtState.OPERATIONAL
+            return
+        if not self.bus.wait_for(lambda: self.watch.state is NmtState.OPERATIONAL, timeout_ns):
+            raise DriverError(
+                "the node does not become OPERATIONAL", where=self.where, value=self.watch.state.name,
+                remedy="Its emergency messages and its error register 0x1001 say why.",
+            )  # fmt: skip
+
+    def produce_heartbeat(self, period_ms: int, lost_after: int = 3) -> bool:
+        """Let the device send a heartbeat and arm the loss detection after `lost_after` periods; False if it cannot."""
+        if not self.write_checked(HEARTBEAT_PRODUCER, period_ms, "the loss of this device shows only by its missing data"):
+            return False
+        self.bus.watch(self.node_id, timeout_ns=lost_after * period_ms * 1_000_000)
+        return True
+
+    def consume_heartbeat(self, timeout_ms: int) -> bool:
+        """Let the device watch the computer's heartbeat (0x1016); False if it cannot, which costs the last line of defence."""
+        value = self.bus.own_node_id << 16 | timeout_ms
+        consequence = "the drive does not notice when the computer dies"
+        entry = self._consumer_entry()
+        if entry is None:
+            self.note_missing(HEARTBEAT_CONSUMER, consequence)
+            return False
+        return self.write_checked(entry, value, consequence)
+
+    def release_consumer(self) -> None:
+        """Let the device stop watching the computer, before the computer goes away on purpose."""
+        entry = self._consumer_entry()
+        if entry is not None and int(self.read(entry)) >> 16 & 0x7F == self.bus.own_node_id:
+            self.write(entry, 0)
+
+    def _consumer_entry(self) -> ObjectRef | None:
+        """The entry of 0x1016 that is ours already, else the first free one, else the first."""
+        count = self.read_optional(ObjectRef(0x1016, 0, U8, "consumer heartbeat time"), "nobody is watched by the device")
+        found: ObjectRef | None = None
+        for subindex in range(1, int(count or 0) + 1):
+            entry = ObjectRef(0x1016, subindex, U32, "consumer heartbeat time")
+            present = self.read_optional(entry)
+            if present is None:
+                continue
+            if int(present) >> 16 & 0x7F == self.bus.own_node_id:
+                return entry
+            if found is None and int(present) & 0xFFFF == 0:
+                found = entry
+        return found or (HEARTBEAT_CONSUMER if count else None)
+
+    def listen_to_emergencies(self, texts: Mapping[int, str] | None = None) -> None:
+        """Hear the device's EMCY messages also where 0x1014 moved them, with the profile's texts."""
+        if texts:
+            self.bus.emergency_texts[self.node_id] = texts
+        cob_id = self.read_optional(EMCY_COB, "the device sends no emergency messages")
+        if cob_id is None:
+            return
+        if int(cob_id) >> 31 & 1:
+            self.note_missing(EMCY_COB, "emergency messages are switched off in the device")
+        elif int(cob_id) & 0x7FF != EMCY_BASE + self.node_id:
+            self.bus.subscribe(int(cob_id) & 0x7FF, lambda data, stamp_ns: self.bus.on_emergency(self.node_id, data))
+
+    def follow_sync(self, cycle_us: int) -> int:
+        """Make the device a consumer of our SYNC on 0x080 without counter; the counter overflow it insists on, else 0."""
+        cob_id = self.read_optional(SYNC_COB, "whether the device follows SYNC 0x080 cannot be checked")
+        if cob_id is not None and int(cob_id) & SYNC_GENERATE_BIT:
+            # The identifier may change only while the device produces no SYNC.
+            self.write_checked(SYNC_COB, int(cob_id) & ~SYNC_GENERATE_BIT, "it would produce SYNC itself")
+        if cob_id is not None and int(cob_id) & 0x7FF != 0x080:
+            self.write_checked(SYNC_COB, 0x080, "it follows another SYNC")
+        overflow = self._sync_overflow()
+        self.write_checked(CYCLE_PERIOD, cycle_us, "the device does not supervise the SYNC period")
+        return overflow
+
+    def _sync_overflow(self) -> int:
+        overflow = int(self.read_optional(SYNC_OVERFLOW, "SYNC without counter") or 0)
+        if overflow:
+            # CiA 301 allows a change of 0x1019 only while the cycle period is 0.
+            self.write_checked(CYCLE_PERIOD, 0)
+            if self.write_checked(SYNC_OVERFLOW, 0, "SYNC must carry a counter"):
+                return 0
+        return overflow

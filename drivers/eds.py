@@ -1,0 +1,310 @@
+"""Vendors' EDS and DCF files (CiA 306): what a device says that it has. Tolerant of their defects, which it lists.
+
+A file is read line by line and never refused for a single wrong entry: an empty `VendorNumber`, a comment count that does
+not match, an empty `PDOMapping`, sub-objects without their object, foreign encodings. What could not be understood stands
+in `DeviceDescription.defects`; only a file in which no object at all is described is an error.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from drivers.cia301 import DATA_TYPES, DataType, ObjectRef, object_text
+from drivers.errors import DecodeError, DriverError
+
+_OBJECT = re.compile(r"^([0-9a-f]{1,4})(?:sub([0-9a-f]{1,2}))?$")
+_COMPACT = re.compile(r"^([0-9a-f]{1,4})(name|value)$")
+_NUMBER = re.compile(r"^([+-]?)(0x[0-9a-f]+|[0-9a-f]+h|[0-9]+)$")
+_LONGEST_FILE: Final = 32 << 20
+_MOST_COMPACT: Final = 254
+_DEFECTS_KEPT: Final = 1000
+_DOMAIN: Final = 0x0F
+
+Section = dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class EdsEntry:
+    """One entry of the object dictionary as the file describes it; numbers are None where the file gives none."""
+
+    index: int
+    subindex: int
+    name: str
+    data_type: DataType
+    access: str
+    is_pdo_mappable: bool
+    default: int | float | str | None = None
+    configured: int | float | str | None = None
+    low: int | float | None = None
+    high: int | float | None = None
+
+    @property
+    def ref(self) -> ObjectRef:
+        """The entry as a reference."""
+        return ObjectRef(self.index, self.subindex, self.data_type, self.name)
+
+
+@dataclass(frozen=True)
+class DeviceDescription:
+    """What an EDS or DCF says of a device: who made it, its entries by (index, sub-index), and the file's defects."""
+
+    vendor_name: str = ""
+    vendor_number: int | None = None
+    product_name: str = ""
+    product_number: int | None = None
+    revision_number: int | None = None
+    bit_rates: tuple[int, ...] = ()
+    entries: Mapping[tuple[int, int], EdsEntry] = field(default_factory=dict)
+    defects: tuple[str, ...] = ()
+
+    def entry(self, index: int, subindex: int = 0) -> EdsEntry | None:
+        """The entry, or None if the file does not describe it."""
+        return self.entries.get((index, subindex))
+
+
+def load_eds(path: str | Path, node_id: int | None = None) -> DeviceDescription:
+    """The description in a file. Raises `DriverError` when it cannot be read or describes nothing."""
+    try:
+        if Path(path).stat().st_size > _LONGEST_FILE:
+            raise DriverError("this is not an EDS file", where=str(path), limit=f"at most {_LONGEST_FILE >> 20} MiB")
+        data = Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        raise DriverError(f"the EDS file cannot be read: {error}", where=str(path)) from error
+    return parse_eds(data, node_id, where=str(path))
+
+
+def parse_eds(data: bytes | str, node_id: int | None = None, *, where: str = "EDS") -> DeviceDescription:
+    """The description in the bytes of a file; `node_id` is what `$NODEID` stands for. Raises `DecodeError`."""
+    defects: list[str] = []
+    sections = _sections(data if isinstance(data, str) else _text(data, defects), defects)
+    if node_id is None:
+        node_id = _integer(sections.get("devicecomissioning", {}).get("nodeid", ""))
+    entries: dict[tuple[int, int], EdsEntry] = {}
+    matches = [(match, section) for name, section in sections.items() if (match := _OBJECT.match(name))]
+    parents = {int(match[1], 16) for match, _ in matches if match[2] is None}
+    families = {int(match[1], 16) for match, _ in matches if match[2] is not None}
+    for match, section in matches:
+        index = int(match[1], 16)
+        if match[2] is not None and index not in parents:
+            defects.append(f"0x{index:04X}:{int(match[2], 16)}: a sub-object without its object")
+        is_bare = match[2] is None and index not in families and not _integer(section.get("compactsubobj", ""))
+        if is_bare and _integer(section.get("objecttype", "7")) in (8, 9):
+            defects.append(f"0x{index:04X}: an array or record without sub-objects")
+        _take_object(index, match[2], section, sections, node_id, entries, defects)
+    for name, section in sections.items():
+        if (match := _COMPACT.match(name)) and match[2] == "name":
+            _rename_compact(int(match[1], 16), section, entries)
+    if not entries:
+        raise DecodeError(
+            "no object is described in it", where=where, remedy="Is this an EDS or DCF file (text with sections like [1000])?"
+        )
+    _check_lists(sections, entries, defects)
+    info = sections.get("deviceinfo", {})
+    if not info:
+        defects.append("[DeviceInfo] is missing")
+    for key in ("vendornumber", "productnumber", "revisionnumber"):
+        if key in info and _integer(info[key]) is None:
+            defects.append(f"[DeviceInfo] {key} is {info[key]!r}, not a number")
+    return DeviceDescription(
+        vendor_name=info.get("vendorname", ""), vendor_number=_integer(info.get("vendornumber", "")),
+        product_name=info.get("productname", ""), product_number=_integer(info.get("productnumber", "")),
+        revision_number=_integer(info.get("revisionnumber", "")),
+        bit_rates=tuple(r * 1000 for r in (10, 20, 50, 125, 250, 500, 800, 1000) if _integer(info.get(f"baudrate_{r}", ""))),
+        entries=entries, defects=tuple(defects[:_DEFECTS_KEPT]),
+    )  # fmt: skip
+
+
+def _text(data: bytes, defects: list[str]) -> str:
+    """Bytes as text: by the byte order mark, else UTF-8, else what Windows editors write."""
+    for mark, encoding in ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be")):
+        if data.startswith(mark):
+            return data[len(mark) :].decode(encoding, "replace")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        defects.append("the file is neither ASCII nor UTF-8; read as Windows-1252")
+        return data.decode("cp1252", "replace")
+
+
+def _sections(text: str, defects: list[str]) -> dict[str, Section]:
+    """Sections by lower-case name, each with its values by lower-case key; the first of doubled keys holds no longer."""
+    sections: dict[str, Section] = {}
+    current: Section | None = None
+    for number, raw in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
+        line = raw.strip(" \t\0\f\v\ufeff\x1a")
+        if not line or line[0] in ";#":
+            continue
+        if line[0] == "[":
+            name = line[1:].split("]")[0].strip().lower()
+            if name in sections:
+                defects.append(f"line {number}: section [{name}] stands twice; merged")
+            current = sections.setdefault(name, {})
+        elif "=" not in line or current is None:
+            defects.append(f"line {number}: neither a section nor a value: {line[:40]!r}")
+        else:
+            key, value = line.split("=", 1)
+            current[key.strip().lower()] = value.strip()
+    return sections
+
+
+def _take_object(
+    index: int, sub: str | None, section: Section, sections: Mapping[str, Section], node_id: int | None,
+    entries: dict[tuple[int, int], EdsEntry], defects: list[str],
+) -> None:  # fmt: skip
+    """Take an object's or a sub-object's section into `entries`."""
+    subindex = int(sub, 16) if sub is not None else 0
+    where = object_text(index, subindex)
+    if sub is None:
+        object_type = _number_or(section, "objecttype", 7, where, defects)
+        if compact := _number_or(section, "compactsubobj", 0, where, defects):
+            count = max(0, min(int(compact), _MOST_COMPACT))
+            entries[index, 0] = EdsEntry(index, 0, "Number of entries", DATA_TYPES[0x05], "ro", False, default=count)
+            for number in range(1, count + 1):
+                entries[index, number] = _entry(index, number, section, node_id, defects)
+            _fill_compact(index, sections.get(f"{index:x}value", {}), entries, node_id)
+            return
+        if object_type in (8, 9):
+            return
+    entries[index, subindex] = _entry(index, subindex, section, node_id, defects)
+
+
+def _entry(index: int, subindex: int, section: Section, node_id: int | None, defects: list[str]) -> EdsEntry:
+    where = object_text(index, subindex)
+    code = _integer(section.get("datatype", ""))
+    if code not in DATA_TYPES:
+        if code != _DOMAIN and _integer(section.get("objecttype", "7")) != 2:
+            defects.append(f"{where}: data type {section.get('datatype', 'missing')!r} is not known; taken as DOMAIN")
+        code = _DOMAIN
+    data_type = DATA_TYPES[code if code is not None else _DOMAIN]
+    access = section.get("accesstype", "").split(";")[0].strip().lower()
+    if access not in ("ro", "wo", "rw", "rwr", "rww", "const"):
+        defects.append(f"{where}: access type {access!r}; taken as rw")
+        access = "rw"
+    return EdsEntry(
+        index, subindex, section.get("parametername", ""), data_type, access,
+        bool(_number_or(section, "pdomapping", 0, where, defects)),
+        default=_value(section.get("defaultvalue"), data_type, node_id),
+        configured=_value(section.get("parametervalue"), data_type, node_id),
+        low=_limit(section.get("lowlimit"), data_type, node_id), high=_limit(section.get("highlimit"), data_type, node_id),
+    )  # fmt: skip
+
+
+def _rename_compact(index: int, section: Section, entries: dict[tuple[int, int], EdsEntry]) -> None:
+    """Give the sub-objects of a compact array the names of its [xxxxName] section."""
+    for key, name in section.items():
+        subindex = _integer(key)
+        entry = entries.get((index, subindex)) if subindex is not None else None
+        if entry is not None and subindex:
+            entries[index, subindex] = EdsEntry(
+                index, subindex, name, entry.data_type, entry.access, entry.is_pdo_mappable, entry.default,
+                entry.configured, entry.low, entry.high,
+            )  # fmt: skip
+
+
+def _fill_compact(index: int, section: Section, entries: dict[tuple[int, int], EdsEntry], node_id: int | None) -> None:
+    """Give the sub-objects of a compact array the configured values of its [xxxxValue] section."""
+    for key, text in section.items():
+        subindex = _integer(key)
+        entry = entries.get((index, subindex)) if subindex is not None else None
+        if entry is not None and subindex:
+            entries[index, subindex] = EdsEntry(
+                index, subindex, entry.name, entry.data_type, entry.access, entry.is_pdo_mappable, entry.default,
+                _value(text, entry.data_type, node_id), entry.low, entry.high,
+            )  # fmt: skip
+
+
+def _check_lists(sections: Mapping[str, Section], entries: Mapping[tuple[int, int], EdsEntry], defects: list[str]) -> None:
+    """Note what the file's own lists and counts get wrong."""
+    described = {index for index, _ in entries}
+    for name in ("mandatoryobjects", "optionalobjects", "manufacturerobjects"):
+        section = sections.get(name)
+        if section is None:
+            defects.append(f"[{name}] is missing")
+            continue
+        listed = [_integer(value) for key, value in section.items() if key.isdigit()]
+        if _integer(section.get("supportedobjects", "")) != len(listed):
+            defects.append(f"[{name}] counts {section.get('supportedobjects', 'nothing')!r} objects, lists {len(listed)}")
+        for index in listed:
+            if index is not None and index not in described:
+                defects.append(f"[{name}] lists 0x{index:04X}, which is not described")
+    comments = sections.get("comments", {})
+    lines = sum(1 for key in comments if key.startswith("line") and key != "lines")
+    if comments and _integer(comments.get("lines", "")) != lines:
+        defects.append(f"[comments] counts {comments.get('lines', 'nothing')!r} lines, has {lines}")
+
+
+def _number_or(section: Section, key: str, fallback: int, where: str, defects: list[str]) -> int:
+    text = section.get(key)
+    if text is None:
+        return fallback
+    number = _integer(text)
+    if number is None:
+        defects.append(f"{where}: {key} is {text!r}; taken as {fallback}")
+        return fallback
+    return number
+
+
+def _integer(text: str) -> int | None:
+    """A number as vendors write it (0x1F, 1Fh, 31, 037 octal, 08 decimal after all), or None."""
+    token = text.split(";")[0].strip().replace(" ", "").replace("_", "").lower()
+    match = _NUMBER.match(token) if len(token) <= 64 else None
+    if match is None:
+        return None
+    sign, digits = (-1 if match[1] == "-" else 1), match[2]
+    if digits.startswith("0x"):
+        return sign * int(digits, 16)
+    if digits.endswith("h"):
+        return sign * int(digits[:-1], 16)
+    if not digits.isdigit():
+        return None
+    if len(digits) > 1 and digits[0] == "0" and all(d in "01234567" for d in digits):
+        return sign * int(digits, 8)
+    return sign * int(digits)
+
+
+def _value(text: str | None, data_type: DataType, node_id: int | None) -> int | float | str | None:
+    """A default or configured value: a number for numbers ($NODEID resolved), else the text itself."""
+    if text is None or text == "":
+        return None
+    if not data_type.is_number:
+        return text
+    return _limit(text, data_type, node_id)
+
+
+def _limit(text: str | None, data_type: DataType, node_id: int | None) -> int | float | None:
+    """A number of the entry's type: $NODEID resolved, hexadecimal negatives in two's complement, IEEE floats as hex."""
+    if text is None:
+        return None
+    spelled = text.split(";")[0].strip()
+    if data_type.is_float:
+        return _real(spelled, data_type)
+    offset = 0
+    if "$nodeid" in spelled.lower():
+        if node_id is None:
+            return None
+        offset = node_id
+        spelled = re.sub(r"\+?\s*\$nodeid\s*\+?", "", spelled, flags=re.IGNORECASE) or "0"
+    number = _integer(spelled)
+    if number is None:
+        return None
+    number += offset
+    bits = data_type.size * 8
+    if data_type.signed and bits and (1 << (bits - 1)) <= number < (1 << bits):
+        number -= 1 << bits
+    return number
+
+
+def _real(spelled: str, data_type: DataType) -> float | None:
+    number = _integer(spelled) if spelled.lower().startswith("0x") else None
+    if number is not None:
+        return float(data_type.decode(number.to_bytes(8, "little"))) if 0 <= number < 1 << 64 else None
+    try:
+        value = float(spelled)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None

@@ -1,0 +1,258 @@
+"""Process data as it came off the bus: one fixed record of raw bytes per SYNC cycle, decoded for a whole block at once.
+
+Each expected TPDO has a slot of eight bytes in the record. A frame is copied into its slot and nothing else is done with
+it until the block is complete; then one structured view of the buffer gives all channels of all cycles.
+
+Pairing is by SYNC index: what arrives after a SYNC went out belongs to that SYNC, unless a frame of its COB-ID is still
+owed from before. Then frames are counted in their order, and a cycle in which the count does not come out is marked LATE.
+LATE and DOUBLED stand at the cycle in which they were noticed, because a block that was handed out is never changed.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.cia301 import DataType
+from drivers.errors import DriverError
+from drivers.pdo import MappedPdo
+from drivers.samples import CycleFlag
+
+SLOT_BYTES: Final = 8
+_FORMATS: Final = {
+    (1, True): "<i1", (1, False): "<u1", (2, True): "<i2", (2, False): "<u2", (4, True): "<i4", (4, False): "<u4",
+    (8, True): "<i8", (8, False): "<u8",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Field:
+    """One number in the record of a cycle: its name, the slot of its frame, its byte in the frame, its type."""
+
+    name: str
+    slot: int
+    offset: int
+    data_type: DataType
+    quantum: float = 0.0
+    """For floating-point objects: the size of one count, in the object's unit."""
+
+    @property
+    def numpy_format(self) -> str:
+        """The number's type for numpy. Raises `DriverError` for odd widths."""
+        kind = self.data_type
+        if kind.is_float:
+            return "<f4" if kind.size == 4 else "<f8"
+        if (kind.size, kind.signed) not in _FORMATS:
+            raise DriverError("this type cannot be acquired", where=self.name, value=kind.name, limit="1, 2, 4 or 8 bytes")
+        return _FORMATS[kind.size, kind.signed]
+
+
+class FrameLayout:
+    """Which COB-ID fills which slot, and where each field stands in the record of a cycle."""
+
+    def __init__(self, pdos: Sequence[MappedPdo], fields: Sequence[Field]) -> None:
+        self.pdos, self.fields = tuple(pdos), tuple(fields)
+        self.lengths = tuple(pdo.length for pdo in pdos)
+        self.stride = SLOT_BYTES * max(1, len(pdos))
+        self.all_slots = (1 << len(pdos)) - 1
+        for field in fields:
+            if field.data_type.is_float and not field.quantum > 0.0:
+                raise DriverError("a floating-point channel needs the size of one count", where=field.name)
+        self._row = _row_struct(fields, self.stride)
+        self._dtype = np.dtype(
+            {
+                "names": [field.name for field in fields],
+                "formats": [field.numpy_format for field in fields],
+                "offsets": [field.slot * SLOT_BYTES + field.offset for field in fields],
+                "itemsize": self.stride,
+            }
+        )
+
+    def decode(self, buffer: bytes | bytearray | memoryview, rows: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """Raw counts (rows, fields) and where a number is none (NaN, infinite, too large): there the count is 0."""
+        records = np.frombuffer(buffer, dtype=self._dtype, count=rows) if rows else np.empty(0, dtype=self._dtype)
+        counts = np.empty((rows, len(self.fields)), dtype=np.int64)
+        bad = np.zeros((rows, len(self.fields)), dtype=bool)
+        for column, field in enumerate(self.fields):
+            values = records[field.name]
+            if field.data_type.is_float:
+                scaled = np.asarray(values, dtype=np.float64) / field.quantum
+                bad[:, column] = ~(np.abs(scaled) < 2.0**62)
+                scaled = np.where(bad[:, column], 0.0, scaled)
+                counts[:, column] = np.rint(scaled).astype(np.int64)
+            else:
+                counts[:, column] = values
+                if field.data_type.size == 8 and not field.data_type.signed:
+                    bad[:, column] = values > np.uint64(2**63 - 1)
+                    counts[bad[:, column], column] = 0
+        return counts, bad
+
+
+    def decode_row(self, record: bytes) -> list[int]:
+        """Raw counts of one record, in the order of the fields; a number that is none becomes 0, as in `decode`."""
+        structure, order = self._row
+        values = structure.unpack_from(record)
+        counts = [0] * len(values)
+        for value, column in zip(values, order, strict=True):
+            if type(value) is float:
+                scaled = value / self.fields[column].quantum
+                counts[column] = round(scaled) if abs(scaled) < 2.0**62 else 0
+            else:
+                counts[column] = value if value < 2**63 else 0
+        return counts
+
+
+def _row_struct(fields: Sequence[Field], stride: int) -> tuple[struct.Struct, list[int]]:
+    """One format for a whole record, and the column of each of its values."""
+    order = sorted(range(len(fields)), key=lambda i: fields[i].slot * SLOT_BYTES + fields[i].offset)
+    form, at = "<", 0
+    for column in order:
+        field = fields[column]
+        start = field.slot * SLOT_BYTES + field.offset
+        if start < at:
+            raise DriverError("two channels share bytes of one frame", where=field.name)
+        letter = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d"}
+        form += "x" * (start - at) + letter[field.numpy_format[1:]]
+        at = start + field.data_type.size
+    return struct.Struct(form + "x" * (stride - at)), order
+
+
+class CycleStore:
+    """The raw records of a block, and who has arrived in the present cycle. Frames are put in by COB-ID's slot."""
+
+    def __init__(self, layout: FrameLayout) -> None:
+        self.layout = layout
+        count = len(layout.pdos)
+        self.lost = [0] * count
+        self.rows = 0
+        self._buffer = bytearray(layout.stride)
+        self._last = bytes(layout.stride)
+        self._flags: list[int] = []
+        self._received = [0] * count
+        self._owed = [0] * count
+        self._stamps = [0] * count
+        self._to_come = 0
+        self._pending = 0
+        self._is_open = self._awaits_echo = False
+
+    def begin_block(self, cycles: int) -> None:
+        """Make room for `cycles` records."""
+        if len(self._buffer) < cycles * self.layout.stride:
+            self._buffer = bytearray(cycles * self.layout.stride)
+        self.rows, self._flags = 0, []
+
+    def begin_cycle(self, awaits_echo: bool) -> None:
+        """Open the next record: it starts as a copy of the one before, so that a missing frame leaves its last values."""
+        start = self.rows * self.layout.stride
+        self._buffer[start : start + self.layout.stride] = self._last
+        self._flags.append(self._pending)
+        self._pending = 0
+        self._received = [0] * len(self._received)
+        self._to_come = len(self._received)
+        self._is_open, self._awaits_echo = True, awaits_echo
+        self.rows += 1
+
+    def echo(self) -> None:
+        """The SYNC itself has come back from the bus: what was sent before it has been handed over."""
+        self._awaits_echo = False
+
+    @property
+    def has_all(self) -> bool:
+        """Whether a frame of every COB-ID is there (and the SYNC itself, where it comes back)."""
+        return not self._to_come and not self._awaits_echo
+
+    @property
+    def is_owed(self) -> bool:
+        """Whether a frame of an earlier cycle may still come and be mistaken."""
+        return any(self._owed)
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether some COB-ID has been missing for two cycles or more."""
+        return max(self._owed, default=0) > 1
+
+    def put(self, slot: int, data: bytes, stamp_ns: int) -> None:
+        """Take a frame."""
+        if not self._is_open or (self._awaits_echo and self._owed[slot]):
+            # It was on the bus before this cycle's SYNC: owed from an earlier cycle, or one too many.
+            flag = CycleFlag.LATE if self._owed[slot] else CycleFlag.DOUBLED
+            self._owed[slot] = max(0, self._owed[slot] - 1)
+            if self._is_open:
+                self._flags[-1] |= flag
+            else:
+                self._pending |= flag
+            return
+        self._received[slot] += 1
+        if self._received[slot] == 1:
+            self._to_come -= 1
+        elif self._owed[slot]:
+            # Frames of a COB-ID keep their order: the one before this was owed from an earlier cycle.
+            self._owed[slot] -= 1
+            self._flags[-1] |= CycleFlag.LATE
+        else:
+            self._flags[-1] |= CycleFlag.DOUBLED
+            return
+        self._stamps[slot] = stamp_ns
+        if len(data) < self.layout.lengths[slot]:
+            self._flags[-1] |= CycleFlag.SHORT | CycleFlag.INCOMPLETE
+            return
+        start = (self.rows - 1) * self.layout.stride + slot * SLOT_BYTES
+        self._buffer[start : start + self.layout.lengths[slot]] = data[: self.layout.lengths[slot]]
+
+    def drop_open(self) -> None:
+        """Forget the cycle that is open, because the bus went away under it."""
+        if self._is_open:
+            self._is_open = False
+            self.rows -= 1
+            self._flags.pop()
+
+    def stamp(self, slot: int) -> int:
+        """The time stamp [ns] of a slot's frame of the present cycle, 0 if there is none."""
+        return self._stamps[slot] if self._received[slot] else 0
+
+    def end_cycle(self) -> int:
+        """Close the record and return its flags."""
+        self._is_open = False
+        if self._to_come or any(self._owed):
+            self._settle_accounts()
+        start = (self.rows - 1) * self.layout.stride
+        self._last = bytes(self._buffer[start : start + self.layout.stride])
+        return self._flags[-1]
+
+    def _settle_accounts(self) -> None:
+        for slot, received in enumerate(self._received):
+            if not received:
+                self._flags[-1] |= CycleFlag.INCOMPLETE
+                self._owed[slot] += 1
+                self.lost[slot] += 1
+            elif self._owed[slot]:
+                # Fewer frames than were due: the latest may still be one of an earlier cycle. Marked; the rest are lost.
+                self._flags[-1] |= CycleFlag.LATE
+                self._owed[slot] = 0
+
+    @property
+    def present_flags(self) -> int:
+        """The flags of the latest cycle."""
+        return self._flags[-1] if self._flags else 0
+
+    @property
+    def last_record(self) -> bytes:
+        """The record of the cycle that was closed last."""
+        return self._last
+
+    def missing_slots(self) -> list[int]:
+        """The slots whose frame did not come in the cycle that was closed last."""
+        return [slot for slot, owed in enumerate(self._owed) if owed]
+
+    def decoded(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        """All records of the block, decoded at once."""
+        return self.layout.decode(memoryview(self._buffer)[: self.rows * self.layout.stride], self.rows)
+
+    def flags(self) -> NDArray[np.uint16]:
+        """The flags of the block's cycles."""
+        return np.array(self._flags, dtype=np.uint16)

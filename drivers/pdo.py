@@ -1,0 +1,252 @@
+"""PDO communication and mapping (CiA 301, 7.5.2.35-38): written by the standard's procedure, read back, never assumed.
+
+Procedure: invalidate the COB-ID (bit 31), set the number of entries to 0, write the entries, set their number, write the
+transmission type, make the COB-ID valid again. A device with fixed mapping keeps its own, and is used as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from drivers.cia301 import COB_ID_INVALID_BIT, I32, U8, U16, U32, DataType, ObjectRef, object_text
+from drivers.device import RemoteDevice
+from drivers.errors import DriverError, ReadbackError
+from drivers.sdo import SdoAbortError
+
+MOST_PDOS: Final = 8
+"""PDO numbers that are tried; CiA 301 allows 512, of which the first four have pre-defined COB-IDs."""
+EVERY_SYNC: Final = 1
+
+
+@dataclass(frozen=True)
+class MappedPdo:
+    """A PDO as the device confirmed it: direction, number (from 1), COB-ID, transmission type, entries in order."""
+
+    node_id: int
+    is_transmit: bool
+    number: int
+    cob_id: int
+    transmission_type: int
+    entries: tuple[ObjectRef, ...]
+
+    @property
+    def length(self) -> int:
+        """Bytes of a frame."""
+        return sum(entry.data_type.size for entry in self.entries)
+
+    def offset_of(self, key: tuple[int, int]) -> int | None:
+        """The byte at which an entry starts, None if it is not in this PDO."""
+        offset = 0
+        for entry in self.entries:
+            if entry.key == key:
+                return offset
+            offset += entry.data_type.size
+        return None
+
+    def __str__(self) -> str:
+        kind = "TPDO" if self.is_transmit else "RPDO"
+        inside = ", ".join(str(entry) for entry in self.entries)
+        return f"node {self.node_id} {kind}{self.number} (0x{self.cob_id:03X}): {inside}"
+
+
+def pack(entries: Sequence[ObjectRef], most_bytes: int = 8) -> list[list[ObjectRef]]:
+    """Entries in frames of at most eight bytes, in order, first fit."""
+    frames: list[list[ObjectRef]] = []
+    for entry in entries:
+        for frame in frames:
+            if sum(e.data_type.size for e in frame) + entry.data_type.size <= most_bytes:
+                frame.append(entry)
+                break
+        else:
+            frames.append([entry])
+    return frames
+
+
+def map_objects(
+    device: RemoteDevice, entries: Sequence[ObjectRef], *, is_transmit: bool, optional: frozenset[tuple[int, int]] = frozenset()
+) -> list[MappedPdo]:
+    """Map `entries` into the device's PDOs, every SYNC; entries in `optional` may stay out and are then noted as missing.
+
+    Raises `DriverError` when an entry that is not optional cannot be transferred, `ReadbackError` when a mapping reads
+    back differently.
+    """
+    wanted = [device.typed(entry) for entry in entries]
+    mapped: list[MappedPdo] = []
+    number = 1
+    refused: list[ObjectRef] = []
+    pending = pack(wanted)
+    while pending and number <= MOST_PDOS:
+        frame = pending.pop(0)
+        pdo = _write_longest(device, number, is_transmit, frame)
+        number += 1
+        if pdo is None:
+            pending.insert(0, frame)
+            continue
+        mapped.append(pdo)
+        rest = [entry for entry in frame if pdo.offset_of(entry.key) is None]
+        if rest and len(rest) < len(frame):
+            pending.insert(0, rest)
+    refused = [e for e in wanted if all(p.offset_of(e.key) is None for p in mapped)]
+    mapped += _as_found(device, is_transmit, refused, {p.number for p in mapped})
+    for entry in refused:
+        if any(p.offset_of(entry.key) is not None for p in mapped):
+            continue
+        if entry.key in optional:
+            device.note_missing(entry, "cannot be mapped into a PDO")
+            continue
+        raise DriverError(
+            "an object cannot be transferred by PDO", where=device.where, value=str(entry),
+            remedy="The device can neither map it nor has it mapped: configure its PDOs with the vendor's tool.",
+        )  # fmt: skip
+    if is_transmit:
+        _silence_others(device, {p.number for p in mapped})
+    return mapped
+
+
+def read_pdo(device: RemoteDevice, number: int, *, is_transmit: bool) -> MappedPdo | None:
+    """A PDO as it stands in the device; None when it does not exist or is switched off."""
+    communication, mapping = _indices(number, is_transmit)
+    try:
+        cob_id = int(device.sdo.read_as(communication, 1, U32))
+        if cob_id & COB_ID_INVALID_BIT:
+            return None
+        kind = int(device.sdo.read_as(communication, 2, U8))
+        count = int(device.sdo.read_as(mapping, 0, U8))
+        words = [int(device.sdo.read_as(mapping, sub, U32)) for sub in range(1, min(count, 64) + 1)]
+    except SdoAbortError:
+        return None
+    return MappedPdo(device.node_id, is_transmit, number, cob_id & 0x7FF, kind, tuple(_entry(device, w) for w in words))
+
+
+def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: list[ObjectRef]) -> MappedPdo | None:
+    """Write as many leading entries of `frame` as the device takes into PDO `number`; None if it takes none."""
+    communication, mapping = _indices(number, is_transmit)
+    try:
+        cob_id = int(device.sdo.read_as(communication, 1, U32))
+        identifier = cob_id & 0x7FF or (0x180 if is_transmit else 0x200) + 0x100 * ((number - 1) % 4) + device.node_id
+        keep = cob_id & 0x40000000
+        device.sdo.download(communication, 1, U32.encode(COB_ID_INVALID_BIT | keep | identifier))
+        device.sdo.download(mapping, 0, U8.encode(0))
+    except SdoAbortError:
+        _restore(device, communication)
+        return None
+    written = _write_entries(device, mapping, frame)
+    if not written:
+        return None
+    try:
+        device.sdo.download(communication, 2, U8.encode(EVERY_SYNC))
+        if is_transmit:
+            _quieten(device, communication)
+        device.sdo.download(communication, 1, U32.encode(keep | identifier))
+    except SdoAbortError as error:
+        raise DriverError(
+            f"a PDO cannot be switched on: {error.what}", where=f"{device.where}, {object_text(communication, 1)}"
+        ) from error
+    pdo = read_pdo(device, number, is_transmit=is_transmit)
+    expected = tuple(entry.mapping for entry in written)
+    if pdo is None or tuple(e.mapping for e in pdo.entries) != expected or pdo.transmission_type != EVERY_SYNC:
+        raise ReadbackError(
+            "the PDO mapping reads back differently", where=f"{device.where}, {object_text(mapping, 0)}",
+            value=str(pdo), limit=", ".join(str(entry) for entry in written),
+        )  # fmt: skip
+    named = {entry.key: entry for entry in written}
+    entries = tuple(named[e.key] for e in pdo.entries)
+    return MappedPdo(device.node_id, is_transmit, number, pdo.cob_id, pdo.transmission_type, entries)
+
+
+def _write_entries(device: RemoteDevice, mapping: int, frame: list[ObjectRef]) -> list[ObjectRef]:
+    """Write entries until the device refuses one, then their number; what was written."""
+    written: list[ObjectRef] = []
+    for entry in frame:
+        try:
+            device.sdo.download(mapping, len(written) + 1, U32.encode(entry.mapping))
+        except SdoAbortError as error:
+            if error.code in (0x06090011, 0x06040042):
+                break
+            # Not mappable itself; the others may be.
+            continue
+        written.append(entry)
+    while written:
+        try:
+            device.sdo.download(mapping, 0, U8.encode(len(written)))
+            return written
+        except SdoAbortError:
+            written.pop()
+    return written
+
+
+def _as_found(device: RemoteDevice, is_transmit: bool, wanted: list[ObjectRef], used: set[int]) -> list[MappedPdo]:
+    """PDOs of a fixed mapping that carry any of the wanted entries, switched to every SYNC where the device lets."""
+    found: list[MappedPdo] = []
+    if not wanted:
+        return found
+    for number in range(1, MOST_PDOS + 1):
+        pdo = read_pdo(device, number, is_transmit=is_transmit) if number not in used else None
+        if pdo is None or not any(pdo.offset_of(e.key) is not None for e in wanted):
+            continue
+        if pdo.transmission_type != EVERY_SYNC:
+            communication, _ = _indices(number, is_transmit)
+            try:
+                device.sdo.download(communication, 2, U8.encode(EVERY_SYNC))
+            except SdoAbortError as error:
+                raise DriverError(
+                    "a PDO with fixed mapping cannot be tied to SYNC", where=f"{device.where}, {object_text(communication, 2)}",
+                    value=pdo.transmission_type, limit=str(EVERY_SYNC),
+                ) from error  # fmt: skip
+            pdo = read_pdo(device, number, is_transmit=is_transmit) or pdo
+        typed = {e.key: e for e in wanted}
+        entries = tuple(typed.get(e.key, e) if typed.get(e.key, e).mapping == e.mapping else e for e in pdo.entries)
+        found.append(MappedPdo(device.node_id, is_transmit, number, pdo.cob_id, pdo.transmission_type, entries))
+    return found
+
+
+def _silence_others(device: RemoteDevice, used: set[int]) -> None:
+    """Switch off the device's other TPDOs: they would load the bus with data that nobody reads."""
+    for number in range(1, MOST_PDOS + 1):
+        if number in used:
+            continue
+        communication, _ = _indices(number, True)
+        try:
+            cob_id = int(device.sdo.read_as(communication, 1, U32))
+            if not cob_id & COB_ID_INVALID_BIT:
+                device.sdo.download(communication, 1, U32.encode(cob_id | COB_ID_INVALID_BIT))
+        except SdoAbortError:
+            return
+
+
+def _quieten(device: RemoteDevice, communication: int) -> None:
+    """No inhibit time, no event timer, no SYNC start value: nothing that could delay or add a frame; all are optional."""
+    for subindex, data_type in ((3, U16), (5, U16), (6, U8)):
+        try:
+            if device.sdo.read_as(communication, subindex, data_type):
+                device.sdo.download(communication, subindex, data_type.encode(0))
+        except SdoAbortError:
+            continue
+
+
+def _restore(device: RemoteDevice, communication: int) -> None:
+    """Make a PDO valid again whose mapping turned out to be fixed."""
+    try:
+        cob_id = int(device.sdo.read_as(communication, 1, U32))
+        if cob_id & COB_ID_INVALID_BIT and cob_id & 0x7FF:
+            device.sdo.download(communication, 1, U32.encode(cob_id & ~COB_ID_INVALID_BIT))
+    except SdoAbortError:
+        return
+
+
+def _indices(number: int, is_transmit: bool) -> tuple[int, int]:
+    first = 0x1800 if is_transmit else 0x1400
+    return first + number - 1, first + 0x200 + number - 1
+
+
+def _entry(device: RemoteDevice, word: int) -> ObjectRef:
+    """A mapping word as an entry; its type from the EDS where the length agrees, else an integer of that length."""
+    index, subindex, bits = word >> 16, word >> 8 & 0xFF, word & 0xFF
+    described = device.description.entry(index, subindex) if device.description else None
+    if described is not None and described.data_type.size * 8 == bits:
+        return described.ref
+    size = max(1, (bits + 7) // 8)
+    data_type = {1: U8, 2: U16, 4: I32}.get(size, DataType(0x0F, f"{bits} bits", size))
+    return ObjectRef(index, subindex, data_type)

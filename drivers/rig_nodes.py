@@ -1,0 +1,306 @@
+"""The nodes of a rig brought up together: who is there, what is mapped where, and what each column of the data is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from drivers import channel as names
+from drivers import cia402_tables as obj
+from drivers.bus import PumpedBus
+from drivers.channel import Calibration, Channel, encoder_channel
+from drivers.cia301 import ObjectRef
+from drivers.cia401 import AnalogModule, AnalogModuleConfig
+from drivers.cia402 import DriveConfig, ServoAmplifier
+from drivers.cia406 import Counter, CounterConfig
+from drivers.columns import Column, Validity
+from drivers.device import Identity, Missing, RemoteDevice
+from drivers.errors import DriverError
+from drivers.frames import Field, FrameLayout
+from drivers.pdo import MappedPdo, map_objects
+
+_ORDER = (
+    names.INPUT_ANGLE, names.OUTPUT_ANGLE, names.TORQUE, names.DRIVE_TORQUE, names.TARGET_SPEED, names.TARGET_TORQUE,
+    names.INPUT_INDEX, names.OUTPUT_INDEX, names.INDEX_SEEN, names.STATUSWORD, names.HOUSING_TEMPERATURE,
+    names.AMBIENT_TEMPERATURE,
+)  # fmt: skip
+"""The order of the columns; channels of other names come after these."""
+_PROBE_LATCHED = 0x0002
+"""Bit 1 of the touch probe status: a position of the positive edge is stored."""
+
+
+@dataclass(frozen=True)
+class MotorEncoder:
+    """The motor encoder as the drive reports it in 0x6064: lines and multiplication apart, sense, largest speed [rad/s]."""
+
+    lines: int = 8192
+    multiplication: int = 4
+    direction: int = 1
+    largest_speed: float = 0.0
+    modulus: int = 1 << 32
+    long_name: str = ""
+    model: str = ""
+    serial_number: str = ""
+    calibration: Calibration = field(default_factory=Calibration)
+
+    def as_channel(self, name: str) -> Channel:
+        """The position as an angle channel."""
+        return encoder_channel(
+            name, lines=self.lines, multiplication=self.multiplication, direction=self.direction, modulus=self.modulus,
+            long_name=self.long_name, model=self.model, serial_number=self.serial_number, calibration=self.calibration,
+        )  # fmt: skip
+
+
+@dataclass
+class _Source:
+    """A channel before its place in the frames is known."""
+
+    channel: Channel
+    kind: str
+    node_id: int = 0
+    entry: ObjectRef | None = None
+    largest_step: int = 0
+    quantum: float = 0.0
+    of: str = ""
+    seen: tuple[int, ObjectRef, int] | None = None
+    analog: object = None
+
+
+class RigNodes:
+    """Servo amplifier, counters and analog modules of one bus. `bring_up` leaves them PRE-OPERATIONAL, mapped and off."""
+
+    def __init__(
+        self, bus: PumpedBus, cycle_ns: int, drive: DriveConfig, motor_encoder: MotorEncoder,
+        counters: tuple[CounterConfig, ...], modules: tuple[AnalogModuleConfig, ...],
+    ) -> None:  # fmt: skip
+        self._bus, self._cycle_ns, self._encoder = bus, cycle_ns, motor_encoder
+        node_ids = [drive.node_id, *(c.node_id for c in counters), *(m.node_id for m in modules)]
+        if len(set(node_ids)) != len(node_ids) or bus.own_node_id in node_ids:
+            raise DriverError(
+                "every node needs a node-ID of its own", where="bus", value=node_ids,
+                limit=f"distinct, and not {bus.own_node_id}, the computer's own",
+            )  # fmt: skip
+        self.drive = ServoAmplifier(bus, drive)
+        self.counters = [Counter(bus, c) for c in counters]
+        self.modules = [AnalogModule(bus, m) for m in modules]
+        self.identities: dict[str, Identity] = {}
+        self.commands: list[MappedPdo] = []
+        self.layout = FrameLayout([], [])
+        self.columns: list[Column] = []
+        self.validities: list[Validity] = []
+        self._sources: list[_Source] = []
+        self._seen: list[tuple[int, ObjectRef, int] | None] = [None, None]
+
+    @property
+    def devices(self) -> list[RemoteDevice]:
+        """All nodes, the drive first."""
+        return [self.drive.device, *(c.device for c in self.counters), *(m.device for m in self.modules)]
+
+    def missing(self) -> dict[int, list[Missing]]:
+        """What each node does not offer, by node-ID."""
+        return {device.node_id: device.missing for device in self.devices}
+
+    def bring_up(self) -> None:
+        """Bring up every node, map its data, and lay out the record of a cycle."""
+        readings = self.drive.bring_up(self._cycle_ns)
+        self.identities["servo amplifier"] = readings.identity
+        if readings.counts_per_revolution:
+            self._check_encoder(readings.counts_per_revolution)
+        for counter in self.counters:
+            self.identities[f"counter {counter.config.channel}"] = counter.bring_up(self._cycle_ns)
+        for module in self.modules:
+            self.identities[f"analog module {module.config.node_id}"] = module.bring_up(self._cycle_ns)
+        transmitted = self._map_drive()
+        for counter in self.counters:
+            transmitted += self._map_counter(counter)
+        for module in self.modules:
+            transmitted += self._map_module(module)
+        self._lay_out(transmitted)
+
+    def _check_encoder(self, told: float) -> None:
+        counts = self._encoder.lines * self._encoder.multiplication
+        if not math.isclose(told, counts, rel_tol=1e-9):
+            self._bus.emit(
+                "warning", "counts-per-revolution", self.drive.device.where,
+                f"0x6064 has {told:g} counts per revolution by the drive, {counts} by the configuration "
+                f"({self._encoder.lines} lines x {self._encoder.multiplication}); the configuration holds",
+            )  # fmt: skip
+
+    # --- mapping
+
+    def _map_drive(self) -> list[MappedPdo]:
+        device, readings, sense = self.drive.device, self.drive.readings, self._encoder.direction
+        node_id = device.node_id
+        wanted, optional = [obj.STATUSWORD], []
+        status = Channel(names.STATUSWORD, "", 1.0, long_name="CiA 402 statusword")
+        self._sources.append(_Source(status, "plain", node_id, obj.STATUSWORD))
+        if not any(c.config.channel == names.INPUT_ANGLE for c in self.counters):
+            wanted.append(obj.POSITION)
+            encoder = self._encoder
+            step = 0
+            if encoder.largest_speed > 0.0:
+                turns = encoder.largest_speed * self._cycle_ns * 1e-9 / (2.0 * math.pi)
+                step = 1 + math.ceil(turns * encoder.lines * encoder.multiplication)
+            self._sources.append(
+                _Source(encoder.as_channel(names.INPUT_ANGLE), "count", node_id, obj.POSITION, largest_step=step)
+            )
+            optional += self._latch_sources()
+        if self._is_offered(obj.TORQUE, "no cross-check of the torque port") and readings.rated_torque > 0.0:
+            optional.append(obj.TORQUE)
+            unit = readings.rated_torque / 1000.0
+            channel = Channel(names.DRIVE_TORQUE, "N m", unit, direction=sense, long_name="torque by the drive (0x6077)")
+            self._sources.append(_Source(channel, "plain", node_id, obj.TORQUE))
+        mapped = map_objects(
+            device, sorted([*wanted, *optional], key=_by_importance), is_transmit=True,
+            optional=frozenset(e.key for e in optional),
+        )  # fmt: skip
+        self.commands = self._map_commands()
+        return mapped
+
+    def _map_commands(self) -> list[MappedPdo]:
+        readings, sense = self.drive.readings, self._encoder.direction
+        entries = [obj.CONTROLWORD]
+        if readings.speed_mode is not None and self._is_offered(obj.TARGET_VELOCITY, "no speed mode"):
+            entries.append(obj.TARGET_VELOCITY)
+            if readings.velocity_unit > 0.0:
+                channel = Channel(names.TARGET_SPEED, "rad/s", readings.velocity_unit, direction=sense)
+                self._sources.append(_Source(channel, "target_speed"))
+        if readings.torque_mode is not None and self._is_offered(obj.TARGET_TORQUE, "no torque mode"):
+            entries.append(obj.TARGET_TORQUE)
+            if readings.rated_torque > 0.0:
+                channel = Channel(names.TARGET_TORQUE, "N m", readings.rated_torque / 1000.0, direction=sense)
+                self._sources.append(_Source(channel, "target_torque"))
+        optional = frozenset({obj.TARGET_TORQUE.key})
+        return map_objects(self.drive.device, entries, is_transmit=False, optional=optional)
+
+    def _latch_sources(self) -> list[ObjectRef]:
+        """The drive's touch probe as latch of the motor encoder's index mark, where the drive has it."""
+        device = self.drive.device
+        why = "the motor encoder's index mark is not seen: phases are not carried from run to run"
+        if not self.drive.config.latch_index or not self._is_offered(obj.TOUCH_PROBE, why):
+            return []
+        if not (self._is_offered(obj.TOUCH_PROBE_STATUS, why) and self._is_offered(obj.TOUCH_PROBE_POSITION, why)):
+            return []
+        if not device.write_checked(obj.TOUCH_PROBE, obj.TOUCH_PROBE_ON_INDEX, why):
+            return []
+        channel = self._encoder.as_channel(names.INPUT_INDEX)
+        seen = (device.node_id, obj.TOUCH_PROBE_STATUS, _PROBE_LATCHED)
+        self._sources.append(
+            _Source(channel, "latch", device.node_id, obj.TOUCH_PROBE_POSITION, of=names.INPUT_ANGLE, seen=seen)
+        )
+        self._seen[0] = seen
+        return [obj.TOUCH_PROBE_STATUS, obj.TOUCH_PROBE_POSITION]
+
+    def _map_counter(self, counter: Counter) -> list[MappedPdo]:
+        config = counter.config
+        whole = counter.modulus if counter.modulus <= 1 << 32 else 0
+        channel = config.as_channel(whole)
+        self._sources.append(
+            _Source(channel, "count", config.node_id, config.position, largest_step=config.largest_step(self._cycle_ns))
+        )
+        if config.index_position is not None:
+            seen = None
+            if config.index_status is not None:
+                seen = (config.node_id, config.index_status, config.index_mask)
+                self._seen[1 if config.channel == names.OUTPUT_ANGLE else 0] = seen
+            latch = encoder_channel(
+                config.index_channel, lines=config.lines, multiplication=config.multiplication, direction=config.direction,
+                modulus=whole,
+            )  # fmt: skip
+            self._sources.append(
+                _Source(latch, "latch", config.node_id, config.index_position, of=config.channel, seen=seen)
+            )
+        return map_objects(counter.device, counter.objects, is_transmit=True, optional=counter.optional)
+
+    def _map_module(self, module: AnalogModule) -> list[MappedPdo]:
+        for analog in module.config.inputs:
+            self._sources.append(
+                _Source(
+                    analog.as_channel(), "plain", module.config.node_id, analog.source, quantum=analog.quantum, analog=analog
+                )
+            )
+        return map_objects(module.device, [a.source for a in module.config.inputs], is_transmit=True)
+
+    def _is_offered(self, entry: ObjectRef, consequence: str) -> bool:
+        return self.drive.device.read_optional(entry, consequence) is not None
+
+    # --- layout
+
+    def _lay_out(self, pdos: list[MappedPdo]) -> None:
+        """Fields and columns from the sources, in the order of the channels' names."""
+        if any(self._seen):
+            self._sources.append(_Source(Channel(names.INDEX_SEEN, "", 1.0, long_name="index marks seen"), "seen"))
+        fields: list[Field] = []
+        place: dict[tuple[int, tuple[int, int]], int] = {}
+
+        def field_of(node_id: int, entry: ObjectRef, quantum: float = 0.0) -> int:
+            key = (node_id, entry.key)
+            if key not in place:
+                for slot, pdo in enumerate(pdos):
+                    offset = pdo.offset_of(entry.key) if pdo.node_id == node_id else None
+                    if offset is not None:
+                        mapped = next(e for e in pdo.entries if e.key == entry.key)
+                        place[key] = len(fields)
+                        fields.append(Field(str(entry), slot, offset, mapped.data_type, quantum))
+                        break
+            return place.get(key, -1)
+
+        present = [s for s in self._sources if s.entry is None or field_of(s.node_id, s.entry, s.quantum) >= 0]
+        present = [s for s in present if s.seen is None or field_of(s.seen[0], s.seen[1]) >= 0]
+        present.sort(key=lambda s: _ORDER.index(s.channel.name) if s.channel.name in _ORDER else len(_ORDER))
+        column_of = {s.channel.name: i for i, s in enumerate(present)}
+        if len(column_of) != len(present):
+            raise DriverError("two channels have the same name", where="rig", value=[s.channel.name for s in present])
+        self.columns = [self._column(s, column_of, field_of) for s in present]
+        for counter in self.counters:
+            if counter.has_alarms and counter.config.alarms is not None:
+                at = field_of(counter.config.node_id, counter.config.alarms)
+                self.validities += [Validity(at, counter.config.alarm_mask)] if at >= 0 else []
+        self.layout = FrameLayout(pdos, fields)
+
+    def _column(self, source: _Source, column_of: Mapping[str, int], field_of: Callable[..., int]) -> Column:
+        seen: tuple[tuple[int, int], ...] = ()
+        if source.kind == "seen":
+            # Bit 0 input, bit 1 output; a side without latch state stays 0.
+            pairs = [(field_of(s[0], s[1]), s[2]) if s is not None else (0, 0) for s in self._seen]
+            seen = tuple((at, mask if at >= 0 else 0) for at, mask in pairs)
+        elif source.seen is not None:
+            seen = ((field_of(source.seen[0], source.seen[1]), source.seen[2]),)
+        own = field_of(source.node_id, source.entry, source.quantum) if source.entry is not None else -1
+        return Column(
+            source.channel, source.kind, own, of=column_of.get(source.of, -1), seen_fields=seen,  # type: ignore[arg-type]
+            largest_step=source.largest_step, analog=source.analog,  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    # --- starting and stopping
+
+    def start(self) -> None:
+        """NMT start of every node; then the drive's watch over the computer."""
+        for device in self.devices:
+            device.start()
+        self.drive.arm_heartbeat()
+
+    def describe(self) -> dict[str, dict[str, str]]:
+        """Identities, settings and missing objects in words, for the run file."""
+        described = {name: identity.as_text() for name, identity in self.identities.items()}
+        readings = self.drive.readings
+        described["servo amplifier"] |= {
+            "rated_torque": f"{readings.rated_torque:g} N m", "velocity_unit": f"{readings.velocity_unit:g} rad/s",
+            "speed_mode": str(readings.speed_mode.name if readings.speed_mode else "none"),
+            "torque_mode": str(readings.torque_mode.name if readings.torque_mode else "none"),
+            **{name: f"{value:g}" for name, value in readings.settings.items()},
+        }  # fmt: skip
+        described["mapping"] = {f"slot {i}": str(pdo) for i, pdo in enumerate(self.layout.pdos)}
+        described["mapping"] |= {f"command {i}": str(pdo) for i, pdo in enumerate(self.commands)}
+        for node_id, missing in self.missing().items():
+            for entry in missing:
+                text = f"{entry.name}: {entry.consequence}" if entry.consequence else entry.name
+                described.setdefault("missing", {})[f"node {node_id} 0x{entry.index:04X}:{entry.subindex}"] = text
+        return described
+
+
+def _by_importance(entry: ObjectRef) -> int:
+    """Statusword, position and torque share the first frame; the latch has one of its own."""
+    first = (obj.STATUSWORD.key, obj.POSITION.key, obj.TORQUE.key)
+    return first.index(entry.key) if entry.key in first else len(first)

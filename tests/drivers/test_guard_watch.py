@@ -1,0 +1,67 @@
+"""The per-cycle guard: the first cycle outside a bound is found, whatever the cut into blocks."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.channel import Channel
+from drivers.port import Bound, Guard, GuardWatch
+
+CHANNELS = (Channel("input_angle", "rad", 0.5), Channel("torque", "N m", 0.1))
+
+
+def first_break_cut(guard: Guard, counts: np.ndarray, flags: np.ndarray, size: int) -> tuple[int, str] | None:
+    watch = GuardWatch(CHANNELS)
+    for start in range(0, len(counts), size):
+        block, marks = counts[start : start + size], flags[start : start + size]
+        found = watch.first_break(guard, block, marks)
+        if found is not None:
+            return start + found.row, found.cause
+        watch.accept(block, marks)
+    return None
+
+
+def test_a_level_bound_names_row_value_and_limit() -> None:
+    counts = np.array([[0, 1], [0, 5], [0, 9]])
+    found = GuardWatch(CHANNELS).first_break(
+        Guard((Bound("over-torque", {"torque": 0.1}, high=0.4),)), counts, np.zeros(3, np.uint16)
+    )
+    assert found is not None
+    assert (found.row, found.cause, found.limit) == (1, "over-torque", 0.4)
+    assert found.value == pytest.approx(0.5)
+
+
+def test_a_lagged_bound_is_a_speed() -> None:
+    position = np.cumsum([0, 1, 1, 1, 7, 7, 1])
+    counts = np.column_stack([position, np.zeros(7, dtype=np.int64)])
+    bound = Bound("over-speed", {"input_angle": 1.0 / 2}, low=-6.0, high=6.0, lag=2)
+    found = GuardWatch(CHANNELS).first_break(Guard((bound,)), counts, np.zeros(7, np.uint16))
+    assert found is not None
+    assert found.row == 5
+
+
+def test_an_incomplete_cycle_is_not_judged() -> None:
+    counts = np.array([[0, 99], [0, 0]])
+    bound = Bound("over-torque", {"torque": 0.1}, high=0.4)
+    assert GuardWatch(CHANNELS).first_break(Guard((bound,)), counts, np.array([1, 0], np.uint16)) is None
+
+
+@given(
+    st.lists(st.tuples(st.integers(-5, 5), st.integers(-9, 9), st.booleans()), min_size=1, max_size=40),
+    st.integers(0, 3),
+    st.integers(1, 3),
+    st.sampled_from([1, 2, 7]),
+)
+def test_cutting_into_blocks_changes_nothing(
+    rows: list[tuple[int, int, bool]], lag: int, consecutive: int, size: int
+) -> None:
+    counts = np.array([[a, b] for a, b, _ in rows], dtype=np.int64)
+    flags = np.array([int(bad) for _, _, bad in rows], dtype=np.uint16)
+    guard = Guard(
+        (
+            Bound("moved", {"input_angle": 1.0}, low=-3, high=3, lag=lag, consecutive=consecutive),
+            Bound("torque", {"torque": 1.0}, low=-6, high=6, consecutive=2),
+        )
+    )
+    assert first_break_cut(guard, counts, flags, size) == first_break_cut(guard, counts, flags, len(rows))
