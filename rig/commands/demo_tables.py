@@ -66,18 +66,21 @@ def print_demonstration(made: Demonstration) -> None:
 
     out = console()
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for heading in ("test", "quantity"):
-        table.add_column(heading)
-    for heading in ("found", "truth", "|Δ| / U"):
+    table.add_column("quantity")
+    for heading in ("found ± U", "truth", "|Δ| / U"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("within U")
+    last = ""
     for kind, row in made.truth:
         if row.estimate.name.startswith("phase_"):
             continue
+        if kind != last:
+            table.add_row(Text(kind, style="bold"))
+            last = kind
         shown, u = show(row.estimate), row.estimate.expanded_uncertainty
-        truth = f"{shown.number(row.estimate.value - row.difference)} {shown.unit}".rstrip()
+        truth = shown.number(row.estimate.value - row.difference)
         table.add_row(
-            kind, readable(row.estimate.name), shown.with_uncertainty, truth,
+            "  " + readable(row.estimate.name), shown.with_uncertainty, truth,
             number(abs(row.difference) / u, 2) if u > 0 else "–",
             Text("yes", style="green") if row.within else Text("no", style="yellow"),
         )  # fmt: skip
@@ -85,8 +88,8 @@ def print_demonstration(made: Demonstration) -> None:
     out.print(Text("SIMULATED: what was found, and what the simulated gear was made of", style="bold"))
     out.print(table)
     covered, within = (sum(getattr(row, what) for _, row in made.truth) for what in ("covered", "within"))
-    text = f"{covered} of {len(made.truth)} true values (phases included) lie in the 95 % interval, {within} within ± U (k = 2).\n"
-    out.print(Text(text))
+    of = f"of {len(made.truth)} true values (phases included)"
+    out.print(Text(f"{covered} {of} lie in the 95 % interval, {within} within ± U (k = 2).\n"))
     for fit in made.fits:
         for verdict in fit.result.verdicts:
             line = Text.assemble("  ", (verdict.outcome, VERDICT_STYLE.get(verdict.outcome, "")))

@@ -80,7 +80,7 @@ def write_report(
 ) -> Path:
     """Write the report of these fits (of one gear) as one HTML file and return its path.
 
-    `created` is the calendar time of the report (ISO 8601); `truth` kind of fit and what the simulator knows, where it was asked; `note` a
+    `created` is the calendar time of the report (ISO 8601); `truth` kind of fit and what the simulator knows; `note` a
     sentence under the title. The same input gives the same bytes. Raises `RigError` for nothing to report or a file that
     cannot be written.
     """

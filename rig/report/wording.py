@@ -25,10 +25,11 @@ class Shown:
     unit: str
     scale: float
     """SI = scale * shown number."""
+    decimals: int | None
 
     def number(self, value: float) -> str:
-        """Another value of the same quantity (SI), such as a limit or a truth, in the same unit."""
-        return number(value / self.scale, 6)
+        """Another value of the same quantity (SI), such as a truth, in the same unit and one decimal more."""
+        return number(value / self.scale, 6) if self.decimals is None else fixed(value / self.scale, self.decimals + 1)
 
     @property
     def with_uncertainty(self) -> str:
@@ -80,9 +81,9 @@ def show(estimate: Estimate) -> Shown:
         unit = f"× 10{superscript(power)} {unit}".rstrip()
     decimals = decimals_of(expanded)
     if decimals is None:
-        return Shown(number(value), "", number(low), number(high), unit, factor)
+        return Shown(number(value), "", number(low), number(high), unit, factor, None)
     value, expanded, low, high = (fixed(v, decimals) for v in (value, expanded, low, high))
-    return Shown(value, expanded, low, high, unit, factor)
+    return Shown(value, expanded, low, high, unit, factor, decimals)
 
 
 def decimals_of(expanded: float) -> int | None:

