@@ -78,7 +78,7 @@ class Channel:
 
     def to_si(self, counts: NDArray[np.int64]) -> NDArray[np.float64]:
         """Counts of any shape as SI values."""
-        return counts * (self.direction * self.scale) + self.offset
+        return counts.astype(np.float64) * (self.direction * self.scale) + self.offset
 
     def to_counts(self, value: float) -> int:
         """The nearest count of an SI value."""

@@ -57,6 +57,9 @@ class DriveConfig:
     gains: tuple[ObjectRef, ...] = ()
     latch_index: bool = True
     """Use touch probe 1 to latch the position at the motor encoder's index mark, where the drive has it."""
+    actual_torque: ObjectRef = obj.TORQUE
+    torque_unit: float | None = None
+    """Torque of one count of `actual_torque` [N m]; None: a thousandth of the rated torque, as 0x6077 has it."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +210,10 @@ class ServoAmplifier:
         return "no error code" if code is None else f"0x{int(code):04X} {error_code_text(int(code), obj.ERROR_CODES)}"
 
     def to_off(self) -> None:
-        """Servo off from any state: a turning drive is quick-stopped first, a fault is reset. Raises if it does not obey."""
+        """Servo off from any state: a turning drive is quick-stopped first, a fault is reset where its cause is gone.
+
+        A fault that persists is an event: the power stage is off all the same. Raises if the drive does not obey.
+        """
         state = self.state()
         if state is DriveState.ENABLED:
             self.bus.emit("warning", "found-enabled", self.device.where, "the drive was found enabled; quick stop")
@@ -215,7 +221,11 @@ class ServoAmplifier:
             self._await_standstill()
         if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
             self.bus.emit("warning", "found-faulted", self.device.where, f"the drive was found in fault: {self.error_text()}")
-            self.reset_fault()
+            try:
+                self.reset_fault()
+            except DriverError as error:
+                self.bus.emit("error", "fault", self.device.where, str(error))
+                return
         self._walk(obj.TO_OFF, DriveState.SWITCH_ON_DISABLED, "servo off")
 
     def enable(self, mode: Mode) -> None:

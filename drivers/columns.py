@@ -20,6 +20,8 @@ from drivers.samples import CycleFlag
 
 Kind = Literal["count", "plain", "target_speed", "target_torque", "latch", "seen"]
 _FAR: Final = 2**62
+_DOUBTFUL: Final = CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | CycleFlag.SHORT
+"""Marks of the pairing: such a value may belong to another cycle, or to nobody."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,7 @@ class ColumnDecoder:
     ) -> NDArray[np.int64]:  # fmt: skip
         """Counts (n, columns) of raw values (n, fields) and set-points (n,); sets what it finds in `flags` (n,)."""
         counts = np.zeros((len(raw), len(self.columns)), dtype=np.int64)
+        paired = flags.copy()
         for i in self._order:
             column = self.columns[i]
             if column.kind == "target_speed":
@@ -76,10 +79,9 @@ class ColumnDecoder:
                 for bit, (field, mask) in enumerate(column.seen_fields):
                     counts[:, i] |= ((raw[:, field] & mask) != 0).astype(np.int64) << bit
             elif column.kind == "count":
-                counts[:, i] = self._unwrappers[i].unwrap(raw[:, column.field])
-                if column.channel.modulus:
-                    outside = self._outside(raw[:, column.field], column)
-                    flags[outside] |= np.uint16(CycleFlag.SIGNAL_ERROR)
+                outside = self._outside(raw[:, column.field], column)
+                flags[outside] |= np.uint16(CycleFlag.SIGNAL_ERROR)
+                counts[:, i] = self._unwrappers[i].unwrap(raw[:, column.field], (paired & _DOUBTFUL == 0) & ~outside)
             elif column.kind == "latch":
                 counts[:, i] = self._latch(raw, counts, column)
             else:
@@ -87,11 +89,11 @@ class ColumnDecoder:
                 if column.analog is not None:
                     flags[column.analog.saturated(counts[:, i])] |= np.uint16(CycleFlag.SATURATED)
         self._mark(raw, bad, counts, flags)
-        self._remember(raw, counts)
+        self._remember(counts)
         return counts
 
-    def row(self, record: bytes, speed: int, torque: int) -> list[int]:
-        """Counts of one record, that of the cycle after the last row or block."""
+    def row(self, record: bytes, speed: int, torque: int, flags: int = 0) -> list[int]:
+        """Counts of one record, that of the cycle after the last row or block; `flags` are those of its pairing."""
         raw = self.layout.decode_row(record)
         counts = [0] * len(self.columns)
         for i in self._order:
@@ -99,7 +101,7 @@ class ColumnDecoder:
             if column.kind == "plain":
                 counts[i] = raw[column.field]
             elif column.kind == "count":
-                counts[i] = self._row_unwrap(i, raw[column.field], column.channel.modulus)
+                counts[i] = self._row_unwrap(i, raw[column.field], column, flags)
             elif column.kind == "target_speed":
                 counts[i] = speed
             elif column.kind == "target_torque":
@@ -111,11 +113,15 @@ class ColumnDecoder:
         return counts
 
     def _outside(self, raw: NDArray[np.int64], column: Column) -> NDArray[np.bool_]:
-        """Raw values that a counter of this range cannot show."""
-        modulus, data_type = column.channel.modulus, self.layout.fields[column.field].data_type
-        if data_type.signed:
-            return (raw >= modulus) | (raw < -modulus)
-        return raw >= modulus
+        """Raw values (n,) that a counter of this range cannot show."""
+        low, high = self._range_of(column)
+        return (raw < low) | (raw >= high)
+
+    def _range_of(self, column: Column) -> tuple[int, int]:
+        modulus = column.channel.modulus
+        if not modulus:
+            return -_FAR, _FAR
+        return (-modulus if self.layout.fields[column.field].data_type.signed else 0), modulus
 
     def _latch(self, raw: NDArray[np.int64], counts: NDArray[np.int64], column: Column) -> NDArray[np.int64]:
         """The latched count beside its unwrapped counter; 0 until a mark has been seen."""
@@ -135,14 +141,18 @@ class ColumnDecoder:
             return 0
         return counts[column.of] + _wrapped(latched - raw[counter.field], modulus)
 
-    def _row_unwrap(self, i: int, raw: int, modulus: int) -> int:
-        if not modulus:
+    def _row_unwrap(self, i: int, raw: int, column: Column, flags: int) -> int:
+        modulus = column.channel.modulus
+        low, high = self._range_of(column)
+        is_trusted = not flags & _DOUBTFUL and low <= raw < high
+        if not modulus or (i not in self._row_raw and not is_trusted):
             return raw
         if i not in self._row_raw:
             self._row_raw[i] = self._row_count[i] = raw
-        self._row_count[i] += _wrapped(raw - self._row_raw[i], modulus)
-        self._row_raw[i] = raw
-        return self._row_count[i]
+        count = self._row_count[i] + _wrapped(raw - self._row_raw[i], modulus)
+        if is_trusted:
+            self._row_raw[i], self._row_count[i] = raw, count
+        return count
 
     def _mark(
         self, raw: NDArray[np.int64], bad: NDArray[np.bool_], counts: NDArray[np.int64], flags: NDArray[np.uint16]
@@ -175,14 +185,15 @@ class ColumnDecoder:
         self._gap = int(len(incomplete) - 1 - latest_good[-1])
         return np.minimum(gaps, _FAR)
 
-    def _remember(self, raw: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+    def _remember(self, counts: NDArray[np.int64]) -> None:
         """Let the row decoder go on where the block ended."""
         if not len(counts):
             return
         self._last = counts[-1].copy()
-        for i in self._unwrappers:
-            self._row_raw[i] = int(raw[-1, self.columns[i].field])
-            self._row_count[i] = int(counts[-1, i])
+        for i, unwrapper in self._unwrappers.items():
+            reference, count = unwrapper.reference
+            if reference is not None:
+                self._row_raw[i], self._row_count[i] = reference, count
 
 
 def _wrapped(difference: int, modulus: int) -> int:

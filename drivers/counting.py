@@ -23,7 +23,11 @@ def wrapped_difference(later: NDArray[np.int64], earlier: NDArray[np.int64], mod
 
 
 class Unwrapper:
-    """One counter's history: raw values of any range in, counts that never jump out. The first value is kept as it is."""
+    """One counter's history: raw values of any range in, counts that never jump out. The first trusted value is kept as it is.
+
+    A value that is not trusted is placed beside the latest trusted one and then forgotten: a stray value half a range away
+    must not cost a whole turn for good.
+    """
 
     def __init__(self, modulus: int) -> None:
         if modulus < 0 or modulus == 1:
@@ -32,19 +36,26 @@ class Unwrapper:
         self._raw: int | None = None
         self._count = 0
 
-    def unwrap(self, raw: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Counts (n,) of raw values (n,) that follow those of the last call."""
-        if not len(raw):
+    @property
+    def reference(self) -> tuple[int | None, int]:
+        """The latest trusted raw value (None before the first) and its count."""
+        return self._raw, self._count
+
+    def unwrap(self, raw: NDArray[np.int64], trusted: NDArray[np.bool_] | None = None) -> NDArray[np.int64]:
+        """Counts (n,) of raw values (n,) that follow those of the last call; `trusted` (n,) all of them if not given."""
+        good = np.flatnonzero(trusted) if trusted is not None else np.arange(len(raw))
+        if not self.modulus or not len(raw) or (self._raw is None and not len(good)):
             return raw.astype(np.int64)
-        if not self.modulus:
-            return raw.astype(np.int64)
+        before_first = int(good[0]) if self._raw is None else 0
         if self._raw is None:
-            self._raw = self._count = int(raw[0])
-        steps = np.empty(len(raw), dtype=np.int64)
-        steps[0] = int(wrapped_difference(np.int64(raw[0]), np.int64(self._raw), self.modulus))  # type: ignore[arg-type]
-        steps[1:] = wrapped_difference(raw[1:], raw[:-1], self.modulus)
-        counts = self._count + np.cumsum(steps)
-        self._raw, self._count = int(raw[-1]), int(counts[-1])
+            self._raw = self._count = int(raw[good[0]])
+        anchors = np.concatenate([[self._raw], raw[good]]).astype(np.int64)
+        at_anchor = self._count + np.concatenate([[0], np.cumsum(wrapped_difference(anchors[1:], anchors[:-1], self.modulus))])
+        # For every row, the latest anchor at or before it; 0 is the one of the last call.
+        latest = np.searchsorted(good, np.arange(len(raw)), side="right")
+        counts = at_anchor[latest] + wrapped_difference(raw, anchors[latest], self.modulus)
+        counts[:before_first] = raw[:before_first]
+        self._raw, self._count = int(anchors[-1]), int(at_anchor[-1])
         return counts
 
 

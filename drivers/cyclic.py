@@ -35,16 +35,16 @@ from drivers.drive_state import DriveState, drive_state
 from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.frames import CycleStore
 from drivers.judge import CycleJudge
-from drivers.pdo import MappedPdo
 from drivers.port import Command, DriveLimits, Guard, Mode, Origin, RigDescription
 from drivers.rig_nodes import MotorEncoder, RigNodes
 from drivers.samples import Break, CycleFlag, SampleBlock
+from drivers.set_points import command_frames, set_point_counts
+from drivers.sync_time import SyncTime
 
 _CONTROLWORD: Final = {
     Mode.OFF: obj.DISABLE_VOLTAGE, Mode.QUICK_STOP: obj.QUICK_STOP, Mode.SPEED: obj.ENABLE, Mode.TORQUE: obj.ENABLE,
 }  # fmt: skip
 _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
-_LONGEST_BLOCK: Final = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -143,13 +143,13 @@ class CanRig:
 
     def exchange(self, command: Command, cycles: int, guard: Guard) -> SampleBlock:
         """Run up to `cycles` SYNC cycles with the set-points and return what was latched. Raises `DriverError`."""
-        bus = self._live_bus()
+        nodes, bus = self._opened(), self._live_bus()
         if self._lost is not None:
             raise self._lost
-        speeds, torques = self._set_points(command, cycles)
+        speeds, torques = set_point_counts(command, cycles, self.channels)
         self._judge.adopt(guard)
         self._enter(command.mode)
-        frames = self._command_frames(_CONTROLWORD[command.mode], speeds, torques)
+        frames = command_frames(nodes.commands, _CONTROLWORD[command.mode], speeds, torques)
         is_judged = bool(guard.bounds) or guard.stale_cycles > 0
         self._store.begin_block(cycles)
         times: list[int] = []
@@ -161,7 +161,7 @@ class CanRig:
                 times.append(stamp)
                 latencies.append(latency)
                 if is_judged:
-                    counts = self._decoder.row(self._store.last_record, int(speeds[row]), int(torques[row]))
+                    counts = self._decoder.row(self._store.last_record, int(speeds[row]), int(torques[row]), flags)
                     broken = self._judge.judge(counts, flags, row)
                 broken = broken or self._trouble(bus, command.mode, flags, row)
                 if broken is not None:
@@ -250,7 +250,8 @@ class CanRig:
         self._mode = Mode.OFF
         self._first_cycle = 0
         self._due_ns: int | None = None
-        self._last_stamp = self._last_sent = self._echo_stamp = self._wraps = self._errors_seen = self._silent = 0
+        self._echo_stamp = self._errors_seen = self._silent = 0
+        self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
         self._was_enabled = False
         self._statusword = self._statusword_bytes(nodes)
         self._pause_pending = False
@@ -270,51 +271,14 @@ class CanRig:
         return slice(place.slot * 8 + place.offset, place.slot * 8 + place.offset + 2)
 
     def _on_sync(self, data: bytes, stamp_ns: int) -> None:
-        self._echo_stamp = stamp_ns or 1
+        self._echo_stamp = stamp_ns
         if self._bus is not None:
             self._bus.echoes = True
         self._store.echo()
 
     def _event_time(self) -> int:
         """Now, in the base of the samples: the latest stamp and what has passed since."""
-        if not self._first_cycle and not self._last_stamp:
-            return self._clock.calendar_ns()
-        return self._last_stamp + self._clock.monotonic_ns() - self._last_sent
-
-    def _set_points(self, command: Command, cycles: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Set-points of the block in the drive's counts (cycles,); refused, not clipped, when they do not fit."""
-        if not 1 <= cycles <= _LONGEST_BLOCK:
-            raise DriverError("a block needs at least one cycle", where="exchange", value=cycles, limit=f"1 to {_LONGEST_BLOCK}")
-        none = np.zeros(cycles, dtype=np.int64)
-        if command.mode not in _ACTIVE:
-            return none, none
-        name, bits = (names.TARGET_SPEED, 32) if command.mode is Mode.SPEED else (names.TARGET_TORQUE, 16)
-        target = np.asarray(command.target, dtype=np.float64)
-        if target.shape != (cycles,) or not np.isfinite(target).all():
-            raise DriverError(
-                "there must be one finite set-point for every cycle", where="exchange", value=target.shape, limit=f"({cycles},)"
-            )
-        channel = next((c.channel for c in self._opened().columns if c.channel.name == name), None)
-        if channel is None:
-            raise DriverError(
-                f"this drive takes no {command.mode.value} set-points", where=self._config.title,
-                remedy="See the list of missing objects; a unit may have to be given in the rig's configuration.",
-            )  # fmt: skip
-        counts = np.rint((target - channel.offset) / (channel.direction * channel.scale))
-        if np.abs(counts).max() > 2 ** (bits - 1) - 1:
-            worst = float(target[np.argmax(np.abs(counts))])
-            raise DriverError(
-                "a set-point does not fit the drive's object", where=name, value=f"{worst:g} {channel.unit}",
-                limit=f"+-{(2 ** (bits - 1) - 1) * channel.scale:g} {channel.unit}",
-            )  # fmt: skip
-        whole = counts.astype(np.int64)
-        return (whole, none) if command.mode is Mode.SPEED else (none, whole)
-
-    def _command_frames(self, word: int, speeds: NDArray[np.int64], torques: NDArray[np.int64]) -> list[list[bytes]]:
-        """The bytes of every RPDO for every cycle, packed for the whole block at once."""
-        words = np.full(len(speeds), word)
-        values = {obj.CONTROLWORD.key: words, obj.TARGET_VELOCITY.key: speeds, obj.TARGET_TORQUE.key: torques}
-        return [_pack(pdo, values, len(speeds)) for pdo in self._opened().commands]
+        return self._sync_time.now(self._clock.monotonic_ns(), self._clock.calendar_ns())
 
     def _enter(self, mode: Mode) -> None:
         """Bring the drive into the mode, or make sure that it is still in it. No automatic restart."""
@@ -361,10 +325,9 @@ class CanRig:
         self._collect(bus, sent, patience)
         latency = self._clock.monotonic_ns() - sent
         flags = self._store.end_cycle()
-        stamp, is_host = self._stamp(bus, sent, calendar)
+        stamp, is_host = self._sync_time.of_cycle(self._echo_stamp, self._store.stamps(), sent, calendar)
         if is_host:
             self._host_rows.append(row)
-        self._last_stamp, self._last_sent = stamp, sent
         self._silent = self._silent + 1 if flags & CycleFlag.INCOMPLETE else 0
         bus.check_heartbeats()
         return stamp, latency, flags
@@ -406,28 +369,7 @@ class CanRig:
             settled = sent + round(patience * self._config.settle_factor)
             while store.is_owed and clock.monotonic_ns() < settled:
                 bus.receive(settled)
-
-    def _stamp(self, bus: PumpedBus, sent: int, calendar: int) -> tuple[int, bool]:
-        """The time of this cycle's SYNC [ns] and whether it is only the host's."""
-        stamp = self._echo_stamp
-        if not stamp and bus.time_base in ("hardware", "device"):
-            stamps = [s for i in range(len(self._opened().layout.pdos)) if (s := self._store.stamp(i))]
-            stamp = min(stamps, default=0)
-        if bus.time_base == "virtual":
-            return stamp or calendar, False
-        if bus.time_base == "host" or not stamp:
-            if bus.time_base != "host" and self._last_stamp:
-                # Stay in the adapter's time: its last stamp and what passed here since.
-                return self._last_stamp + sent - self._last_sent, True
-            return stamp or calendar, True
-        wrap = self._config.stamp_wrap_ns
-        stamp += self._wraps * wrap
-        if wrap and stamp < self._last_stamp - wrap // 2:
-            self._wraps += 1
-            stamp += wrap
-        if stamp <= self._last_stamp:
-            return self._last_stamp + max(1, sent - self._last_sent), True
-        return stamp, False
+            store.forgive()
 
     def _trouble(self, bus: PumpedBus, mode: Mode, flags: int, row: int) -> Break | None:
         """The onset of something that the guard cannot see: an emergency, a lost node, the drive dropping out."""
@@ -461,20 +403,6 @@ class CanRig:
             self._judge.remember(counts, flags)
         first, self._first_cycle = self._first_cycle, self._first_cycle + rows
         return SampleBlock(first, time_ns, counts, flags, broken)
-
-
-def _pack(pdo: MappedPdo, values: Mapping[tuple[int, int], NDArray[np.int64]], rows: int) -> list[bytes]:
-    """One RPDO's bytes for every cycle: little-endian fields side by side; entries that are not ours stay 0."""
-    table = np.zeros((rows, pdo.length), dtype=np.uint8)
-    offset = 0
-    for entry in pdo.entries:
-        size = entry.data_type.size
-        if entry.key in values:
-            data = values[entry.key].astype("<i8").view(np.uint8).reshape(rows, 8)
-            table[:, offset : offset + size] = data[:, :size]
-        offset += size
-    packed = table.tobytes()
-    return [packed[i * pdo.length : (i + 1) * pdo.length] for i in range(rows)]
 
 
 def _dropped_out(word: int) -> str:

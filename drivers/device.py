@@ -7,7 +7,18 @@ from dataclasses import dataclass
 from typing import Final
 
 from drivers.bus import PumpedBus
-from drivers.cia301 import EMCY_BASE, U8, U16, U32, VISIBLE_STRING, NmtCommand, NmtState, ObjectRef, object_text
+from drivers.cia301 import (
+    EMCY_BASE,
+    U8,
+    U16,
+    U32,
+    VISIBLE_STRING,
+    DataType,
+    NmtCommand,
+    NmtState,
+    ObjectRef,
+    object_text,
+)
 from drivers.eds import DeviceDescription
 from drivers.errors import DriverError, ReadbackError
 from drivers.sdo import SdoAbortError, SdoClient, SdoTimeoutError
@@ -20,6 +31,7 @@ HEARTBEAT_CONSUMER: Final = ObjectRef(0x1016, 1, U32, "consumer heartbeat time")
 HEARTBEAT_PRODUCER: Final = ObjectRef(0x1017, 0, U16, "producer heartbeat time")
 SYNC_OVERFLOW: Final = ObjectRef(0x1019, 0, U8, "SYNC counter overflow")
 SYNC_GENERATE_BIT: Final = 1 << 30
+_LENGTH_ABORTS: Final = frozenset({0x06070010, 0x06070012, 0x06070013})
 
 
 @dataclass(frozen=True)
@@ -88,8 +100,12 @@ class RemoteDevice:
         return ObjectRef(entry.index, entry.subindex, described.data_type, entry.name or described.name)
 
     def read(self, entry: ObjectRef) -> int | float:
-        """Read an entry that must be there."""
-        return self.sdo.read(self.typed(entry))
+        """Read an entry that must be there; a device that keeps it in fewer bytes than the standard is understood."""
+        typed = self.typed(entry)
+        data = self.sdo.upload(*entry.key)
+        if 0 < len(data) < typed.data_type.size and not typed.data_type.is_float:
+            return int.from_bytes(data, "little", signed=typed.data_type.signed)
+        return typed.data_type.decode(data)
 
     def read_integer(self, entry: ObjectRef) -> int:
         """Read an integer entry that must be there."""
@@ -104,15 +120,22 @@ class RemoteDevice:
             return None
 
     def write(self, entry: ObjectRef, value: float) -> None:
-        """Write an entry that must be there."""
-        self.sdo.write(self.typed(entry), value)
-
-    def write_checked(self, entry: ObjectRef, value: float, consequence: str = "") -> bool:
-        """Write an optional entry and read it back; False if the device refuses it. Raises `ReadbackError` if it differs."""
+        """Write an entry that must be there; in the device's own length where that is another than the standard's."""
         typed = self.typed(entry)
         try:
             self.sdo.write(typed, value)
-            found = self.sdo.read(typed)
+        except SdoAbortError as error:
+            length = len(self.sdo.upload(*entry.key)) if error.code in _LENGTH_ABORTS else 0
+            if not 0 < length <= 8 or length == typed.data_type.size or typed.data_type.is_float:
+                raise
+            own = DataType(typed.data_type.code, f"{length}-byte integer", length, typed.data_type.signed)
+            self.sdo.write(ObjectRef(entry.index, entry.subindex, own, entry.name), value)
+
+    def write_checked(self, entry: ObjectRef, value: float, consequence: str = "") -> bool:
+        """Write an optional entry and read it back; False if the device refuses it. Raises `ReadbackError` if it differs."""
+        try:
+            self.write(entry, value)
+            found = self.read(entry)
         except SdoAbortError as error:
             self.note_missing(entry, consequence, error)
             return False

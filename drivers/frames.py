@@ -4,7 +4,8 @@ Each expected TPDO has a slot of eight bytes in the record. A frame is copied in
 it until the block is complete; then one structured view of the buffer gives all channels of all cycles.
 
 Pairing is by SYNC index: what arrives after a SYNC went out belongs to that SYNC, unless a frame of its COB-ID is still
-owed from before. Then frames are counted in their order, and a cycle in which the count does not come out is marked LATE.
+owed from before. Then frames are counted in their order, and cycles are marked LATE until the count comes out or the line
+has been quiet for so long that the frame must be lost.
 LATE and DOUBLED stand at the cycle in which they were noticed, because a block that was handed out is never changed.
 """
 
@@ -166,6 +167,16 @@ class CycleStore:
         """Whether a frame of every COB-ID is there (and the SYNC itself, where it comes back)."""
         return not self._to_come and not self._awaits_echo
 
+    def forgive(self) -> None:
+        """The line has been quiet for long: what was owed of the COB-IDs that have answered since is lost for good.
+
+        The present cycle stays marked, because its frame may have been the one owed.
+        """
+        for slot, received in enumerate(self._received):
+            if received and self._owed[slot]:
+                self._flags[-1] |= CycleFlag.LATE
+                self._owed[slot] = 0
+
     @property
     def is_owed(self) -> bool:
         """Whether a frame of an earlier cycle may still come and be mistaken."""
@@ -211,9 +222,9 @@ class CycleStore:
             self.rows -= 1
             self._flags.pop()
 
-    def stamp(self, slot: int) -> int:
-        """The time stamp [ns] of a slot's frame of the present cycle, 0 if there is none."""
-        return self._stamps[slot] if self._received[slot] else 0
+    def stamps(self) -> list[int]:
+        """The time stamps [ns] of the present cycle's frames, 0 for a frame that has not come."""
+        return [stamp if received else 0 for stamp, received in zip(self._stamps, self._received, strict=True)]
 
     def end_cycle(self) -> int:
         """Close the record and return its flags."""
@@ -231,14 +242,8 @@ class CycleStore:
                 self._owed[slot] += 1
                 self.lost[slot] += 1
             elif self._owed[slot]:
-                # Fewer frames than were due: the latest may still be one of an earlier cycle. Marked; the rest are lost.
+                # Fewer frames than were due: the latest may still be one of an earlier cycle.
                 self._flags[-1] |= CycleFlag.LATE
-                self._owed[slot] = 0
-
-    @property
-    def present_flags(self) -> int:
-        """The flags of the latest cycle."""
-        return self._flags[-1] if self._flags else 0
 
     @property
     def last_record(self) -> bytes:

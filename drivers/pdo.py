@@ -127,7 +127,7 @@ def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: 
         cob_id = int(device.sdo.read_as(communication, 1, U32))
         identifier = cob_id & 0x7FF or (0x180 if is_transmit else 0x200) + 0x100 * ((number - 1) % 4) + device.node_id
         keep = cob_id & 0x40000000
-        device.sdo.download(communication, 1, U32.encode(COB_ID_INVALID_BIT | keep | identifier))
+        _try_download(device, communication, 1, U32.encode(COB_ID_INVALID_BIT | keep | identifier))
         device.sdo.download(mapping, 0, U8.encode(0))
     except SdoAbortError:
         _restore(device, communication)
@@ -135,18 +135,19 @@ def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: 
     written = _write_entries(device, mapping, frame)
     if not written:
         return None
-    try:
-        device.sdo.download(communication, 2, U8.encode(EVERY_SYNC))
-        if is_transmit:
-            _quieten(device, communication)
-        device.sdo.download(communication, 1, U32.encode(keep | identifier))
-    except SdoAbortError as error:
-        raise DriverError(
-            f"a PDO cannot be switched on: {error.what}", where=f"{device.where}, {object_text(communication, 1)}"
-        ) from error
+    by_sync = _try_download(device, communication, 2, U8.encode(EVERY_SYNC))
+    if is_transmit:
+        _quieten(device, communication)
+    _try_download(device, communication, 1, U32.encode(keep | identifier))
     pdo = read_pdo(device, number, is_transmit=is_transmit)
     expected = tuple(entry.mapping for entry in written)
-    if pdo is None or tuple(e.mapping for e in pdo.entries) != expected or pdo.transmission_type != EVERY_SYNC:
+    if pdo is not None and not is_transmit and not by_sync:
+        device.bus.emit(
+            "warning", "rpdo-type", device.where,
+            f"RPDO{number} keeps transmission type {pdo.transmission_type}: set-points act before SYNC, not with it",
+        )  # fmt: skip
+    is_timed = pdo is not None and (pdo.transmission_type == EVERY_SYNC or not (is_transmit or by_sync))
+    if pdo is None or not is_timed or tuple(e.mapping for e in pdo.entries) != expected:
         raise ReadbackError(
             "the PDO mapping reads back differently", where=f"{device.where}, {object_text(mapping, 0)}",
             value=str(pdo), limit=", ".join(str(entry) for entry in written),
@@ -154,6 +155,15 @@ def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: 
     named = {entry.key: entry for entry in written}
     entries = tuple(named[e.key] for e in pdo.entries)
     return MappedPdo(device.node_id, is_transmit, number, pdo.cob_id, pdo.transmission_type, entries)
+
+
+def _try_download(device: RemoteDevice, index: int, subindex: int, data: bytes) -> bool:
+    """Write what some devices keep fixed; what stands there afterwards is read back anyway."""
+    try:
+        device.sdo.download(index, subindex, data)
+    except SdoAbortError:
+        return False
+    return True
 
 
 def _write_entries(device: RemoteDevice, mapping: int, frame: list[ObjectRef]) -> list[ObjectRef]:

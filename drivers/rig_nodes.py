@@ -32,13 +32,20 @@ _PROBE_LATCHED = 0x0002
 
 @dataclass(frozen=True)
 class MotorEncoder:
-    """The motor encoder as the drive reports it in 0x6064: lines and multiplication apart, sense, largest speed [rad/s]."""
+    """The motor encoder as the drive reports it in 0x6064: lines and multiplication apart, sense, largest speed [rad/s].
+
+    `index_position` is the object in which the drive latches the position at the encoder's index mark, `index_status` and
+    `index_mask` tell that one has been seen; None: touch probe 1 of CiA 402, where the drive has it.
+    """
 
     lines: int = 8192
     multiplication: int = 4
     direction: int = 1
     largest_speed: float = 0.0
     modulus: int = 1 << 32
+    index_position: ObjectRef | None = None
+    index_status: ObjectRef | None = None
+    index_mask: int = 0x0001
     long_name: str = ""
     model: str = ""
     serial_number: str = ""
@@ -133,7 +140,7 @@ class RigNodes:
         device, readings, sense = self.drive.device, self.drive.readings, self._encoder.direction
         node_id = device.node_id
         wanted, optional = [obj.STATUSWORD], []
-        status = Channel(names.STATUSWORD, "", 1.0, long_name="CiA 402 statusword")
+        status = Channel(names.STATUSWORD, "1", 1.0, long_name="CiA 402 statusword")
         self._sources.append(_Source(status, "plain", node_id, obj.STATUSWORD))
         if not any(c.config.channel == names.INPUT_ANGLE for c in self.counters):
             wanted.append(obj.POSITION)
@@ -146,11 +153,12 @@ class RigNodes:
                 _Source(encoder.as_channel(names.INPUT_ANGLE), "count", node_id, obj.POSITION, largest_step=step)
             )
             optional += self._latch_sources()
-        if self._is_offered(obj.TORQUE, "no cross-check of the torque port") and readings.rated_torque > 0.0:
-            optional.append(obj.TORQUE)
-            unit = readings.rated_torque / 1000.0
-            channel = Channel(names.DRIVE_TORQUE, "N m", unit, direction=sense, long_name="torque by the drive (0x6077)")
-            self._sources.append(_Source(channel, "plain", node_id, obj.TORQUE))
+        torque, unit = self.drive.config.actual_torque, self.drive.config.torque_unit or readings.rated_torque / 1000.0
+        if self._is_offered(torque, "no cross-check of the torque port") and unit > 0.0:
+            optional.append(torque)
+            long_name = f"torque by the drive (0x{torque.index:04X})"
+            channel = Channel(names.DRIVE_TORQUE, "N m", unit, direction=sense, long_name=long_name)
+            self._sources.append(_Source(channel, "plain", node_id, torque))
         mapped = map_objects(
             device, sorted([*wanted, *optional], key=_by_importance), is_transmit=True,
             optional=frozenset(e.key for e in optional),
@@ -175,22 +183,24 @@ class RigNodes:
         return map_objects(self.drive.device, entries, is_transmit=False, optional=optional)
 
     def _latch_sources(self) -> list[ObjectRef]:
-        """The drive's touch probe as latch of the motor encoder's index mark, where the drive has it."""
-        device = self.drive.device
+        """The latch of the motor encoder's index mark: the configured objects, else touch probe 1, else none."""
+        device, encoder = self.drive.device, self._encoder
         why = "the motor encoder's index mark is not seen: phases are not carried from run to run"
-        if not self.drive.config.latch_index or not self._is_offered(obj.TOUCH_PROBE, why):
+        position, status, mask = encoder.index_position, encoder.index_status, encoder.index_mask
+        if position is None:
+            if not self.drive.config.latch_index or not self._is_offered(obj.TOUCH_PROBE, why):
+                return []
+            position, status, mask = obj.TOUCH_PROBE_POSITION, obj.TOUCH_PROBE_STATUS, _PROBE_LATCHED
+        objects = [entry for entry in (position, status) if entry is not None]
+        if not all([self._is_offered(entry, why) for entry in objects]):
             return []
-        if not (self._is_offered(obj.TOUCH_PROBE_STATUS, why) and self._is_offered(obj.TOUCH_PROBE_POSITION, why)):
+        if position is obj.TOUCH_PROBE_POSITION and not device.write_checked(obj.TOUCH_PROBE, obj.TOUCH_PROBE_ON_INDEX, why):
             return []
-        if not device.write_checked(obj.TOUCH_PROBE, obj.TOUCH_PROBE_ON_INDEX, why):
-            return []
-        channel = self._encoder.as_channel(names.INPUT_INDEX)
-        seen = (device.node_id, obj.TOUCH_PROBE_STATUS, _PROBE_LATCHED)
-        self._sources.append(
-            _Source(channel, "latch", device.node_id, obj.TOUCH_PROBE_POSITION, of=names.INPUT_ANGLE, seen=seen)
-        )
+        seen = (device.node_id, status, mask) if status is not None else None
+        channel = encoder.as_channel(names.INPUT_INDEX)
+        self._sources.append(_Source(channel, "latch", device.node_id, position, of=names.INPUT_ANGLE, seen=seen))
         self._seen[0] = seen
-        return [obj.TOUCH_PROBE_STATUS, obj.TOUCH_PROBE_POSITION]
+        return objects
 
     def _map_counter(self, counter: Counter) -> list[MappedPdo]:
         config = counter.config
@@ -230,7 +240,7 @@ class RigNodes:
     def _lay_out(self, pdos: list[MappedPdo]) -> None:
         """Fields and columns from the sources, in the order of the channels' names."""
         if any(self._seen):
-            self._sources.append(_Source(Channel(names.INDEX_SEEN, "", 1.0, long_name="index marks seen"), "seen"))
+            self._sources.append(_Source(Channel(names.INDEX_SEEN, "1", 1.0, long_name="index marks seen"), "seen"))
         fields: list[Field] = []
         place: dict[tuple[int, tuple[int, int]], int] = {}
 

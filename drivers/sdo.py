@@ -7,6 +7,7 @@ too late. Answers that belong to another object or an earlier request are droppe
 from __future__ import annotations
 
 import struct
+from collections import deque
 from typing import Protocol
 
 from drivers.cia301 import (
@@ -71,7 +72,7 @@ class SdoClient:
 
     def __init__(self, bus: SdoBus, node_id: int, timeout_ns: int = 300_000_000, longest: int = 1 << 20) -> None:
         self._bus, self.node_id, self._timeout_ns, self._longest = bus, node_id, timeout_ns, longest
-        self._answer: bytes | None = None
+        self._answers: deque[bytes] = deque(maxlen=16)
         self._is_waiting = False
         bus.subscribe(SDO_RESPONSE_BASE + node_id, self._on_answer)
 
@@ -146,18 +147,17 @@ class SdoClient:
 
     def _request(self, frame: bytes, index: int, subindex: int, *, expects: int, is_segment: bool = False) -> bytes:
         """Send a frame and return the answer with the server command specifier `expects`."""
-        deadline_budget = 8
-        self._answer, self._is_waiting = None, True
+        answers_left = 8
+        self._answers.clear()
+        self._is_waiting = True
         try:
             self._bus.send(SDO_REQUEST_BASE + self.node_id, frame)
-            while deadline_budget:
-                if not self._bus.wait_for(lambda: self._answer is not None, self._timeout_ns):
+            while answers_left:
+                if not self._bus.wait_for(lambda: bool(self._answers), self._timeout_ns):
                     break
-                answer, self._answer = self._answer, None
-                assert answer is not None
-                if (found := self._judge(answer, index, subindex, expects, is_segment)) is not None:
+                if (found := self._judge(self._answers.popleft(), index, subindex, expects, is_segment)) is not None:
                     return found
-                deadline_budget -= 1
+                answers_left -= 1
         finally:
             self._is_waiting = False
         self._abort(index, subindex, _TIMED_OUT)
@@ -202,8 +202,8 @@ class SdoClient:
         self._bus.send(SDO_REQUEST_BASE + self.node_id, struct.pack("<BHBL", 0x80, index, subindex, code))
 
     def _on_answer(self, data: bytes, stamp_ns: int) -> None:
-        if self._is_waiting and self._answer is None:
-            self._answer = data
+        if self._is_waiting:
+            self._answers.append(data)
 
     def _where(self, index: int, subindex: int) -> str:
         return f"node {self.node_id}, {object_text(index, subindex)}"

@@ -17,9 +17,18 @@ from drivers.clock import VirtualClock
 RPDO_DEFAULT, TPDO_DEFAULT = 0x40000200, 0x40000180
 
 
-def entry(index: int, sub: int | None, name: str, kind: int, access: str = "rw", default: str = "", mappable: int = 0) -> str:
+def entry(
+    index: int, sub: int | None, name: str, kind: int, access: str = "rw", default: str = "", mappable: int = 0
+) -> str:
     head = f"[{index:04X}]" if sub is None else f"[{index:04X}sub{sub:X}]"
-    lines = [head, f"ParameterName={name}", "ObjectType=0x7", f"DataType=0x{kind:04X}", f"AccessType={access}", f"PDOMapping={mappable}"]
+    lines = [
+        head,
+        f"ParameterName={name}",
+        "ObjectType=0x7",
+        f"DataType=0x{kind:04X}",
+        f"AccessType={access}",
+        f"PDOMapping={mappable}",
+    ]
     return "\n".join([*lines, f"DefaultValue={default}", ""])
 
 
@@ -30,38 +39,83 @@ def record(index: int, name: str, rows: list[tuple[str, int, str, str]]) -> str:
     return head + "\n".join(subs) + "\n"
 
 
-def communication(device_type: int, pdos: int = 4) -> str:
+def communication(device_type: int, pdos: int = 4, entries: int = 4) -> str:
     text = "[FileInfo]\nFileName=peer.eds\n[DeviceInfo]\nVendorName=Elsewhere\nVendorNumber=0x123\nProductName=Peer\n"
-    text += entry(0x1000, None, "device type", 7, "ro", hex(device_type)) + entry(0x1001, None, "error register", 5, "ro", "0")
+    text += entry(0x1000, None, "device type", 7, "ro", hex(device_type)) + entry(
+        0x1001, None, "error register", 5, "ro", "0"
+    )
     text += entry(0x1005, None, "COB-ID SYNC", 7, "rw", "0x80") + entry(0x1006, None, "cycle period", 7, "rw", "0")
     text += entry(0x1008, None, "name", 9, "const", "Peer drive with a long name")
     text += entry(0x1014, None, "COB-ID EMCY", 7, "rw", "$NODEID+0x80")
     text += record(0x1016, "consumer heartbeat", [("entry", 7, "rw", "0")])
     text += entry(0x1017, None, "producer heartbeat", 6, "rw", "0")
-    text += record(0x1018, "identity", [("vendor", 7, "ro", "0x123"), ("product", 7, "ro", "7"), ("rev", 7, "ro", "1"), ("serial", 7, "ro", "42")])
+    text += record(
+        0x1018,
+        "identity",
+        [("vendor", 7, "ro", "0x123"), ("product", 7, "ro", "7"), ("rev", 7, "ro", "1"), ("serial", 7, "ro", "42")],
+    )
     for n in range(pdos):
         off = 0x100 * n
-        text += record(0x1400 + n, "RPDO", [("cob", 7, "rw", f"$NODEID+0x{RPDO_DEFAULT + off:X}"), ("type", 5, "rw", "0xFF")])
-        text += record(0x1600 + n, "RPDO map", [(f"e{i}", 7, "rw", "0") for i in range(1, 5)])
-        text += record(0x1800 + n, "TPDO", [("cob", 7, "rw", f"$NODEID+0x{TPDO_DEFAULT + off:X}"), ("type", 5, "rw", "0xFE"), ("inhibit", 6, "rw", "0")])
-        text += record(0x1A00 + n, "TPDO map", [(f"e{i}", 7, "rw", "0") for i in range(1, 5)])
+        text += record(
+            0x1400 + n, "RPDO", [("cob", 7, "rw", f"$NODEID+0x{RPDO_DEFAULT + off:X}"), ("type", 5, "rw", "0xFF")]
+        )
+        text += record(0x1600 + n, "RPDO map", [(f"e{i}", 7, "rw", "0") for i in range(1, entries + 1)])
+        text += record(
+            0x1800 + n,
+            "TPDO",
+            [
+                ("cob", 7, "rw", f"$NODEID+0x{TPDO_DEFAULT + off:X}"),
+                ("type", 5, "rw", "0xFE"),
+                ("inhibit", 6, "rw", "0"),
+            ],
+        )
+        text += record(0x1A00 + n, "TPDO map", [(f"e{i}", 7, "rw", "0") for i in range(1, entries + 1)])
     return text
 
 
-def drive_eds(*, torque: bool = True, limits: bool = True) -> str:
-    text = communication(0x00020192)
+def drive_eds(
+    *, torque: bool = True, limits: bool = True, entries: int = 4, modes: int = 0x30D, probe: bool = False
+) -> str:
+    text = communication(0x00020192, entries=entries)
     for index, name, kind, default in (
-        (0x6007, "abort option", 3, "1"), (0x603F, "error code", 6, "0"), (0x6040, "controlword", 6, "0"), (0x6041, "statusword", 6, "0x0250"),
-        (0x605A, "quick stop option", 3, "2"), (0x605E, "fault reaction", 3, "2"), (0x6060, "mode", 2, "0"), (0x6061, "mode display", 2, "0"),
-        (0x6064, "position", 4, "0"), (0x606C, "velocity", 4, "0"), (0x60A9, "velocity unit", 7, "0x00B44700"), (0x60AA, "acc unit", 7, "0x00C00300"),
-        (0x60FF, "target velocity", 4, "0"), (0x6502, "modes", 7, "0x0000030D"),
-    ):  # fmt: skip
+        (0x6007, "abort option", 3, "1"),
+        (0x603F, "error code", 6, "0"),
+        (0x6040, "controlword", 6, "0"),
+        (0x6041, "statusword", 6, "0x0250"),
+        (0x605A, "quick stop option", 3, "2"),
+        (0x605E, "fault reaction", 3, "2"),
+        (0x6060, "mode", 2, "0"),
+        (0x6061, "mode display", 2, "0"),
+        (0x6064, "position", 4, "0"),
+        (0x606C, "velocity", 4, "0"),
+        (0x60A9, "velocity unit", 7, "0x00B44700"),
+        (0x60AA, "acc unit", 7, "0x00C00300"),
+        (0x60FF, "target velocity", 4, "0"),
+        (0x6502, "modes", 7, hex(modes)),
+    ):
         text += entry(index, None, name, kind, "rw", default, 1)
     if torque:
-        for index, name, kind, default in ((0x6071, "target torque", 3, "0"), (0x6076, "rated", 7, "637"), (0x6077, "torque", 3, "0")):
+        for index, name, kind, default in (
+            (0x6071, "target torque", 3, "0"),
+            (0x6076, "rated", 7, "637"),
+            (0x6077, "torque", 3, "0"),
+        ):
             text += entry(index, None, name, kind, "rw", default, 1)
+    if probe:
+        for index, name, kind in (
+            (0x60B8, "touch probe", 6),
+            (0x60B9, "touch probe status", 6),
+            (0x60BA, "touch probe position", 4),
+        ):
+            text += entry(index, None, name, kind, "rw", "0", 1)
     if limits:
-        for index, name, kind in ((0x6072, "max torque", 6), (0x6080, "max speed", 7), (0x6083, "acc", 7), (0x6084, "dec", 7), (0x6085, "qs", 7)):
+        for index, name, kind in (
+            (0x6072, "max torque", 6),
+            (0x6080, "max speed", 7),
+            (0x6083, "acc", 7),
+            (0x6084, "dec", 7),
+            (0x6085, "qs", 7),
+        ):
             text += entry(index, None, name, kind, "rw", "100")
     return text
 
@@ -161,7 +215,9 @@ class Peer:
         return
 
     def emergency(self, code: int) -> None:
-        self.bus.send(can.Message(arbitration_id=0x80 + self.node_id, data=struct.pack("<HB5x", code, 1), is_extended_id=False))
+        self.bus.send(
+            can.Message(arbitration_id=0x80 + self.node_id, data=struct.pack("<HB5x", code, 1), is_extended_id=False)
+        )
 
     def close(self) -> None:
         self.bus.shutdown()
@@ -172,9 +228,13 @@ class DrivePeer(Peer):
 
     STATES = {"SOD": 0x0250, "READY": 0x0231, "ON": 0x0233, "ENABLED": 0x0237, "QUICK": 0x0217, "FAULT": 0x0218}
 
-    def __init__(self, channel: str, clock: VirtualClock, eds_text: str = "", *, state: str = "SOD", position: int = 0) -> None:
+    def __init__(
+        self, channel: str, clock: VirtualClock, eds_text: str = "", *, state: str = "SOD", position: int = 0
+    ) -> None:
         super().__init__(channel, 1, eds_text or drive_eds(), clock)
         self.state, self.word, self.position, self.cause_persists = state, 0, position, False
+        self.word = {"READY": 0x06, "ON": 0x07, "ENABLED": 0x0F, "QUICK": 0x02}.get(state, 0)
+        self.put(0x6040, self.word, 2)
         self.publish()
 
     def publish(self) -> None:
@@ -194,7 +254,8 @@ class DrivePeer(Peer):
         elif not word & 0x02:
             self.state = "SOD"
         elif not word & 0x04:
-            self.state = "SOD"  # quick stop option 2: ramp, then switch-on disabled
+            # Quick stop option 2: ramp, then switch-on disabled; one that was set before stands until it is released.
+            self.state = "QUICK" if self.state == "QUICK" else "SOD"
         elif self.state == "SOD":
             self.state = "READY" if word & 0x07 == 0x06 else "SOD"
         elif word & 0x0F == 0x06:
@@ -224,9 +285,13 @@ class DrivePeer(Peer):
 def counter_eds() -> str:
     text = communication(0x00020196)
     for index, name, kind, default in (
-        (0x6000, "operating", 6, "0"), (0x6001, "units", 7, "72000"), (0x6002, "range", 7, "720000"), (0x6004, "position", 7, "719990"),
-        (0x6501, "steps", 7, "72000"), (0x6503, "alarms", 6, "0"),
-    ):  # fmt: skip
+        (0x6000, "operating", 6, "0"),
+        (0x6001, "units", 7, "72000"),
+        (0x6002, "range", 7, "720000"),
+        (0x6004, "position", 7, "719990"),
+        (0x6501, "steps", 7, "72000"),
+        (0x6503, "alarms", 6, "0"),
+    ):
         text += entry(index, None, name, kind, "rw", default, 1)
     return text
 

@@ -1,0 +1,79 @@
+"""Set-points in the drive's counts, and the bytes of the RPDOs that carry them: a whole block at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import channel as names
+from drivers import cia402_tables as obj
+from drivers.channel import Channel
+from drivers.errors import DriverError
+from drivers.pdo import MappedPdo
+from drivers.port import Command, Mode
+
+LONGEST_BLOCK: Final = 10_000_000
+_TARGETS: Final = {Mode.SPEED: (names.TARGET_SPEED, 32), Mode.TORQUE: (names.TARGET_TORQUE, 16)}
+"""Channel of the set-point and the width of its object in bits."""
+
+
+def set_point_counts(
+    command: Command, cycles: int, channels: Sequence[Channel]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Speed and torque set-points (cycles,) in counts of 0x60FF and 0x6071, as the drive will receive them.
+
+    Raises `DriverError` when there is not one finite set-point per cycle, or one does not fit the object: none is clipped.
+    """
+    if not 1 <= cycles <= LONGEST_BLOCK:
+        raise DriverError("a block needs at least one cycle", where="exchange", value=cycles, limit=f"1 to {LONGEST_BLOCK}")
+    none = np.zeros(cycles, dtype=np.int64)
+    if command.mode not in _TARGETS:
+        return none, none
+    name, bits = _TARGETS[command.mode]
+    target = np.asarray(command.target, dtype=np.float64)
+    if target.shape != (cycles,) or not np.isfinite(target).all():
+        raise DriverError(
+            "there must be one finite set-point for every cycle", where="exchange", value=target.shape, limit=f"({cycles},)"
+        )
+    channel = next((c for c in channels if c.name == name), None)
+    if channel is None:
+        raise DriverError(
+            f"this drive takes no set-points for {command.mode.value}", where=name,
+            remedy="See the list of missing objects; a unit may have to be given in the rig's configuration.",
+        )  # fmt: skip
+    counts = np.rint((target - channel.offset) / (channel.direction * channel.scale))
+    largest = 2 ** (bits - 1) - 1
+    if np.abs(counts).max() > largest:
+        worst = float(target[np.argmax(np.abs(counts))])
+        raise DriverError(
+            "a set-point does not fit the drive's object", where=name, value=f"{worst:g} {channel.unit}",
+            limit=f"+-{largest * channel.scale:g} {channel.unit}",
+        )  # fmt: skip
+    whole = counts.astype(np.int64)
+    return (whole, none) if command.mode is Mode.SPEED else (none, whole)
+
+
+def command_frames(
+    pdos: Sequence[MappedPdo], controlword: int, speeds: NDArray[np.int64], torques: NDArray[np.int64]
+) -> list[list[bytes]]:
+    """The bytes of every RPDO (outer) for every cycle (inner)."""
+    words = np.full(len(speeds), controlword)
+    values = {obj.CONTROLWORD.key: words, obj.TARGET_VELOCITY.key: speeds, obj.TARGET_TORQUE.key: torques}
+    return [_pack(pdo, values, len(speeds)) for pdo in pdos]
+
+
+def _pack(pdo: MappedPdo, values: Mapping[tuple[int, int], NDArray[np.int64]], rows: int) -> list[bytes]:
+    """One RPDO's bytes for every cycle: little-endian fields side by side; entries that are not ours stay 0."""
+    table = np.zeros((rows, pdo.length), dtype=np.uint8)
+    offset = 0
+    for entry in pdo.entries:
+        size = entry.data_type.size
+        if entry.key in values:
+            data = values[entry.key].astype("<i8").view(np.uint8).reshape(rows, 8)
+            table[:, offset : offset + size] = data[:, :size]
+        offset += size
+    packed = table.tobytes()
+    return [packed[i * pdo.length : (i + 1) * pdo.length] for i in range(rows)]
