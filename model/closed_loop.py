@@ -190,7 +190,9 @@ class ClosedLoop:
         period = steps * self.time_step
         values[kernel.GAIN] = self.inertia * 2.0 * math.pi * servo.speed_gain
         values[kernel.INTEGRAL_STEP] = period / servo.integral_time
-        values[kernel.FILTER_STEP] = -math.expm1(-period / servo.torque_filter_time) if servo.torque_filter_time else 1.0
+        values[kernel.FILTER_STEP] = (
+            -math.expm1(-period / servo.torque_filter_time) if servo.torque_filter_time else 1.0
+        )
         values[kernel.PERIOD_STEPS] = steps
         values[kernel.TORQUE_LIMIT], values[kernel.SPEED_LIMIT] = limits.torque, limits.speed
         values[kernel.RATE_UP] = limits.acceleration * period

@@ -7,10 +7,11 @@ single count. When the guard breaks at a row, the plant goes back to the snapsho
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,9 +105,7 @@ class SimulatedRig:
         )  # fmt: skip
         self._drive = ServoDrive(motor)
         self._plant.write_limits(self._drive.limits)
-        self._instruments = Instruments(
-            self._on, self._condition, motor, seed, self._sense, self._plant.output_angle
-        )
+        self._instruments = Instruments(self._on, self._condition, motor, seed, self._sense, self._plant.output_angle)
         self._clock: Clock = VirtualClock() if clock is None else clock
         self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, seed)
         self._faults = tuple(faults)
@@ -142,12 +141,14 @@ class SimulatedRig:
         self._opened_ns = self._clock.monotonic_ns() - self._cycle * self.cycle_ns
         self._sync.start_ns = self._clock.calendar_ns() - self._cycle * self.cycle_ns
         what = f"{self._gear.name} on {self._motor.name}" if self._mounted else f"bare {self._motor.name}"
-        truth = tell(
-            self._plant.loop, self._motor, self._on, self._condition, self._instruments,
-            {"run": self._seeds.run, "bench": self._seeds.bench, "gear": self._seeds.gear}, self._sense,
-        )  # fmt: skip
         devices = {c.name: {"model": c.model, "long_name": c.long_name} for c in self.channels}
-        return RigDescription("simulated", f"simulated rig: {what}", devices, truth)
+        return RigDescription("simulated", f"simulated rig: {what}", devices, self.truth)
+
+    @functools.cached_property
+    def truth(self) -> dict[str, Any]:
+        """Every effective parameter of this rig on this day (see `sim_backend.truth`)."""
+        seeds = {"run": self._seeds.run, "bench": self._seeds.bench, "gear": self._seeds.gear}
+        return tell(self._plant.loop, self._motor, self._on, self._condition, self._instruments, seeds, self._sense)
 
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write the limits into the drive's registers and return what they hold."""
@@ -270,9 +271,7 @@ class SimulatedRig:
                 inside.update(e - self._cycle for e in (fault.at_cycle, fault.end) if 0 < e - self._cycle < cycles)
         return sorted(inside)
 
-    def _act(
-        self, mode: Mode, targets: NDArray[np.float64], cycle: int
-    ) -> tuple[Mode, NDArray[np.float64]]:
+    def _act(self, mode: Mode, targets: NDArray[np.float64], cycle: int) -> tuple[Mode, NDArray[np.float64]]:
         """Let the device faults of this cycle act; returns the mode and set-points that the drive really follows."""
         devices = self._devices
         devices.forced, devices.keeps_turning, devices.load = None, False, 0.0

@@ -9,7 +9,6 @@ latches, which are carried.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from drivers import channel as names
 from drivers.channel import Calibration, Channel, encoder_channel
 from drivers.samples import CycleFlag
 from model.kernels import closed_loop as row
+from model.kernels import encoder as kernel
 from model.motor import ServoMotor
 from model.units import REVOLUTION
 from sim_backend.clock import NANOSECOND
@@ -31,21 +31,23 @@ Counts = NDArray[np.int64]
 FINE = 4096
 """How many times finer than the real one a channel counts when its steps are switched off."""
 ADC_RANGE = 2**15 - 1
+TEMPERATURE_COUNT = 0.01
+"""Kelvin per count of the thermometers."""
 
 
 class Encoder:
-    """An incremental encoder with its counter and index latch. `sense` -1 counts down when the angle grows."""
+    """An incremental encoder with its counter and index latch; `sense` -1 counts down when the angle of the plant grows."""
 
-    def __init__(self, channel: Channel, errors: EncoderErrors, start_angle: float, start_count: int) -> None:
+    def __init__(
+        self, channel: Channel, errors: EncoderErrors, column: int, sense: int, start: tuple[float, int]
+    ) -> None:
         self.quantum = channel.scale
-        self._errors = errors
+        self._errors, self._column, self._sense = errors, column, float(sense)
         waves = errors.series if errors.subdivision is None else (*errors.series, errors.subdivision)
-        self._waves = tuple((h.order, h.amplitude, math.atan2(h.sine, h.cosine)) for h in waves)
-        self._offset = 0
-        self._offset = start_count - int(self.count(np.array([start_angle]))[0])
-        self.turn = self._turns(np.array([start_angle]))[0]
-        self.latched = 0
-        self.seen = False
+        self._waves = np.array([(h.order, h.amplitude, math.atan2(h.sine, h.cosine)) for h in waves]).reshape(-1, 3)
+        angle, count = sense * start[0], start[1]
+        self._offset = count - int(kernel.count_at(angle, self._waves, self.quantum, 0))
+        self.latch = np.array([math.floor((angle - errors.index_angle) / REVOLUTION), 0.0, 0.0])
 
     @property
     def angle_offset(self) -> float:
@@ -57,76 +59,50 @@ class Encoder:
         """Where the index mark stands, in the counter's own angle within a revolution [rad]."""
         return (self._errors.index_angle + self.angle_offset) % REVOLUTION
 
-    def error(self, angle: Array) -> Array:
-        """What the encoder reads too much at its absolute angles [rad]: per revolution, and within a line."""
-        if not self._waves:
-            return np.zeros_like(angle)
-        within = angle % REVOLUTION
-        return sum((size * np.cos(order * within - phase) for order, size, phase in self._waves), np.zeros_like(angle))
-
-    def count(self, angle: Array) -> Counts:
-        """The counter at true angles (n,)."""
-        return np.floor((angle + self.error(angle)) / self.quantum).astype(np.int64) + self._offset
-
-    def latch_delay(self) -> float:
-        """How long after SYNC the counter is latched [s]."""
-        return self._errors.skew
-
-    def latch_index(self, angle: Array) -> tuple[Counts, NDArray[np.bool_]]:
-        """The count latched at the latest index mark, and whether one was seen, per cycle; carries both.
-
-        The mark is one count wide: passed backwards it latches its far edge.
-        """
-        turns = self._turns(angle)
-        before = np.concatenate([[self.turn], turns[:-1]])
-        crossed = np.flatnonzero(turns != before)
-        latched = np.full(len(angle), self.latched, dtype=np.int64)
-        seen = np.full(len(angle), self.seen)
-        if len(crossed):
-            mark = self._errors.index_angle + REVOLUTION * np.maximum(turns, before)[crossed]
-            values = self.count(mark) + (turns < before)[crossed]
-            which = np.searchsorted(crossed, np.arange(len(angle)), side="right") - 1
-            latched = np.where(which >= 0, values[which], self.latched)
-            seen = seen | (which >= 0)
-            self.latched, self.seen = int(latched[-1]), True
-        if len(turns):
-            self.turn = turns[-1]
-        return latched, seen
-
-    def _turns(self, angle: Array) -> Array:
-        return np.floor((angle - self._errors.index_angle) / REVOLUTION)
+    def read(self, rows: Array, late: Array) -> tuple[Counts, Counts, NDArray[np.bool_]]:
+        """Counts, counts latched at the latest index mark, and whether one was seen (n,) each; carries the latch."""
+        counts, indices = np.empty(len(rows), dtype=np.int64), np.empty(len(rows), dtype=np.int64)
+        seen = np.empty(len(rows), dtype=np.bool_)
+        kernel.read_encoder(
+            rows, self._column, self._sense, late, self._errors.skew, self._waves, self.quantum, self._offset,
+            self._errors.index_angle, self.latch, counts, indices, seen,
+        )  # fmt: skip
+        return counts, indices, seen
 
 
-@dataclass(frozen=True)
-class Latches:
-    """What the instruments carry from block to block."""
-
-    input: tuple[float, int, bool]
-    output: tuple[float, int, bool]
+Latches = tuple[Array, Array]
+"""What the instruments carry from block to block: the index latches of input and output encoder."""
 
 
 class Instruments:
     """All channels of the simulated rig. `output_sense` is -1 where the output turns against the input."""
 
     def __init__(
-        self, on: Imperfections, condition: Condition, motor: ServoMotor, seed: int, output_sense: int, start_output: float
+        self,
+        on: Imperfections,
+        condition: Condition,
+        motor: ServoMotor,
+        seed: int,
+        output_sense: int,
+        start_output: float,
     ) -> None:
-        self._on, self._condition, self._sense = on, condition, output_sense
+        self._condition = condition
         self.channels = make_channels(on, motor)
         by_name = {c.name: c for c in self.channels}
         self.column = {c.name: i for i, c in enumerate(self.channels)}
         self.input = Encoder(
-            by_name[names.INPUT_ANGLE], condition.input_encoder, condition.start_angle, condition.input_count
-        )
+            by_name[names.INPUT_ANGLE], condition.input_encoder, row.ROW_INPUT_ANGLE, 1,
+            (condition.start_angle, condition.input_count),
+        )  # fmt: skip
         self.output = Encoder(
-            by_name[names.OUTPUT_ANGLE], condition.output_encoder, output_sense * start_output, condition.output_count
-        )
+            by_name[names.OUTPUT_ANGLE], condition.output_encoder, row.ROW_OUTPUT_ANGLE, output_sense,
+            (start_output, condition.output_count),
+        )  # fmt: skip
         self._torque = by_name[names.TORQUE]
         self._drive_torque = by_name[names.DRIVE_TORQUE]
         self._adc_step = on.sizes.adc_step_counts if on.adc_steps else 1
         self._adc_limit = ADC_RANGE if on.adc_steps else ADC_RANGE * FINE
-        self._target_torque = motor.rated_torque * TORQUE_COUNT_OF_RATED
-        self._reference = (condition.deviations.thermal.reference) if condition.deviations.thermal else 22.0
+        self._reference = condition.deviations.thermal.reference if condition.deviations.thermal else 22.0
         self._torque_noise = CycleNoise(seed, "torque noise")
         self._housing_noise = CycleNoise(seed, "housing temperature")
         self._ambient_noise = CycleNoise(seed, "ambient temperature")
@@ -138,14 +114,11 @@ class Instruments:
         n = len(rows)
         counts = np.zeros((n, len(self.channels)), dtype=np.int64)
         late = lateness_ns.astype(np.float64) * NANOSECOND
-        angle = _latched(rows, row.ROW_INPUT_ANGLE, late + self.input.latch_delay())
-        output = self._sense * _latched(rows, row.ROW_OUTPUT_ANGLE, late + self.output.latch_delay())
         put = self.column
-        counts[:, put[names.INPUT_ANGLE]] = self.input.count(angle)
-        counts[:, put[names.OUTPUT_ANGLE]] = self.output.count(output)
-        counts[:, put[names.INPUT_INDEX]], input_seen = self.input.latch_index(angle)
-        counts[:, put[names.OUTPUT_INDEX]], output_seen = self.output.latch_index(output)
-        counts[:, put[names.INDEX_SEEN]] = input_seen + 2 * output_seen
+        inputs, outputs = self.input.read(rows, late), self.output.read(rows, late)
+        counts[:, put[names.INPUT_ANGLE]], counts[:, put[names.INPUT_INDEX]] = inputs[:2]
+        counts[:, put[names.OUTPUT_ANGLE]], counts[:, put[names.OUTPUT_INDEX]] = outputs[:2]
+        counts[:, put[names.INDEX_SEEN]] = inputs[2] + 2 * outputs[2]
         torque, saturated = self._port_counts(rows, first_cycle)
         counts[:, put[names.TORQUE]] = torque
         reference = rows[:, row.ROW_TORQUE_REFERENCE]
@@ -162,18 +135,17 @@ class Instruments:
 
     def pass_by(self, rows: Array) -> None:
         """Rows of truth that nobody reads: only the index latches see them."""
-        self.input.latch_index(rows[:, row.ROW_INPUT_ANGLE])
-        self.output.latch_index(self._sense * rows[:, row.ROW_OUTPUT_ANGLE])
+        late = np.zeros(len(rows))
+        self.input.read(rows, late)
+        self.output.read(rows, late)
 
     def latches(self) -> Latches:
         """What must be carried to go on from here."""
-        a, b = self.input, self.output
-        return Latches((a.turn, a.latched, a.seen), (b.turn, b.latched, b.seen))
+        return self.input.latch.copy(), self.output.latch.copy()
 
     def restore(self, latches: Latches) -> None:
         """Go on from there."""
-        self.input.turn, self.input.latched, self.input.seen = latches.input
-        self.output.turn, self.output.latched, self.output.seen = latches.output
+        self.input.latch[:], self.output.latch[:] = latches
 
     def _port_counts(self, rows: Array, first_cycle: int) -> tuple[Counts, NDArray[np.bool_]]:
         """Counts of the torque port, and where the converter is at its end."""
@@ -193,10 +165,6 @@ class Instruments:
         if sigma:
             truth = truth + sigma * noise.at(first_cycle, len(truth))
         return np.rint(truth / TEMPERATURE_COUNT).astype(np.int64)
-
-
-TEMPERATURE_COUNT = 0.01
-"""Kelvin per count of the thermometers."""
 
 
 def make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
@@ -244,10 +212,3 @@ def _encoder_channel(on: Imperfections, name: str, long_name: str) -> Channel:
         long_name=long_name, model="simulated",
         calibration=Calibration("simulated instrument", accuracy=math.hypot(once, twice)),
     )  # fmt: skip
-
-
-def _latched(rows: Array, column: int, delay: Array) -> Array:
-    """An angle `delay` seconds after nominal SYNC; angle, speed and acceleration stand in neighbouring columns."""
-    angle, speed, acceleration = rows[:, column], rows[:, column + 1], rows[:, column + 2]
-    return angle + delay * (speed + 0.5 * delay * acceleration)
-

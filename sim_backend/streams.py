@@ -19,7 +19,8 @@ CHUNK = 1024
 
 def stream(seed: int, name: str) -> np.random.Generator:
     """The generator that belongs to a seed and a name: for what is drawn once per rig, gear or run."""
-    return np.random.Generator(np.random.Philox(key=[seed & 0xFFFFFFFFFFFFFFFF, zlib.crc32(name.encode())]))
+    key = np.array([seed & 0xFFFFFFFFFFFFFFFF, zlib.crc32(name.encode())], dtype=np.uint64)
+    return np.random.Generator(np.random.Philox(key=key))
 
 
 class CycleNoise:

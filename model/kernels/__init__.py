@@ -13,6 +13,7 @@ import tempfile
 from pathlib import Path
 
 import numba
+import numba.core.config
 
 
 def _cache_folder() -> Path:
@@ -31,5 +32,5 @@ def _cache_folder() -> Path:
     raise OSError("no folder can be written for compiled kernels; set XDG_CACHE_HOME to a writable folder")
 
 
-numba.config.CACHE_DIR = str(_cache_folder())
+numba.core.config.CACHE_DIR = str(_cache_folder())  # pyright: ignore[reportAttributeAccessIssue]
 """numba reads this when a cached kernel is declared."""

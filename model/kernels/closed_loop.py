@@ -220,7 +220,9 @@ def advance(state, physics, servo, step, error_table, friction_table, cogging_ta
             force_before = force
             output_torque = -state[LOAD]
             if elastic:
-                now = (e0 * tangent - ro) * per_radius
+                # In the middle of the step: a torque from its start would take damping away.
+                rate = (lift + slope0) * w * tangent - uo
+                now = (e0 * tangent - ro + 0.5 * h * rate) * per_radius
                 extra = hardened(physics, now)
                 if hysteretic:
                     hysteresis = dahl(physics, hysteresis, now - torsion)

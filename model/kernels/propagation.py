@@ -14,7 +14,7 @@ SIGNALS = 5
 _FAST = {"contract", "nsz", "nnan", "ninf"}
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def add_series(angle, orders, cosine, sine, value, slope):
     """Add sum a cos(n theta) + b sin(n theta) and its derivative by theta; polynomials good to 3e-15 (SIMD)."""
     for j in range(orders.size):
@@ -47,7 +47,7 @@ def add_series(angle, orders, cosine, sine, value, slope):
             slope[i] += nb * c - na * s
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def friction_signals(speed, before, after, friction, mesh, bearing, jump):
     """F_fm and M_0 (equations 18, 19) just before each sample, and the change of sign at it.
 
@@ -80,7 +80,7 @@ def friction_signals(speed, before, after, friction, mesh, bearing, jump):
         bearing[i] = torque * sign
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def input_signals(angle, speed, before, after, load, ratio, series, friction, signals, slope, jump):
     """Fill the rows of `signals` (5, >= n), d psi/d theta in `slope` and the sign changes of friction in `jump`."""
     n = angle.size
@@ -100,7 +100,7 @@ def input_signals(angle, speed, before, after, load, ratio, series, friction, si
 # The loops below take whole arrays and indices instead of slices: a slice costs two atomic reference counts.
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def _drive(n, gain, k, m, signals, loaded, track):
     """Rows 2 m and 2 m + 1 of `track` = real and imaginary part of what the signals add to mode m of set k."""
     for part in range(2):
@@ -114,7 +114,7 @@ def _drive(n, gain, k, m, signals, loaded, track):
                 track[r, i] += f4 * signals[4, i]
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def _observe(n, output, through, k, o, modes, signals, loaded, track, row):
     """row = output o of set k: sum of through x signals + real part of sum of output[m] z[m]."""
     f0, f1, f2 = through[k, o, 0], through[k, o, 1], through[k, o, 2]
@@ -131,7 +131,7 @@ def _observe(n, output, through, k, o, modes, signals, loaded, track, row):
             row[i] += a * track[r, i] - b * track[r + 1, i] + c * track[r + 2, i] - d * track[r + 3, i]
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def _advance_modes(n, k, first, decay, jump, kick, state, track):
     """Four modes of set k over a chunk, z' = E z + g: `track` holds g (rows real, imaginary) and then the states z."""
     a, b, c, d = first, first + 1, first + 2, first + 3
@@ -158,7 +158,7 @@ def _advance_modes(n, k, first, decay, jump, kick, state, track):
     state[k, 0, c], state[k, 1, c], state[k, 0, d], state[k, 1, d] = vr, vi, wr, wi
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def _advance_dense(n, k, transition, jump, kick, state, track):
     """All six real states of set k over a chunk with a full transition matrix; `track` as for the modes."""
     old = np.empty(6)
@@ -173,7 +173,7 @@ def _advance_dense(n, k, transition, jump, kick, state, track):
             track[2 * r, i] = old[r]
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def propagate(
     angle, speed, before, after, load, ratio, series, friction, lever,
     dense, decay, transition, gain, kick, output, through, state, stride, offset, result,
@@ -181,9 +181,9 @@ def propagate(
     """Propagate a block for every parameter set and keep the outputs of every `stride`-th sample.
 
     Per set (first axis): `decay` (2, m) or `transition` (6, 6); `gain` (2, m, 5) and `kick` (2, m) drive the modes;
-    `output` (outputs, 2, m) and `through` (outputs, 5) make the outputs from modes and signals; `state` (2, m) is carried;
-    `result` (outputs, ..) is filled from `offset` on. A fourth output is turned from the bearing force into the wave-generator torque by
-    the `lever` of the set. m is a multiple of four.
+    `output` (outputs, 2, m) and `through` (outputs, 5) make the outputs from modes and signals; `state` (2, m) is
+    carried; `result` (outputs, ..) is filled from `offset` on. A fourth output is turned from the bearing force into
+    the wave-generator torque by the `lever` of the set. m is a multiple of four.
     """
     sets, modes, outputs = state.shape[0], state.shape[2], output.shape[1]
     loaded = load.size > 0
@@ -220,7 +220,7 @@ def propagate(
         written += kept
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST)
+@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def refine(angle, speed, interval, load, steps, fine_angle, fine_speed, fine_load):
     """Cubic Hermite interpolation of angle and speed, linear of load, at `steps` points per interval."""
     for j in range(steps):

@@ -176,37 +176,24 @@ FREE, FIXED_COULOMB, FIXED_STATIC, FIXED_VISCOUS = 0, 1, 2, 3
 
 
 @njit(cache=True, nogil=True)
-def solve_subset(gram, right, use, solution):
-    """Solve the chosen rows of a symmetric 3 x 3 system; returns False if singular or a chosen value is negative."""
-    a = np.zeros((3, 4))
-    index = np.zeros(3, dtype=np.int64)
-    size = 0
-    for i in range(3):
-        solution[i] = 0.0
-        if use[i]:
-            index[size] = i
-            size += 1
-    for i in range(size):
-        for j in range(size):
-            a[i, j] = gram[index[i], index[j]]
-        a[i, size] = right[index[i]]
-    for i in range(size):
-        pivot = a[i, i]
-        if pivot <= 1e-13 * gram[index[i], index[i]] or pivot <= 0.0:
-            return False
-        for r in range(i + 1, size):
-            factor = a[r, i] / pivot
-            for c in range(i, size + 1):
-                a[r, c] -= factor * a[i, c]
-    for i in range(size - 1, -1, -1):
-        value = a[i, size]
-        for c in range(i + 1, size):
-            value -= a[i, c] * solution[index[c]]
-        solution[index[i]] = value / a[i, i]
-    for i in range(size):
-        if solution[index[i]] < 0.0:
-            return False
-    return True
+def solve_masked(g00, g01, g02, g11, g12, g22, r0, r1, r2, u0, u1, u2):
+    """Solve a symmetric 3 x 3 system in the unknowns whose mask is 1; the others are 0. NaN where it is singular."""
+    a = u0 * g00 + 1.0 - u0
+    b = u0 * u1 * g01 / a
+    c = u0 * u2 * g02 / a
+    d = u1 * g11 + 1.0 - u1 - b * b * a
+    if d <= 1e-13 * g11:
+        return np.nan, np.nan, np.nan
+    e = (u1 * u2 * g12 - b * c * a) / d
+    f = u2 * g22 + 1.0 - u2 - c * c * a - e * e * d
+    if f <= 1e-13 * g22:
+        return np.nan, np.nan, np.nan
+    y0 = u0 * r0
+    y1 = u1 * r1 - b * y0
+    y2 = u2 * r2 - c * y0 - e * y1
+    x2 = y2 / f
+    x1 = y1 / d - e * x2
+    return y0 / a - b * x1 - c * x2, x1, x2
 
 
 @njit(cache=True, nogil=True)
@@ -217,74 +204,57 @@ def stribeck_inner(speed, force, weight, velocity, shape, mode, fixed, parameter
     F_s exp(...) and the free column is 1 - exp(...).
     """
     n = len(speed)
-    gram = np.zeros((3, 3))
-    right = np.zeros(3)
-    columns = np.empty((3, n))
-    target = np.empty(n)
+    g00, g01, g02, g11, g12, g22, r0, r1, r2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    held_0 = fixed if mode == FIXED_COULOMB else 0.0
+    held_1 = fixed if mode == FIXED_STATIC else 0.0
+    held_2 = fixed if mode == FIXED_VISCOUS else 0.0
+    mixed = 1.0 if mode == FIXED_STATIC else 0.0
     for i in range(n):
-        decay = math.exp(-((speed[i] / velocity) ** shape))
         w = weight[i]
-        c0, c1, c2, y = w, w * decay, w * speed[i], w * force[i]
-        if mode == FIXED_COULOMB:
-            y -= fixed * c0
-            c0 = 0.0
-        elif mode == FIXED_STATIC:
-            y -= fixed * c1
-            c0, c1 = c0 - c1, 0.0
-        elif mode == FIXED_VISCOUS:
-            y -= fixed * c2
-            c2 = 0.0
-        columns[0, i], columns[1, i], columns[2, i], target[i] = c0, c1, c2, y
-        gram[0, 0] += c0 * c0
-        gram[0, 1] += c0 * c1
-        gram[0, 2] += c0 * c2
-        gram[1, 1] += c1 * c1
-        gram[1, 2] += c1 * c2
-        gram[2, 2] += c2 * c2
-        right[0] += c0 * y
-        right[1] += c1 * y
-        right[2] += c2 * y
-    gram[1, 0], gram[2, 0], gram[2, 1] = gram[0, 1], gram[0, 2], gram[1, 2]
-    use = np.ones(3, dtype=np.bool_)
-    if mode == FIXED_COULOMB:
-        use[0] = False
-    elif mode == FIXED_STATIC:
-        use[1] = False
-    elif mode == FIXED_VISCOUS:
-        use[2] = False
-    solution = np.zeros(3)
-    best = np.zeros(3)
-    if solve_subset(gram, right, use, solution):
-        best[:] = solution
-    else:
-        lowest = 0.0
-        for code in range(1, 8):
-            subset = np.zeros(3, dtype=np.bool_)
-            allowed = True
-            for i in range(3):
-                subset[i] = (code >> i) & 1 == 1
-                if subset[i] and not use[i]:
-                    allowed = False
-            if allowed and solve_subset(gram, right, subset, solution):
-                gain = 0.0
-                for i in range(3):
-                    gain += solution[i] * right[i]
-                if gain > lowest:
-                    lowest = gain
-                    best[:] = solution
+        decay = w * math.exp(-((speed[i] / velocity) ** shape))
+        c0 = w - mixed * decay
+        c2 = w * speed[i]
+        y = w * force[i] - held_0 * w - held_1 * decay - held_2 * c2
+        residual[i] = decay
+        g00 += c0 * c0
+        g01 += c0 * decay
+        g02 += c0 * c2
+        g11 += decay * decay
+        g12 += decay * c2
+        g22 += c2 * c2
+        r0 += c0 * y
+        r1 += decay * y
+        r2 += c2 * y
+    free = 7 - (1 << (mode - 1)) if mode > 0 else 7
+    b0, b1, b2, lowest = 0.0, 0.0, 0.0, 0.0
+    for code in range(7, 0, -1):
+        if code & free != code:
+            continue
+        u0, u1, u2 = float(code & 1), float((code >> 1) & 1), float((code >> 2) & 1)
+        x0, x1, x2 = solve_masked(g00, g01, g02, g11, g12, g22, r0, r1, r2, u0, u1, u2)
+        if x0 >= 0.0 and x1 >= 0.0 and x2 >= 0.0:
+            gain = x0 * r0 + x1 * r1 + x2 * r2
+            if gain > lowest:
+                b0, b1, b2, lowest = x0, x1, x2, gain
+            if code == free:
+                break
+    if mode == FIXED_STATIC:
+        b1 = fixed - b0
+    coulomb, viscous = b0 + held_0, b2 + held_2
     total = 0.0
     for i in range(n):
-        r = target[i] - best[0] * columns[0, i] - best[1] * columns[1, i] - best[2] * columns[2, i]
+        r = weight[i] * (force[i] - coulomb - viscous * speed[i]) - b1 * residual[i]
         residual[i] = r
         total += r * r
-    parameters[:] = best
-    if mode == FIXED_COULOMB:
-        parameters[0] = fixed
-    elif mode == FIXED_STATIC:
-        parameters[1] = fixed - best[0]
-    elif mode == FIXED_VISCOUS:
-        parameters[2] = fixed
+    parameters[0], parameters[1], parameters[2] = coulomb, b1, viscous
     return total
+
+
+@njit(cache=True, nogil=True)
+def copy_into(target, source):
+    """target[:] = source, which compiles twenty times faster when it is written as a loop."""
+    for i in range(len(target)):
+        target[i] = source[i]
 
 
 @njit(cache=True, nogil=True)
@@ -298,152 +268,64 @@ def stribeck_descend(speed, force, weight, start, hold, mode, fixed, bounds, ite
     moved = np.empty(n)
     slopes = np.zeros((2, n))
     trial_parameters = np.zeros(3)
-    trial = np.zeros(2)
-    chi = stribeck_inner(
-        speed, force, weight, math.exp(start[0]), math.exp(start[1]), mode, fixed, parameters, residual
-    )
-    damping = 1e-3
-    for _ in range(iterations):
-        h = 1e-5
-        for k in range(2):
-            if hold[k]:
-                slopes[k, :] = 0.0
-                continue
-            trial[:] = start
-            step = h if start[k] + h <= bounds[k, 1] else -h
-            trial[k] += step
-            stribeck_inner(
-                speed, force, weight, math.exp(trial[0]), math.exp(trial[1]), mode, fixed, trial_parameters, moved
-            )
+    trial = np.empty(2)
+    copy_into(trial, start)
+    a, b, c, g, e = 0.0, 0.0, 0.0, 0.0, 0.0
+    chi, damping, h = np.inf, 1e-3, 1e-5
+    phase, rounds, tries = 0, 0, 0
+    while rounds < iterations:
+        found = stribeck_inner(
+            speed, force, weight, math.exp(trial[0]), math.exp(trial[1]), mode, fixed, trial_parameters, moved
+        )
+        if phase == 0:
+            chi = found
+            copy_into(residual, moved)
+            copy_into(parameters, trial_parameters)
+        elif phase <= 2:
             for i in range(n):
-                slopes[k, i] = (moved[i] - residual[i]) / step
-        a, b, c, g0, g1 = 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(n):
-            a += slopes[0, i] * slopes[0, i]
-            b += slopes[0, i] * slopes[1, i]
-            c += slopes[1, i] * slopes[1, i]
-            g0 += slopes[0, i] * residual[i]
-            g1 += slopes[1, i] * residual[i]
-        improved = False
-        gain = 0.0
-        for _ in range(12):
-            p = a * (1.0 + damping) + 1e-12
-            q = c * (1.0 + damping) + 1e-12
-            determinant = p * q - b * b
-            d0 = -(q * g0 - b * g1) / determinant
-            d1 = -(p * g1 - b * g0) / determinant
-            trial[0] = min(max(start[0] + min(max(d0, -1.0), 1.0), bounds[0, 0]), bounds[0, 1])
-            trial[1] = min(max(start[1] + min(max(d1, -0.7), 0.7), bounds[1, 0]), bounds[1, 1])
-            if hold[0]:
-                trial[0] = start[0]
-            if hold[1]:
-                trial[1] = start[1]
-            found = stribeck_inner(
-                speed, force, weight, math.exp(trial[0]), math.exp(trial[1]), mode, fixed, trial_parameters, moved
-            )
-            if found < chi:
-                gain = chi - found
+                slopes[phase - 1, i] = (moved[i] - residual[i]) / h
+        else:
+            gain = chi - found
+            if gain > 0.0:
                 chi = found
-                start[:] = trial
-                residual[:] = moved
-                parameters[:] = trial_parameters
+                copy_into(start, trial)
+                copy_into(residual, moved)
+                copy_into(parameters, trial_parameters)
                 damping = max(damping * 0.2, 1e-9)
-                improved = True
-                break
-            damping *= 8.0
-        if not improved or gain < 1e-9 * (chi + 1e-12) + 1e-9:
-            break
-    return chi
-
-
-@njit(cache=True, nogil=True)
-def stribeck_search(speed, force, weight, bounds, grid_velocity, grid_shape, best, parameters):
-    """The best of a coarse grid, then descent from its two best cells; best (2,) receives log v_s and log sigma."""
-    residual = np.empty(len(speed))
-    trial_parameters = np.zeros(3)
-    starts = np.zeros((2, 2))
-    values = np.full(2, np.inf)
-    for v in grid_velocity:
-        for s in grid_shape:
-            chi = stribeck_inner(speed, force, weight, math.exp(v), math.exp(s), FREE, 0.0, trial_parameters, residual)
-            if chi < values[0]:
-                if abs(v - starts[0, 0]) + abs(s - starts[0, 1]) > 1.0:
-                    values[1] = values[0]
-                    starts[1, :] = starts[0, :]
-                values[0] = chi
-                starts[0, 0], starts[0, 1] = v, s
-            elif chi < values[1] and abs(v - starts[0, 0]) + abs(s - starts[0, 1]) > 1.0:
-                values[1] = chi
-                starts[1, 0], starts[1, 1] = v, s
-    hold = np.zeros(2, dtype=np.bool_)
-    lowest = np.inf
-    for k in range(2):
-        if not np.isfinite(values[k]):
+                rounds += 1
+                if gain < 1e-9 * chi + 1e-9:
+                    break
+                phase = 0
+            else:
+                damping *= 8.0
+                tries += 1
+                if tries > 12:
+                    break
+        phase += 1
+        while 1 <= phase <= 2 and hold[phase - 1] == 1:
+            phase += 1
+        copy_into(trial, start)
+        if phase <= 2:
+            h = 1e-5 if start[phase - 1] + 1e-5 <= bounds[phase - 1, 1] else -1e-5
+            trial[phase - 1] += h
             continue
-        chi = stribeck_descend(speed, force, weight, starts[k], hold, FREE, 0.0, bounds, 60, trial_parameters)
-        if chi < lowest:
-            lowest = chi
-            best[:] = starts[k]
-            parameters[:] = trial_parameters
-    return lowest
-
-
-@njit(cache=True, nogil=True)
-def stribeck_profile(speed, force, weight, optimum, which, value, bounds, chi_best, rise, step, limit):
-    """The value at which the profile of one parameter has risen by `rise`, searched from `value` in steps of `step`.
-
-    which: 0 F_c, 1 F_s, 2 log v_s, 3 log sigma, 4 c_v. Returns NaN if the profile does not rise that far before `limit`.
-    """
-    start = optimum.copy()
-    parameters = np.zeros(3)
-    hold = np.zeros(2, dtype=np.bool_)
-    mode = FREE
-    if which == 0:
-        mode = FIXED_COULOMB
-    elif which == 1:
-        mode = FIXED_STATIC
-    elif which == 4:
-        mode = FIXED_VISCOUS
-    else:
-        hold[which - 2] = True
-    inside, root_inside = value, 0.0
-    outside, root_outside = value, 0.0
-    target = math.sqrt(rise)
-    found = False
-    for _ in range(40):
-        outside = inside + step
-        at_limit = (step > 0.0 and outside >= limit) or (step < 0.0 and outside <= limit)
-        if at_limit:
-            outside = limit
-        if which == 2 or which == 3:
-            start[which - 2] = outside
-        chi = stribeck_descend(speed, force, weight, start, hold, mode, outside, bounds, 20, parameters)
-        root_outside = math.sqrt(max(chi - chi_best, 0.0))
-        if root_outside >= target:
-            found = True
-            break
-        if at_limit:
-            break
-        if root_outside > 0.2 * target:
-            step = math.copysign(
-                min(abs(1.15 * (outside - value) * (target / root_outside - 1.0)) + 1e-12, 2.0 * abs(step)), step
-            )
-        else:
-            step *= 2.0
-        inside, root_inside = outside, root_outside
-    if not found:
-        return np.nan
-    for _ in range(12):
-        share = (target - root_inside) / max(root_outside - root_inside, 1e-12)
-        middle = inside + min(max(share, 0.05), 0.95) * (outside - inside)
-        if which == 2 or which == 3:
-            start[which - 2] = middle
-        chi = stribeck_descend(speed, force, weight, start, hold, mode, middle, bounds, 20, parameters)
-        root = math.sqrt(max(chi - chi_best, 0.0))
-        if abs(root - target) < 0.004 * target:
-            return middle
-        if root < target:
-            inside, root_inside = middle, root
-        else:
-            outside, root_outside = middle, root
-    return inside + (target - root_inside) / max(root_outside - root_inside, 1e-12) * (outside - inside)
+        if phase == 3:
+            a, b, c, g, e = 0.0, 0.0, 0.0, 0.0, 0.0
+            for i in range(n):
+                a += slopes[0, i] * slopes[0, i]
+                b += slopes[0, i] * slopes[1, i]
+                c += slopes[1, i] * slopes[1, i]
+                g += slopes[0, i] * residual[i]
+                e += slopes[1, i] * residual[i]
+            tries = 0
+        phase = 3
+        p = a * (1.0 + damping) + 1e-12
+        q = c * (1.0 + damping) + 1e-12
+        determinant = p * q - b * b
+        move_0 = -(q * g - b * e) / determinant
+        move_1 = -(p * e - b * g) / determinant
+        if hold[0] == 0:
+            trial[0] = min(max(start[0] + min(max(move_0, -1.0), 1.0), bounds[0, 0]), bounds[0, 1])
+        if hold[1] == 0:
+            trial[1] = min(max(start[1] + min(max(move_1, -0.7), 0.7), bounds[1, 0]), bounds[1, 1])
+    return chi

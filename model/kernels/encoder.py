@@ -1,0 +1,46 @@
+"""The compiled incremental encoder: an angle latched late, its errors, whole counts, and the index latch."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+TURN, LATCHED, SEEN = 0, 1, 2
+"""What an index latch carries: whole turns past the mark, the latched count, whether a mark was seen."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def count_at(angle, waves, quantum, offset):
+    """The count at a true angle; `waves` (n, 3) are order, amplitude [rad] and phase of the errors over the angle."""
+    within = angle - math.floor(angle / (2.0 * math.pi)) * (2.0 * math.pi)
+    read = angle
+    for k in range(waves.shape[0]):
+        read += waves[k, 1] * math.cos(waves[k, 0] * within - waves[k, 2])
+    return math.floor(read / quantum) + offset
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def read_encoder(rows, column, sense, late, delay, waves, quantum, offset, mark, latch, counts, indices, seen):
+    """Counts, latched index counts and whether a mark was seen, per row.
+
+    Angle, speed and acceleration stand in the columns from `column` on; `late` (n,) [s] is how late SYNC is, `delay` [s]
+    the encoder's own. The mark is one count wide: passed backwards it latches its far edge. `latch` (3,) is carried.
+    """
+    turn = latch[TURN]
+    latched = int(latch[LATCHED])
+    known = latch[SEEN] > 0.0
+    for k in range(rows.shape[0]):
+        wait = late[k] + delay
+        angle = sense * (rows[k, column] + wait * (rows[k, column + 1] + 0.5 * wait * rows[k, column + 2]))
+        counts[k] = count_at(angle, waves, quantum, offset)
+        now = math.floor((angle - mark) / (2.0 * math.pi))
+        if now != turn:
+            latched = count_at(mark + 2.0 * math.pi * max(now, turn), waves, quantum, offset)
+            if now < turn:
+                latched += 1
+            known = True
+            turn = now
+        indices[k] = latched
+        seen[k] = known
+    latch[TURN], latch[LATCHED], latch[SEEN] = turn, latched, 1.0 if known else 0.0
