@@ -3,7 +3,8 @@
     M q'' + C q' + K q = B u(t) ,   q = (x2, y1, y2) ,   u = (theta_i/N + ke, its rate, F_fm, M_0, T_L)
 
 `model.linear` has the matrices, the modes and `DynamicParameters`; `model.propagator` the exact step. Friction and
-kinematic error depend on the input alone, so the only approximation is that u is linear between (fine) samples.
+kinematic error depend on the input alone, so the only approximation is how u goes on between (fine) samples: theta_i/N +
+ke as the cubic through its values and rates, friction and load as straight lines.
 
 Torque on the input (virtual work of the wedge, with the bearing's drag on the wave generator):
 
@@ -24,23 +25,17 @@ from model.errors import ModelError
 from model.friction import BRANCH_LIMIT, bearing_magnitude
 from model.gear import HarmonicDrive
 from model.kinematic_error import series_slope, series_value
-from model.linear import (
-    DynamicParameters,
-    common_ratio,
-    dynamic_parameters,
-    input_matrix,
-    stiffness_matrix,
-)
+from model.linear import DynamicParameters, ParameterTable, common_ratio, dynamic_parameters
 from model.propagator import OUTPUTS, propagators
 from model.units import ARCSEC, RPM
 
 Array = NDArray[np.float64]
 Start = Literal["rest", "steady"]
 
-LONGEST_STEP = 1.25e-4
-"""s; measured inputs are refined to at most this interval, so that their curvature is followed to 0.1 arcsec."""
-SERIES_ERROR = 0.01 * ARCSEC
-"""rad; the refinement keeps the interpolation error of the kinematic error below this."""
+LONGEST_STEP = 2.5e-4
+"""s; measured inputs are refined to at most this interval, so that friction is followed through a reversal."""
+SERIES_ERROR = 0.001 * ARCSEC
+"""rad; the refinement keeps the interpolation error of the kinematic error below this (a resonance magnifies it)."""
 BLOCK = 1 << 15
 """Fine samples handled at once, which bounds the memory of a long record."""
 
@@ -225,7 +220,7 @@ class _Inputs:
         from model.kernels import propagation
 
         first, last = self.at_sample(0), self.angle.size - 1
-        states = np.stack([_start_state(p, start, first, float(self.speed[0])) for p in sets])
+        states = _start_states(sets, start, first)
         outputs = result.shape[1]
         for places, step in propagators(sets, self.interval / self.steps):
             kick, carried = step.kick(self.static_force, self.static_torque), step.carried(states[places], first)
@@ -297,24 +292,26 @@ def _one_degree(acceleration: Array, pole: complex, interval: float, start: floa
     return angle, np.real(state) + pole.real * angle
 
 
-def _start_state(p: DynamicParameters, start: Start | ArrayLike, inputs: Array, speed: float) -> Array:
-    """q and q' (6,) at the first sample: given, in equilibrium at rest, or in equilibrium while turning."""
+def _start_states(sets: Sequence[DynamicParameters], start: Start | ArrayLike, inputs: Array) -> Array:
+    """q and q' (S, 6) at the first sample: given, at rest without friction, or turning steadily and wound up by it."""
     if not isinstance(start, str):
         state = np.asarray(start, dtype=np.float64).ravel()
         if state.shape != (6,) or not np.isfinite(state).all():
             raise ModelError(
                 "is no state of the drive", where="start", value=f"{state.size} numbers", limit="6: q and q'"
             )
-        return state
+        return np.tile(state, (len(sets), 1))
     if start not in ("rest", "steady"):
         raise ModelError("is no way to start", where="start", value=start, limit='"rest", "steady" or q and q\'')
-    at_rest = inputs.copy()
-    at_rest[1] = 0.0
-    position = np.linalg.solve(stiffness_matrix(p), input_matrix(p) @ at_rest).astype(np.float64)
-    if start == "rest" or speed == 0.0:
-        return np.concatenate([position, np.zeros(3)])
-    along = np.array([p.radial_lever, p.neutral_radius, p.neutral_radius])
-    return np.concatenate([position, along * inputs[1]])
+    table = ParameterTable.of(sets)
+    active = [0, 4] if start == "rest" else [0, 2, 3, 4]
+    force = table.inputs()[:, :, active] @ inputs[active]
+    states = np.zeros((len(sets), 6))
+    states[:, :3] = np.linalg.solve(table.stiffness(), force[..., None])[..., 0]
+    if start == "steady":
+        states[:, 3] = table.radial_lever * inputs[1]
+        states[:, 4] = states[:, 5] = table["neutral_radius"] * inputs[1]
+    return states
 
 
 def _checked_input(
@@ -349,22 +346,25 @@ def _loose(values: ArrayLike) -> Array:
 
 
 def derived_speed(angle: Array, interval: float) -> Array:
-    """theta_i' (n,) by central differences of fourth order, of second order next to the ends [rad/s]."""
-    speed = np.gradient(angle, interval, edge_order=2 if angle.size > 2 else 1)
+    """theta_i' (n,) by central differences of fourth order, of lower order next to the ends [rad/s].
+
+    The first and the last are differences of two angles, so that a start from rest has the sign of the motion.
+    """
+    speed = np.gradient(angle, interval)
     if angle.size >= 5:
         speed[2:-2] = (8.0 * (angle[3:-1] - angle[1:-3]) - (angle[4:] - angle[:-4])) / (12.0 * interval)
     return speed
 
 
 def _substeps(gear: HarmonicDrive, speed: Array, interval: float, given: int | None) -> int:
-    """Fine samples per interval: so many that the error of linear interpolation of u stays below `SERIES_ERROR`.
+    """Fine samples per interval: so many that the interpolation of the kinematic error stays within `SERIES_ERROR`.
 
-    A sinusoid of amplitude A and frequency w is interpolated with an error of A (w h)^2/12.
+    The cubic through values and rates of a sinusoid of amplitude A and frequency w is wrong by A (w h)^4/384.
     """
     if given is not None:
         if given != int(given) or given < 1:
             raise ModelError("is no number of substeps", where="substeps", value=given, limit="a whole number >= 1")
         return int(given)
-    curvature = sum(h.amplitude * h.order**2 for h in gear.kinematic_error) * float(np.max(np.abs(speed))) ** 2
-    longest = min(LONGEST_STEP, math.sqrt(12.0 * SERIES_ERROR / curvature) if curvature > 0.0 else LONGEST_STEP)
+    fourth = sum(h.amplitude * h.order**4 for h in gear.kinematic_error) * float(np.max(np.abs(speed))) ** 4
+    longest = min(LONGEST_STEP, (384.0 * SERIES_ERROR / fourth) ** 0.25 if fourth > 0.0 else LONGEST_STEP)
     return max(1, math.ceil(interval / longest - 1e-9))

@@ -84,13 +84,16 @@ def series_slope(series: Iterable[Harmonic], angle: ArrayLike) -> Array:
     return total
 
 
-def peak_to_peak(series: Sequence[Harmonic], ratio: float | None = None, points: int = 7200) -> float:
+def peak_to_peak(series: Sequence[Harmonic], ratio: float | None = None, points: int = 64) -> float:
     """Largest minus smallest value of the series [rad] over one input revolution, or one output revolution with `ratio`.
 
-    `points` per input revolution; the extremes between them are found by a parabola.
+    `points` per period of the highest order; the extremes between them are found by a parabola.
     """
-    revolutions = 1.0 if ratio is None else ratio
-    count = math.ceil(points * revolutions)
+    if not series:
+        return 0.0
+    whole = ratio is None or all(float(h.order).is_integer() for h in series)
+    revolutions = 1.0 if whole or ratio is None else ratio
+    count = math.ceil(points * max(4.0, *(h.order for h in series)) * revolutions)
     value = series_value(series, np.linspace(0.0, 2.0 * math.pi * revolutions, count, endpoint=False))
     return _extreme(value) + _extreme(-value)
 

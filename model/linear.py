@@ -107,39 +107,80 @@ def mass_matrix(p: DynamicParameters) -> Array:
 
 def damping_matrix(p: DynamicParameters) -> Array:
     """C of equation 2 with the structural damping between y1 and y2 [N s/m]."""
-    cup = p.structural_damping / p.neutral_radius**2
-    return np.array([[p.bearing_damping, 0.0, 0.0], [0.0, cup, -cup], [0.0, -cup, cup]])
+    return ParameterTable.of([p]).damping()[0]
 
 
 def stiffness_matrix(p: DynamicParameters) -> Array:
     """K of equation 2 [N/m]."""
-    s, c = math.sin(p.tooth_angle), math.cos(p.tooth_angle)
-    mesh, cup = p.mesh_stiffness, p.cup_stiffness / p.neutral_radius**2
-    return np.array(
-        [
-            [p.bearing_stiffness + mesh * s * s, -mesh * s * c, 0.0],
-            [-mesh * s * c, mesh * c * c + cup, -cup],
-            [0.0, -cup, cup],
-        ]
-    )
+    return ParameterTable.of([p]).stiffness()[0]
+
+
+def input_matrix(p: DynamicParameters) -> Array:
+    """f = B u: forces on (x2, y1, y2) per input of `INPUTS`, shape (3, 5)."""
+    return ParameterTable.of([p]).inputs()[0]
 
 
 INPUTS = ("ideal output angle", "ideal output speed", "mesh friction", "bearing friction torque", "load torque")
 """What drives equation 2: psi = theta_i/N + ke [rad], psi' [rad/s], F_fm [N], M_0 [N m], T_L [N m]."""
 
 
-def input_matrix(p: DynamicParameters) -> Array:
-    """f = B u: forces on (x2, y1, y2) per input of `INPUTS`, shape (3, 5).
+@dataclass(frozen=True)
+class ParameterTable:
+    """Parameter sets as columns, one row per set, so that all their matrices are made at once (first axis S)."""
 
-    K_b (x1 + e) = K_b (r_g/tan alpha_t)(theta_i/N + ke), by equations 1 and 17.
-    """
-    matrix = np.zeros((3, len(INPUTS)))
-    matrix[0, 0] = p.bearing_stiffness * p.radial_lever
-    matrix[0, 1] = p.bearing_damping * p.radial_lever
-    matrix[0, 2], matrix[1, 2] = -math.cos(p.tooth_angle), -math.sin(p.tooth_angle)
-    matrix[1, 3] = -1.0 / p.neutral_radius
-    matrix[2, 4] = -1.0 / p.neutral_radius
-    return matrix
+    columns: dict[str, Array]
+
+    @staticmethod
+    def of(sets: Sequence[DynamicParameters]) -> ParameterTable:
+        """The table of these sets."""
+        return ParameterTable(
+            {name: np.array([getattr(p, name) for p in sets]) for name in DynamicParameters.__slots__}
+        )
+
+    def __getitem__(self, name: str) -> Array:
+        """One number of all sets, by its name in `DynamicParameters`."""
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return len(self["ratio"])
+
+    @property
+    def radial_lever(self) -> Array:
+        """r_g/tan(alpha_t) [m/rad]."""
+        return self["neutral_radius"] / np.tan(self["tooth_angle"])
+
+    def stiffness(self) -> Array:
+        """K of equation 2, shape (S, 3, 3) [N/m]."""
+        s, c = np.sin(self["tooth_angle"]), np.cos(self["tooth_angle"])
+        mesh, cup = self["mesh_stiffness"], self["cup_stiffness"] / self["neutral_radius"] ** 2
+        matrix = np.zeros((len(self), 3, 3))
+        matrix[:, 0, 0] = self["bearing_stiffness"] + mesh * s * s
+        matrix[:, 0, 1] = matrix[:, 1, 0] = -mesh * s * c
+        matrix[:, 1, 1] = mesh * c * c + cup
+        matrix[:, 1, 2] = matrix[:, 2, 1] = -cup
+        matrix[:, 2, 2] = cup
+        return matrix
+
+    def damping(self) -> Array:
+        """C of equation 2 with C_t, shape (S, 3, 3) [N s/m]."""
+        cup = self["structural_damping"] / self["neutral_radius"] ** 2
+        matrix = np.zeros((len(self), 3, 3))
+        matrix[:, 0, 0] = self["bearing_damping"]
+        matrix[:, 1, 1] = matrix[:, 2, 2] = cup
+        matrix[:, 1, 2] = matrix[:, 2, 1] = -cup
+        return matrix
+
+    def inputs(self) -> Array:
+        """Forces on (x2, y1, y2) per input of `INPUTS`, shape (S, 3, 5).
+
+        K_b (x1 + e) = K_b (r_g/tan alpha_t)(theta_i/N + ke), by equations 1 and 17.
+        """
+        matrix = np.zeros((len(self), 3, len(INPUTS)))
+        matrix[:, 0, 0] = self["bearing_stiffness"] * self.radial_lever
+        matrix[:, 0, 1] = self["bearing_damping"] * self.radial_lever
+        matrix[:, 0, 2], matrix[:, 1, 2] = -np.cos(self["tooth_angle"]), -np.sin(self["tooth_angle"])
+        matrix[:, 1, 3] = matrix[:, 2, 4] = -1.0 / self["neutral_radius"]
+        return matrix
 
 
 def energy_forms(sets: Sequence[DynamicParameters]) -> tuple[Array, Array, Array, Array]:
@@ -149,17 +190,17 @@ def energy_forms(sets: Sequence[DynamicParameters]) -> tuple[Array, Array, Array
     damping, so its eigenvectors are well conditioned wherever the modes are distinct. Shapes per set (first axis) (6, 6),
     (6, 5), (3, 6), (3, 6).
     """
-    count = len(sets)
-    masses = np.array([[p.flexspline_inertia, p.flexspline_inertia, p.output_inertia] for p in sets])
-    scale = np.array([p.neutral_radius for p in sets])[:, None] / np.sqrt(masses)
+    count, table = len(sets), ParameterTable.of(sets)
+    masses = np.stack([table["flexspline_inertia"], table["flexspline_inertia"], table["output_inertia"]], axis=1)
+    scale = table["neutral_radius"][:, None] / np.sqrt(masses)
     both = scale[:, :, None] * scale[:, None, :]
-    squared, vectors = np.linalg.eigh(np.stack([stiffness_matrix(p) for p in sets]) * both)
+    squared, vectors = np.linalg.eigh(table.stiffness() * both)
     frequencies, back = np.sqrt(squared)[:, None, :], np.swapaxes(vectors, 1, 2)
     system, drive = np.zeros((count, 6, 6)), np.zeros((count, 6, len(INPUTS)))
     root = (vectors * frequencies) @ back
     system[:, :3, 3:], system[:, 3:, :3] = root, -root
-    system[:, 3:, 3:] = -np.stack([damping_matrix(p) for p in sets]) * both
-    drive[:, 3:] = scale[:, :, None] * np.stack([input_matrix(p) for p in sets])
+    system[:, 3:, 3:] = -table.damping() * both
+    drive[:, 3:] = scale[:, :, None] * table.inputs()
     position, velocity = np.zeros((count, 3, 6)), np.zeros((count, 3, 6))
     position[:, :, :3] = scale[:, :, None] * ((vectors / frequencies) @ back)
     velocity[:, [0, 1, 2], [3, 4, 5]] = scale
@@ -181,7 +222,7 @@ class Mode:
 
 
 def modes(p: DynamicParameters) -> tuple[Mode, ...]:
-    """The modes in ascending frequency: complex pairs once, real poles each; the first is the torsional resonance."""
+    """The modes in ascending frequency: complex pairs once, real poles each (see `torsional_mode`)."""
     found: list[Mode] = []
     for pole in np.linalg.eigvals(energy_forms([p])[0][0]):
         if pole.imag < 0.0:
@@ -191,6 +232,14 @@ def modes(p: DynamicParameters) -> tuple[Mode, ...]:
         ratio = 1.0 if pole.imag == 0.0 else decay / size
         found.append(Mode(float(size), float(ratio), float(pole.imag), float(1.0 / decay) if decay > 0.0 else math.inf))
     return tuple(sorted(found, key=lambda mode: mode.natural_frequency))
+
+
+def torsional_mode(p: DynamicParameters) -> Mode | None:
+    """The torsional resonance: the lowest mode that oscillates; None where everything is overdamped.
+
+    A heavily damped bearing gives real poles below it, so it need not be the first of `modes`.
+    """
+    return next((mode for mode in modes(p) if mode.damped_frequency > 0.0), None)
 
 
 def undamped_frequencies(p: DynamicParameters) -> Array:
@@ -209,10 +258,10 @@ class Resonance:
 
 def resonance_speeds(p: DynamicParameters, orders: Iterable[float]) -> tuple[Resonance, ...]:
     """Where n theta_i' equals the damped frequency of the first oscillating mode, for each order n > 0."""
-    oscillating = [mode for mode in modes(p) if mode.damped_frequency > 0.0]
-    if not oscillating:
+    first = torsional_mode(p)
+    frequency = first.damped_frequency if first is not None else 0.0
+    if frequency == 0.0:
         return ()
-    frequency = oscillating[0].damped_frequency
     return tuple(Resonance(float(order), frequency / float(order)) for order in orders if order > 0.0)
 
 

@@ -1,9 +1,16 @@
 """Exact propagation of equation 2 over one sample interval, as numbers for the compiled loops.
 
-With x' = A x + B u and u linear between samples (first-order hold, u- before and u+ after a jump at a sample),
+x' = A x + B u is integrated exactly for inputs that between samples follow
 
-    x[k+1] = exp(A h) x[k] + B0 u[k]+ + B1 u[k+1]-
-    B1 = h phi2(A h) B ,  B0 = h (phi1(A h) - phi2(A h)) B ,  phi1(z) = (e^z - 1)/z ,  phi2(z) = (phi1(z) - 1)/z
+    psi, the ideal output angle    the cubic through its values and its rates at both samples
+    friction and load torque       a straight line (first-order hold), with a step at a sample where the motion turns
+
+so that, with u- and u+ before and after a step at a sample and moments I_p of the interval h,
+
+    x[k+1] = exp(A h) x[k] + B0 u[k]+ + B1 u[k+1]- ,     I_p = integral over t of exp(A (h - t)) (t/h)^p B
+
+    straight line   B0 = I_0 - I_1 ,  B1 = I_1
+    cubic           B0, B1 = the Hermite polynomials and their derivatives with (t/h)^p replaced by I_p
 
 The loops carry zeta = x - B1 u-, which needs the inputs of one sample only:
 
@@ -16,6 +23,7 @@ Where the eigenvectors are nearly dependent (critical damping) the full matrix e
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,7 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.linear import INPUTS, DynamicParameters, energy_forms
+from model.linear import INPUTS, DynamicParameters, ParameterTable, energy_forms
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -151,11 +159,9 @@ def _modal(poles: NDArray[Any], vectors: NDArray[Any], inverse: NDArray[Any], fo
     weight = np.where(np.imag(poles) > 0.0, 2.0, np.where(np.imag(poles) == 0.0, 1.0, 0.0))
     inverse = inverse[row, rank] * (weight > 0.0)[:, :, None]
     weighted = np.swapaxes(np.swapaxes(vectors, 1, 2)[row, rank] * weight[:, :, None], 1, 2)
-    z = poles * form.interval
-    whole = np.expm1(z) / poles
-    late = (whole - form.interval) / z
     drive = inverse @ form.drive
-    lead, start = late[..., None] * drive, (whole - late)[..., None] * drive
+    z = (poles * form.interval).astype(np.complex128)
+    start, lead = _hold([m[..., None] * drive for m in _moments(z, form.interval)], form.interval)
     decay = np.exp(z)
     output = form.observed @ weighted
     return Propagator(
@@ -174,17 +180,22 @@ def _modal(poles: NDArray[Any], vectors: NDArray[Any], inverse: NDArray[Any], fo
 
 
 def _dense(systems: Array, form: _Form) -> Propagator:
-    """The same with the matrix exponential of the augmented system (Van Loan), six real "modes" padded to eight."""
+    """The same with matrix exponentials, six real "modes" padded to eight.
+
+    The moments are blocks of the exponential of a chain of integrators behind A h (Van Loan).
+    """
     import scipy
 
-    sets, n, inputs = form.drive.shape
-    augmented = np.zeros((sets, n + 2 * inputs, n + 2 * inputs))
-    augmented[:, :n, :n], augmented[:, :n, n : n + inputs] = systems * form.interval, form.drive * form.interval
-    augmented[:, n : n + inputs, n + inputs :] = np.eye(inputs)
-    exponential = scipy.linalg.expm(augmented)
-    transition, whole = exponential[:, :n, :n], exponential[:, :n, n : n + inputs]
-    lead = exponential[:, :n, n + inputs :]
-    start = whole - lead
+    sets, n, _ = form.drive.shape
+    chain = np.zeros((sets, 5 * n, 5 * n))
+    chain[:, :n, :n] = systems * form.interval
+    for link in range(4):
+        chain[:, link * n : (link + 1) * n, (link + 1) * n : (link + 2) * n] = np.eye(n)
+    blocks = scipy.linalg.expm(chain)[:, :n]
+    transition = blocks[:, :, :n]
+    factors = (form.interval * math.factorial(p) for p in range(4))
+    moments = [f * blocks[:, :, (p + 1) * n : (p + 2) * n] @ form.drive for p, f in enumerate(factors)]
+    start, lead = _hold(moments, form.interval)
     return Propagator(
         dense=True,
         decay=np.zeros((sets, 2, 8)),
@@ -200,16 +211,51 @@ def _dense(systems: Array, form: _Form) -> Propagator:
     )
 
 
+def _moments(z: ComplexArray, interval: float) -> list[ComplexArray]:
+    """I_0 .. I_3 for a diagonal A with z = lambda h: upwards by parts, or by the series where that would cancel."""
+    up = [interval * np.expm1(z) / z]
+    for p in range(1, 4):
+        up.append((p * up[-1] - interval) / z)
+    small = np.abs(z) < 0.5
+    if not small.any():
+        return up
+    tame = np.where(small, z, 0.0)
+    series = np.zeros_like(z)
+    for k in range(12, -1, -1):
+        series = series * tame + 6.0 / math.factorial(k + 4)
+    down = [interval * series]
+    for p in (3, 2, 1):
+        down.append((tame * down[-1] + interval) / p)
+    return [np.where(small, low, high) for low, high in zip(reversed(down), up, strict=True)]
+
+
+def _hold(moments: Sequence[NDArray[Any]], interval: float) -> tuple[NDArray[Any], NDArray[Any]]:
+    """B0 and B1 (S, m, 5) from the moments I_0 .. I_3, each (S, m, 5), in the order of `model.linear.INPUTS`."""
+    zero, one, two, three = moments
+    start, lead = zero - one, one.copy()
+    angle, rate = 0, 1
+    rise = 3.0 * two[..., angle] - 2.0 * three[..., angle] + 6.0 * (one[..., rate] - two[..., rate]) / interval
+    lead[..., 0] = rise
+    start[..., 0] = zero[..., angle] - rise
+    start[..., 1] = interval * (one[..., angle] - 2.0 * two[..., angle] + three[..., angle])
+    start[..., 1] += zero[..., rate] - 4.0 * one[..., rate] + 3.0 * two[..., rate]
+    lead[..., 1] = interval * (three[..., angle] - two[..., angle]) + 3.0 * two[..., rate] - 2.0 * one[..., rate]
+    return start, lead
+
+
 def _outputs(sets: Sequence[DynamicParameters], position: Array, velocity: Array) -> tuple[Array, Array]:
     """C (S, 4, 6) and D (S, 4, 5) of the outputs named in `OUTPUTS`."""
+    table = ParameterTable.of(sets)
+    radius = table["neutral_radius"][:, None]
     observed, through = np.empty((len(sets), len(OUTPUTS), 6)), np.zeros((len(sets), len(OUTPUTS), len(INPUTS)))
-    for k, p in enumerate(sets):
-        q, v, radius = position[k], velocity[k], p.neutral_radius
-        observed[k, 0], observed[k, 1] = q[2] / radius, v[2] / radius
-        observed[k, 2] = (p.cup_stiffness * (q[1] - q[2]) + p.structural_damping * (v[1] - v[2])) / radius
-        observed[k, 3] = -p.bearing_stiffness * q[0] - p.bearing_damping * v[0]
-        through[k, 3, 0] = p.bearing_stiffness * p.radial_lever
-        through[k, 3, 1] = p.bearing_damping * p.radial_lever
+    observed[:, 0], observed[:, 1] = position[:, 2] / radius, velocity[:, 2] / radius
+    twist = table["cup_stiffness"][:, None] * (position[:, 1] - position[:, 2])
+    twist += table["structural_damping"][:, None] * (velocity[:, 1] - velocity[:, 2])
+    observed[:, 2] = twist / radius
+    observed[:, 3] = -table["bearing_stiffness"][:, None] * position[:, 0]
+    observed[:, 3] -= table["bearing_damping"][:, None] * velocity[:, 0]
+    through[:, 3] = table.inputs()[:, 0]
+    through[:, 3, 2:] = 0.0
     return observed, through
 
 

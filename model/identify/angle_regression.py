@@ -45,7 +45,9 @@ class Basis:
         positive("ratio", self.ratio)
         found = np.array(self.orders, dtype=np.float64)
         if found.size == 0 or not np.isfinite(found).all() or found.min() <= 0.0:
-            raise IdentificationError("needs at least one order, all finite and above zero", where="orders", value=self.orders)
+            raise IdentificationError(
+                "needs at least one order, all finite and above zero", where="orders", value=self.orders
+            )
         if found.size > 1 and np.diff(np.sort(found)).min() < 1e-9:
             raise IdentificationError("has an order twice", where="orders", value=self.orders)
         if not self.labels:
@@ -56,7 +58,9 @@ class Basis:
         gaps = np.abs(np.array(self.orders) - order)
         at = int(np.argmin(gaps))
         if gaps[at] > 1e-9:
-            raise IdentificationError("is not in the basis of this fit", where="order", value=order, limit=str(self.orders))
+            raise IdentificationError(
+                "is not in the basis of this fit", where="order", value=order, limit=str(self.orders)
+            )
         return 2 + 2 * at
 
     @property
@@ -182,7 +186,9 @@ class AngleRegression:
             self._square[self._block] += self._totals[2] - before
             if at >= len(x):
                 return
-            cell = math.floor(x[at] * (self.cells / (2.0 * math.pi)))  # the kernel's own expression: rounding must agree
+            cell = math.floor(
+                x[at] * (self.cells / (2.0 * math.pi))
+            )  # the kernel's own expression: rounding must agree
             while direction * (cell - end) >= 0.0:
                 self._block += 1
                 if self._block == MAXIMUM_BLOCKS:
@@ -202,11 +208,23 @@ class AngleRegression:
         if self._first_cell is None:
             held = sum(len(part) for part in self._pending[0]) if self._pending else 0
             raise IdentificationError(
-                "holds no motion", where="angle", value=f"{held} samples", limit="at least a tenth of an input revolution"
+                "holds no motion",
+                where="angle",
+                value=f"{held} samples",
+                limit="at least a tenth of an input revolution",
             )
-        normal, right, square = self._normal[: self._block + 1].copy(), self._right[: self._block + 1].copy(), self._square
+        normal, right, square = (
+            self._normal[: self._block + 1].copy(),
+            self._right[: self._block + 1].copy(),
+            self._square,
+        )
         square = square[: self._block + 1].copy()
-        bins, values, totals, group = self._bin_basis.copy(), self._bin_value.copy(), self._totals.copy(), self._group.copy()
+        bins, values, totals, group = (
+            self._bin_basis.copy(),
+            self._bin_value.copy(),
+            self._totals.copy(),
+            self._group.copy(),
+        )
         n, m, orders, taylor = self._orders
         basis = (self._first, self._scale, n, m, orders, taylor, self.basis.ratio)
         rows = np.zeros_like(self._rows)
@@ -277,7 +295,8 @@ def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
         whole = (n >= 1) & (m == 0)
         kept[2:] = np.repeat(whole | (n < 0), 2)
         notes.append(
-            f"Only {turns / basis.ratio:.2f} output revolutions: output orders and sidebands cannot be separated and are left out."
+            f"Only {turns / basis.ratio:.2f} output revolutions: output orders and sidebands cannot be separated "
+            "and are left out."
         )
     if turns < 1.0:
         raise IdentificationError(
@@ -286,10 +305,20 @@ def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
     samples = sums.count / max(turns, 1.0)
     too_high = 2.0 * orders >= samples
     kept[2:] &= ~np.repeat(too_high, 2)
+    if too_high[(orders >= 0.5)].any() and not kept[2::2][orders >= 0.5].any():
+        raise IdentificationError(
+            "too few samples per input revolution for any order",
+            where="samples",
+            value=f"{samples:.3g} per revolution",
+            limit=f"> {2.0 * orders[orders >= 0.5].min():.3g}",
+            remedy="Record slower or sample faster.",
+        )
     if too_high.any():
         notes.append(f"{samples:.3g} samples per revolution cannot carry orders from {orders[too_high].min():g} on.")
     if sums.count <= kept.sum() + 2:
-        raise IdentificationError("too few samples for this basis", where="samples", value=sums.count, limit=f"> {kept.sum() + 2}")
+        raise IdentificationError(
+            "too few samples for this basis", where="samples", value=sums.count, limit=f"> {kept.sum() + 2}"
+        )
     return kept, notes
 
 

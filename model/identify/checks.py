@@ -19,7 +19,9 @@ def series(name: str, values: ArrayLike, *, minimum: int = 2) -> Array:
             "is not an array of numbers", where=name, remedy="Check the channel map and the unit of this channel."
         ) from error
     if found.ndim != 1:
-        raise IdentificationError("is not one-dimensional", where=name, value=f"shape {found.shape}", limit="shape (n,)")
+        raise IdentificationError(
+            "is not one-dimensional", where=name, value=f"shape {found.shape}", limit="shape (n,)"
+        )
     if found.size < minimum:
         raise IdentificationError(
             "has too few samples", where=name, value=found.size, limit=f">= {minimum}", remedy="Record longer."

@@ -56,7 +56,12 @@ class Slip:
 
 
 def lattice_aliases(
-    samples_per_revolution: float, counts_per_revolution: float, quantum: float, highest_order: float, *, harmonics: int = 40
+    samples_per_revolution: float,
+    counts_per_revolution: float,
+    quantum: float,
+    highest_order: float,
+    *,
+    harmonics: int = 40,
 ) -> tuple[Alias, ...]:
     """Harmonics of the counting lattice that sampling folds onto the orders of a fit, strongest first.
 
@@ -188,7 +193,13 @@ def _without_blocks(sums: Sums, boundaries: list[int]) -> Sums:
     within = max(sums.sum_square - sums.between_square, 0.0) * share
     between = sums.between_square - lost_square
     return replace(
-        sums, normal=normal, right=right, square=square, count=round(kept), between_square=between, sum_square=between + within
+        sums,
+        normal=normal,
+        right=right,
+        square=square,
+        count=round(kept),
+        between_square=between,
+        sum_square=between + within,
     )
 
 
@@ -238,11 +249,17 @@ def refuse_wrong_ratio(ratio: float, slope: float, output_revolutions: float) ->
         return
     seen = ratio_from_slope(ratio, slope)
     if abs(seen + ratio) < 0.02 * ratio:
-        remedy = "The sign of the output angle is reversed: it counts positive opposite to the input when the circular spline is fixed."
+        remedy = (
+            "The sign of the output angle is reversed: it counts positive opposite to the input when the circular spline "
+            "is fixed."
+        )
     elif abs(abs(seen) - ratio) < 1.5:
         remedy = f"The nearest whole ratio is {round(seen)}: check which spline is fixed and the gear's ratio."
     else:
-        remedy = f"That is {seen / ratio:.4g} times the stated ratio: check lines and multiplication of both encoders, and the gear's ratio."
+        remedy = (
+            f"That is {seen / ratio:.4g} times the stated ratio: check lines and multiplication of both encoders, and the "
+            "gear's ratio."
+        )
     raise IdentificationError(
         "the encoders show another ratio than the one stated (slope of the kinematic error)",
         where="ratio",

@@ -60,11 +60,15 @@ class CombinedKinematicError:
 def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedKinematicError:
     """The kinematic error of a gear from one fit of each direction; both must share basis, ratio and index mark."""
     if forward.direction == reverse.direction:
-        raise IdentificationError("are both of the same direction", where="forward, reverse", remedy="Give one fit of each direction.")
+        raise IdentificationError(
+            "are both of the same direction", where="forward, reverse", remedy="Give one fit of each direction."
+        )
     if forward.direction < 0.0:
         forward, reverse = reverse, forward
     if forward.basis.orders != reverse.basis.orders or forward.ratio != reverse.ratio:
-        raise IdentificationError("differ in basis or ratio", where="forward, reverse", remedy="Fit both with the same orders.")
+        raise IdentificationError(
+            "differ in basis or ratio", where="forward, reverse", remedy="Fit both with the same orders."
+        )
     ahead, back = forward.regression, reverse.regression
     mean = 0.5 * (ahead.values + back.values)
     half = 0.5 * (ahead.values - back.values)
@@ -126,7 +130,9 @@ def _whole_orders(basis: Basis, values: Array, angle: Array) -> Array:
     return total
 
 
-def polar_estimates(label: str, a: float, b: float, block: Array, freedom: float, unit: str) -> tuple[Estimate, Estimate]:
+def polar_estimates(
+    label: str, a: float, b: float, block: Array, freedom: float, unit: str
+) -> tuple[Estimate, Estimate]:
     """Amplitude and phase of a cos + b sin = amplitude cos(v theta - phase), with 95 % intervals from the covariance."""
     size = math.hypot(a, b)
     t = student_quantile(freedom)

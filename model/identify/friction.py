@@ -34,8 +34,8 @@ class TorqueUncertainty:
     """Standard uncertainties of type B of the torque channel and the conditions.
 
     scale: relative, of the torque constant; zero [N m]: of the servo-off zero (matters for holds without a partner); tare:
-    relative, of the tare as a whole (same motor, another day); temperature [K] with temperature_coefficient [1/K] of the friction;
-    bearing: relative, of M_0.
+    relative, of the tare as a whole (same motor, another day); temperature [K] with temperature_coefficient [1/K] of the
+    friction; bearing: relative, of M_0.
     """
 
     scale: float = 0.0
@@ -112,7 +112,9 @@ def fit_friction(
         tare_torque, tare_error, beyond = tare.at(points.speed)
         if beyond.any():
             fastest = float(points.speed[beyond].max()) / RPM
-            warnings.append(f"{int(beyond.sum())} speeds (to {fastest:.0f} r/min) lie beyond the tare's range: its ends are used there.")
+            warnings.append(
+                f"{int(beyond.sum())} speeds (to {fastest:.0f} r/min) lie beyond the tare's range: its ends are used there."
+            )
         subject = "gear" if tare.valid else "motor + gear"
         if tare.note:
             warnings.append(f"Tare: {tare.note}.")
@@ -260,7 +262,9 @@ def _judge(
     found += [f"{name} is not identified: {e.note}." for name, e in estimates.items() if e.identifiable == "no"]
     stuck = sorted({round(abs(h.speed) / RPM, 2) for h in holds if h.sticks})
     if stuck:
-        found.append(f"The input stuck at {', '.join(f'{s:g}' for s in stuck)} r/min: the mean there is not a running torque.")
+        found.append(
+            f"The input stuck at {', '.join(f'{s:g}' for s in stuck)} r/min: the mean there is not a running torque."
+        )
     birge = math.sqrt(fit.chi_square / max(fit.freedom, 1))
     if birge > 2.0:
         found.append(

@@ -13,6 +13,7 @@ a significant slope is reported as what it is (wrong ratio, lost counts, slip), 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -114,7 +115,9 @@ def edges(input_angle: ArrayLike, output_angle: ArrayLike) -> tuple[Array, Array
     theta_i, theta_o = channels(2, input_angle=input_angle, output_angle=output_angle)
     at = np.flatnonzero(np.diff(theta_o) != 0.0)
     if at.size == 0:
-        raise IdentificationError("never changes", where="output_angle", value=theta_o[0], remedy="Check the output encoder.")
+        raise IdentificationError(
+            "never changes", where="output_angle", value=theta_o[0], remedy="Check the output encoder."
+        )
     return 0.5 * (theta_i[at] + theta_i[at + 1]), 0.5 * (theta_o[at] + theta_o[at + 1])
 
 
@@ -177,11 +180,15 @@ def fit_kinematic_error(
     return accumulator.fit(accuracy_order=accuracy_order)
 
 
-def _finish(sums: Sums, encoders: Encoders, accuracy_order: float | None, samples: int, edge_triggered: bool) -> KinematicErrorFit:
+def _finish(
+    sums: Sums, encoders: Encoders, accuracy_order: float | None, samples: int, edge_triggered: bool
+) -> KinematicErrorFit:
     ratio = sums.basis.ratio
     first, _ = solve_angle(sums)
     refuse_wrong_ratio(ratio, first.values[1] / sums.trend_scale, sums.revolutions / ratio)
-    slips, cleaned = find_slips(sums, first, output_quantum=encoders.output_quantum, input_quantum=encoders.input_quantum)
+    slips, cleaned = find_slips(
+        sums, first, output_quantum=encoders.output_quantum, input_quantum=encoders.input_quantum
+    )
     fit, notes = solve_angle(cleaned) if slips else solve_angle(sums)
     warnings = [slip.sentence() for slip in slips] + notes
     highest = max(sums.basis.orders) if accuracy_order is None else accuracy_order
@@ -216,7 +223,8 @@ def _finish(sums: Sums, encoders: Encoders, accuracy_order: float | None, sample
         fitted_curve=fitted,
         output_curve_angle=angle,
         output_curve=curve,
-        block_angle=sums.first_angle + sums.direction * (np.arange(len(first.block_residual)) + 0.5) * sums.length,
+        block_angle=sums.first_angle
+        + sums.direction * (np.arange(len(first.block_residual), dtype=np.float64) + 0.5) * sums.length,
         block_residual=first.block_residual,
         regression=fit,
     )
@@ -323,7 +331,9 @@ def _encoder_budget(fit: AngleFit, accuracy: Estimate, encoders: Encoders) -> li
         )  # fmt: skip
     if encoders.input_accuracy > 0.0:
         u = math.sqrt(2.0) * encoders.input_accuracy / fit.sums.basis.ratio
-        lines.append(BudgetLine("motor encoder, once and twice per revolution", "B", u, "cannot be told from orders 1 and 2"))
+        lines.append(
+            BudgetLine("motor encoder, once and twice per revolution", "B", u, "cannot be told from orders 1 and 2")
+        )
     return lines
 
 
@@ -348,7 +358,9 @@ class KinematicErrorScore:
 def score_kinematic_error(fit: KinematicErrorFit, other: KinematicErrorFit) -> KinematicErrorScore:
     """MSE (22) of `fit` on the averaged curve of another run (same basis, same index mark, same gear); offsets are free."""
     if fit.basis.orders != other.basis.orders or fit.ratio != other.ratio:
-        raise IdentificationError("the two fits differ in basis or ratio", where="basis", remedy="Fit both with the same orders.")
+        raise IdentificationError(
+            "the two fits differ in basis or ratio", where="basis", remedy="Fit both with the same orders."
+        )
     bins, measured, _ = measured_curve(other.regression)
     sums = other.regression.sums
     counts = sums.bin_basis[:, 0]
@@ -358,3 +370,20 @@ def score_kinematic_error(fit: KinematicErrorFit, other: KinematicErrorFit) -> K
     predicted = (sums.bin_basis[filled] @ values) / counts[filled]
     predicted += np.mean(measured) - np.mean(predicted)
     return KinematicErrorScore(normalised_mse(measured, predicted), bins, measured, predicted)
+
+
+def repeat_scatter(fits: Sequence[KinematicErrorFit]) -> float:
+    """Repeatability between repeats of one direction: rms of the curves about their mean over angle [rad].
+
+    All fits share basis, ratio and index mark; constant and trend are free. Scatter from revolution to revolution within one
+    fit is its `repeatability` metric.
+    """
+    if len(fits) < 2:
+        raise IdentificationError("needs at least two repeats", where="fits", value=len(fits), limit=">= 2")
+    if any(fit.basis.orders != fits[0].basis.orders or fit.ratio != fits[0].ratio for fit in fits):
+        raise IdentificationError(
+            "the repeats differ in basis or ratio", where="basis", remedy="Fit all with the same orders."
+        )
+    values = np.array([fit.regression.values[2:] for fit in fits])
+    deviation = values - values.mean(axis=0)
+    return math.sqrt(float(np.sum(0.5 * deviation**2)) / (len(fits) - 1))

@@ -113,21 +113,30 @@ def _check_filter(recipe: MotionFilter, period: float, count: int) -> None:
             remedy="Choose a cut-off well above the motion and below half of the sampling rate.",
         )
     if recipe.order < 1 or recipe.decimation < 1 or min(recipe.edge_samples) < 2:
-        raise IdentificationError("order and decimation start at 1, two edge samples are the least", where="filter", value=recipe)
+        raise IdentificationError(
+            "order and decimation start at 1, two edge samples are the least", where="filter", value=recipe
+        )
     left = (count - sum(recipe.edge_samples)) // recipe.decimation
     if left < 20:
         raise IdentificationError(
-            "too little is left after cutting the edges and decimation", where="filter", value=f"{left} samples", limit=">= 20"
+            "too little is left after cutting the edges and decimation",
+            where="filter",
+            value=f"{left} samples",
+            limit=">= 20",
         )
 
 
-def _regression(time: ArrayLike, position: ArrayLike, force: ArrayLike, variant: Variant, recipe: MotionFilter) -> _Regression:
+def _regression(
+    time: ArrayLike, position: ArrayLike, force: ArrayLike, variant: Variant, recipe: MotionFilter
+) -> _Regression:
     clock = increasing("time", time, minimum=MINIMUM_SAMPLES)
     clock, place, effort = channels(MINIMUM_SAMPLES, time=clock, position=position, force=force)
     period = sampling_period("time", clock)
     _check_filter(recipe, period, len(clock))
     if np.ptp(place) <= 0.0:
-        raise IdentificationError("does not move", where="position", value=place[0], remedy="Choose a part of the run with motion.")
+        raise IdentificationError(
+            "does not move", where="position", value=place[0], remedy="Choose a part of the run with motion."
+        )
     b, a = scipy.signal.butter(recipe.order, recipe.cutoff_hz * 2.0 * period)
     smooth = scipy.signal.filtfilt(b, a, place)
     velocity = np.zeros_like(smooth)
@@ -188,9 +197,13 @@ def fit_motion(
     estimates = _estimates(fit, variant, rotary)
     for name, estimate in estimates.items():
         if name != "offset" and estimate.value <= 0.0:
-            warnings.append(f"{name} is {estimate.value:.4g} {estimate.unit}, which is not physical: check the sign of the force.")
+            warnings.append(
+                f"{name} is {estimate.value:.4g} {estimate.unit}, which is not physical: check the sign of the force."
+            )
     if fit.condition_raw > 100.0 and fit.condition > 100.0:
-        warnings.append(f"The regressors are nearly dependent (condition number {fit.condition:.3g}): excite more richly.")
+        warnings.append(
+            f"The regressors are nearly dependent (condition number {fit.condition:.3g}): excite more richly."
+        )
     return MotionFit(
         variant=variant,
         estimates=estimates,

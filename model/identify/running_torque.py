@@ -22,6 +22,8 @@ from model.identify.least_squares import solve
 from model.units import DEGREE, REVOLUTION, RPM
 
 FEW_REVOLUTIONS = 6
+NOISY_RANGE = 4.0
+"""Range of a handful of visits, in standard errors, that noise alone explains."""
 REST_LIMIT = 5.0 * DEGREE
 """Standstill, in angle that a steady speed would have turned, above which a hold counts as stick."""
 
@@ -68,9 +70,12 @@ def average_torque(
     whole = math.floor(turned[-1] / REVOLUTION + 1e-6)
     if whole < 1:
         raise IdentificationError(
-            "covers less than one whole input revolution", where="input_angle", value=f"{turned[-1] / REVOLUTION:.2f} revolutions",
-            limit=">= 1", remedy="Hold the speed for longer.",
-        )  # fmt: skip
+            "covers less than one whole input revolution",
+            where="input_angle",
+            value=f"{turned[-1] / REVOLUTION:.2f} revolutions",
+            limit=">= 1",
+            remedy="Hold the speed for longer.",
+        )
     work = np.concatenate([[0.0], np.cumsum(0.5 * (effort[1:] + effort[:-1]) * np.diff(turned))])
     marks = turned[-1] - REVOLUTION * np.arange(whole, -1, -1.0)
     rising = np.concatenate([[True], np.diff(turned) > 0.0])
@@ -125,9 +130,9 @@ def _error_within(turned: Array, effort: Array, whole: int) -> tuple[float, floa
     counts = np.bincount(place, minlength=bins)
     filled = counts > 0
     means = np.bincount(place, weights=effort, minlength=bins)[filled] / counts[filled]
-    angle = (np.flatnonzero(filled) + 0.5) * (REVOLUTION * whole / bins)
+    angle: Array = (np.flatnonzero(filled).astype(np.float64) + 0.5) * (REVOLUTION * whole / bins)
     orders = [n for n in range(1, 13) if 2 * n + 4 < int(filled.sum()) // 3]
-    design = np.column_stack([np.ones_like(angle)] + [f(n * angle) for n in orders for f in (np.cos, np.sin)])
+    design: Array = np.column_stack([np.ones_like(angle)] + [f(n * angle) for n in orders for f in (np.cos, np.sin)])
     if len(angle) <= design.shape[1] + 3:
         spread = float(np.std(effort, ddof=1)) if len(effort) > 1 else abs(float(effort.mean()))
         return max(spread / math.sqrt(max(whole, 1)), 1e-12), 2.0
@@ -240,22 +245,26 @@ def tare_from(holds: Sequence[RunningTorque]) -> Tare:
 
 
 def bracket_drift(holds: Sequence[RunningTorque], *, limit: float = 0.03) -> tuple[float, str | None]:
-    """Relative drift of the friction at the reference speed over a sweep, and a sentence when it exceeds `limit`.
+    """Relative drift of the friction at the reference speed over a sweep, and a sentence when it exceeds `limit`
+    and the noise of the visits.
 
     `holds`: the visits to the reference speed in order of time, each direction apart or mixed.
     """
     if len(holds) < 2:
         return math.nan, "The sweep was not bracketed by a reference speed: a drift with temperature cannot be seen."
-    worst = 0.0
+    worst, seen = 0.0, False
     for sign in (1.0, -1.0):
-        part = [h.torque for h in sorted(holds, key=lambda h: h.time) if h.direction == sign]
+        part = [h for h in sorted(holds, key=lambda h: h.time) if h.direction == sign]
         if len(part) >= 2:
-            mean = abs(float(np.mean(part)))
-            worst = max(worst, float(np.ptp(part)) / max(mean, 1e-12))
-    if worst > limit:
+            torque = np.array([h.torque for h in part])
+            drift = float(np.ptp(torque)) / max(abs(float(torque.mean())), 1e-12)
+            noise = NOISY_RANGE * float(np.median([h.standard_error for h in part]))
+            seen = seen or (drift > limit and float(np.ptp(torque)) > noise)
+            worst = max(worst, drift)
+    if seen:
         speed = abs(holds[0].speed) / RPM
         return worst, (
-            f"The reference speed of {speed:.0f} r/min drifted by {100 * worst:.1f} % during the sweep (limit {100 * limit:g} %): "
-            "warm up longer; heat looks like a smaller viscous coefficient."
+            f"The reference speed of {speed:.0f} r/min drifted by {100 * worst:.1f} % during the sweep "
+            f"(limit {100 * limit:g} %): warm up longer; heat looks like a smaller viscous coefficient."
         )
     return worst, None

@@ -74,7 +74,9 @@ def stribeck_jacobian(speed: Array, values: Array) -> Array:
 def _checked(speed: ArrayLike, force: ArrayLike, standard_error: ArrayLike) -> tuple[Array, Array, Array]:
     v, f, u = channels(6, speed=np.abs(np.asarray(speed, dtype=np.float64)), force=force, standard_error=standard_error)
     if v.min() <= 0.0:
-        raise IdentificationError("needs speeds other than zero", where="speed", value=float(v.min()), limit="> 0 rad/s")
+        raise IdentificationError(
+            "needs speeds other than zero", where="speed", value=float(v.min()), limit="> 0 rad/s"
+        )
     if u.min() <= 0.0:
         raise IdentificationError("must be above zero", where="standard_error", value=float(u.min()), limit="> 0")
     if len(np.unique(np.round(v, 9))) < 6:
@@ -95,23 +97,49 @@ def fit_stribeck(
     v, f, u = _checked(speed, force, standard_error)
     limits = (StribeckBounds() if bounds is None else bounds).logarithms()
     weight = 1.0 / u
-    best, linear = np.zeros(2), np.zeros(3)
     low = max(limits[0, 0], math.log(0.3 * v.min()))
     high = max(min(limits[0, 1], math.log(v.max())), low + 1.0)
     grid_v, grid_s = np.linspace(low, high, 14), np.clip(np.log([0.5, 0.8, 1.2, 2.0]), *limits[1])
-    chi = kernels.stribeck_search(v, f, weight, limits, grid_v, grid_s, best, linear)
+    chi, best, linear = _search(v, f, weight, limits, grid_v, grid_s)
     values = np.array([linear[0], linear[0] + linear[1], math.exp(best[0]), math.exp(best[1]), linear[2]])
     jacobian = stribeck_jacobian(v, values)
     freedom = len(v) - 5
     scale = max(1.0, chi / max(freedom, 1))
     information = (jacobian * weight[:, None]).T @ (jacobian * weight[:, None])
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    covariance = scale * np.linalg.pinv(information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
-    at_bound = [name for name, k in (("stribeck_velocity", 0), ("shape", 1)) if np.min(np.abs(limits[k] - best[k])) < 1e-6]
+    covariance = (
+        scale * np.linalg.pinv(information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
+    )
+    at_bound = [
+        name for name, k in (("stribeck_velocity", 0), ("shape", 1)) if np.min(np.abs(limits[k] - best[k])) < 1e-6
+    ]
     at_bound += [name for name, value in (("coulomb", linear[0]), ("viscous", linear[2])) if value <= 0.0]
     if linear[1] <= 0.0:
         at_bound.append("static")
-    return StribeckFit(values, float(chi), freedom, float(scale), covariance, stribeck_curve(v, values), jacobian, tuple(at_bound))
+    return StribeckFit(
+        values, float(chi), freedom, float(scale), covariance, stribeck_curve(v, values), jacobian, tuple(at_bound)
+    )
+
+
+def _search(
+    v: Array, f: Array, weight: Array, limits: Array, grid_v: Array, grid_s: Array
+) -> tuple[float, Array, Array]:
+    """The best of a coarse grid of (log v_s, log sigma), then descent from its two best cells that are not neighbours."""
+    residual, linear = np.empty_like(v), np.zeros(3)
+    cells = [
+        (kernels.stribeck_inner(v, f, weight, math.exp(x), math.exp(s), kernels.FREE, 0.0, linear, residual), x, s)
+        for x in grid_v.tolist()
+        for s in grid_s.tolist()
+    ]
+    cells.sort()
+    apart = [c for c in cells[1:] if abs(c[1] - cells[0][1]) + abs(c[2] - cells[0][2]) > 1.0]
+    hold = np.zeros(2, dtype=np.int64)
+    found = []
+    for _, x, s in (cells[0], *apart[:1]):
+        start, linear = np.array([x, s]), np.zeros(3)
+        chi = kernels.stribeck_descend(v, f, weight, start, hold, kernels.FREE, 0.0, limits, 60, linear)
+        found.append((float(chi), start, linear))
+    return min(found, key=lambda item: item[0])
 
 
 def profile_intervals(
@@ -139,14 +167,70 @@ def profile_intervals(
     steps = np.where(steps > 0.0, 1.8 * steps, 0.1 * np.maximum(np.abs(start), 1e-3))
     ceiling = 20.0 * max(float(np.max(np.abs(f))), 1e-12)
     ends = np.array([[0.0, ceiling], [0.0, ceiling], limits[0], limits[1], [0.0, ceiling / max(float(v.min()), 1e-6)]])
-    found = np.full((5, 2), math.nan)
-    for k in range(5):
-        for side, sign in enumerate((-1.0, 1.0)):
-            found[k, side] = kernels.stribeck_profile(
-                v, f, 1.0 / u, optimum, k, start[k], limits, fit.chi_square, rise, sign * steps[k], ends[k, side]
-            )
+    profile = _Profile(v, f, 1.0 / u, limits, optimum, fit.chi_square)
+    found = np.array(
+        [[profile.end(k, float(start[k]), sign * float(steps[k]), float(ends[k, i]), rise) for i, sign in enumerate((-1.0, 1.0))]
+         for k in range(5)]
+    )  # fmt: skip
     found[2:4] = np.exp(found[2:4])
     return found
+
+
+@dataclass(frozen=True)
+class _Profile:
+    """The profile of chi-square along one parameter, the others at their best."""
+
+    speed: Array
+    force: Array
+    weight: Array
+    limits: Array
+    optimum: Array
+    lowest: float
+
+    def root(self, which: int, place: float, start: Array) -> float:
+        """Square root of the rise of chi-square with parameter `which` held; `start` follows the optimum of the others."""
+        hold = np.zeros(2, dtype=np.int64)
+        mode = {0: kernels.FIXED_COULOMB, 1: kernels.FIXED_STATIC, 4: kernels.FIXED_VISCOUS}.get(which, kernels.FREE)
+        if which in (2, 3):
+            start[which - 2], hold[which - 2] = place, 1
+        chi = kernels.stribeck_descend(
+            self.speed, self.force, self.weight, start, hold, mode, place, self.limits, 20, np.zeros(3)
+        )
+        return math.sqrt(max(float(chi) - self.lowest, 0.0))
+
+    def end(self, which: int, value: float, step: float, limit: float, rise: float) -> float:
+        """Where chi-square has risen by `rise`, searched from `value` in steps; NaN if it does not before `limit`."""
+        target = math.sqrt(rise)
+        start = self.optimum.copy()
+        inside, root_inside = value, 0.0
+        outside, root_outside = math.nan, math.nan
+        for _ in range(30):
+            place = inside + step
+            last = (place - limit) * step >= 0.0
+            place = limit if last else place
+            root = self.root(which, place, start)
+            if root >= target:
+                outside, root_outside = place, root
+                break
+            if last:
+                return math.nan
+            grown = 2.0 * abs(step)
+            if root > 0.2 * target:
+                grown = min(abs(1.15 * (place - value) * (target / root - 1.0)) + 1e-12, grown)
+            step, inside, root_inside = math.copysign(grown, step), place, root
+        if math.isnan(outside):
+            return math.nan
+        for _ in range(15):
+            share = (target - root_inside) / max(root_outside - root_inside, 1e-12)
+            place = inside + min(max(share, 0.05), 0.95) * (outside - inside)
+            root = self.root(which, place, start)
+            if abs(root - target) < 0.004 * target:
+                return place
+            if root < target:
+                inside, root_inside = place, root
+            else:
+                outside, root_outside = place, root
+        return 0.5 * (inside + outside)
 
 
 @dataclass(frozen=True)

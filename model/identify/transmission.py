@@ -23,7 +23,7 @@ def curve_over_output(fit: AngleFit, highest_order: float) -> tuple[Array, Array
     left_out = orders > highest_order + 1e-9
     cosine[left_out], sine[left_out] = 0.0, 0.0
     points = max(POINTS_PER_PERIOD * math.ceil(float(orders.max()) * ratio), 1024)
-    angle = np.arange(points) * (REVOLUTION * ratio / points)
+    angle: Array = np.arange(points, dtype=np.float64) * (REVOLUTION * ratio / points)
     multiples = orders * ratio
     whole = np.rint(multiples).astype(np.int64)
     if np.abs(multiples - whole).max() < 1e-6:
@@ -65,7 +65,7 @@ def measured_curve(fit: AngleFit) -> tuple[Array, Array, Array]:
     common = sums.bin_basis[filled][:, :2] @ values[:2]
     fitted = (sums.bin_basis[filled][:, 2:] @ values[2:]) / counts[filled]
     measured = (sums.bin_value[filled] - common) / counts[filled]
-    angle = (np.arange(cells)[filled] + 0.5) * (REVOLUTION / cells)
+    angle: Array = (np.arange(cells, dtype=np.float64)[filled] + 0.5) * (REVOLUTION / cells)
     return angle, measured, fitted
 
 

@@ -139,7 +139,7 @@ def test_mean_torque_is_the_friction_law(speed_rpm: float, balance: str) -> None
 
 @pytest.mark.parametrize("speed_rpm", [60.0, 1000.0, 3000.0])
 def test_output_agrees_with_equation_2_under_the_same_input(speed_rpm: float) -> None:
-    loop = ClosedLoop(FRICTIONLESS, MOTOR, settings=LoopSettings(cycle=125e-6))
+    loop = ClosedLoop(FRICTIONLESS, MOTOR, settings=LoopSettings(cycle=125e-6, step=62.5e-6))
     rows = loop.advance(loop.rest(0.3), SPEED, np.full(6000, speed_rpm * RPM))
     answer = simulate_prescribed(
         FRICTIONLESS, rows[:, kernel.ROW_INPUT_ANGLE], 125e-6, input_speed=rows[:, kernel.ROW_INPUT_SPEED]

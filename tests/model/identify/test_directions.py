@@ -1,0 +1,75 @@
+"""Both directions together, and figure 16: in phase or not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from model.errors import IdentificationError
+from model.identify.angle_regression import standard_basis
+from model.identify.directions import combine, fit_over_angle, phase_relation
+from model.identify.kinematic_error import fit_kinematic_error
+from model.units import ARCMIN, ARCSEC, DEGREE
+from tests.model.identify.rigs import RATIO, TRUTH, slow_run
+
+
+def pair(wind_up: float = 0.0):
+    fits, runs = [], []
+    for direction in (1.0, -1.0):
+        run = slow_run(11 + int(direction), direction=direction)
+        fits.append(fit_kinematic_error(run.input_angle, run.output_angle - direction * wind_up, RATIO))
+        runs.append(run)
+    return fits, runs
+
+
+def torque_fits(runs, phase: float, amplitude: float, noise: float, conservative: float = 0.002):
+    found = []
+    for run, direction in zip(runs, (1.0, -1.0), strict=True):
+        random = np.random.default_rng(5)
+        friction = 0.06 + amplitude * np.cos(2.0 * run.input_angle - phase)
+        torque = direction * friction + conservative * np.sin(2.0 * run.input_angle)
+        torque = torque + noise * random.standard_normal(len(torque))
+        found.append(fit_over_angle(run.input_angle, torque, standard_basis(RATIO)))
+    return found
+
+
+def test_the_mean_is_the_error_and_the_difference_the_wind_up() -> None:
+    (ahead, back), _ = pair(wind_up=4.0 * ARCSEC)
+    both = combine(ahead, back)
+    for order, (a, b) in TRUTH.items():
+        index = both.orders.index(min(both.orders, key=lambda v: abs(v - order)))
+        assert both.cosine[index] == pytest.approx(a * ARCMIN, abs=0.1 * ARCSEC)
+        assert both.sine[index] == pytest.approx(b * ARCMIN, abs=0.1 * ARCSEC)
+    assert both.metrics["agreement"] < 0.3 * ARCSEC
+    assert both.estimates["lost_motion"].value == pytest.approx(-8.0 * ARCSEC, abs=1.0 * ARCSEC)
+
+
+def test_two_fits_of_one_direction_are_refused() -> None:
+    (ahead, _), _ = pair()
+    with pytest.raises(IdentificationError, match="same direction"):
+        combine(ahead, ahead)
+
+
+ERROR_PHASE = float(np.arctan2(TRUTH[2.0][1], TRUTH[2.0][0]))
+
+
+@pytest.mark.parametrize(
+    ("shift", "amplitude", "noise", "verdict"),
+    [
+        (0.0, 0.008, 0.003, "in phase"),
+        (90.0, 0.001, 0.003, "not in phase"),
+        (-120.0, 0.008, 0.003, "not in phase"),
+        (30.0, 0.0002, 0.03, "cannot tell"),
+    ],
+)
+def test_figure_16(shift: float, amplitude: float, noise: float, verdict: str) -> None:
+    (ahead, back), runs = pair()
+    forward, reverse = torque_fits(runs, ERROR_PHASE + shift * DEGREE, amplitude, noise)
+    found = phase_relation(combine(ahead, back), forward, reverse)
+    assert found.verdict == verdict
+    estimate = found.estimates["phase_difference"]
+    if verdict != "cannot tell":
+        assert abs(estimate.value - shift * DEGREE) < 0.15
+        assert found.estimates["conservative_amplitude"].value == pytest.approx(0.002, abs=3e-4)
+        assert found.estimates["friction_amplitude"].value == pytest.approx(amplitude, rel=0.1)
+    assert np.ptp(found.friction_torque) > 0.0

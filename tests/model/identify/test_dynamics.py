@@ -1,0 +1,178 @@
+"""Velocity steps: speeds from counts, resonance and damping, inertia from torque, and what cannot be identified."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from model.dynamics import simulate_prescribed
+from model.errors import IdentificationError
+from model.gear_file import shipped_gear
+from model.identify.differentiation import speed_from_counts
+from model.identify.dynamics import combine_steps, fit_step, score_step, step_data
+from model.identify.sensitivity import step_identifiability
+from model.identify.step_inertia import fit_step_inertia
+from model.linear import dynamic_parameters, modes
+from model.units import ARCSEC, RPM
+from tests.model.identify.rigs import INPUT_QUANTUM, OUTPUT_QUANTUM, counted
+
+GEAR = shipped_gear()
+PARAMETERS = dynamic_parameters(GEAR)
+STATIC = PARAMETERS.combined_stiffness / PARAMETERS.output_inertia
+MODE = modes(PARAMETERS)[0]
+INPUT_INERTIA = 6.6e-5
+
+
+def step(speed_rpm: float, seed: int, *, duration: float = 0.6, jitter: float = 3e-5, skew: float = 1e-4):
+    """A step with overshoot as a servo makes it, sampled at 1 kHz with jitter and skew, both angles counted."""
+    random = np.random.default_rng(seed)
+    rate = 8000
+    time = np.arange(int((duration + 0.05) * rate)) / rate
+    since = np.maximum(time - 0.05, 0.0)
+    shape = 1.0 - np.exp(-250.0 * since) * (np.cos(200.0 * since) + 0.6 * np.sin(200.0 * since))
+    speed = speed_rpm * RPM * np.where(time > 0.05, shape, 0.0)
+    angle = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1])) / rate]) + random.uniform(0.0, 6.0)
+    truth = simulate_prescribed(GEAR, angle, 1.0 / rate, input_speed=speed, smoothing_speed=0.5)
+    at = np.arange(0, len(time) - 16, 8)
+    stamps = time[at] + jitter * random.uniform(-1.0, 1.0, len(at))
+    torque = np.interp(stamps, time, truth.wave_generator_torque + INPUT_INERTIA * np.gradient(speed, time))
+    data = step_data(
+        stamps,
+        counted(np.interp(stamps, time, angle), INPUT_QUANTUM),
+        counted(np.interp(stamps + skew, time, truth.output_angle) + 0.3, OUTPUT_QUANTUM),
+        GEAR.ratio,
+        output_quantum=OUTPUT_QUANTUM,
+        input_quantum=INPUT_QUANTUM,
+        kinematic_error=GEAR.kinematic_error,
+    )
+    return data, torque + 2e-3 * random.standard_normal(len(at)), np.interp(stamps, time, truth.output_angle)
+
+
+@pytest.fixture(scope="module")
+def fits():
+    return [
+        fit_step(step(speed, seed)[0]) for seed, speed in enumerate((600.0, 1200.0, 2400.0, 3000.0, -600.0, -3000.0))
+    ]
+
+
+def test_stiffness_over_inertia_within_one_percent(fits) -> None:
+    both = combine_steps(fits)
+    found = both.estimates["stiffness_over_inertia"]
+    assert found.value == pytest.approx(STATIC, rel=0.01)
+    assert found.value == pytest.approx(MODE.natural_frequency**2, rel=0.002)
+    assert both.estimates["damping_ratio"].value == pytest.approx(MODE.damping_ratio, rel=0.05)
+    assert {"stiffness_over_inertia_forward", "stiffness_over_inertia_reverse"} <= set(both.estimates)
+
+
+def test_each_step_alone_is_close(fits) -> None:
+    for fit in fits:
+        assert fit.resolvable
+        assert fit.estimates["stiffness_over_inertia"].value == pytest.approx(MODE.natural_frequency**2, rel=0.01)
+        assert fit.estimates["skew"].value == pytest.approx(1e-4, abs=6e-5)
+
+
+def test_the_model_beats_both_null_models(fits) -> None:
+    for fit in fits:
+        assert fit.metrics["skill"] > 0.7
+        assert fit.metrics["skill_rigid"] > 0.9
+        assert fit.metrics["skill_speed"] > 0.7
+        assert fit.metrics["mse_speed"] < 1.0
+        assert fit.metrics["overshoot_predicted"] == pytest.approx(fit.metrics["overshoot_measured"], abs=0.08)
+
+
+def test_a_rigid_prediction_has_no_skill() -> None:
+    data, _, _ = step(1200.0, 5)
+    rigid = score_step(data, data.input_angle / GEAR.ratio)
+    assert rigid.metrics["skill_rigid"] == pytest.approx(0.0, abs=1e-9)
+    assert rigid.metrics["skill"] < 0.0
+
+
+def test_the_true_output_has_the_skill_that_counting_allows() -> None:
+    data, _, truth = step(3000.0, 5, skew=0.0)
+    assert score_step(data, truth).metrics["skill"] > 0.98
+
+
+def test_a_transient_below_one_count_is_not_resolvable() -> None:
+    fit = fit_step(step(60.0, 1)[0])
+    assert not fit.resolvable
+    assert fit.estimates["stiffness_over_inertia"].identifiable == "no"
+    assert any("not resolvable" in w for w in fit.warnings)
+    with pytest.raises(IdentificationError, match="no step"):
+        combine_steps([fit])
+
+
+@pytest.mark.parametrize(("speed", "tolerance"), [(1200.0, 0.04), (3000.0, 0.03), (-3000.0, 0.03)])
+def test_inertia_from_torque(speed: float, tolerance: float) -> None:
+    data, torque, _ = step(speed, 7)
+    found = fit_step_inertia(data, fit_step(data), torque)
+    estimate = found.estimates["output_inertia"]
+    assert estimate.value == pytest.approx(GEAR.inertia.output, rel=tolerance)
+    assert estimate.high - estimate.low < 0.12 * estimate.value
+    assert found.estimates["output_stiffness"].value == pytest.approx(
+        PARAMETERS.combined_stiffness, rel=tolerance + 0.01
+    )
+    assert found.estimates["input_inertia"].value == pytest.approx(INPUT_INERTIA, rel=0.05)
+
+
+def test_a_wrong_ratio_or_a_rest_is_refused() -> None:
+    data, _, _ = step(600.0, 1)
+    quanta = {"output_quantum": OUTPUT_QUANTUM, "input_quantum": INPUT_QUANTUM}
+    with pytest.raises(IdentificationError, match="another ratio"):
+        step_data(data.time, data.input_angle, -data.output_angle, GEAR.ratio, **quanta)
+    with pytest.raises(IdentificationError, match="hardly moves"):
+        step_data(data.time, 0.0 * data.input_angle, data.output_angle, GEAR.ratio, **quanta)
+    with pytest.raises(IdentificationError, match="does not increase"):
+        step_data(0.0 * data.time, data.input_angle, data.output_angle, GEAR.ratio, **quanta)
+
+
+def test_speed_from_counts_beats_differences_by_orders() -> None:
+    time = np.arange(3000) * 1e-3
+    angle = counted(60.0 / 120.0 * RPM * time, OUTPUT_QUANTUM)
+    motion = speed_from_counts(time, angle, OUTPUT_QUANTUM)
+    inner = slice(200, -200)
+    error = np.std(motion.speed[inner] - 0.5 * RPM)
+    assert error < 0.01 * np.std(np.diff(angle) / 1e-3)
+    assert error < 0.01 * 0.5 * RPM
+    assert motion.window > 0.05
+
+
+def test_the_window_is_narrow_where_the_motion_is_worth_many_counts() -> None:
+    time = np.arange(2000) * 1e-3
+    true = 2.6 * time + 2e-3 * np.sin(2.0 * np.pi * 60.0 * time)
+    motion = speed_from_counts(time, counted(true, OUTPUT_QUANTUM), OUTPUT_QUANTUM)
+    expected = 2.6 + 2e-3 * 2.0 * np.pi * 60.0 * np.cos(2.0 * np.pi * 60.0 * time)
+    assert motion.window < 0.012
+    assert np.std((motion.speed - expected)[20:-20]) < 0.1 * 2e-3 * 2.0 * np.pi * 60.0
+
+
+def test_very_slow_motion_is_taken_from_the_edges() -> None:
+    time = np.arange(20_000) * 1e-3
+    motion = speed_from_counts(time, counted(2.0 * ARCSEC * 10.0 * time, OUTPUT_QUANTUM), OUTPUT_QUANTUM)
+    assert motion.from_edges
+    assert np.mean(motion.speed[3000:-3000]) == pytest.approx(20.0 * ARCSEC, rel=0.01)
+
+
+def test_uneven_stamps_are_used() -> None:
+    random = np.random.default_rng(0)
+    time = np.arange(2000) * 1e-3 + 3e-4 * random.uniform(-1, 1, 2000)
+    motion = speed_from_counts(time, counted(2.0 * time, OUTPUT_QUANTUM), OUTPUT_QUANTUM)
+    nominal = speed_from_counts(np.arange(2000) * 1e-3, counted(2.0 * time, OUTPUT_QUANTUM), OUTPUT_QUANTUM)
+    assert np.std(motion.speed[50:-50]) < 0.1 * np.std(nominal.speed[50:-50])
+
+
+def test_what_steps_can_identify() -> None:
+    time = np.arange(500) * 1e-3
+    speed = 1200.0 * RPM * (1.0 - np.exp(-250.0 * time))
+    angle = 1200.0 * RPM * (time - (1.0 - np.exp(-250.0 * time)) / 250.0)
+    alone = step_identifiability(GEAR, angle, 1e-3, output_quantum=OUTPUT_QUANTUM, input_speed=speed)
+    with_torque = step_identifiability(
+        GEAR, angle, 1e-3, output_quantum=OUTPUT_QUANTUM, torque_noise=2e-3, input_speed=speed
+    )
+    assert alone.verdicts["output_inertia"] == "no"
+    assert with_torque.verdicts["output_inertia"] == "yes"
+    for found in (alone, with_torque):
+        assert found.verdicts["mesh_stiffness"] == found.verdicts["bearing_damping"] == "no"
+        assert "K_m" in found.sentence()
+    best = alone.directions[0].components
+    assert best["output_inertia"] * best["cup_stiffness"] < 0.0
+    assert with_torque.count > alone.count

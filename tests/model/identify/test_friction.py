@@ -1,0 +1,191 @@
+"""Friction from holds at constant speed: averaging, directions, tare, budget, and every warning."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from model.errors import IdentificationError
+from model.friction import conversion_factor, friction_torque
+from model.gear_file import shipped_gear
+from model.identify.friction import TorqueUncertainty, check_identifiable, fit_friction
+from model.identify.running_torque import average_torque, bracket_drift, pair_directions, tare_from
+from model.identify.stribeck import NAMES
+from model.units import REVOLUTION, RPM
+from tests.model.identify.rigs import SPEEDS, hold, sweep
+
+GEAR = shipped_gear()
+
+
+@pytest.fixture(scope="module")
+def holds():
+    return sweep(GEAR, 1, SPEEDS)
+
+
+@pytest.fixture(scope="module")
+def motor_holds():
+    return sweep(GEAR, 2, SPEEDS, motor=0.012)
+
+
+@pytest.fixture(scope="module")
+def tare():
+    return tare_from(sweep(GEAR, 3, SPEEDS[::2], motor=0.012, geared=False))
+
+
+def truth() -> dict[str, float]:
+    return {name: getattr(GEAR.mesh_friction, name) for name in NAMES}
+
+
+def test_the_truth_lies_within_the_intervals(holds) -> None:
+    fit = fit_friction(holds, GEAR)
+    for name, value in truth().items():
+        estimate = fit.estimates[name]
+        centre, half = 0.5 * (estimate.low + estimate.high), 0.5 * (estimate.high - estimate.low)
+        assert abs(value - centre) < 1.6 * half
+        assert estimate.identifiable == "yes"
+    assert fit.estimates["offset"].value == pytest.approx(0.01, abs=3e-4)
+    assert fit.metrics["birge"] < 1.5
+    np.testing.assert_allclose(fit.fitted, friction_torque(GEAR, fit.speed), rtol=0.01)
+
+
+def test_motor_and_gear_are_not_called_gear(motor_holds) -> None:
+    fit = fit_friction(motor_holds, GEAR)
+    assert fit.subject == "motor + gear"
+    assert any("tare" in w for w in fit.warnings)
+    assert fit.estimates["coulomb"].value > 1.15 * GEAR.mesh_friction.coulomb
+
+
+def test_the_tare_gives_the_gear_back(motor_holds, tare) -> None:
+    fit = fit_friction(motor_holds, GEAR, tare=tare)
+    assert fit.subject == "gear"
+    for name, value in truth().items():
+        estimate = fit.estimates[name]
+        assert (
+            estimate.low - 0.6 * (estimate.high - estimate.low)
+            < value
+            < estimate.high + 0.6 * (estimate.high - estimate.low)
+        )
+
+
+def test_an_invalid_tare_does_not_make_it_the_gear(motor_holds, tare) -> None:
+    assert fit_friction(motor_holds, GEAR, tare=dataclasses.replace(tare, valid=False)).subject == "motor + gear"
+
+
+def test_speeds_beyond_the_tare_are_named(motor_holds) -> None:
+    short = tare_from(sweep(GEAR, 3, SPEEDS[SPEEDS < 1000.0], motor=0.012, geared=False))
+    assert any("beyond the tare" in w for w in fit_friction(motor_holds, GEAR, tare=short).warnings)
+
+
+def test_one_direction_alone_takes_the_offset_for_friction_and_says_so(holds) -> None:
+    fit = fit_friction([h for h in holds if h.speed > 0.0], GEAR)
+    assert fit.estimates["coulomb"].value > 1.1 * GEAR.mesh_friction.coulomb
+    assert any("partner" in w for w in fit.warnings)
+
+
+def test_published_and_energy_balance_are_named_and_differ_by_their_levers(holds) -> None:
+    energy, published = (fit_friction(holds, GEAR, balance=b) for b in ("energy", "published"))
+    assert (energy.torque_balance, published.torque_balance) == ("energy", "published")
+    ratio = published.estimates["static"].value / energy.estimates["static"].value
+    assert ratio == pytest.approx(conversion_factor(GEAR), rel=0.03)
+    np.testing.assert_allclose(published.fitted, energy.fitted, rtol=2e-3)
+
+
+def test_a_slowest_speed_above_a_tenth_of_the_stribeck_velocity_is_warned_about() -> None:
+    fit = fit_friction(sweep(GEAR, 4, np.geomspace(60.0, 3000.0, 15)), GEAR)
+    assert any("cannot pin" in w for w in fit.warnings)
+    assert fit.estimates["stribeck_velocity"].identifiable != "yes"
+
+
+def test_the_budget_holds_type_b_and_matches_a_refit(holds) -> None:
+    fit = fit_friction(holds, GEAR, uncertainty=TorqueUncertainty(scale=0.02))
+    (line,) = [b for b in fit.estimates["coulomb"].budget if b.source == "torque scale"]
+    scaled = [dataclasses.replace(h, torque=1.02 * h.torque, standard_error=1.02 * h.standard_error) for h in holds]
+    change = fit_friction(scaled, GEAR).estimates["coulomb"].value - fit.estimates["coulomb"].value
+    assert line.standard_uncertainty == pytest.approx(abs(change), rel=0.15)
+    assert fit.estimates["coulomb"].expanded_uncertainty > 2.0 * line.standard_uncertainty
+
+
+def test_the_bracket_tells_a_drift() -> None:
+    steady = [hold(GEAR, 500.0, 50 + k, noise=2e-4) for k in range(4)]
+    hot = [hold(GEAR, 500.0, 60 + k, noise=2e-4, gain=1.0 - 0.02 * k, zero=0.0) for k in range(4)]
+    hot = [dataclasses.replace(h, time=100.0 * k) for k, h in enumerate(hot)]
+    assert bracket_drift(steady)[1] is None
+    drift, sentence = bracket_drift(hot)
+    assert drift == pytest.approx(0.06, abs=0.01)
+    assert sentence is not None
+    fit = fit_friction(sweep(GEAR, 5, SPEEDS[::2]), GEAR, bracket=hot)
+    with pytest.raises(IdentificationError, match="drifted"):
+        check_identifiable(fit)
+
+
+def test_averaging_is_over_angle_not_time() -> None:
+    """At a rippling speed the torque that depends on angle has no mean over angle, though it has one over time."""
+    time = np.linspace(0.0, 40.0, 40_000)
+    angle = 2.0 * time + 0.3 * np.sin(2.0 * time)
+    torque = 0.05 + 0.02 * np.cos(angle)
+    found = average_torque(time, angle, torque)
+    assert found.torque == pytest.approx(0.05, abs=2e-5)
+    assert abs(np.mean(torque) - 0.05) > 1e-3
+
+
+def test_the_error_of_the_mean_respects_autocorrelation() -> None:
+    z = []
+    for seed in range(60):
+        found = hold(GEAR, 600.0, 7000 + seed, revolutions=30, zero=0.0)
+        z.append((found.torque - float(friction_torque(GEAR, np.array([600.0 * RPM]))[0])) / found.standard_error)
+    assert 0.75 < np.std(z) < 1.3
+
+
+def test_the_error_within_few_revolutions_is_of_the_right_size() -> None:
+    z = []
+    for seed in range(60):
+        found = hold(GEAR, 20.0, 8000 + seed, revolutions=2, rate=200.0, zero=0.0)
+        z.append((found.torque - float(friction_torque(GEAR, np.array([20.0 * RPM]))[0])) / found.standard_error)
+    assert 0.7 < np.std(z) < 1.35
+
+
+def test_stick_is_seen() -> None:
+    time = np.linspace(0.0, 60.0, 12_000)
+    angle = 0.3 * time
+    angle = np.where((time > 20.0) & (time < 22.0), angle[4000], angle)
+    found = average_torque(time, angle, np.full_like(time, 0.06))
+    assert found.sticks
+    assert not average_torque(time, 0.3 * time, np.full_like(time, 0.06)).sticks
+
+
+def test_half_difference_and_half_sum() -> None:
+    ahead, back = hold(GEAR, 100.0, 1, zero=0.02), hold(GEAR, -100.0, 2, zero=0.02)
+    points = pair_directions([ahead, back])
+    assert points.paired.all()
+    assert points.friction[0] == pytest.approx(0.5 * (ahead.torque - back.torque))
+    assert points.offset[0] == pytest.approx(0.02, abs=4.0 * points.offset_error[0])
+
+
+@pytest.mark.parametrize(
+    ("time", "angle", "torque", "what"),
+    [
+        (np.arange(100.0), np.linspace(0.0, 3.0, 100), np.ones(100), "less than one whole"),
+        (np.zeros(100), np.linspace(0.0, 30.0, 100), np.ones(100), "does not increase"),
+        (np.arange(100.0), np.linspace(0.0, 30.0, 100), np.full(100, np.inf), "not finite"),
+        (np.arange(4.0), np.linspace(0.0, 30.0, 4), np.ones(4), "too few"),
+    ],
+)
+def test_bad_holds_are_refused(time: np.ndarray, angle: np.ndarray, torque: np.ndarray, what: str) -> None:
+    with pytest.raises(IdentificationError, match=what):
+        average_torque(time, angle, torque)
+
+
+def test_too_few_points_are_refused() -> None:
+    with pytest.raises(IdentificationError):
+        fit_friction([hold(GEAR, 100.0, 1), hold(GEAR, -100.0, 2)], GEAR)
+    with pytest.raises(IdentificationError):
+        fit_friction([], GEAR)
+
+
+def test_reverse_motion_has_negative_speed_and_torque() -> None:
+    found = hold(GEAR, -100.0, 1, zero=0.0)
+    assert found.speed == pytest.approx(-100.0 * RPM, rel=1e-3)
+    assert found.torque < 0.0
+    assert found.revolutions * REVOLUTION > 0.0

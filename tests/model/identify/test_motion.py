@@ -1,0 +1,88 @@
+"""Inertia and friction from any motion: a simulated axis, and the EMPS benchmark against its published values."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+
+from model.errors import IdentificationError
+from model.identify.motion import MotionFilter, fit_motion, score_motion
+
+DATA = Path(os.environ.get("HARMONIC_RIG_DATA", Path(__file__).resolve().parents[4] / "shared" / "data")) / "emps"
+needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the EMPS recordings are not there")
+
+
+def emps(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    found = scipy.io.loadmat(DATA / name)
+    return np.ravel(found["t"]), np.ravel(found["qm"]), float(found["gtau"][0, 0]) * np.ravel(found["vir"])
+
+
+@needs_data
+def test_emps_symmetric_and_cross_validation() -> None:
+    fit = fit_motion(*emps("DATA_EMPS.mat"))
+    found = {name: e.value for name, e in fit.estimates.items()}
+    assert found["inertia"] == pytest.approx(95.1089, rel=0.002)
+    assert found["viscous"] == pytest.approx(203.5034, rel=0.01)
+    assert found["coulomb"] == pytest.approx(20.3935, rel=0.01)
+    assert found["offset"] == pytest.approx(-3.1648, abs=0.05)
+    assert 4.0 < fit.metrics["relative_error_percent"] < 4.2
+    assert fit.metrics["condition"] == pytest.approx(25.99, rel=0.01)
+    assert score_motion(fit, *emps("DATA_EMPS_PULSES.mat")).relative_error_percent < 6.0
+
+
+@needs_data
+def test_emps_asymmetric() -> None:
+    fit = fit_motion(*emps("DATA_EMPS.mat"), variant="asymmetric")
+    found = {name: e.value for name, e in fit.estimates.items()}
+    assert found["inertia"] == pytest.approx(95.1540, rel=0.002)
+    assert found["viscous_forward"] == pytest.approx(166.7061, rel=0.01)
+    assert found["coulomb_forward"] == pytest.approx(20.1440, rel=0.01)
+    assert found["viscous_reverse"] == pytest.approx(240.4236, rel=0.01)
+    assert found["coulomb_reverse"] == pytest.approx(20.6277, rel=0.01)
+    assert fit.metrics["relative_error_percent"] < 3.2
+
+
+def axis(seed: int, noise: float = 0.02) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A rotary axis with J 2e-3, viscous 0.05, Coulomb 0.4, offset -0.1 in a rich periodic motion."""
+    random = np.random.default_rng(seed)
+    time = np.arange(8000) * 1e-3
+    position, velocity, acceleration = (np.zeros_like(time) for _ in range(3))
+    for frequency, size in ((0.4, 3.0), (1.3, 0.8), (3.1, 0.3)):
+        w, shift = 2.0 * np.pi * frequency, random.uniform(0.0, 6.0)
+        position += size * np.sin(w * time + shift)
+        velocity += size * w * np.cos(w * time + shift)
+        acceleration -= size * w**2 * np.sin(w * time + shift)
+    force = 2e-3 * acceleration + 0.05 * velocity + 0.4 * np.sign(velocity) - 0.1
+    return time, position, force + noise * random.standard_normal(len(time))
+
+
+def test_the_truth_of_a_simulated_axis_is_covered() -> None:
+    truth = {"inertia": 2e-3, "viscous": 0.05, "coulomb": 0.4, "offset": -0.1}
+    inside = []
+    for seed in range(25):
+        fit = fit_motion(*axis(seed), rotary=True)
+        inside += [fit.estimates[n].low <= v <= fit.estimates[n].high for n, v in truth.items()]
+        assert fit.estimates["inertia"].unit == "kg m2"
+    assert np.mean(inside) > 0.88
+
+
+def test_bad_motion_is_refused() -> None:
+    time, position, force = axis(0)
+    with pytest.raises(IdentificationError, match="one direction"):
+        fit_motion(time, 2.0 * time, force)
+    with pytest.raises(IdentificationError, match="does not move"):
+        fit_motion(time, 0.0 * time, force)
+    with pytest.raises(IdentificationError, match="does not increase"):
+        fit_motion(time[::-1], position, force)
+    with pytest.raises(IdentificationError, match="too few"):
+        fit_motion(time[:50], position[:50], force[:50])
+    with pytest.raises(IdentificationError, match="finite"):
+        fit_motion(time, np.where(time == time[7], np.nan, position), force)
+    with pytest.raises(IdentificationError, match="cutoff"):
+        fit_motion(time, position, force, recipe=MotionFilter(cutoff_hz=600.0))
+    with pytest.raises(IdentificationError, match="evenly"):
+        fit_motion(time + 4e-4 * np.sin(time * 1e3), position, force)

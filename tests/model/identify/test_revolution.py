@@ -1,0 +1,115 @@
+"""Fourier series per revolution: orders chosen by the data, directions apart, and a recorded cogging map."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.errors import IdentificationError
+from model.identify.revolution import directions_of_travel, fit_revolution, order_peaks
+from model.units import REVOLUTION
+
+DATA = (
+    Path(os.environ.get("HARMONIC_RIG_DATA", Path(__file__).resolve().parents[4] / "shared" / "data")) / "laas_cogging"
+)
+
+
+@pytest.fixture(scope="module")
+def cogging():
+    if not DATA.is_dir():
+        pytest.skip("the cogging map is not there")
+    table = np.genfromtxt(DATA / "stopped_data.txt", skip_header=1, delimiter=",")
+    return fit_revolution(table[:, 1], table[:, 3], unit="A")
+
+
+def authors_amplitudes() -> np.ndarray:
+    """Amplitude per order of the authors' table: int16 over one turn, one count being 2^-16 A."""
+    text = (DATA / "cogging_tableau.txt").read_text().split("{")[1]
+    table = np.array([int(v) for v in re.findall(r"-?\d+", text)], dtype=float) / 65536.0
+    return 2.0 * np.abs(np.fft.rfft(table)) / len(table)
+
+
+def test_the_cogging_orders_are_found_strongest_first(cogging) -> None:
+    assert cogging.orders[:6].tolist() == [72, 18, 12, 144, 24, 36]
+
+
+def test_the_cogging_amplitudes_agree_with_the_authors_table(cogging) -> None:
+    table = authors_amplitudes()
+    for order, amplitude in zip(cogging.orders[:6], cogging.amplitude[:6], strict=True):
+        assert amplitude == pytest.approx(table[order], rel=0.03)
+
+
+def test_the_cogging_residual_and_friction(cogging) -> None:
+    assert cogging.metrics["residual_rms"] < 0.014
+    assert cogging.estimates["friction"].value == pytest.approx(0.054, abs=0.0006)
+    assert len(cogging.orders) < 60
+
+
+def back_and_forth(seed: int, noise: float, friction: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
+    random = np.random.default_rng(seed)
+    up = np.linspace(0.0, 1.05 * REVOLUTION, 3000)
+    angle = np.concatenate([up, up[::-1]])
+    sign = np.concatenate([np.ones(3000), -np.ones(3000)])
+    value = 0.01 + friction * sign + 0.2 * np.cos(24 * angle - 1.0) + 0.03 * np.cos(7 * angle + 0.5)
+    return angle + 1e-4 * random.standard_normal(len(angle)), value + noise * random.standard_normal(len(angle))
+
+
+def test_orders_amplitudes_and_friction_are_recovered() -> None:
+    fit = fit_revolution(*back_and_forth(1, 0.02), unit="N m", highest_order=60)
+    assert fit.orders[:2].tolist() == [24, 7]
+    assert fit.estimates["amplitude_24"].value == pytest.approx(0.2, abs=2e-3)
+    assert fit.estimates["phase_24"].value == pytest.approx(1.0, abs=0.02)
+    assert fit.estimates["phase_7"].value == pytest.approx(-0.5, abs=0.1)
+    assert fit.estimates["friction"].value == pytest.approx(0.05, abs=1e-3)
+    assert fit.estimates["mean"].value == pytest.approx(0.01, abs=1e-3)
+    assert fit.metrics["residual_rms"] == pytest.approx(0.02, rel=0.05)
+
+
+def test_noise_alone_brings_hardly_any_order() -> None:
+    found = []
+    for seed in range(6):
+        random = np.random.default_rng(100 + seed)
+        angle, _ = back_and_forth(seed, 0.0)
+        found.append(len(fit_revolution(angle, random.standard_normal(len(angle)), highest_order=80).orders))
+    assert np.mean(found) <= 0.5
+
+
+def test_one_direction_alone_gives_no_friction() -> None:
+    angle, value = back_and_forth(2, 0.01)
+    fit = fit_revolution(angle[:3000], value[:3000], highest_order=60)
+    assert "friction" not in fit.estimates
+    assert fit.estimates["mean"].identifiable == "weakly"
+
+
+def test_directions_of_travel_ignore_jitter() -> None:
+    angle, _ = back_and_forth(3, 0.0)
+    sign = directions_of_travel(angle)
+    assert np.all(sign[:2990] == 1.0)
+    assert np.all(sign[3010:] == -1.0)
+
+
+def test_order_peaks_over_input_and_output_angle() -> None:
+    random = np.random.default_rng(0)
+    angle = np.linspace(0.0, 240.0 * REVOLUTION, 200_000) + 0.05 * np.sin(np.linspace(0.0, 900.0, 200_000))
+    value = np.cos(2.0 * angle) + 0.3 * np.cos(angle / 120.0) + 0.1 * random.standard_normal(len(angle))
+    assert order_peaks(angle, value, highest_order=10.0).peaks[0] == pytest.approx(2.0, abs=0.005)
+    over_output = order_peaks(angle, value, ratio=120.0, highest_order=300.0)
+    assert set(np.round(over_output.peaks[:2])) == {240.0, 1.0}
+
+
+@pytest.mark.parametrize(
+    ("angle", "value", "what"),
+    [
+        (np.zeros(500), np.zeros(500), "does not move"),
+        (np.linspace(0.0, 3.0, 500), np.zeros(500), "no whole revolution"),
+        (np.linspace(0.0, 7.0, 500), np.full(500, np.nan), "not finite"),
+        (np.linspace(0.0, 7.0, 20), np.zeros(20), "too few"),
+    ],
+)
+def test_bad_input_is_refused(angle: np.ndarray, value: np.ndarray, what: str) -> None:
+    with pytest.raises(IdentificationError, match=what):
+        fit_revolution(angle, value)
