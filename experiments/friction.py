@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -20,13 +20,21 @@ from annotated_types import Ge, Gt, Le
 from experiments.budget import budget_table, torque_scale_uncertainty
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
+from experiments.friction_foreign import friction_in_foreign_unit
 from experiments.friction_plots import friction_plots, friction_prediction_plot, point_table
+from experiments.friction_points import (
+    Correction,
+    MeasuredFriction,
+    corrected,
+    measure_friction,
+    reproducibility,
+    weighed,
+)
 from experiments.parameters import Help, Unit
 from experiments.plan_parts import between_zeros, checked, longest, ramp, stop, whole_revolutions, window_of
-from experiments.quality import check_recording, known_settings, time_base_remark
+from experiments.quality import known_settings
 from experiments.recording import Recording
 from experiments.result import Result, Verdict, judge_upper
-from experiments.running_torque import Hold, foreign_holds, measured_holds
 from experiments.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
 from experiments.speeds import (
     clear_of_resonances,
@@ -37,24 +45,26 @@ from experiments.speeds import (
     resonance_speeds,
 )
 from experiments.steps import HoldRevolutions, HoldTime, Mark, MoveRevolutions, SegmentLabel, Settle, Step
-from experiments.tare import read_tare
-from experiments.zero import TorqueZero, torque_zero
+from experiments.zero import TorqueZero
 from model.friction import bearing_lever, bearing_magnitude, friction_torque, mesh_lever
 from model.gear import HarmonicDrive, Origin
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.friction import FrictionFit, TorqueUncertainty, check_identifiable, fit_friction
-from model.identify.running_torque import FrictionPoints, RunningTorque, Tare, pair_directions
-from model.identify.stribeck import NAMES, fit_stribeck, fit_stribeck_genetic, profile_intervals, stribeck_jacobian
+from model.identify.running_torque import FrictionPoints, pair_directions
+from model.identify.stribeck import NAMES, fit_stribeck_genetic, stribeck_jacobian
 from model.units import DEGREE, RPM
 
 NAME = "friction"
 
-GOLDEN_STEP = 0.1458980337503154
-"""Output revolutions between the start positions of successive speeds: the golden ratio to the power -4, which spreads any
-number of positions evenly and never repeats one."""
+GOLDEN_STEP = 0.6180339887498949
+"""Output revolutions between the start positions of successive speeds: neighbouring speeds lie far apart on the output, any
+number of positions is spread evenly, and none repeats."""
 
 WIND_UP = 10.0 * DEGREE
 """Input angle within which friction winds the gear up after a reversal (hysteresis of 1 arcmin is 2 degrees at the input)."""
+
+
+Curve = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -82,10 +92,10 @@ class Parameters:
     ] = 0.002
     resonance_band: Annotated[
         float, Ge(0.0), Le(0.5), Unit("1"), Help("share of a resonance speed that is steered clear of")
-    ] = 0.04
+    ] = 0.08
     move_rpm: Annotated[
         float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("speed of the moves that spread the start positions")
-    ] = 900.0
+    ] = 1500.0
     acceleration: Acceleration = 800.0
     zero_time: ZeroTime = 3.0
     sync_rate: SyncRate = 1000.0
@@ -100,18 +110,21 @@ def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
     return between_zeros(_sweeps(parameters, gear, speeds), parameters.zero_time)
 
 
-def sweep_speeds(p: Parameters, gear: HarmonicDrive) -> tuple[float, ...]:
-    """The input speeds [rad/s], ascending: as given or log-spaced, then moved off SYNC ratios and resonances."""
+def sweep_speeds(p: Parameters, gear: HarmonicDrive, name: str = NAME) -> tuple[float, ...]:
+    """The input speeds [rad/s], ascending: as given or log-spaced, then moved off SYNC ratios and resonances.
+
+    `name` of the protocol stands in refusals.
+    """
     if not p.speeds_rpm and p.highest_rpm < p.lowest_rpm:
         raise PlanError(
             "the highest speed is below the lowest",
-            where=f"{NAME}.highest_rpm",
+            where=f"{name}.highest_rpm",
             value=f"{p.highest_rpm:g} r/min",
             limit=f">= {p.lowest_rpm:g} r/min",
         )
     wanted = sorted(p.speeds_rpm) if p.speeds_rpm else log_speeds(p.lowest_rpm, p.highest_rpm, p.points)
     for rpm in wanted:
-        refuse_speed(rpm, gear, f"{NAME}.speeds_rpm" if p.speeds_rpm else f"{NAME}.highest_rpm")
+        refuse_speed(rpm, gear, f"{name}.speeds_rpm" if p.speeds_rpm else f"{name}.highest_rpm")
     low, high = wanted[0] * RPM, wanted[-1] * RPM
     resonances = resonance_speeds(gear)
     moved = (clear_of_resonances(rpm * RPM, resonances, p.resonance_band, low, high) for rpm in wanted)
@@ -180,19 +193,6 @@ TEMPERATURE_COEFFICIENT = -0.04
 """Change of friction per kelvin, relative: typical of grease."""
 
 
-@dataclass(frozen=True)
-class _Measured:
-    """Everything a friction analysis takes from its recording."""
-
-    holds: list[Hold]
-    bracket: list[Hold]
-    zero: TorqueZero
-    tare: Tare | None
-    channel: str
-    unit: str
-    warnings: list[str]
-
-
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Friction parameters with profile intervals, running torque at the catalogue's speeds, offset and asymmetry.
 
@@ -200,111 +200,82 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     bracket_refusal (0.25; above it refused), genetic (True: the paper's search beside it), seed of that search (0).
     """
     known_settings(evidence.settings, SETTINGS, NAME)
-    measured = _measure(recording, evidence)
+    measured = measure_friction(recording, evidence)
     if measured.unit != "N m":
-        return _in_foreign_unit(recording, measured)
+        return friction_in_foreign_unit(recording, measured)
     settings = evidence.settings
-    spread = reproducibility([h.torque for h in measured.bracket])
     with analysing(recording.metadata.run_id):
-        fit = fit_friction(
-            _with_reproducibility(measured.holds, spread), evidence.gear, tare=measured.tare,
-            bracket=[h.torque for h in measured.bracket], uncertainty=_type_b(recording, evidence.gear, measured),
-            balance=settings.get("balance"), bracket_limit=float(settings.get("bracket_limit", 0.03)),
-        )  # fmt: skip
+        fit, brought, correction = _fit(recording, evidence, measured)
         check_identifiable(fit, limit=float(settings.get("bracket_refusal", 0.25)))
         metrics = dict(fit.metrics)
         if settings.get("genetic", True):
             metrics |= _genetic(fit, evidence.gear, int(settings.get("seed", 0)))
     metrics["torque_zero_drift"] = measured.zero.drift
-    metrics["reproducibility"] = spread
-    metrics |= _warmth(measured.holds)
+    metrics["reproducibility"] = reproducibility(brought.bracket)
+    metrics |= correction.metrics() | _warmth(measured)
     estimates = (
         dict(fit.estimates) | _offset(fit, measured.zero) | _running_torques(recording, fit, evidence.gear, measured)
     )
     run = recording.metadata.run_id
     return Result(
         run, NAME, estimates, metrics, (*measured.warnings, *fit.warnings), _verdicts(fit, estimates, evidence.gear),
-        friction_plots(fit, measured.holds, measured.bracket, measured.tare),
+        friction_plots(fit, brought.holds, measured.bracket, measured.tare),
         (point_table(measured.holds, measured.bracket, measured.tare), budget_table(estimates.values())),
         {
             "torque_is_of": fit.subject, "torque_balance": fit.torque_balance, "channel": measured.channel,
-            "low_speed_branch": evidence.gear.options.low_speed_branch,
+            "low_speed_branch": evidence.gear.options.low_speed_branch, "points_brought_to": correction.words(),
         },
     )  # fmt: skip
 
 
-def _measure(recording: Recording, evidence: Evidence) -> _Measured:
-    channel = str(evidence.settings.get("channel", "torque"))
-    if channel == "torque" and not recording.has("torque") and recording.has("drive_torque"):
-        channel = "drive_torque"
-    recording.require("running torque", "input_angle", channel)
-    if recording.signals["input_angle"].unit != "rad":
-        raise AnalysisError(
-            "running torque is averaged over revolutions and needs a rotary input", where=recording.metadata.run_id,
-            value=f"input_angle in {recording.signals['input_angle'].unit}", limit="rad",
-            remedy="For a linear axis use the kind `motion`.",
+def _fit(
+    recording: Recording, evidence: Evidence, measured: MeasuredFriction
+) -> tuple[FrictionFit, MeasuredFriction, Correction]:
+    """The fit of the points, brought to mean place and warmth as the fit itself shows them (two rounds)."""
+    settings = evidence.settings
+    uncertainty = _type_b(recording, evidence.gear, measured)
+
+    def fit_of(points: MeasuredFriction, *, profile: bool) -> FrictionFit:
+        return fit_friction(
+            weighed(points.holds, reproducibility(points.bracket), evidence.gear), evidence.gear, tare=points.tare,
+            bracket=[h.torque for h in measured.bracket], uncertainty=uncertainty, balance=settings.get("balance"),
+            bracket_limit=float(settings.get("bracket_limit", 0.03)), profile=profile,
         )  # fmt: skip
-    warnings = list(check_recording(recording, "running torque", evidence.maximum_missed_share).warnings)
-    warnings += time_base_remark(recording)
-    zero = torque_zero(recording, channel)
-    warnings += zero.warnings
-    bracket: list[Hold] = []
-    if recording.segments:
-        holds, remarks = measured_holds(recording, recording.labelled("hold"), zero, channel)
-        bracket, more = measured_holds(recording, recording.labelled("bracket"), zero, channel)
-        remarks += more
-    else:
-        holds, remarks = foreign_holds(recording, zero, channel)
-    if not holds:
-        raise AnalysisError(
-            "no stretch at constant speed over a whole input revolution was found", where=recording.metadata.run_id,
-            remedy="Hold each speed for whole revolutions.",
-        )  # fmt: skip
-    speeds = [abs(h.torque.speed) for h in holds]
-    tare, said = read_tare(evidence.tare, min(speeds), max(speeds))
-    unit = recording.signals[channel].unit
-    return _Measured(holds, bracket, zero, tare, channel, unit, [*warnings, *remarks, *said])
+
+    points, correction = measured, Correction()
+    for _ in range(2):
+        fit = fit_of(points, profile=False)
+        points, correction = corrected(measured, *_curves_of(fit, evidence.gear))
+    return fit_of(points, profile=True), points, correction
 
 
-def reproducibility(bracket: list[RunningTorque]) -> float:
-    """Relative standard deviation of the friction at the reference speed over the run; NaN with less than four visits.
+def _curves_of(fit: FrictionFit, gear: HarmonicDrive) -> tuple[Curve, Curve]:
+    """The fitted friction torque over speed, and its dry part: Stribeck curve and the bearing's torque at rest [N m]."""
 
-    What a point shows when it is measured again later and elsewhere: more than the scatter between its own revolutions, which
-    says nothing about heat and about the place on the output.
-    """
-    if not bracket:
-        return math.nan
-    points = pair_directions(bracket)
-    friction = points.friction[points.paired]
-    return float(friction.std(ddof=1) / friction.mean()) if len(friction) >= 4 else math.nan
+    def whole(speed: np.ndarray) -> np.ndarray:
+        return np.interp(np.log(speed), np.log(fit.curve_speed), fit.curve_torque)
 
+    def dry(speed: np.ndarray) -> np.ndarray:
+        coulomb, static, velocity, shape, _ = fit.stribeck.values
+        mesh = coulomb + (static - coulomb) * np.exp(-((speed / velocity) ** shape))
+        still = bearing_magnitude(gear.bearing, 0.0, low_speed_branch=gear.options.low_speed_branch)
+        return mesh_lever(gear, fit.torque_balance) * mesh + bearing_lever(gear, fit.torque_balance) * still
 
-def _with_reproducibility(holds: list[Hold], spread: float) -> list[RunningTorque]:
-    """The running torques with the reproducibility in their standard errors.
-
-    Both directions of a point are measured together and share it, so that it must not average out between them.
-    """
-    if not math.isfinite(spread):
-        return [h.torque for h in holds]
-    share = math.sqrt(2.0) * spread
-    return [
-        dataclasses.replace(h.torque, standard_error=math.hypot(h.torque.standard_error, share * abs(h.torque.torque)))
-        for h in holds
-    ]
+    return whole, dry
 
 
-def _warmth(holds: list[Hold]) -> dict[str, float]:
+def _warmth(measured: MeasuredFriction) -> dict[str, float]:
     """Mean and span of the housing temperature of the points [degC], where it was recorded."""
-    warmth = np.array([h.torque.temperature for h in holds])
+    warmth = measured.warmth
     if not np.isfinite(warmth).all():
         return {}
     return {"housing_temperature": float(warmth.mean()), "housing_temperature_span": float(np.ptp(warmth))}
 
 
-def _type_b(recording: Recording, gear: HarmonicDrive, measured: _Measured) -> TorqueUncertainty:
+def _type_b(recording: Recording, gear: HarmonicDrive, measured: MeasuredFriction) -> TorqueUncertainty:
     """What the data cannot show: torque scale, zero, the tare as a whole, warmth of the points, literature values."""
     scale, _ = torque_scale_uncertainty(recording, measured.channel)
-    warmth = np.array([h.torque.temperature for h in measured.holds])
+    warmth = measured.warmth
     spread = float(np.std(warmth)) if np.isfinite(warmth).all() else 0.5
     known = gear.origins.get("bearing.friction_factor", Origin("assumed"))
     relative = BEARING_RELATIVE
@@ -343,7 +314,7 @@ def _genetic(fit: FrictionFit, gear: HarmonicDrive, seed: int) -> dict[str, floa
 
 
 def _running_torques(
-    recording: Recording, fit: FrictionFit, gear: HarmonicDrive, measured: _Measured
+    recording: Recording, fit: FrictionFit, gear: HarmonicDrive, measured: MeasuredFriction
 ) -> dict[str, Estimate]:
     """The fitted no-load running torque at the catalogue's input speeds that lie within the run."""
     found: dict[str, Estimate] = {}
@@ -391,38 +362,13 @@ def _verdicts(fit: FrictionFit, estimates: dict[str, Estimate], gear: HarmonicDr
     return (judge_upper(name, definition, worst, limit.value, limit.origin.provenance, limit.origin.source),)
 
 
-def _in_foreign_unit(recording: Recording, measured: _Measured) -> Result:
-    """Friction over speed in the channel's own unit (a motor current): the Stribeck curve without levers and bearing."""
-    unit = measured.unit
-    with analysing(recording.metadata.run_id):
-        points = pair_directions([h.torque for h in measured.holds])
-        fit = fit_stribeck(points.speed, points.friction, points.standard_error)
-        intervals = profile_intervals(fit, points.speed, points.friction, points.standard_error)
-    units = {"coulomb": unit, "static": unit, "stribeck_velocity": "rad/s", "shape": "1", "viscous": f"{unit} s/rad"}
-    estimates: dict[str, Estimate] = {}
-    for k, name in enumerate(NAMES):
-        low, high = (float(x) for x in intervals[k])
-        closed = math.isfinite(low) and math.isfinite(high)
-        note = "" if closed else "the profile of the likelihood does not close: the data do not bound it"
-        low, high = (low if math.isfinite(low) else 0.0), (high if math.isfinite(high) else math.inf)
-        estimates[name] = Estimate(name, float(fit.values[k]), units[name], low, high, "yes" if closed else "no", note)
-    text = f'The channel "{measured.channel}" is in {unit}, not N m: friction is that of the whole axis, in {unit}.'
-    return Result(
-        recording.metadata.run_id, NAME, estimates,
-        {"points": float(len(points.speed)), "chi_square": fit.chi_square, "freedom": float(fit.freedom)},
-        (*measured.warnings, *points.warnings, text),
-        tables=(point_table(measured.holds, measured.bracket, None, unit),),
-        options={"torque_is_of": "motor + gear", "channel": measured.channel, "torque_balance": "none"},
-    )  # fmt: skip
-
-
 def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:
     """Score the friction of a given parameter set on a run: MSE as in (22), and skill against two null models.
 
     Null models: the mean torque, and a straight line over speed; both are fitted to the run, the parameter set is not.
     """
     known_settings(evidence.settings, SETTINGS, NAME)
-    measured = _measure(recording, evidence)
+    measured = measure_friction(recording, evidence)
     if measured.unit != "N m":
         raise AnalysisError(
             "a parameter set gives torques; this recording has none", where=recording.metadata.run_id,

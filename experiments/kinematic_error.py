@@ -267,7 +267,7 @@ def _one_direction(context: _Context, traverses: list[Traverse], evidence: Evide
 def _pooled(found: list[dict[str, Estimate]]) -> dict[str, Estimate]:
     """The mean over repeats; the interval is the wider of each repeat's own and the scatter between them."""
     if len(found) == 1:
-        return dict(found[0])
+        return {name: replace(e, name=name) for name, e in found[0].items()}
     common = [name for name in found[0] if all(name in other for other in found)]
     return {name: _mean_of(name, [f[name] for f in found]) for name in common}
 
@@ -291,7 +291,7 @@ def _mean_of(name: str, estimates: list[Estimate]) -> Estimate:
     )
     if budget:
         budget = (*budget, BudgetLine("between repeats", "A", between, f"{n} repeats"))
-    return replace(first, value=mean, low=mean - half, high=mean + half, budget=budget)
+    return replace(first, name=name, value=mean, low=mean - half, high=mean + half, budget=budget)
 
 
 def _metrics(

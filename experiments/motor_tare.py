@@ -65,7 +65,7 @@ def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
     """Torque zero; every speed in both directions, settled, over whole revolutions of the bare motor; torque zero."""
     checked(parameters, Parameters, NAME)
     settings = _as_friction(parameters)
-    speeds = friction.sweep_speeds(settings, gear)
+    speeds = friction.sweep_speeds(settings, gear, NAME)
     return between_zeros(_points(parameters, settings, speeds), parameters.zero_time)
 
 

@@ -14,7 +14,7 @@ from experiments.result import Plot, Result, Series, Table
 from experiments.stretches import stretches
 from model.errors import ModelError
 from model.identify.estimate import Estimate
-from model.kinematic_error import OrderSpectrum, order_spectrum
+from model.identify.revolution import OrderPeaks, order_peaks
 from model.units import DEGREE
 
 NAME = "order-spectrum"
@@ -42,11 +42,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     highest = float(settings.get("highest_order", 64.0))
     warnings = list(check_recording(recording, "an order spectrum", evidence.maximum_missed_share).warnings)
     ratio = rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
-    found: dict[int, OrderSpectrum] = {}
+    found: dict[int, OrderPeaks] = {}
     for segment in _longest_each_way(recording, angle_name):
         angle, value = _channels(recording, segment, angle_name, channel, ratio)
         try:
-            found[segment.direction] = order_spectrum(angle, value, highest)
+            found[segment.direction] = order_peaks(angle, value, highest_order=highest)
         except ModelError as error:
             warnings.append(f"{'forward' if segment.direction > 0 else 'reverse'}: {error.what}.")
     if not found:
@@ -106,35 +106,29 @@ def _channels(
     return angle, value
 
 
-def _strongest(found: dict[int, OrderSpectrum], unit: str) -> dict[str, Estimate]:
-    """Amplitudes of the strongest orders, mean of the directions; the interval from the floor of the spectrum nearby."""
+def _strongest(found: dict[int, OrderPeaks], unit: str) -> dict[str, Estimate]:
+    """Amplitudes of the strongest orders that rise above the noise, mean of the directions; interval from the noise nearby."""
     first = found[max(found)]
-    floor = float(np.median(first.amplitude[1:])) if len(first.amplitude) > 1 else 0.0
-    rows = [k for k in range(1, len(first.orders)) if _is_peak(first.amplitude, k)]
-    rows = sorted(rows, key=lambda k: -first.amplitude[k])[:STRONGEST]
     estimates: dict[str, Estimate] = {}
-    for k in rows:
-        order = float(first.orders[k])
+    for order in first.peaks[:STRONGEST].tolist():
         every = [float(np.interp(order, s.orders, s.amplitude)) for s in found.values()]
+        floors = [float(np.interp(order, s.orders, s.noise_floor)) for s in found.values()]
         value = float(np.mean(every))
+        # The floor is the mean power of noise: half of it lies in phase with the order.
+        half = 1.96 * float(np.sqrt(0.5 * np.mean(np.square(floors)) / len(floors)))
         name = f"amplitude_{order:.6g}"
-        half = 2.0 * floor / np.sqrt(len(every))
-        seen = value > 4.0 * floor
-        note = "" if seen else "not above the floor of the spectrum"
-        estimates[name] = Estimate(
-            name, value, unit, max(value - half, 0.0), value + half, "yes" if seen else "weakly", note
-        )
+        estimates[name] = Estimate(name, value, unit, max(value - half, 0.0), value + half)
     return estimates
 
 
-def _is_peak(amplitude: FloatArray, k: int) -> bool:
-    right = amplitude[k + 1] if k + 1 < len(amplitude) else 0.0
-    return bool(amplitude[k] >= amplitude[k - 1] and amplitude[k] > right)
-
-
-def _plot(found: dict[int, OrderSpectrum], channel: str, unit: str, angle_name: str) -> Plot:
+def _plot(found: dict[int, OrderPeaks], channel: str, unit: str, angle_name: str) -> Plot:
     series = tuple(
-        Series(_way(d), s.orders[1:], s.amplitude[1:], "line", group=0 if d > 0 else 1) for d, s in found.items()
+        series
+        for d, s in found.items()
+        for series in (
+            Series(_way(d), s.orders, s.amplitude, "line", group=0 if d > 0 else 1),
+            Series(f"noise floor, {_way(d)}", s.orders, s.noise_floor, "line", group=2 if d > 0 else 3),
+        )
     )
     name = angle_name.replace("_", " ")
     return Plot(
@@ -143,10 +137,10 @@ def _plot(found: dict[int, OrderSpectrum], channel: str, unit: str, angle_name: 
     )  # fmt: skip
 
 
-def _table(found: dict[int, OrderSpectrum], unit: str) -> Table:
+def _table(found: dict[int, OrderPeaks], unit: str) -> Table:
     rows: list[tuple[float | int | str, ...]] = []
     for d, s in found.items():
-        strongest = sorted(range(1, len(s.orders)), key=lambda k: -s.amplitude[k])[:40]
+        strongest = sorted(range(len(s.orders)), key=lambda k: -s.amplitude[k])[:40]
         rows += [(_way(d), float(s.orders[k]), float(s.amplitude[k]), float(s.phase[k]) / DEGREE) for k in strongest]
     columns = ("direction", "order", f"amplitude [{unit}]", "phase [deg]")
     return Table("orders", "Strongest orders", columns, tuple(rows))

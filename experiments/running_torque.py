@@ -23,15 +23,18 @@ TEMPERATURE = "housing_temperature"
 LARGEST_HOLD = 2_000_000
 """Rows of one hold that are loaded at once; a longer one is cut to its last rows."""
 STEADY_RIPPLE = 0.1
-"""Relative ripple of the speed up to which a piece of a foreign recording counts as constant speed."""
+"""Relative change of speed up to which a piece of a foreign recording counts as constant speed."""
+MARKS = 10
+"""Marks per input revolution at which the speed of a foreign recording is looked at."""
 
 
 @dataclass(frozen=True)
 class Hold:
-    """One segment at constant speed and its running torque."""
+    """One segment at constant speed, its running torque, and the output angles [rad] from where to where it turned."""
 
     segment: Segment
     torque: RunningTorque
+    place: tuple[float, float] | None = None
 
 
 def measured_holds(
@@ -42,7 +45,7 @@ def measured_holds(
     unused: list[str] = []
     for segment in segments:
         try:
-            holds.append(Hold(segment, _average(recording, segment, zero, channel)))
+            holds.append(Hold(segment, _average(recording, segment, zero, channel), _place(recording, segment)))
         except IdentificationError as error:
             unused.append(f"{segment.label} {segment.index} ({error.what})")
     warnings = []
@@ -60,6 +63,14 @@ def _average(recording: Recording, segment: Segment, zero: TorqueZero, channel: 
     torque = recording.si(channel, rows)[good] - zero.at(time)
     temperature = float(np.mean(recording.si(TEMPERATURE, rows)[good])) if recording.has(TEMPERATURE) else math.nan
     return average_torque(time, recording.si("input_angle", rows)[good], torque, temperature=temperature)
+
+
+def _place(recording: Recording, segment: Segment) -> tuple[float, float] | None:
+    if not recording.has("output_angle") or not recording.metadata.gear_mounted:
+        return None
+    begin = recording.output_angle(slice(segment.start, segment.start + 1))
+    end = recording.output_angle(slice(segment.stop - 1, segment.stop))
+    return float(begin[0]), float(end[0])
 
 
 def foreign_holds(
@@ -83,16 +94,35 @@ def foreign_holds(
 
 
 def _pieces(recording: Recording, stretch: Segment, least_time: float) -> list[Segment]:
-    """Consecutive pieces of one stretch, each of whole revolutions and at least `least_time` long."""
+    """Pieces of one stretch at steady speed, each of whole revolutions and at least `least_time` long."""
     angle, time = recording.si("input_angle", stretch), recording.time(stretch)
     travelled = np.maximum.accumulate(stretch.direction * (angle - angle[0]))
-    marks = np.searchsorted(travelled, np.arange(0.0, travelled[-1], REVOLUTION))
+    marks = np.searchsorted(travelled, np.arange(0.0, travelled[-1], REVOLUTION / MARKS))
     found: list[Segment] = []
-    begin = 0
-    for end in range(1, len(marks)):
-        if time[marks[end]] - time[marks[begin]] < least_time:
-            continue
-        start, stop = stretch.start + int(marks[begin]), stretch.start + int(marks[end]) + 1
-        found.append(Segment(len(found), "hold", start, stop, stretch.setpoint, stretch.direction, stretch.repeat))
-        begin = end
+    for first, last in _steady_runs(time[marks]):
+        begin = first
+        for end in range(first + MARKS, last + 1, MARKS):
+            if time[marks[end]] - time[marks[begin]] < least_time:
+                continue
+            start, stop = stretch.start + int(marks[begin]), stretch.start + int(marks[end]) + 1
+            found.append(Segment(len(found), "hold", start, stop, stretch.setpoint, stretch.direction, stretch.repeat))
+            begin = end
     return found
+
+
+def _steady_runs(times: np.ndarray) -> list[tuple[int, int]]:
+    """First and last mark of every run of marks (tenths of a revolution) whose speed stays within `STEADY_RIPPLE`.
+
+    The first mark of a run is left out: it may still hold the change of speed.
+    """
+    speed = 1.0 / np.maximum(np.diff(times), 1e-9)
+    runs: list[tuple[int, int]] = []
+    begin = 0
+    for k in range(1, len(speed) + 1):
+        mean = float(np.median(speed[begin:k]))
+        if k < len(speed) and abs(speed[k] / mean - 1.0) <= STEADY_RIPPLE:
+            continue
+        if k - begin > MARKS:
+            runs.append((begin + 1, k))
+        begin = k
+    return runs

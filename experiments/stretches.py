@@ -20,7 +20,7 @@ LEAST_ROWS = 20
 def stretches(recording: Recording, label: str = "traverse", approach: float = 1.0) -> tuple[Segment, ...]:
     """Segments in which the input turns one way, each without its first `approach` revolutions.
 
-    A piece belongs to a stretch if it moves by more than a tenth of the median moving piece, in the stretch's direction.
+    A piece belongs to a stretch if it moves in the stretch's direction, by more than what flickering counts look like.
     """
     size = max(LEAST_ROWS, recording.rows // PIECES)
     starts = np.arange(0, recording.rows - size + 1, size)
@@ -28,8 +28,8 @@ def stretches(recording: Recording, label: str = "traverse", approach: float = 1
         return ()
     edges = _angles(recording, np.append(starts, starts[-1] + size - 1))
     moved = np.diff(edges)
-    typical = float(np.median(np.abs(moved[moved != 0.0]))) if np.any(moved != 0.0) else 0.0
-    direction = np.where(np.abs(moved) > 0.1 * typical, np.sign(moved), 0.0).astype(int)
+    still = max(3.0 * recording.signals["input_angle"].quantum, 1e-4 * float(np.abs(moved).max(initial=0.0)))
+    direction = np.where(np.abs(moved) > still, np.sign(moved), 0.0).astype(int)
     found: list[Segment] = []
     begin = 0
     repeats = {1: 0, -1: 0}

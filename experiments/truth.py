@@ -2,24 +2,30 @@
 
 The truth is the mapping that a simulated rig writes into its run file. Found and true values are made comparable here: the
 torque port reads (1 + scale error) times the true torque, both encoders stand in what is measured of the kinematic error, and
-phases of the truth count from the recorded input angle, those of a result from its index marks.
+phases of the truth over the recorded input angle are turned to the marks from which a result counts.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.errors import AnalysisError
 from experiments.result import Result, Table
+from model.friction import bearing_lever, bearing_magnitude, mesh_lever
+from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
+from model.identify.stribeck import NAMES, fit_stribeck
 from model.kinematic_error import basis_orders
 from model.units import RPM
 
+FloatArray = NDArray[np.float64]
 COLUMNS = (
     "quantity", "found", "low", "high", "expanded uncertainty", "truth", "unit", "in the 95 % interval", "within U",
 )  # fmt: skip
@@ -60,27 +66,36 @@ def truth_of(metadata_process: Mapping[str, Any]) -> Mapping[str, Any]:
     return truth
 
 
-def truth_rows(result: Result, truth: Mapping[str, Any]) -> tuple[TruthRow, ...]:
-    """Every estimate of a result whose true value the rig knows."""
+def truth_rows(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None = None) -> tuple[TruthRow, ...]:
+    """Every estimate of a result whose true value the rig knows.
+
+    `gear` is the parameter set that the analysis leaned on. With it the truth of a friction run is what a perfect fit would
+    have found: with the output bearing's friction and at the warmth of the run, in the form of equation 19 beside the bearing
+    friction that the set states. Without it the truth holds at the reference temperature.
+    """
     finder = _FINDERS.get(result.kind)
     if finder is None:
         return ()
-    known = dict(finder(result, truth))
-    return tuple(TruthRow(e, known[name]) for name, e in result.estimates.items() if name in known)
+    known = dict(finder(result, truth, gear))
+    return tuple(
+        TruthRow(dataclasses.replace(e, name=name), known[name])
+        for name, e in result.estimates.items()
+        if name in known
+    )
 
 
-def truth_table(result: Result, truth: Mapping[str, Any]) -> Table:
+def truth_table(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None = None) -> Table:
     """Found beside true, one line per quantity."""
     rows = tuple(
         (
             r.estimate.name, r.estimate.value, r.estimate.low, r.estimate.high, r.estimate.expanded_uncertainty,
             r.estimate.value - r.difference, r.estimate.unit, "yes" if r.covered else "no", "yes" if r.within else "no",
         )
-        for r in truth_rows(result, truth)
+        for r in truth_rows(result, truth, gear)
     )  # fmt: skip
     note = (
-        "Truth as the instruments can see it: with both encoders' errors, and with the scale error of the torque port "
-        "where torque enters. Friction parameters of the truth hold at its reference temperature."
+        "Truth as the instruments can see it: with both encoders' errors, with the scale error of the torque port and the "
+        "friction of the output bearing where torque enters, and at the warmth of the run."
     )
     return Table("truth", f"Found and true: {result.kind}", COLUMNS, rows, note)
 
@@ -89,30 +104,75 @@ def _scale(truth: Mapping[str, Any]) -> float:
     return 1.0 + float(truth.get("torque_port", {}).get("scale_error", 0.0))
 
 
-def _friction(result: Result, truth: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+def _friction(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None) -> Iterator[tuple[str, float]]:
+    """Parameters and running torques of the gear as the port shows them at the warmth of the run."""
     known = truth.get("friction", {})
-    if result.options.get("torque_is_of") != "gear":
+    balance = result.options.get("torque_balance")
+    if result.options.get("torque_is_of") != "gear" or known.get("torque_balance") != balance:
         return
     scale = _scale(truth)
-    if known.get("torque_balance") == result.options.get("torque_balance"):
+    table = next((t for t in result.tables if t.name == "points"), None)
+    if gear is None or table is None:
         for name, value in known.get("measurable", {}).items():
             yield name, float(value) * (scale if name in ("coulomb", "static", "viscous") else 1.0)
-    curve = known.get("torque_curve")
-    if curve:
-        for name in result.estimates:
-            if name.startswith("running_torque_"):
-                speed = float(name.removeprefix("running_torque_").removesuffix("_rpm")) * RPM
-                yield name, scale * float(np.interp(speed, curve["speed"], curve["measurable"]))
+        return
+    warmer = _warmer(result, truth)
+    rpm = np.array([abs(float(row[2])) for row in table.rows if row[0] == "hold"])
+    speed = np.unique(np.round(rpm * RPM, 9))
+    torque = scale * _true_torque(known, truth.get("thermal", {}), gear, speed, warmer)
+    low = gear.options.low_speed_branch
+    drag = bearing_lever(gear, balance) * bearing_magnitude(gear.bearing, speed, low_speed_branch=low)
+    force = (torque - drag) / mesh_lever(gear, balance)
+    fit = fit_stribeck(speed, force, 1e-3 * force)
+    yield from zip(NAMES, (float(v) for v in fit.values), strict=True)
+    for name in result.estimates:
+        if name.startswith("running_torque_"):
+            at = np.array([float(name.removeprefix("running_torque_").removesuffix("_rpm")) * RPM])
+            yield name, scale * float(_true_torque(known, truth.get("thermal", {}), gear, at, warmer)[0])
 
 
-def _tare(result: Result, truth: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+def _warmer(result: Result, truth: Mapping[str, Any]) -> float:
+    """How much warmer than the truth's reference the points were [K]; 0 where nothing warms or nobody looked."""
+    reference = truth.get("thermal", {}).get("reference")
+    found = result.metrics.get("housing_temperature", math.nan)
+    offset = float(truth.get("thermometer", {}).get("housing_offset", 0.0))
+    return found - offset - float(reference) if reference is not None and math.isfinite(found) else 0.0
+
+
+def _true_torque(
+    known: Mapping[str, Any], thermal: Mapping[str, Any], gear: HarmonicDrive, speed: FloatArray, warmer: float
+) -> FloatArray:
+    """Friction torque at the input of the true gear with its output bearing [N m], `warmer` than the reference by so many K.
+
+    Dry parts fall by `coulomb_per_kelvin` of themselves per kelvin, viscous ones as exp(-viscous_per_kelvin dT), the
+    bearing's speed-dependent part as that to 2/3.
+    """
+    dry = 1.0 - float(thermal.get("coulomb_per_kelvin", 0.0)) * warmer
+    thin = math.exp(-float(thermal.get("viscous_per_kelvin", 0.0)) * warmer)
+    bearing = dataclasses.replace(
+        gear.bearing, friction_factor=float(known["bearing_friction_factor"]), viscosity=float(known["viscosity"])
+    )
+    own, seen = known, known["measurable"]
+    lever = mesh_lever(gear, known["torque_balance"])
+    decay = np.exp(-((speed / own["stribeck_velocity"]) ** own["shape"]))
+    mesh = dry * (own["coulomb"] + (own["static"] - own["coulomb"]) * decay) + thin * own["viscous"] * speed
+    output = (seen["coulomb"] - own["coulomb"]) + (seen["viscous"] - own["viscous"]) * speed
+    still = bearing_magnitude(bearing, 0.0)
+    moving = bearing_magnitude(bearing, speed) - still
+    drag = bearing_lever(gear, known["torque_balance"]) * (dry * still + thin ** (2.0 / 3.0) * moving)
+    return lever * (mesh + output) + drag
+
+
+def _tare(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None) -> Iterator[tuple[str, float]]:
     motor, scale = truth.get("motor", {}), _scale(truth)
     for name in ("coulomb", "viscous"):
         if name in motor:
             yield f"motor_{name}", scale * float(motor[name])
 
 
-def _kinematic_error(result: Result, truth: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+def _kinematic_error(
+    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
+) -> Iterator[tuple[str, float]]:
     known = truth.get("kinematic_error", {})
     ratio = float(result.options.get("ratio", math.nan))
     reference = float(result.options.get("phase_reference_angle", 0.0))
@@ -120,11 +180,12 @@ def _kinematic_error(result: Result, truth: Mapping[str, Any]) -> Iterator[tuple
         round(o.order, 9): o.label
         for o in basis_orders(ratio, range(1, int(result.options.get("highest_order", 12)) + 1))
     }
-    for entry in known.get("measurable", ()):
+    recorded = "measurable_recorded" in known
+    for entry in known["measurable_recorded"] if recorded else known.get("measurable", ()):
         label = labels.get(round(float(entry["order"]), 9))
         if label is None:
             continue
-        phase = math.atan2(entry["sine"], entry["cosine"]) - entry["order"] * reference
+        phase = math.atan2(entry["sine"], entry["cosine"]) - (entry["order"] * reference if recorded else 0.0)
         yield f"amplitude_{label}", float(entry["amplitude"])
         yield f"phase_{label}", math.remainder(phase, 2.0 * math.pi)
     if "measurable_peak_to_peak" in known:
@@ -132,10 +193,19 @@ def _kinematic_error(result: Result, truth: Mapping[str, Any]) -> Iterator[tuple
             yield name, float(known["measurable_peak_to_peak"])
 
 
-def _steps(result: Result, truth: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    for name, value in truth.get("dynamics", {}).items():
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            yield name, float(value)
+def _steps(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None) -> Iterator[tuple[str, float]]:
+    """K/J_o and frequency for small amplitudes: with the stiffness of the hysteresis element before it slides."""
+    known = truth.get("dynamics", {})
+    if "stiffness_over_inertia" not in known:
+        return
+    share = 1.0 + float(known.get("hysteresis", {}).get("stiffness_share", 0.0))
+    ratio = share * float(known["stiffness_over_inertia"])
+    for suffix in ("", "_forward", "_reverse"):
+        yield f"stiffness_over_inertia{suffix}", ratio
+        yield f"frequency{suffix}", math.sqrt(ratio) / (2.0 * math.pi)
+    if "output_inertia" in known:
+        yield "output_inertia", float(known["output_inertia"])
+        yield "output_stiffness", ratio * float(known["output_inertia"])
 
 
 _FINDERS = {

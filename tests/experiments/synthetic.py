@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 
 from experiments.recording import ArraySource, Recording, RunMetadata, Segment, Signal
 from experiments.steps import (
@@ -25,6 +27,7 @@ from experiments.steps import (
     Step,
     TorqueRamp,
 )
+from model.dynamics import simulate_prescribed
 from model.friction import friction_torque
 from model.gear import Harmonic, HarmonicDrive
 from model.kinematic_error import series_value
@@ -34,6 +37,8 @@ RATE = 1000.0
 INPUT_COUNTS = 8192 * 4
 OUTPUT_COUNTS = 18000 * 4
 TORQUE_QUANTUM = 2e-4
+LAG = 0.88
+"""Pole of the elastic bench's drive per cycle: a rise of some 17 ms."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +61,8 @@ class Bench:
     mounted: bool = True
     seed: int = 1
     ratio: float = 0.0
-    temperature: float = 25.0
+    elastic: bool = False
+    """Whether the output answers the input by equation 2, and the drive takes some milliseconds to follow a set-point."""
 
 
 @dataclass
@@ -159,10 +165,19 @@ def assemble(walk: _Walk, bench: Bench, experiment: str, **extra: object) -> Rec
     """Channels in counts from what was walked."""
     random = np.random.default_rng(bench.seed)
     speed, powered, held = (np.concatenate(parts) for parts in (walk.speed, walk.powered, walk.held))
-    angle = 0.3 + np.concatenate([[0.0], np.cumsum(speed)[:-1]]) / RATE
+    if bench.elastic:
+        speed = np.asarray(scipy.signal.lfilter([1.0 - LAG, 0.0], [1.0, -LAG], speed))
+        angle = 0.3 + scipy.integrate.cumulative_simpson(speed, dx=1.0 / RATE, initial=0.0)
+    else:
+        angle = 0.3 + np.concatenate([[0.0], np.cumsum(speed)[:-1]]) / RATE
     ratio = bench.ratio or bench.gear.ratio
     relative = angle - bench.index
-    output = angle / ratio + series_value(bench.error, relative)
+    if bench.elastic:
+        gear = dataclasses.replace(bench.gear, kinematic_error=bench.error)
+        answer = simulate_prescribed(gear, relative, 1.0 / RATE, input_speed=speed, smoothing_speed=0.5)
+        output = answer.output_angle + bench.index / ratio
+    else:
+        output = angle / ratio + series_value(bench.error, relative)
     torque = bench.motor(speed) + series_value(bench.cogging, relative)
     if bench.mounted:
         torque = torque + friction_torque(bench.gear, speed) + np.sign(speed) * series_value(bench.depth, relative)
@@ -171,7 +186,8 @@ def assemble(walk: _Walk, bench: Bench, experiment: str, **extra: object) -> Rec
     torque = torque + bench.noise * random.standard_normal(len(speed))
     q_in, q_out = REVOLUTION / INPUT_COUNTS, REVOLUTION / OUTPUT_COUNTS
     marks = bench.index + REVOLUTION * np.floor((angle - bench.index) / REVOLUTION)
-    seen_input = np.maximum.accumulate((np.floor((angle - bench.index) / REVOLUTION) != np.floor((0.3 - bench.index) / REVOLUTION)).astype(int))
+    turn_in = np.floor((angle - bench.index) / REVOLUTION)
+    seen_input = np.maximum.accumulate((turn_in != turn_in[0]).astype(int))
     turn_out = np.floor((output - bench.output_index) / REVOLUTION)
     seen_output = np.maximum.accumulate((turn_out != turn_out[0]).astype(int))
     latch_out = bench.output_index + REVOLUTION * turn_out

@@ -1,0 +1,63 @@
+"""Shared recordings: made once, read by many tests."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from experiments import friction, kinematic_error, motor_tare
+from experiments.contract import Evidence
+from experiments.recording import Recording
+from experiments.result import Result
+from model.gear import Harmonic, HarmonicDrive
+from model.gear_file import shipped_gear
+from model.units import ARCSEC
+from tests.experiments.synthetic import Bench, record
+
+SERIES = (
+    Harmonic(1.0 / 120.0, 3.0 * ARCSEC, 1.0 * ARCSEC),
+    Harmonic(1.0, 5.0 * ARCSEC, 2.0 * ARCSEC),
+    Harmonic(2.0, 15.0 * ARCSEC, -6.0 * ARCSEC),
+    Harmonic(2.0 * (1.0 + 1.0 / 120.0), 2.0 * ARCSEC, 1.0 * ARCSEC),
+    Harmonic(4.0, 3.0 * ARCSEC, 0.0),
+)
+
+
+@pytest.fixture(scope="session")
+def gear() -> HarmonicDrive:
+    return shipped_gear()
+
+
+@pytest.fixture(scope="session")
+def bench(gear: HarmonicDrive) -> Bench:
+    """A bench with kinematic error, cogging, and friction that varies with the angle, in phase with the error's order 2."""
+    depth = (Harmonic(2.0, 3e-3, -1.2e-3),)
+    return Bench(gear, error=SERIES, depth=depth, cogging=(Harmonic(24.0, 2e-3, 0.0), Harmonic(2.0, 0.0, 1e-3)))
+
+
+@pytest.fixture(scope="session")
+def kinematic_error_run(bench: Bench, gear: HarmonicDrive) -> Recording:
+    return record(kinematic_error.plan(kinematic_error.Parameters(speed_rpm=92.7), gear), bench, "kinematic-error")
+
+
+@pytest.fixture(scope="session")
+def friction_parameters() -> friction.Parameters:
+    return friction.Parameters(lowest_rpm=4.0, points=14)
+
+
+@pytest.fixture(scope="session")
+def friction_run(bench: Bench, gear: HarmonicDrive, friction_parameters: friction.Parameters) -> Recording:
+    return record(friction.plan(friction_parameters, gear), bench, "friction")
+
+
+@pytest.fixture(scope="session")
+def tare_run(bench: Bench, gear: HarmonicDrive) -> Recording:
+    parameters = motor_tare.Parameters(lowest_rpm=4.0, points=14)
+    bare = dataclasses.replace(bench, mounted=False, seed=9)
+    return record(motor_tare.plan(parameters, gear), bare, "motor-tare", run_id="synthetic-tare")
+
+
+@pytest.fixture(scope="session")
+def tare(tare_run: Recording, gear: HarmonicDrive) -> Result:
+    return motor_tare.analyse(tare_run, Evidence(gear))

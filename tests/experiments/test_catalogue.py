@@ -1,0 +1,74 @@
+"""The catalogue is light, complete, and every protocol keeps the contract."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+
+import pytest
+
+from experiments import catalogue
+from experiments.contract import Experiment
+from experiments.errors import PlanError
+from experiments.parameters import make_parameters, parameter_fields
+from model.gear_file import shipped_gear
+
+PROTOCOLS = (
+    "kinematic-error", "friction", "velocity-steps", "motor-tare", "warm-up", "starting-torque", "home",
+)  # fmt: skip
+
+
+def test_the_catalogue_lists_names_without_importing_arrays() -> None:
+    code = (
+        "import sys; from experiments import catalogue; catalogue.names(); catalogue.kinds();"
+        "sys.exit(any(m in sys.modules for m in ('numpy', 'scipy', 'numba', 'h5py', 'pydantic', 'matplotlib')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_names_and_kinds() -> None:
+    assert catalogue.names() == PROTOCOLS
+    assert catalogue.kinds()[: len(PROTOCOLS)] == PROTOCOLS
+    assert set(catalogue.kinds()) - set(PROTOCOLS) == {"motion", "revolution", "order-spectrum"}
+
+
+def test_an_unknown_name_is_refused_with_those_there_are() -> None:
+    with pytest.raises(PlanError, match="friction"):
+        catalogue.load("frictoin")
+
+
+@pytest.mark.parametrize("name", catalogue.kinds())
+def test_every_experiment_keeps_the_contract(name: str) -> None:
+    experiment = catalogue.load(name)
+    entry = catalogue.entry(name)
+    assert isinstance(experiment, Experiment)
+    assert experiment.name == name
+    assert experiment.has_plan == entry.has_plan
+    assert dataclasses.is_dataclass(experiment.parameters)
+    assert experiment.analyse.__doc__
+    if experiment.has_plan:
+        assert experiment.plan.__doc__
+        for parameter in parameter_fields(experiment.parameters):
+            assert parameter.help, parameter.name
+            assert parameter.kind in (float, int, bool, str, tuple), parameter.name
+            assert parameter.unit or parameter.kind is not float, parameter.name
+
+
+@pytest.mark.parametrize("name", [k for k in catalogue.kinds() if k not in PROTOCOLS])
+def test_an_analysis_without_a_plan_cannot_be_run(name: str) -> None:
+    experiment = catalogue.load(name)
+    with pytest.raises(PlanError, match="cannot be planned"):
+        experiment.plan(experiment.parameters(), shipped_gear())
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_parameters_survive_text(name: str) -> None:
+    """Defaults as text (as flags and files carry them) are the same parameters."""
+    model = catalogue.load(name).parameters
+    defaults = model()
+    text = {}
+    for f in parameter_fields(model):
+        value = getattr(defaults, f.name)
+        text[f.name] = " ".join(repr(v) for v in value) if isinstance(value, tuple) else str(value)
+    assert make_parameters(model, text) == defaults

@@ -1,0 +1,320 @@
+"""Friction of a rig whose friction is known: parameters, tare, labels, zero, bracket, and what must be refused or said."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from experiments import friction, motor_tare
+from experiments.contract import Evidence
+from experiments.errors import AnalysisError
+from experiments.friction_points import measure_friction, reproducibility
+from experiments.recording import ArraySource, Recording
+from experiments.result import Result
+from experiments.steps import ServoOff
+from experiments.tare import read_tare
+from experiments.zero import torque_zero
+from model.friction import friction_torque
+from model.gear import HarmonicDrive, Origin
+from model.identify.stribeck import NAMES
+from model.units import REVOLUTION, RPM
+from tests.experiments.synthetic import Bench, record
+
+QUICK = {"genetic": False}
+
+
+@pytest.fixture(scope="module")
+def result(friction_run: Recording, gear: HarmonicDrive, tare: Result) -> Result:
+    return friction.analyse(friction_run, Evidence(gear, tare))
+
+
+def test_the_gears_friction_is_recovered_behind_the_motors(result: Result, gear: HarmonicDrive) -> None:
+    """A straight line of friction in the motor taken for the gear's would give 93 N instead of 70 N."""
+    truth = gear.mesh_friction
+    for name in NAMES:
+        estimate = result.estimates[name]
+        half = 0.5 * (estimate.high - estimate.low)
+        assert abs(estimate.value - getattr(truth, name)) <= 2.0 * half, name
+    assert result.estimates["coulomb"].value == pytest.approx(truth.coulomb, rel=0.01)
+    assert result.estimates["viscous"].value == pytest.approx(truth.viscous, rel=0.03)
+    assert result.options["torque_is_of"] == "gear"
+
+
+def test_running_torque_at_the_catalogues_speeds(result: Result, gear: HarmonicDrive) -> None:
+    for rpm in (500.0, 1000.0, 2000.0):
+        found = result.estimates[f"running_torque_{rpm:.0f}_rpm"]
+        assert found.value == pytest.approx(float(friction_torque(gear, rpm * RPM)), rel=3e-3)
+        assert {line.source for line in found.budget} >= {"torque scale", "tare"}
+    assert "running_torque_3500_rpm" not in result.estimates
+
+
+def test_the_budget_of_the_coulomb_friction_has_all_of_type_b(result: Result) -> None:
+    sources = {line.source for line in result.estimates["coulomb"].budget if line.kind == "B"}
+    assert sources >= {"torque scale", "tare", "bearing no-load torque"}
+    assert result.estimates["coulomb"].expanded_uncertainty > 0.02 * result.estimates["coulomb"].value
+
+
+def test_without_a_tare_it_is_motor_and_gear_and_nothing_is_claimed(
+    friction_run: Recording, gear: HarmonicDrive
+) -> None:
+    result = friction.analyse(friction_run, Evidence(gear, settings=QUICK))
+    assert result.options["torque_is_of"] == "motor + gear"
+    assert any("motor and gear together" in w for w in result.warnings)
+    assert result.verdicts == ()
+    assert result.estimates["coulomb"].value > 1.2 * gear.mesh_friction.coulomb
+    assert friction.identified(result, gear) is gear
+    assert all("motor + gear" in p.y_label for p in result.plots if p.figure in ("9", "17"))
+
+
+def test_a_tare_that_does_not_cover_the_speeds_is_not_used(
+    friction_run: Recording, gear: HarmonicDrive, bench: Bench
+) -> None:
+    bare = dataclasses.replace(bench, mounted=False)
+    plan = motor_tare.plan(motor_tare.Parameters(speeds_rpm=(100.0, 300.0, 1000.0)), gear)
+    short = motor_tare.analyse(record(plan, bare, "motor-tare"), Evidence(gear))
+    result = friction.analyse(friction_run, Evidence(gear, short, settings=QUICK))
+    assert result.options["torque_is_of"] == "motor + gear"
+    assert any("was not used" in w for w in result.warnings)
+
+
+def test_a_result_that_is_no_tare_is_not_used(result: Result) -> None:
+    tare, said = read_tare(result, 1.0, 100.0)
+    assert tare is None
+    assert "not of motor-tare" in said[0]
+
+
+def test_a_tare_with_the_gear_mounted_is_refused(bench: Bench, gear: HarmonicDrive) -> None:
+    plan = motor_tare.plan(motor_tare.Parameters(speeds_rpm=(100.0, 300.0)), gear)
+    with pytest.raises(AnalysisError, match="gear mounted"):
+        motor_tare.analyse(record(plan, bench, "motor-tare"), Evidence(gear))
+
+
+def test_the_tare_finds_motor_friction_and_cogging(tare: Result) -> None:
+    assert tare.estimates["motor_coulomb"].value == pytest.approx(0.012, rel=0.01)
+    assert tare.estimates["motor_viscous"].value == pytest.approx(3.8e-5, rel=0.01)
+    assert tare.metrics["strongest_cogging_order"] == 24.0
+    spectrum = next(p for p in tare.plots if p.name == "cogging").series[0]
+    assert spectrum.y[23] == pytest.approx(2.0, rel=0.05)
+    assert spectrum.y[1] == pytest.approx(1.0, rel=0.1)
+
+
+def test_a_disc_of_known_inertia_gives_the_torque_scale(gear: HarmonicDrive, bench: Bench) -> None:
+    bare = dataclasses.replace(bench, mounted=False, cogging=())
+    parameters = motor_tare.Parameters(speeds_rpm=(500.0, 1500.0, 2500.0), disc_inertia=2e-4, repeats=2)
+    run = record(motor_tare.plan(parameters, gear), bare, "motor-tare", parameters=dataclasses.asdict(parameters))
+    source = run.source
+    assert isinstance(source, ArraySource)
+    angle = run.si("input_angle")
+    smooth = np.convolve(np.diff(angle, prepend=angle[0]) * 1000.0, np.ones(25) / 25.0, "same")
+    acceleration = np.gradient(smooth) * 1000.0
+    inertia = parameters.disc_inertia + parameters.rotor_inertia
+    counts = source.arrays["torque"] + np.round(1.05 * inertia * acceleration / run.signals["torque"].scale).astype(int)
+    arrays = {**source.arrays, "torque": counts}
+    run = dataclasses.replace(run, source=dataclasses.replace(source, arrays=arrays))
+    scale = motor_tare.analyse(run, Evidence(gear)).estimates["torque_scale"]
+    assert scale.value == pytest.approx(1.05, abs=0.02)
+
+
+def test_the_zero_is_taken_servo_off_and_its_drift_is_said(bench: Bench, gear: HarmonicDrive) -> None:
+    parameters = friction.Parameters(speeds_rpm=(60.0, 200.0, 600.0), up_and_down=False)
+    for drift in (0.0, 0.008):
+        run = record(friction.plan(parameters, gear), dataclasses.replace(bench, drift=drift), "friction")
+        zero = torque_zero(run)
+        assert zero.before is not None
+        assert zero.before.value == pytest.approx(0.01, abs=5e-4)
+        assert zero.after is not None
+        share = (zero.after.time - zero.before.time) / float(run.time()[-1])
+        assert zero.drift == pytest.approx(drift * share, abs=3e-4)
+        assert bool(zero.warnings) == (drift > 0.0)
+        middle = float(run.time()[-1]) / 2.0
+        assert float(zero.at(middle)) == pytest.approx(0.01 + drift / 2.0, abs=5e-4)
+
+
+def test_the_zero_cancels_in_the_half_difference_and_stands_in_the_half_sum(
+    bench: Bench, gear: HarmonicDrive, tare: Result, friction_parameters: friction.Parameters
+) -> None:
+    """54 mN m taken as zero servo-on: friction must not move, the offset must show it."""
+    run = record(friction.plan(friction_parameters, gear), dataclasses.replace(bench, offset=0.01), "friction")
+    segments = tuple(s for s in run.segments if not s.label.startswith("torque-zero"))
+    unzeroed = dataclasses.replace(run, segments=segments)
+    result = friction.analyse(unzeroed, Evidence(gear, tare, settings=QUICK))
+    assert any("no servo-off segment" in w for w in result.warnings)
+    assert result.estimates["coulomb"].value == pytest.approx(gear.mesh_friction.coulomb, rel=0.01)
+    assert result.estimates["offset"].value == pytest.approx(0.01, abs=3e-4)
+
+
+def test_a_drifting_reference_speed_is_said_and_a_large_drift_is_refused(
+    bench: Bench, gear: HarmonicDrive, friction_parameters: friction.Parameters
+) -> None:
+    run = record(friction.plan(friction_parameters, gear), bench, "friction")
+    source = run.source
+    assert isinstance(source, ArraySource)
+    for fall, refused in ((0.1, False), (0.5, True)):
+        factor = 1.0 - fall * np.linspace(0.0, 1.0, run.rows)
+        zero = bench.offset / run.signals["torque"].scale
+        cooled = np.round((source.arrays["torque"] - zero) * factor + zero).astype(np.int64)
+        warm = dataclasses.replace(run, source=dataclasses.replace(source, arrays={**source.arrays, "torque": cooled}))
+        if refused:
+            with pytest.raises(AnalysisError, match="drifted"):
+                friction.analyse(warm, Evidence(gear, settings=QUICK))
+        else:
+            result = friction.analyse(warm, Evidence(gear, settings=QUICK))
+            assert any("drifted" in w for w in result.warnings)
+            assert result.metrics["bracket_drift"] == pytest.approx(0.1, abs=0.03)
+
+
+def test_friction_that_varies_over_the_output_is_brought_to_its_mean(
+    friction_run: Recording, gear: HarmonicDrive, tare: Result
+) -> None:
+    source = friction_run.source
+    assert isinstance(source, ArraySource)
+    place = friction_run.output_angle()
+    shown = friction_run.si("torque") - 0.01
+    varied = np.round((shown * (1.0 + 0.02 * np.cos(place)) + 0.01) / friction_run.signals["torque"].scale).astype(int)
+    run = dataclasses.replace(
+        friction_run, source=dataclasses.replace(source, arrays={**source.arrays, "torque": varied})
+    )
+    result = friction.analyse(run, Evidence(gear, tare, settings=QUICK))
+    before = reproducibility(measure_friction(run, Evidence(gear, tare)).bracket)
+    assert result.metrics["reproducibility"] < 0.5 * before
+    assert result.metrics["friction_over_output_order_1"] == pytest.approx(0.02, rel=0.3)
+    assert "place on the output" in result.options["points_brought_to"]
+    assert result.estimates["coulomb"].value == pytest.approx(gear.mesh_friction.coulomb, rel=0.02)
+
+
+def test_nothing_is_brought_anywhere_where_nothing_varies(result: Result) -> None:
+    assert result.options["points_brought_to"] == "nothing"
+
+
+def test_a_slowest_speed_that_cannot_pin_the_stribeck_part_is_said(
+    bench: Bench, gear: HarmonicDrive, tare: Result
+) -> None:
+    parameters = friction.Parameters(lowest_rpm=40.0, points=9)
+    result = friction.analyse(
+        record(friction.plan(parameters, gear), bench, "friction"), Evidence(gear, tare, settings=QUICK)
+    )
+    assert any("slowest speed" in w for w in result.warnings)
+    assert result.estimates["shape"].identifiable != "yes"
+
+
+def test_the_genetic_search_finds_no_better_minimum(result: Result) -> None:
+    assert result.metrics["genetic_chi_square_excess"] > -1e-6
+
+
+def test_identified_friction_goes_into_the_parameter_set(result: Result, gear: HarmonicDrive) -> None:
+    identified = friction.identified(result, gear)
+    assert identified.mesh_friction.coulomb == result.estimates["coulomb"].value
+    origin = identified.origins["mesh_friction.coulomb"]
+    assert origin.provenance == "identified"
+    assert origin.standard_uncertainty == pytest.approx(result.estimates["coulomb"].standard_uncertainty)
+    assert identified.options.torque_balance == result.options["torque_balance"]
+
+
+def test_the_published_balance_is_kept_with_its_numbers(
+    friction_run: Recording, gear: HarmonicDrive, tare: Result
+) -> None:
+    """Equation 20 as printed needs 3.9 times the mesh friction for the same torque."""
+    result = friction.analyse(friction_run, Evidence(gear, tare, settings={**QUICK, "balance": "published"}))
+    identified = friction.identified(result, gear)
+    assert identified.options.torque_balance == "published"
+    assert result.estimates["coulomb"].value == pytest.approx(3.906 * gear.mesh_friction.coulomb, rel=0.03)
+    speed = 1000.0 * RPM
+    assert float(friction_torque(identified, speed)) == pytest.approx(float(friction_torque(gear, speed)), rel=5e-3)
+
+
+def test_compare_scores_without_fitting(friction_run: Recording, gear: HarmonicDrive, tare: Result) -> None:
+    good = friction.compare(friction_run, gear, Evidence(gear, tare))
+    wrong = gear.with_values({"mesh_friction.coulomb": 90.0, "mesh_friction.static": 110.0}, Origin("assumed"))
+    bad = friction.compare(friction_run, wrong, Evidence(gear, tare))
+    assert good.metrics["mse"] < 1.0
+    assert good.metrics["skill_against_mean"] > 0.9
+    assert good.metrics["skill_against_straight_line"] > 0.5
+    assert bad.metrics["skill_against_mean"] < good.metrics["skill_against_mean"]
+    assert bad.metrics["mean_residual"] < -0.005
+    assert good.estimates == {}
+
+
+def test_verdicts_need_a_verified_limit(
+    friction_run: Recording, gear: HarmonicDrive, tare: Result, result: Result
+) -> None:
+    assert [v.outcome for v in result.verdicts] == ["no verified limit"]
+    for limit, outcome in ((0.2, "PASS"), (0.05, "FAIL")):
+        known = gear.with_values({"ratings.running_torque": limit}, Origin("catalogue", "a catalogue page"))
+        judged = friction.analyse(friction_run, Evidence(known, tare, settings=QUICK))
+        assert [v.outcome for v in judged.verdicts] == [outcome]
+
+
+def test_the_papers_figures_are_there(result: Result) -> None:
+    assert {"9", "17"} <= {p.figure for p in result.plots}
+    low = next(p for p in result.plots if p.name == "friction-curve-low")
+    assert max(s.x.max() for s in low.series) <= 100.1
+    both = next(p for p in result.plots if p.figure == "17")
+    assert {s.label for s in both.series} >= {
+        "measured, forward",
+        "measured, reverse",
+        "fitted, forward",
+        "fitted, reverse",
+    }
+
+
+def test_a_foreign_recording_of_angle_and_current_gives_friction_in_amperes(bench: Bench, gear: HarmonicDrive) -> None:
+    """No segments, no zero, no output encoder; whole revolutions at steady speed are found from the angle."""
+    parameters = friction.Parameters(
+        lowest_rpm=15.0, points=10, up_and_down=False, bracket_every=100, measure_time=10.0
+    )
+    run = record(friction.plan(parameters, gear), bench, "friction")
+    source = run.source
+    assert isinstance(source, ArraySource)
+    names = {"input_angle": "input_angle", "torque": "current"}
+    signals = {new: dataclasses.replace(run.signals[old], name=new) for old, new in names.items()}
+    signals["current"] = dataclasses.replace(signals["current"], unit="A")
+    foreign = Recording(
+        dataclasses.replace(run.metadata, experiment="", origin="imported", time_base="device"),
+        signals, (), (), ArraySource({new: source.arrays[old] for old, new in names.items()}, source.times),
+    )  # fmt: skip
+    result = friction.analyse(foreign, Evidence(gear, settings={"channel": "current"}))
+    assert result.estimates["coulomb"].unit == "A"
+    words = " ".join(result.warnings)
+    assert "no segments" in words
+    assert "not N m" in words
+    slow = 30.0 * RPM
+    curve = result.estimates
+    shape = np.exp(-((slow / curve["stribeck_velocity"].value) ** curve["shape"].value))
+    found = (
+        curve["coulomb"].value
+        + (curve["static"].value - curve["coulomb"].value) * shape
+        + curve["viscous"].value * slow
+    )
+    truth = float(friction_torque(gear, slow)) + float(bench.motor(np.array([slow]))[0])
+    assert found == pytest.approx(truth, rel=0.03)
+
+
+def test_a_run_without_a_whole_revolution_is_refused(gear: HarmonicDrive, friction_run: Recording) -> None:
+    short = tuple(
+        dataclasses.replace(s, stop=s.start + 50) if s.label in ("hold", "bracket") else s
+        for s in friction_run.segments
+    )
+    slow = tuple(s for s in short if abs(s.setpoint) < 100.0 * RPM)
+    with pytest.raises(AnalysisError, match="whole input revolution"):
+        friction.analyse(dataclasses.replace(friction_run, segments=slow), Evidence(gear))
+
+
+def test_a_linear_axis_is_sent_to_another_kind(friction_run: Recording, gear: HarmonicDrive) -> None:
+    signals = dict(friction_run.signals)
+    signals["input_angle"] = dataclasses.replace(signals["input_angle"], unit="m")
+    with pytest.raises(AnalysisError, match="motion"):
+        friction.analyse(dataclasses.replace(friction_run, signals=signals), Evidence(gear))
+
+
+def test_holds_cover_whole_revolutions_of_the_plan(friction_run: Recording, gear: HarmonicDrive) -> None:
+    measured = measure_friction(friction_run, Evidence(gear))
+    for hold in measured.holds:
+        turned = abs(friction_run.si("input_angle", hold.segment)[[0, -1]] @ [-1.0, 1.0]) / REVOLUTION
+        assert hold.torque.revolutions == round(turned)
+
+
+def test_servo_off_is_where_the_plan_puts_it(gear: HarmonicDrive) -> None:
+    steps = list(friction.plan(friction.Parameters(), gear))
+    assert [k for k, s in enumerate(steps) if isinstance(s, ServoOff)] == [0, len(steps) - 1]

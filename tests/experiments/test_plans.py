@@ -1,0 +1,228 @@
+"""Invariants of every plan, whatever its parameters: finite, pure, between torque zeros, within the rated speed."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+from annotated_types import Ge, Gt, Le, Lt
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from experiments import catalogue, friction, kinematic_error, velocity_steps
+from experiments.errors import PlanError
+from experiments.parameters import ParameterField, parameter_fields
+from experiments.plan_parts import LABELS, ZERO_AFTER, ZERO_BEFORE
+from experiments.speeds import alias_leak, incommensurate, lattice_distance
+from experiments.steps import (
+    FindIndex,
+    HoldRevolutions,
+    HoldTime,
+    MoveRevolutions,
+    MoveToAngle,
+    Ramp,
+    ServoOff,
+    Settle,
+    SpeedStep,
+    TorqueRamp,
+)
+from model.gear_file import shipped_gear
+from model.units import RPM
+
+GEAR = shipped_gear()
+TURNING = (Ramp, SpeedStep, HoldRevolutions, HoldTime, Settle, MoveToAngle, MoveRevolutions, FindIndex, TorqueRamp)
+
+
+def _number(f: ParameterField) -> st.SearchStrategy[Any]:
+    low, high = 0.0, 1e4
+    for check in f.checks:
+        low = check.ge if isinstance(check, Ge) else check.gt + 1e-3 if isinstance(check, Gt) else low
+        high = check.le if isinstance(check, Le) else check.lt - 1e-3 if isinstance(check, Lt) else high
+    default = f.default if isinstance(f.default, int | float) else 1.0
+    low = max(low, 0.2 * default) if default > 0 else low
+    high = max(min(high, 5.0 * default if default > 0 else 1.0), low)
+    if f.kind is int:
+        return st.integers(math.ceil(low), max(math.ceil(low), min(int(high), 12)))
+    return st.floats(low, high)
+
+
+def parameters_of(name: str) -> st.SearchStrategy[Any]:
+    """Any parameters of a protocol about its defaults, within the declared ranges."""
+    model = catalogue.load(name).parameters
+    strategies: dict[str, st.SearchStrategy[Any]] = {}
+    for f in parameter_fields(model):
+        if f.kind is bool:
+            strategies[f.name] = st.booleans()
+        elif f.kind in (int, float):
+            strategies[f.name] = _number(f)
+        elif f.kind is tuple and f.default:
+            strategies[f.name] = st.lists(st.floats(1.0, 3000.0), min_size=1, max_size=4).map(tuple)
+    return st.builds(model, **strategies)
+
+
+@pytest.mark.parametrize("name", catalogue.names())
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(data=st.data())
+def test_every_plan_is_pure_finite_and_between_torque_zeros(name: str, data: st.DataObject) -> None:
+    experiment = catalogue.load(name)
+    parameters = data.draw(parameters_of(name))
+    refusal: PlanError | None = None
+    plan: list[Any] = []
+    try:
+        plan = list(experiment.plan(parameters, GEAR))
+    except PlanError as error:
+        refusal = error
+    if refusal is not None:
+        assert refusal.where.startswith(name)
+        assert refusal.limit
+        return
+    assert plan == list(experiment.plan(parameters, GEAR))
+    steps = [s for s in plan if isinstance(s, (*TURNING, ServoOff))]
+    labels = [s.segment.label for s in steps if s.segment is not None]
+    assert labels[0] == ZERO_BEFORE
+    assert labels[-1] == ZERO_AFTER
+    assert set(labels) <= LABELS
+    assert isinstance(steps[0], ServoOff)
+    assert isinstance(steps[-1], ServoOff)
+    # Nothing turns when the power goes off.
+    assert isinstance(steps[-2], HoldTime)
+    assert steps[-2].duration > 0.0
+    _check_numbers(steps)
+
+
+def _check_numbers(steps: list[Any]) -> None:
+    speed = 0.0
+    rating = GEAR.ratings.maximum_input_speed
+    for step in steps:
+        for value in dataclasses.asdict(step).values():
+            assert not isinstance(value, float) or math.isfinite(value)
+        if hasattr(step, "at_most"):
+            assert step.at_most > 0.0
+        if hasattr(step, "acceleration"):
+            assert step.acceleration > 0.0
+        if isinstance(step, Ramp | SpeedStep):
+            speed = step.speed
+        if isinstance(step, MoveToAngle | MoveRevolutions):
+            assert step.speed > 0.0
+            speed = 0.0
+        assert abs(getattr(step, "speed", 0.0)) <= rating * (1.0 + 1e-9)
+        if isinstance(step, HoldRevolutions):
+            nominal = step.revolutions * 2.0 * math.pi / abs(speed)
+            assert speed != 0.0
+            assert step.at_most > nominal
+        if isinstance(step, Settle | FindIndex):
+            assert speed != 0.0
+        if isinstance(step, ServoOff):
+            assert speed == 0.0
+
+
+def test_kinematic_error_covers_whole_output_revolutions_after_an_approach() -> None:
+    for mounting, turns in (("circular-spline-fixed", 120.0), ("flexspline-fixed", 121.0)):
+        steps = list(
+            kinematic_error.plan(kinematic_error.Parameters(output_revolutions=2, repeats=2, mounting=mounting), GEAR)
+        )
+        holds = [s for s in steps if isinstance(s, HoldRevolutions)]
+        assert [(h.segment.label, h.segment.direction, h.segment.repeat) for h in holds if h.segment] == [
+            (label, direction, repeat)
+            for repeat in (0, 1)
+            for direction in (1, -1)
+            for label in ("approach", "traverse")
+        ]
+        assert all(h.revolutions >= 1.0 for h in holds)
+        assert all(h.revolutions == 2 * turns for h in holds if h.segment and h.segment.label == "traverse")
+
+
+def test_friction_defaults_are_what_a_laboratory_expects() -> None:
+    speeds = [w / RPM for w in friction.sweep_speeds(friction.Parameters(), GEAR)]
+    assert len(speeds) >= 30
+    assert speeds == sorted(speeds)
+    assert speeds[0] <= GEAR.mesh_friction.stribeck_velocity / 10.0 / RPM
+    assert 2900.0 < speeds[-1] <= 3000.0 * 1.015
+    assert sum(s < 100.0 for s in speeds) >= 15
+    steps = list(friction.plan(friction.Parameters(), GEAR))
+    holds = [s.segment for s in steps if isinstance(s, HoldRevolutions) and s.segment]
+    assert sum(h.label == "hold" for h in holds) == 120
+    assert sum(h.label == "bracket" for h in holds) == 28
+    assert {(h.direction, h.repeat) for h in holds if h.label == "hold"} == {(1, 0), (-1, 0), (1, 1), (-1, 1)}
+    assert all(s.revolutions == int(s.revolutions) for s in steps if isinstance(s, HoldRevolutions))
+
+
+def test_friction_points_start_all_over_the_output_revolution() -> None:
+    steps = list(friction.plan(friction.Parameters(), GEAR))
+    place, places = 0.0, []
+    for step in steps:
+        if isinstance(step, MoveRevolutions):
+            place += step.revolutions / GEAR.ratio
+            places.append(place % 1.0)
+    assert len(places) == 60
+    gaps = [b - a for a, b in zip(sorted(places), [*sorted(places)[1:], 1.0 + min(places)], strict=True)]
+    assert max(gaps) < 0.05
+
+
+def test_fast_speeds_are_moved_off_the_sampling_lattice() -> None:
+    wanted = 3000.0 * RPM
+    found = incommensurate(wanted, 1000.0, 1.0)
+    assert alias_leak(wanted, 1000.0, 1.0) > 0.9
+    assert alias_leak(found, 1000.0, 1.0) < 0.1
+    assert abs(found / wanted - 1.0) <= 0.015
+
+
+def test_the_default_low_speed_is_off_the_lattice_of_the_output_counts() -> None:
+    assert lattice_distance(60.0 * RPM, 1000.0, 600.0) < 1e-6
+    assert lattice_distance(30.3 * RPM, 1000.0, 600.0) > 0.01
+    marks = [getattr(s, "code", "") for s in kinematic_error.plan(kinematic_error.Parameters(), GEAR)]
+    assert "commensurate-speed" not in marks
+    marks = [getattr(s, "code", "") for s in kinematic_error.plan(kinematic_error.Parameters(speed_rpm=60.0), GEAR)]
+    assert "commensurate-speed" in marks
+
+
+def test_steps_start_from_stated_angles_approached_from_one_side() -> None:
+    parameters = velocity_steps.Parameters()
+    steps = list(velocity_steps.plan(parameters, GEAR))
+    moves = [s for s in steps if isinstance(s, MoveToAngle)]
+    jumps = [s for s in steps if isinstance(s, SpeedStep)]
+    assert len(moves) == len(jumps) == 2 * 8 * parameters.repeats
+    assert all(m.speed > 0.0 for m in moves)
+    assert {m.phase for m in moves} == {
+        velocity_steps.start_phase(k, parameters.repeats) for k in range(parameters.repeats)
+    }
+    assert all(j.least_revolutions >= 3.0 for j in jumps)
+    wanted = (60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 2400.0, 3000.0)
+    assert sorted({round(abs(j.speed) / RPM, 6) for j in jumps}) == list(wanted)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("kinematic-error", {"speed_rpm": -1.0}),
+        ("kinematic-error", {"speed_rpm": math.nan}),
+        ("kinematic-error", {"output_revolutions": 0}),
+        ("kinematic-error", {"approach_revolutions": 0.5}),
+        ("kinematic-error", {"mounting": "upside-down"}),
+        ("friction", {"highest_rpm": 9000.0}),
+        ("friction", {"lowest_rpm": 100.0, "highest_rpm": 10.0}),
+        ("friction", {"points": 0}),
+        ("friction", {"speeds_rpm": (10.0, -5.0)}),
+        ("friction", {"acceleration": math.inf}),
+        ("velocity-steps", {"speeds_rpm": ()}),
+        ("velocity-steps", {"speeds_rpm": (6000.0,)}),
+        ("velocity-steps", {"revolutions": 1.0}),
+        ("motor-tare", {"lowest_rpm": 0.0}),
+        ("warm-up", {"speed_rpm": 7000.0}),
+        ("starting-torque", {"torque_limit": 5.0}),
+        ("starting-torque", {"positions": 0}),
+        ("home", {"input_passes": 0}),
+    ],
+)
+def test_impossible_parameters_are_refused_with_value_and_limit(name: str, values: dict[str, Any]) -> None:
+    experiment = catalogue.load(name)
+    with pytest.raises(PlanError) as refused:
+        experiment.plan(experiment.parameters(**values), GEAR)
+    assert name in refused.value.where
+
+
+def test_parameters_of_another_protocol_are_refused() -> None:
+    with pytest.raises(PlanError, match="another protocol"):
+        friction.plan(kinematic_error.Parameters(), GEAR)  # type: ignore[arg-type]

@@ -1,0 +1,156 @@
+"""Velocity steps of a rig that obeys equation 2: resonance, damping, skills against null models, what must be refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from experiments import velocity_steps
+from experiments.contract import Evidence
+from experiments.errors import AnalysisError
+from experiments.recording import Recording
+from experiments.result import Result
+from model.gear import Harmonic, HarmonicDrive, Origin
+from model.gear_file import harmonic_path
+from model.linear import dynamic_parameters, modes
+from model.units import ARCSEC, REVOLUTION
+from tests.experiments.conftest import SERIES
+from tests.experiments.synthetic import Bench, record
+
+WHOLE = tuple(h for h in SERIES if h.order in (1.0, 2.0, 4.0))
+
+
+@pytest.fixture(scope="module")
+def elastic_gear(gear: HarmonicDrive) -> HarmonicDrive:
+    """Ten per cent more inertia at the output than the set says."""
+    return gear.with_values({"inertia.output": 0.11})
+
+
+@pytest.fixture(scope="module")
+def run(elastic_gear: HarmonicDrive) -> Recording:
+    parameters = velocity_steps.Parameters(speeds_rpm=(60.0, 120.0, 1800.0, 2950.0), repeats=1, duration=1.0)
+    plan = velocity_steps.plan(parameters, elastic_gear)
+    return record(plan, Bench(elastic_gear, error=WHOLE, elastic=True), "velocity-steps")
+
+
+def known_error(gear: HarmonicDrive, series: tuple[Harmonic, ...]) -> HarmonicDrive:
+    """The gear with a kinematic error that counts as identified."""
+    origins = dict(gear.origins) | {
+        harmonic_path(h.order): Origin("identified", "a run", 0.05 * ARCSEC) for h in series
+    }
+    return dataclasses.replace(gear, kinematic_error=series, origins=origins)
+
+
+@pytest.fixture(scope="module")
+def evidence(gear: HarmonicDrive) -> Evidence:
+    return Evidence(known_error(gear, WHOLE))
+
+
+@pytest.fixture(scope="module")
+def result(run: Recording, evidence: Evidence) -> Result:
+    return velocity_steps.analyse(run, evidence)
+
+
+def test_resonance_and_damping_are_recovered(result: Result, elastic_gear: HarmonicDrive) -> None:
+    truth = modes(dynamic_parameters(elastic_gear))[0]
+    assert result.estimates["stiffness_over_inertia"].value == pytest.approx(truth.natural_frequency**2, rel=0.01)
+    assert result.estimates["damping_ratio"].value == pytest.approx(truth.damping_ratio, rel=0.1)
+    for way in ("forward", "reverse"):
+        assert result.estimates[f"frequency_{way}"].value == pytest.approx(
+            truth.natural_frequency / REVOLUTION, rel=0.01
+        )
+
+
+def test_an_elastic_gear_beats_both_null_models(result: Result) -> None:
+    assert result.metrics["median_skill_speed"] > 0.5
+    assert result.metrics["median_skill_speed_rigid"] > 0.8
+    table = next(t for t in result.tables if t.name == "steps")
+    fast = [row for row in table.rows if float(row[0]) > 2900.0]
+    assert len(fast) == 2
+    assert all(row[3] == "yes" for row in fast)
+
+
+def test_slow_steps_are_called_not_resolvable(result: Result) -> None:
+    table = next(t for t in result.tables if t.name == "steps")
+    assert {row[3] for row in table.rows if float(row[0]) < 70.0} == {"not resolvable"}
+    assert any("not resolvable" in w for w in result.warnings)
+
+
+def test_what_cannot_be_identified_is_said(result: Result) -> None:
+    words = " ".join(result.warnings)
+    assert "K_m" in words
+    assert "C_b" in words
+    assert {"mesh_stiffness", "bearing_damping"}.isdisjoint(result.estimates)
+
+
+def test_without_an_identified_error_the_slow_steps_give_one(
+    run: Recording, gear: HarmonicDrive, result: Result
+) -> None:
+    found = velocity_steps.analyse(run, Evidence(gear))
+    assert "slow steps" in found.options["kinematic_error"]
+    assert found.estimates["stiffness_over_inertia"].value == pytest.approx(
+        result.estimates["stiffness_over_inertia"].value, rel=0.02
+    )
+    mine, theirs = (r.estimates["stiffness_over_inertia"].expanded_uncertainty for r in (found, result))
+    assert mine > theirs
+
+
+def test_one_figure_19_per_speed(result: Result) -> None:
+    figures = [p for p in result.plots if p.figure == "19"]
+    assert len(figures) == 4
+    for plot in figures:
+        assert {"measured", "simulated, measured input", "rigid gear"} == {s.label for s in plot.series}
+        assert all(np.isfinite(s.y).all() for s in plot.series)
+
+
+def test_the_identified_set_rings_as_the_run_did(result: Result, gear: HarmonicDrive) -> None:
+    identified = velocity_steps.identified(result, gear)
+    mode = velocity_steps.torsional_mode(identified)
+    assert mode.natural_frequency**2 == pytest.approx(result.estimates["stiffness_over_inertia"].value, rel=1e-3)
+    assert mode.damping_ratio == pytest.approx(result.estimates["damping_ratio"].value, rel=1e-3)
+    assert identified.origins["inertia.output"].provenance == "identified"
+    assert "K/J_o" in identified.origins["inertia.output"].source
+
+
+def test_a_damping_beyond_the_bearings_reach_goes_into_the_cup(gear: HarmonicDrive, result: Result) -> None:
+    damped = dataclasses.replace(result.estimates["damping_ratio"], value=0.08)
+    changed = dataclasses.replace(result, estimates={**result.estimates, "damping_ratio": damped})
+    identified = velocity_steps.identified(changed, gear)
+    assert identified.damping.structural > 0.0
+    assert velocity_steps.torsional_mode(identified).damping_ratio == pytest.approx(0.08, rel=1e-3)
+
+
+def test_compare_prefers_the_right_inertia(run: Recording, elastic_gear: HarmonicDrive, gear: HarmonicDrive) -> None:
+    right = known_error(elastic_gear, WHOLE)
+    wrong = known_error(gear.with_values({"inertia.output": 0.2}), WHOLE)
+    good, bad = (velocity_steps.compare(run, g, Evidence(g)) for g in (right, wrong))
+    assert good.metrics["median_skill_speed"] > 0.5
+    assert good.metrics["median_skill_speed"] > bad.metrics["median_skill_speed"] + 0.2
+    assert good.estimates == {}
+    assert math.isfinite(good.metrics["median_mse_speed"])
+
+
+@pytest.mark.parametrize("time_base", ["nominal", "none", "host"])
+def test_without_a_true_time_base_steps_are_refused(run: Recording, gear: HarmonicDrive, time_base: str) -> None:
+    metadata = dataclasses.replace(run.metadata, time_base=time_base)  # type: ignore[arg-type]
+    with pytest.raises(AnalysisError, match="true time"):
+        velocity_steps.analyse(dataclasses.replace(run, metadata=metadata), Evidence(gear))
+
+
+def test_a_wrong_ratio_is_refused(run: Recording, gear: HarmonicDrive) -> None:
+    metadata = dataclasses.replace(run.metadata, ratio=100.0)
+    with pytest.raises(AnalysisError, match="ratio"):
+        velocity_steps.analyse(dataclasses.replace(run, metadata=metadata), Evidence(gear))
+
+
+def test_a_recording_without_steps_is_refused(run: Recording, gear: HarmonicDrive) -> None:
+    with pytest.raises(AnalysisError, match="step segments"):
+        velocity_steps.analyse(dataclasses.replace(run, segments=()), Evidence(gear))
+
+
+def test_an_unknown_choice_of_error_is_refused(run: Recording, gear: HarmonicDrive) -> None:
+    with pytest.raises(AnalysisError, match="no such choice"):
+        velocity_steps.analyse(run, Evidence(gear, settings={"kinematic_error": "guess"}))
