@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -84,16 +86,13 @@ def adopt(gear: HarmonicDrive, results: Sequence[Result]) -> Adopted:
     """
     from experiments import catalogue
 
-    before = gear
+    # Taken over into a set without origins as well: what carries one afterwards is what these results identify.
+    bare = dataclasses.replace(gear, origins=MappingProxyType({}))
     for result in results:
         take_over = catalogue.load(result.kind).identified
         if take_over is not None:
-            gear = take_over(result, gear)
-    changed = [
-        path for path, origin in gear.origins.items()
-        if origin.provenance == "identified" and before.origins.get(path) != origin
-    ]  # fmt: skip
-    return Adopted(gear, tuple(changed))
+            gear, bare = take_over(result, gear), take_over(result, bare)
+    return Adopted(gear, tuple(path for path, origin in bare.origins.items() if origin.provenance == "identified"))
 
 
 def compare_with(gear: HarmonicDrive, result: Result) -> tuple[Comparison, ...]:

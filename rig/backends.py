@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -25,14 +26,21 @@ class Bench:
 
 @dataclass(frozen=True)
 class BenchRequest:
-    """What a rig is asked for. `gear` and `motor` are what stands on a simulated rig (before its own spread by `seed`)."""
+    """What a rig is asked for.
+
+    `gear` and `motor` are the nominal ones. On a simulated rig `seed` is the laboratory (its motor and instruments), seed
+    and `serial` together are the individual gear, seed and `protocol` together are the run (start angle, drift, noise).
+    """
 
     gear: HarmonicDrive
     motor: ServoMotor
     mounting: Mounting = "circular-spline-fixed"
     gear_mounted: bool = True
+    serial: str = ""
+    protocol: str = ""
     seed: int = 0
     sample_rate: float = 1000.0
+    disc_inertia: float = 0.0
 
 
 def make_port(name: str, request: BenchRequest) -> Bench:
@@ -47,18 +55,28 @@ def make_port(name: str, request: BenchRequest) -> Bench:
 
 def _simulated(request: BenchRequest) -> Bench:
     from sim_backend.direct import SimulatedRig
-    from sim_backend.imperfections import Imperfections
+    from sim_backend.imperfections import individual_gear, individual_motor
 
+    gear_seed = _mixed(request.seed, f"gear {request.serial}")
+    clock = VirtualClock(time.time_ns())
     port = SimulatedRig(
-        request.gear,
-        request.motor,
-        Imperfections(),
-        seed=request.seed,
+        individual_gear(request.gear, gear_seed),
+        individual_motor(request.motor, request.seed),
+        seed=_mixed(request.seed, f"run {request.protocol}"),
         cycle_ns=round(1e9 / request.sample_rate),
         mounting=request.mounting,
         gear_mounted=request.gear_mounted,
+        disc_inertia=request.disc_inertia,
+        clock=clock,
+        bench_seed=request.seed,
+        gear_seed=gear_seed,
     )
-    return Bench("sim", port, VirtualClock(time.time_ns()))
+    return Bench("sim", port, clock)
+
+
+def _mixed(seed: int, name: str) -> int:
+    """One seed out of a seed and a name, the same on every computer."""
+    return (seed << 32) ^ zlib.crc32(name.encode())
 
 
 BACKENDS: dict[str, Callable[[BenchRequest], Bench]] = {"sim": _simulated}

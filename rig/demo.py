@@ -9,77 +9,26 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
+import os
 import queue
 import signal
 import threading
 import time
-import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from model.errors import WordedError
+from rig.demo_work import ORDER, DemoOrder, Failed, Finished, Step, gear_for, work
 from rig.errors import RigError
-from rig.run.stop import StopRequest
 
 if TYPE_CHECKING:
-    from experiments.result import Result
     from experiments.truth import TruthRow
-    from model.gear import HarmonicDrive
     from rig.fit import Fit
 
 BRANCHES: tuple[tuple[str, ...], ...] = (("motor-tare", "friction"), ("kinematic-error", "velocity-steps"))
 """What each process runs, one after the other."""
-ORDER = ("motor-tare", "kinematic-error", "friction", "velocity-steps")
-"""The order in which runs begin."""
 REPORT, PARAMETERS = "report.html", "identified.toml"
-
-
-@dataclass(frozen=True)
-class DemoOrder:
-    """What is asked for: folder, seed, and values of protocol parameters that differ from their defaults (for short tests)."""
-
-    folder: Path
-    seed: int
-    created: str
-    values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-
-    @property
-    def serial(self) -> str:
-        """Serial number of the simulated gear."""
-        return f"SIM-{self.seed:04d}"
-
-
-@dataclass(frozen=True)
-class Step:
-    """One line of progress of one protocol: rig seconds done and left, and what is being done."""
-
-    protocol: str
-    done: float
-    left: float
-    what: str
-
-
-@dataclass(frozen=True)
-class Finished:
-    """One protocol, run and fitted: its file, outcome, result, and the name of the stored analysis."""
-
-    protocol: str
-    path: Path
-    outcome: str
-    message: str
-    result: Result | None
-    stored: str
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Failed:
-    """An error in a process: as it was raised, or in words where it is a defect."""
-
-    error: WordedError | None
-    text: str
 
 
 @dataclass(frozen=True)
@@ -120,19 +69,6 @@ def _row_as_json(kind: str, row: TruthRow) -> dict[str, Any]:
     }  # fmt: skip
 
 
-class SharedStop(StopRequest):
-    """STOP and ABORT that reach another process through a shared number."""
-
-    def __init__(self, shared: Any) -> None:
-        super().__init__()
-        self._shared = shared
-
-    @property
-    def level(self) -> int:
-        """0: go on, 1: STOP, 2: ABORT."""
-        return int(self._shared.value)
-
-
 @dataclass
 class _Local:
     """The shared number of a demonstration in one process."""
@@ -140,99 +76,10 @@ class _Local:
     value: int = 0
 
 
-# In the processes that work.
-
-
-def work(branch: Sequence[str], order: DemoOrder, messages: Any, begun: Mapping[str, Any], shared: Any) -> None:
-    """Run and fit the protocols of one branch; everything that happens goes into `messages`, None at the end."""
-    try:
-        found: dict[str, Fit] = {}
-        for protocol in branch:
-            _wait_for_turn(protocol, begun, shared)
-            if shared.value:
-                break
-            finished = _one(protocol, order, messages, begun, SharedStop(shared), found)
-            messages.put(finished)
-            if finished.result is None:
-                break
-    except WordedError as error:
-        messages.put(Failed(error, str(error)))
-    except Exception:  # noqa: BLE001  whatever it was, the process that shows it must hear of it
-        messages.put(Failed(None, traceback.format_exc()))
-    finally:
-        for protocol in branch:
-            begun[protocol].set()
-        messages.put(None)
-
-
 def _process(*arguments: Any) -> None:
     """A child process: the parent decides what Ctrl-C means."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     work(*arguments)
-
-
-def _wait_for_turn(protocol: str, begun: Mapping[str, Any], shared: Any) -> None:
-    """Until the runs before this one have their numbers."""
-    for earlier in ORDER[: ORDER.index(protocol)]:
-        while earlier in begun and not begun[earlier].wait(0.1) and not shared.value:
-            pass
-
-
-def _one(
-    protocol: str, order: DemoOrder, messages: Any, begun: Mapping[str, Any], stop: StopRequest, found: dict[str, Fit]
-) -> Finished:
-    """Run one protocol, fit it, keep the analysis."""
-    from rig.fit import TARE, fit_recording, store
-    from rig.report.content import UNFINISHED
-    from rig.run.start import run_request
-    from rig.runfile.read import open_run
-
-    started = time.monotonic()
-    last = [0.0]
-
-    def on_progress(now: Any) -> None:
-        begun[protocol].set()
-        instant = time.monotonic()
-        if instant - last[0] > 0.1:
-            last[0] = instant
-            messages.put(Step(protocol, now.elapsed, now.left, "running"))
-
-    messages.put(Step(protocol, 0.0, 1.0, "preparing"))
-    report = run_request(_request(protocol, order), stop=stop, ask=lambda prompt: "simulated", on_progress=on_progress)
-    begun[protocol].set()
-    if report.outcome in UNFINISHED:
-        seconds = time.monotonic() - started
-        return Finished(protocol, report.path, report.outcome, report.message, None, "", seconds)
-    messages.put(Step(protocol, 1.0, 0.0, "fitting"))
-    recording = open_run(report.path)
-    tare = found.get(TARE) if protocol != TARE else None
-    fit = fit_recording(recording, gear=_gear_for(protocol, found), tare=tare, path=report.path)
-    fit = found[protocol] = store(fit, order.created)
-    seconds = time.monotonic() - started
-    return Finished(protocol, report.path, report.outcome, report.message, fit.result, fit.stored, seconds)
-
-
-def _request(protocol: str, order: DemoOrder) -> Any:
-    from model.gear_file import shipped_gear
-    from model.motor import shipped_motor
-    from rig.run.start import RunRequest
-
-    return RunRequest(
-        protocol, shipped_gear(), shipped_motor(), order.folder, dict(order.values.get(protocol, {})),
-        gear_serial=order.serial, operator="rig demo", seed=order.seed,
-    )  # fmt: skip
-
-
-def _gear_for(protocol: str, found: Mapping[str, Fit]) -> HarmonicDrive:
-    """The parameter set to compare with: the shipped one; velocity steps know the kinematic error that was just found."""
-    from model.gear_file import shipped_gear
-    from rig.adopt import adopt
-
-    results = [found["kinematic-error"].result] if protocol == "velocity-steps" and "kinematic-error" in found else []
-    return adopt(shipped_gear(), results).gear
-
-
-# In the process that shows.
 
 
 def demonstrate(
@@ -245,11 +92,15 @@ def demonstrate(
     finished = sorted(messages, key=lambda f: ORDER.index(f.protocol))
     stopped = [f for f in finished if f.result is None]
     if any(f.outcome == "ABORTED" for f in stopped):
-        raise KeyboardInterrupt(f"{stopped[0].path.name} was stopped and is kept")
+        raise KeyboardInterrupt(_kept(order))
     if stopped or len(finished) < len(ORDER):
         told = "; ".join(f"{f.protocol} {f.outcome}: {f.message}" for f in stopped) or "a run is missing"
         raise RigError("the demonstration did not reach its end", where=str(order.folder), value=told)
     return _conclude(order, tuple(finished), started)
+
+
+def _kept(order: DemoOrder) -> str:
+    return f"what was recorded is kept in {order.folder}"
 
 
 def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) -> Demonstration:
@@ -262,7 +113,7 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
     fits: dict[str, Fit] = {}
     for done in finished:
         assert done.result is not None
-        gear = _gear_for(done.protocol, fits)
+        gear = gear_for(done.protocol, fits)
         tare = fits.get(TARE) if done.result.options.get("tare_run") not in (None, "none") else None
         fits[done.protocol] = Fit(open_run(done.path), gear, done.result, done.path, tare, stored=done.stored)
     made = tuple(fits.values())
@@ -280,7 +131,7 @@ def _truth(fit: Fit) -> Iterator[TruthRow]:
     """What the simulated rig knows of this fit; numbers that the data cannot identify are compared with nothing."""
     from experiments.truth import truth_of, truth_rows
 
-    for row in truth_rows(fit.result, truth_of(fit.recording.metadata.process)):
+    for row in truth_rows(fit.result, truth_of(fit.recording.metadata.process), fit.gear):
         if row.estimate.identifiable != "no":
             yield row
 
@@ -300,13 +151,17 @@ def _in_processes(order: DemoOrder, show: Callable[[Step | Finished], None]) -> 
     begun = {name: context.Event() for name in ORDER}
     shared = context.Value("i", 0)
     children = [
-        context.Process(target=_process, args=(branch, order, messages, begun, shared), daemon=True) for branch in BRANCHES
+        context.Process(target=_process, args=(branch, order, messages, begun, shared), daemon=True)
+        for branch in BRANCHES
     ]
-    for child in children:
-        child.start()
+    with _one_thread_each():
+        for child in children:
+            child.start()
     try:
         with _ctrl_c(shared):
             found = _collect(messages, len(children), show, children)
+        if shared.value:
+            raise KeyboardInterrupt(_kept(order))
     except BaseException:
         shared.value = 2
         raise
@@ -317,6 +172,20 @@ def _in_processes(order: DemoOrder, show: Callable[[Step | Finished], None]) -> 
                 child.terminate()
                 child.join(5.0)
     return found
+
+
+@contextlib.contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started in here do their linear algebra in one thread: with more, two of them would wait for each other."""
+    names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update({name: "1" for name in names if before[name] is None})
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
 
 
 @contextlib.contextmanager

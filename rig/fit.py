@@ -27,7 +27,8 @@ TARE = "motor-tare"
 class Fit:
     """One analysed run: the recording, the gear it was compared with, the tare that was subtracted, the result.
 
-    `path` is the run file, `stored` the name of the analysis in its store ("" while there is none).
+    `path` is the run file, `stored` the name of the analysis in its store ("" while there is none); `gear_known` is False
+    where nobody said what gear it is and the shipped set stands in for it.
     """
 
     recording: Recording
@@ -37,6 +38,7 @@ class Fit:
     tare: Fit | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     stored: str = ""
+    gear_known: bool = True
 
 
 def kind_of(recording: Recording, kind: str = "") -> str:
@@ -79,6 +81,7 @@ def fit_recording(
     experiment = catalogue.load(kind_of(recording, kind))
     remarks: list[str] = []
     known = gear or recording.metadata.gear
+    gear_known = known is not None
     if known is None:
         known = shipped_gear()
         remarks.append(
@@ -93,7 +96,7 @@ def fit_recording(
     options.setdefault("parameter_set", known.name)
     options["tare_run"] = tare.recording.metadata.run_id if tare else "none"
     result = dataclasses.replace(result, warnings=(*result.warnings, *remarks), options=options)
-    return Fit(recording, known, result, path, tare, dict(settings or {}))
+    return Fit(recording, known, result, path, tare, dict(settings or {}), gear_known=gear_known)
 
 
 def score(fit: Fit) -> Result:

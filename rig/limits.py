@@ -193,7 +193,9 @@ def derive_limits(
     entries += _ramp_limits(motor, gear, load, gear_mounted, torque)
     if plan_speed is not None:
         room = SPEED_ROOM * plan_speed + SPEED_ROOM_ABSOLUTE
-        origin = f"highest set-point {plan_speed / RPM:.4g} r/min x {SPEED_ROOM:g} + {SPEED_ROOM_ABSOLUTE / RPM:.3g} r/min"
+        origin = (
+            f"highest set-point {plan_speed / RPM:.4g} r/min x {SPEED_ROOM:g} + {SPEED_ROOM_ABSOLUTE / RPM:.3g} r/min"
+        )
         entries.append(Limit(INPUT_SPEED, room, "protocol", origin))
     return Limits(tuple(entries))
 
@@ -254,9 +256,14 @@ def _ramp_limits(
 def _configured_tier(configured: Mapping[str, float]) -> Iterable[Limit]:
     for quantity, value in configured.items():
         if quantity not in UNITS:
-            raise ConfigurationError("no such limit", where=f"limits.{quantity}", remedy="Known: " + ", ".join(UNITS) + ".")
+            raise ConfigurationError(
+                "no such limit", where=f"limits.{quantity}", remedy="Known: " + ", ".join(UNITS) + "."
+            )
         if not (math.isfinite(value) and value > 0.0):
             raise ConfigurationError(
-                "a limit must be a positive number", where=f"limits.{quantity}", value=value, limit=f"> 0 {UNITS[quantity]}"
+                "a limit must be a positive number",
+                where=f"limits.{quantity}",
+                value=value,
+                limit=f"> 0 {UNITS[quantity]}",
             )
         yield Limit(quantity, value, "rig", "configuration of the rig", "measured")

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rig.demo import Demonstration, Finished, Step
+    from rig.demo import Demonstration
+    from rig.demo_work import Finished, Step
 
 
 @contextlib.contextmanager
@@ -24,10 +25,11 @@ def progress(quiet: bool) -> Iterator[Callable[[Step | Finished], None]]:
 
 
 def _line(message: Step | Finished) -> None:
-    from rig.demo import Finished
+    from rig.demo_work import Finished
 
     if isinstance(message, Finished):
-        sys.stderr.write(f"{message.protocol}: {message.outcome}, run and fitted in {message.seconds:.1f} s\n")
+        done = "run and fitted" if message.result is not None else "ended"
+        sys.stderr.write(f"{message.protocol}: {message.outcome}, {done} in {message.seconds:.1f} s\n")
 
 
 @contextlib.contextmanager
@@ -35,7 +37,7 @@ def _bars() -> Iterator[Callable[[Step | Finished], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-    from rig.demo import ORDER, Finished
+    from rig.demo_work import ORDER, Finished
 
     columns = (
         TextColumn("{task.description:<16}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn(),
@@ -69,7 +71,7 @@ def print_demonstration(made: Demonstration) -> None:
     table.add_column("quantity")
     for heading in ("found ± U", "truth", "|Δ| / U"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("within U")
+    table.add_column("in U")
     last = ""
     for kind, row in made.truth:
         if row.estimate.name.startswith("phase_"):
@@ -80,7 +82,7 @@ def print_demonstration(made: Demonstration) -> None:
         shown, u = show(row.estimate), row.estimate.expanded_uncertainty
         truth = shown.number(row.estimate.value - row.difference)
         table.add_row(
-            "  " + readable(row.estimate.name), shown.with_uncertainty, truth,
+            "  " + readable(row.estimate.name).removesuffix(", amplitude"), shown.with_uncertainty, truth,
             number(abs(row.difference) / u, 2) if u > 0 else "–",
             Text("yes", style="green") if row.within else Text("no", style="yellow"),
         )  # fmt: skip

@@ -36,15 +36,26 @@ def demo(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated gear and its imperfections.")] = 0,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
 ) -> None:
-    """Turn a simulated gear through the paper's experiments, fit them, compare with the truth, and write the report."""
+    """Turn a simulated gear through the paper's experiments, fit them, compare with the truth, and write the report.
+
+    Ctrl-C is a STOP (controlled ramp, what was recorded is kept), a second one an ABORT (quick stop).
+    """
     from datetime import datetime
 
     from rig.commands.demo_tables import print_demonstration, progress
-    from rig.demo import DemoOrder, demonstrate
+    from rig.demo import demonstrate
+    from rig.demo_work import DemoOrder
+    from rig.exits import ABORTED, explain
 
     order = DemoOrder(output, seed, datetime.now().astimezone().isoformat(timespec="seconds"))
-    with progress(quiet=json) as show:
-        made = demonstrate(order, show=show)
+    try:
+        with progress(quiet=json) as show:
+            made = demonstrate(order, show=show)
+    except KeyboardInterrupt as stopped:
+        # Caught here because the command-line library would make an exit code of its own out of it.
+        code, sentence = explain(stopped) or (ABORTED, "")
+        typer.echo(sentence, err=True)
+        raise typer.Exit(code) from None
     if json:
         from rig.results import json_text
 

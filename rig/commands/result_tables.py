@@ -30,7 +30,7 @@ def print_result(out: Console, result: Result, heading: str = "") -> None:
     out.print(Text(heading or f"{result.kind} of run {result.run}", style="bold"))
     if result.estimates:
         out.print(estimate_table(result))
-    notes = [(readable(n), e.note) for n, e in result.estimates.items() if e.note]
+    notes = [(readable(n), e.note) for n, e in result.estimates.items() if e.note and e.identifiable != "yes"]
     for name, note in notes:
         out.print(Text(f"  {name}: {note}", style="dim"))
     print_metrics(out, result)
@@ -51,7 +51,7 @@ def print_metrics(out: Console, result: Result) -> None:
         return
     grid = _grid()
     for name, value in result.metrics.items():
-        grid.add_row(Text(readable(name)), Text(metric(name, float(value))))
+        grid.add_row(Text(readable(name)), Text(metric(result.kind, name, float(value))))
     out.print(grid)
 
 
@@ -84,16 +84,19 @@ def estimate_table(result: Result) -> Any:
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("quantity")
-    table.add_column("value", justify="right", no_wrap=True)
-    table.add_column("± U (k = 2)", justify="right", no_wrap=True)
-    table.add_column("unit")
+    table.add_column("value ± U (k = 2)", justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
     table.add_column("95 % interval", no_wrap=True)
-    table.add_column("identifiable?")
+    table.add_column("identifiable", no_wrap=True)
     for name, estimate in result.estimates.items():
         shown = show(estimate)
         verdict = Text(estimate.identifiable, style=IDENTIFIABLE_STYLE[estimate.identifiable])
         table.add_row(
-            Text(readable(name)), shown.value, shown.expanded or "–", shown.unit, f"{shown.low} … {shown.high}", verdict
+            Text(readable(name)),
+            f"{shown.value} ± {shown.expanded or '?'}",
+            shown.unit,
+            f"{shown.low} … {shown.high}",
+            verdict,
         )
     return table
 

@@ -44,7 +44,9 @@ Parameters = Annotated[
 MountedHow = Annotated[
     str, typer.Option("--mounting", help="circular-spline-fixed (ratio N) or flexspline-fixed (ratio N + 1).")
 ]
-SampleRate = Annotated[float, typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz].")]
+SampleRate = Annotated[
+    float, typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz].")
+]
 
 
 @with_protocol_flags
@@ -69,7 +71,13 @@ def plan(
     protocol, values = read_protocol(context.args)
     gear, motor = _gear(parameters), _motor()
     request = RunRequest(
-        protocol, gear, motor, Path(), values, mounting=mounting, sample_rate=sample_rate  # type: ignore[arg-type]
+        protocol,
+        gear,
+        motor,
+        Path(),
+        values,
+        mounting=mounting,
+        sample_rate=sample_rate,  # type: ignore[arg-type]
     )
     planned = plan_request(request)
     if json:
@@ -84,7 +92,9 @@ def plan(
 def run(
     context: typer.Context,
     backend: Annotated[str, typer.Option(help="Which rig: sim.")] = "sim",
-    gear_serial: Annotated[str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")] = "unknown",
+    gear_serial: Annotated[
+        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
+    ] = "unknown",
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who runs it.")] = "",
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the run files.")] = Path("runs"),
     seed: Annotated[int, typer.Option(min=0, help="Seed of a simulated rig: another gear, another noise.")] = 0,
@@ -129,7 +139,9 @@ def read_protocol(arguments: Sequence[str]) -> tuple[str, dict[str, Any]]:
 
     if not arguments or arguments[0].startswith("-"):
         found = f"{arguments[0]!r} stands where the protocol belongs. " if arguments else ""
-        raise typer.BadParameter(f"{found}Name the protocol first: {', '.join(catalogue.names())}.", param_hint="PROTOCOL")
+        raise typer.BadParameter(
+            f"{found}Name the protocol first: {', '.join(catalogue.names())}.", param_hint="PROTOCOL"
+        )
     protocol = arguments[0]
     if protocol not in catalogue.names():
         raise typer.BadParameter(
@@ -203,9 +215,7 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
     stop = StopRequest()
     title = f"{request.protocol} {request.gear_serial}"
     with _signals(stop), progress_line(title, planned.nominal, quiet) as (on_progress, on_event):
-        return run_request(
-            request, planned, stop=stop, ask=_ask, on_progress=on_progress, on_event=on_event
-        )
+        return run_request(request, planned, stop=stop, ask=_ask, on_progress=on_progress, on_event=on_event)
 
 
 @contextmanager
@@ -216,7 +226,9 @@ def _signals(stop: StopRequest) -> Iterator[None]:
     def press(number: int, frame: object) -> None:
         stop.press()
         word = "STOP" if stop.level == 1 else "ABORT"
-        sys.stderr.write(f"\n{word}: {'controlled ramp; Ctrl-C again is a quick stop' if stop.level == 1 else 'quick stop'}\n")
+        sys.stderr.write(
+            f"\n{word}: {'controlled ramp; Ctrl-C again is a quick stop' if stop.level == 1 else 'quick stop'}\n"
+        )
 
     before = {number: signal.signal(number, press) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -256,7 +268,9 @@ def _print_help(context: typer.Context) -> None:
     from experiments.parameters import parameter_fields
 
     experiment = catalogue.load(named)
-    table = Table("flag", "unit", "allowed", "default", "what", title=f"{named}: {experiment.title}", title_justify="left")
+    table = Table(
+        "flag", "unit", "allowed", "default", "what", title=f"{named}: {experiment.title}", title_justify="left"
+    )
     for field in parameter_fields(experiment.parameters):
         table.add_row(field.flag, field.unit, field.limit, _default(field), field.help)
     console.print(table)
@@ -288,7 +302,9 @@ def _print_plan(planned: PlannedRun) -> None:
     facts.add_row("duration", f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most")
     out = f", {turns / planned.load.ratio:.2f} of the output" if planned.experiment.gear_mounted else ""
     facts.add_row("revolutions", f"{turns:.1f} of the input{out}")
-    facts.add_row("samples", f"{planned.samples} at {planned.sample_rate:g} Hz, about {planned.file_size() / 1e6:.1f} MB")
+    facts.add_row(
+        "samples", f"{planned.samples} at {planned.sample_rate:g} Hz, about {planned.file_size() / 1e6:.1f} MB"
+    )
     facts.add_row("peak speed", f"{peak:.4g} r/min")
     console.print(facts)
     table = Table("limit on", "planned", "allowed", "margin", "where", "origin", title="Margins", title_justify="left")
@@ -315,7 +331,7 @@ def _print_report(report: RunReport) -> None:
         console.print("\nSTANDSTILL WAS NOT VERIFIED. PRESS THE EMERGENCY STOP.\n", style="bold white on red")
     elif report.make_safe is not None:
         seen = ", ".join(report.make_safe.verified_by)
-        console.print(f"made safe ({report.make_safe.action.value}), standstill verified by {seen}")
+        console.print(f"made safe ({report.make_safe.action.value}), standstill verified by {seen}", soft_wrap=True)
     if report.message:
         console.print(report.message, markup=False, soft_wrap=True)
     for warning in dict.fromkeys(w for w in report.warnings if w != report.message):

@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING
 from rig.errors import RigError, RunFileError
 
 if TYPE_CHECKING:
+    from experiments.recording import Recording
+    from model.gear import HarmonicDrive
     from rig.fit import Fit
+
+ERROR, STEPS = "kinematic-error", "velocity-steps"
+"""The protocol that identifies a kinematic error, and the one whose analysis needs it."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +38,9 @@ def report_on_files(
 ) -> Made:
     """Fit these run files and write the report of them.
 
-    A motor-tare run among them is subtracted from the others unless `tare` names another one. `created` is the calendar time
-    of the report; now, if not given.
+    A motor-tare run among them is subtracted from the others unless `tare` names another one; velocity steps are compared
+    with the kinematic error that a run of the same gear among them identified. `created` is the calendar time of the
+    report; now, if not given.
     """
     from model.gear_file import load_gear
     from rig.fit import TARE, fit_recording, store
@@ -52,9 +58,9 @@ def report_on_files(
     else:
         used = max(tares, key=lambda f: f.recording.metadata.start_time, default=None)
     fits = list(tares)
-    for path, recording in opened:
+    for path, recording in sorted(opened, key=lambda pair: pair[1].metadata.experiment == STEPS):
         if recording.metadata.experiment != TARE:
-            fits.append(fit_recording(recording, gear=gear, tare=used, path=path))
+            fits.append(fit_recording(recording, gear=_gear_for(recording, gear, fits), tare=used, path=path))
     lines = []
     kept = []
     for fit in fits:
@@ -67,6 +73,22 @@ def report_on_files(
     size = written.stat().st_size / 1e6
     lines.append(f"{written}: {len(kept)} {'run' if len(kept) == 1 else 'runs'}, {size:.1f} MB")
     return Made(written, tuple(kept), tuple(lines))
+
+
+def _gear_for(recording: Recording, given: HarmonicDrive | None, fits: Sequence[Fit]) -> HarmonicDrive | None:
+    """The parameter set for a run: the one given or the run's own (None); for velocity steps with the error identified."""
+    from rig.adopt import adopt
+
+    metadata = recording.metadata
+    base = given or metadata.gear
+    same = [
+        f for f in fits
+        if f.result.kind == ERROR and f.recording.metadata.gear_serial == metadata.gear_serial
+        and f.recording.metadata.mounting == metadata.mounting
+    ]  # fmt: skip
+    if metadata.experiment != STEPS or base is None or not same:
+        return given
+    return adopt(base, [same[-1].result]).gear
 
 
 def _readable(created: str) -> str:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from experiments.result import Result
+from rig.report.provenance import Provenance, provenance_of
 from rig.report.wording import display_unit, metric, number, pretty, readable, show
 
 if TYPE_CHECKING:
-    from experiments.recording import Recording
     from experiments.truth import TruthRow
     from model.gear import HarmonicDrive
     from model.identify.estimate import Estimate
@@ -56,25 +56,6 @@ class Overall:
 
 
 @dataclass(frozen=True)
-class Provenance:
-    """Where one run comes from."""
-
-    rows: tuple[tuple[str, str], ...] = ()
-    conditions: tuple[tuple[str, str], ...] = ()
-    settings: tuple[tuple[str, str], ...] = ()
-    options: tuple[tuple[str, str], ...] = ()
-
-
-@dataclass(frozen=True)
-class Matrix:
-    """The same facts of several runs side by side: one column per run, one row per fact."""
-
-    caption: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, tuple[str, ...]], ...]
-
-
-@dataclass(frozen=True)
 class Part:
     """One analysed run in the page."""
 
@@ -85,8 +66,9 @@ class Part:
     estimates: Grid | None
     orders: Grid | None
     budget: Grid | None
-    metrics: tuple[tuple[str, str], ...]
+    metrics: Grid | None
     tables: tuple[Grid, ...]
+    annex: tuple[Grid, ...]
     warnings: tuple[str, ...]
     provenance: Provenance
     figures: tuple[Any, ...] = field(default=())
@@ -154,7 +136,7 @@ def estimate_grid(title: str, estimates: Mapping[str, Estimate]) -> Grid | None:
         rows.append(
             (readable(name), s.value, s.expanded or "–", s.unit, interval, estimate.identifiable, estimate.note)
         )
-    columns = ("Quantity", "Value", "± U (k = 2)", "Unit", "95 % interval", "Identifiable", "Remark")
+    columns = ("Quantity", "Value", "± U (k = 2)", "Unit", "95 % interval", "Identifiable", "Remark")
     return _without_empty(Grid(title, columns, tuple(rows), (False, True, True, False, True, False, False)))
 
 
@@ -176,7 +158,7 @@ def budget_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
         combined = number(estimate.standard_uncertainty / factor, 2)
         expanded = number(estimate.expanded_uncertainty / factor, 2)
         rows.append((readable(name), unit, *cells, combined, expanded))
-    columns = ("Quantity", "Unit", *(f"{source} ({kind})" for source, kind in sources), "u", "U (k = 2)")
+    columns = ("Quantity", "Unit", *(f"{source} ({kind})" for source, kind in sources), "u", "U (k = 2)")
     notes = dict.fromkeys(f"{b.source}: {b.note}" for e in with_budget.values() for b in e.budget if b.note)
     note = "Standard uncertainties by source, type A or B; u is their root sum of squares. " + "; ".join(notes)
     return Grid(
@@ -201,120 +183,41 @@ def _without_empty(grid: Grid) -> Grid:
     return Grid(grid.title, grid.columns[:-1], tuple(r[:-1] for r in grid.rows), grid.numeric[:-1], grid.note)
 
 
-def metric_rows(result: Result) -> tuple[tuple[str, str], ...]:
-    """The metrics of a result in words."""
-    return tuple((readable(name), metric(name, float(value))) for name, value in result.metrics.items())
+def metric_grid(result: Result) -> Grid | None:
+    """The figures of merit in words; what both directions have stands side by side."""
+    if not result.metrics:
+        return None
+    ways = ("forward", "reverse")
+    rows: dict[str, list[str]] = {}
+    for name, value in result.metrics.items():
+        stem, _, way = name.rpartition("_")
+        column = ways.index(way) if way in ways else 0
+        text = metric(result.kind, name, float(value))
+        rows.setdefault(stem if way in ways else name, ["", ""])[column] = text
+    if any(cells[1] for cells in rows.values()):
+        made = tuple((readable(name), *cells) for name, cells in rows.items())
+        return Grid("Figures of merit", ("Figure of merit", "Value, or forward", "Reverse"), made, (False, True, True))
+    made = tuple((readable(name), cells[0]) for name, cells in rows.items())
+    return Grid("Figures of merit", ("Figure of merit", "Value"), made, (False, True))
 
 
-def conditions_of(recording: Recording, gear: HarmonicDrive) -> tuple[tuple[str, str], ...]:
-    """What prevailed during a run: speeds, duration, temperatures, load inertia, cycles, and what the operator noted."""
-    import numpy as np
-
-    from model.units import RPM
-
-    rows: list[tuple[str, str]] = []
-    turning = [abs(s.setpoint) for s in recording.segments if s.direction and s.setpoint]
-    if turning:
-        low, high = number(min(turning) / RPM), number(max(turning) / RPM)
-        both = {s.direction for s in recording.segments} >= {1, -1}
-        speeds = f"{low} r/min" if low == high else f"{low} to {high} r/min"
-        rows.append(("Input speeds", speeds + (", both directions" if both else "")))
-    if recording.rows > 1:
-        seconds = float(recording.time(slice(recording.rows - 1, recording.rows))[0])
-        rows.append(("Duration", f"{number(seconds)} s in {number(recording.rows)} cycles"))
-    rate = recording.metadata.sample_rate
-    if np.isfinite(rate):
-        rows.append(("Sampling", f"{number(float(rate))} Hz; time base: {recording.metadata.time_base}"))
-    rows.append(("Incomplete cycles", _missed(recording)))
-    for channel, words in (
-        ("housing_temperature", "Housing temperature"),
-        ("ambient_temperature", "Ambient temperature"),
-    ):
-        if recording.has(channel):
-            rows.append((words, _range(recording, channel, "°C")))
-    inertia = gear.value("inertia.output")
-    source = f"{inertia.origin.provenance}: {inertia.origin.source}".rstrip(": ")
-    rows.append(("Load inertia J_o", f"{number(inertia.value)} kg m² ({source})"))
-    rows.extend((readable(str(k)).capitalize(), _text(v)) for k, v in recording.metadata.conditions.items())
-    return tuple(rows)
-
-
-def _missed(recording: Recording) -> str:
-    missed = sum(int((recording.flags(block) & 1 != 0).sum()) for block in recording.blocks())
-    return f"{number(missed)} of {number(recording.rows)}"
-
-
-def _range(recording: Recording, channel: str, unit: str) -> str:
-    import numpy as np
-
-    low, high = np.inf, -np.inf
-    for block in recording.blocks():
-        values = recording.si(channel, block)
-        values = values[np.isfinite(values)]
-        if len(values):
-            low, high = min(low, float(values.min())), max(high, float(values.max()))
-    if low > high:
-        return "not recorded"
-    return f"{low:.1f} to {high:.1f} {unit}" if high - low >= 0.05 else f"{low:.1f} {unit}"
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "; ".join(f"{readable(str(k))}: {_text(v)}" for k, v in value.items())
-    if isinstance(value, (list, tuple)):
-        return ", ".join(_text(v) for v in value)
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return number(value, 6)
-
-
-def provenance_of(fit: Fit) -> Provenance:
-    """The run's identity and how it was analysed."""
-    m = fit.recording.metadata
-    rows = [
-        ("Run", m.run_id),
-        ("Protocol", m.experiment or "none (recording from another rig)"),
-        ("Origin", m.origin),
-        ("Outcome of the run", m.outcome or "not stated"),
-        ("Started", m.start_time or "not stated"),
-        ("Ended", m.end_time or "not stated"),
-        ("Operator", m.operator or "not stated"),
-        ("Gear", f"{fit.gear.name}, serial {m.gear_serial or 'not stated'}" if m.gear_mounted else "none mounted"),
-        ("Mounting", m.mounting.replace("-", " ")),
-        ("File", fit.path.name if fit.path else "in memory"),
-        ("Analysis", fit.stored or "not stored"),
-        ("SHA-256", m.sha256 or "not sealed"),
-        ("Tare", f"run {fit.tare.recording.metadata.run_id}" if fit.tare else "none"),
-    ]
-    rows.extend((readable(str(key)).capitalize(), _text(value)) for key, value in _process(m.process))
-    settings = tuple((readable(str(k)), _text(v)) for k, v in (*m.parameters.items(), *fit.settings.items()))
-    options = tuple((readable(str(k)), _text(v)) for k, v in fit.result.options.items())
-    return Provenance(tuple(rows), conditions_of(fit.recording, fit.gear), settings, options)
-
-
-def _process(process: Mapping[str, Any]) -> list[tuple[str, Any]]:
-    """What the run file says about how it was made, without long texts and the truth of a simulated rig."""
-    return [
-        (k, v) for k, v in process.items()
-        if k not in ("truth", "experiment", "parameters") and not isinstance(v, Mapping) and len(str(v)) <= 200
-    ]  # fmt: skip
-
-
-MATRIX_COLUMNS = 4
-"""Runs that fit side by side on A4."""
-
-
-def side_by_side(parts: Sequence[Part], what: str, caption: str = "") -> tuple[Matrix, ...]:
-    """One field of the provenance of all parts, at most four runs to a table."""
-    made = []
-    for first in range(0, len(parts), MATRIX_COLUMNS):
-        some = [p for p in parts[first : first + MATRIX_COLUMNS] if getattr(p.provenance, what)]
-        facts = [dict(getattr(p.provenance, what)) for p in some]
-        names = list(dict.fromkeys(name for f in facts for name in f))
-        rows = tuple((name, tuple(f.get(name, "–") for f in facts)) for name in names)
-        if rows:
-            made.append(Matrix(caption, tuple(p.title for p in some), rows))
-    return tuple(made)
+def order_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
+    """The orders of a series, one per row: amplitude and phase with their expanded uncertainties."""
+    rows = []
+    for name, amplitude in estimates.items():
+        if not name.startswith("amplitude_"):
+            continue
+        label = name.removeprefix("amplitude_")
+        a = show(amplitude)
+        phase = estimates.get(f"phase_{label}")
+        p = show(phase) if phase else None
+        angle = (p.value, p.expanded or "–") if p else ("", "")
+        rows.append((label, a.value, a.expanded or "–", a.unit, f"{a.low} … {a.high}", *angle, amplitude.identifiable))
+    if not rows:
+        return None
+    columns = ("Order", "Amplitude", "± U (k = 2)", "Unit", "95 % interval", "Phase [°]", "± U (k = 2)", "Identifiable")
+    numeric = (False, True, True, False, True, True, True, False)
+    return Grid("Orders, amplitude and phase", columns, tuple(rows), numeric)
 
 
 def parameter_grid(gear: HarmonicDrive) -> Grid:
@@ -348,10 +251,28 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
         rows.append((name, "", number(h.amplitude / factor), number(u / factor, 2) if u else "", unit, *known))
     columns = ("Parameter", "Symbol", "Value", "u", "Unit", "Provenance", "Source")
     numeric = (False, False, True, True, False, False, False)
-    if not any(row[3] for row in rows):
-        columns, numeric = columns[:3] + columns[4:], numeric[:3] + numeric[4:]
-        rows = [row[:3] + row[4:] for row in rows]
     return Grid(f"Parameter set {gear.name}", columns, tuple(rows), numeric)
+
+
+def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
+    """The parameter sets that the analyses leaned on: the first one whole, of the others what differs from it."""
+    used: list[tuple[HarmonicDrive, list[str]]] = []
+    for fit in fits:
+        same = next((kinds for gear, kinds in used if gear == fit.gear), None)
+        if same is None:
+            used.append((fit.gear, [fit.result.kind]))
+        else:
+            same.append(fit.result.kind)
+    grids = []
+    for gear, kinds in used:
+        grid = parameter_grid(gear)
+        title = f"{grid.title}, used for {', '.join(dict.fromkeys(kinds))}" if len(used) > 1 else grid.title
+        if grids:
+            first = [dict(zip(grids[0].columns, row, strict=True)) for row in grids[0].rows]
+            rows = [row for row in grid.rows if dict(zip(grid.columns, row, strict=True)) not in first]
+            grid = replace(grid, rows=tuple(rows), note="Only what differs from the set above.")
+        grids.append(replace(grid, title=title))
+    return tuple(grids)
 
 
 def truth_grid(rows: Sequence[tuple[str, TruthRow]]) -> Grid:
@@ -370,6 +291,16 @@ def truth_grid(rows: Sequence[tuple[str, TruthRow]]) -> Grid:
     return Grid("Found against the simulator's truth", columns, tuple(made), numeric)
 
 
+LONG_TABLE = 16
+"""Rows above which a table of data stands in the annex."""
+
+KEY_RESULTS = {
+    "kinematic-error": ("transmission_accuracy", "amplitude_2", "amplitude_1", "figure_16_phase_difference"),
+    "friction": ("running_torque", "coulomb", "static", "stribeck_velocity", "viscous"),
+    "velocity-steps": ("stiffness_over_inertia", "damping", "resonance"),
+}
+"""What a reader of each kind looks for first: beginnings of names."""
+
 _ORDER_ROW = re.compile(r"(amplitude|phase|cosine|sine|a|b)[_ ]?(order)?[_ ]?\d|_order_|\border\b")
 
 
@@ -381,30 +312,33 @@ def part_of(fit: Fit, index: int, title: str) -> Part:
         orders = {}
     others = {n: e for n, e in result.estimates.items() if n not in orders}
     any_budget = any(e.budget for e in result.estimates.values())
+    grids = [data_grid(t) for t in result.tables if t.name != "budget" or not any_budget]
     return Part(
         anchor=f"part-{index + 1}",
         title=title,
         run=result.run,
         word=fit.recording.metadata.origin,
         estimates=estimate_grid("Results", others),
-        orders=estimate_grid("Orders", orders),
+        orders=order_grid(orders),
         budget=budget_grid(others),
-        metrics=metric_rows(result),
-        tables=tuple(data_grid(t) for t in result.tables if t.name != "budget" or not any_budget),
+        metrics=metric_grid(result),
+        tables=tuple(g for g in grids if len(g.rows) <= LONG_TABLE),
+        annex=tuple(g for g in grids if len(g.rows) > LONG_TABLE),
         warnings=result.warnings,
         provenance=provenance_of(fit),
     )
 
 
-def key_results(fits: Sequence[Fit], most: int = 6) -> tuple[tuple[str, str, str, str], ...]:
-    """The results that a reader looks for first: kind, quantity, value ± U, identifiable; those with a verdict lead."""
+def key_results(fits: Sequence[Fit], most: int = 8) -> tuple[tuple[str, str, str, str], ...]:
+    """The results that a reader looks for first: kind, quantity, value ± U, identifiable."""
     rows = []
     for fit in fits:
-        judged = [v.estimate.name for v in fit.result.verdicts]
-        plain = [n for n, e in fit.result.estimates.items() if not _ORDER_ROW.match(n) and e.identifiable != "no"]
-        names = [n for n in plain if n in judged] + [n for n in plain if n not in judged]
+        wanted = KEY_RESULTS.get(fit.result.kind, ())
+        found = fit.result.estimates
+        names = [n for start in wanted for n in found if n == start or n.startswith(start + "_")]
+        names = names or [n for n in found if not _ORDER_ROW.match(n)]
         for name in names[:most]:
-            e = fit.result.estimates[name]
+            e = found[name]
             rows.append((fit.result.kind, readable(name), show(e).with_uncertainty, e.identifiable))
     return tuple(rows)
 

@@ -33,10 +33,12 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#8A6D00", "#3
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (6, 1.5, 1.2, 1.5)), (0, (3, 1)))
 
-FULL_WIDTH = (7.1, 3.3)
-HALF_WIDTH = (3.5, 2.55)
+FULL_WIDTH = (7.1, 2.8)
+HALF_WIDTH = (3.5, 2.4)
 """Width and height [inch]: the whole text width of A4, and half of it."""
 
+CROWDED_POINTS = 120
+"""More scattered points than this are drawn as small dots."""
 VECTOR_POINTS = 1500
 """More scattered points than this are painted as an image inside the SVG."""
 
@@ -207,7 +209,7 @@ def _line(axes: Axes, series: Series, look: _Look, bins: int) -> None:
         rows = np.unique(np.concatenate([rows, peak_rows(series.low, bins), peak_rows(series.high, bins)]))
         axes.fill_between(series.x[rows], series.low[rows], series.high[rows], color=look.colour, alpha=0.18, lw=0)
     width = 1.3 if len(series.y) < 4000 else 0.9
-    axes.plot(series.x[rows], series.y[rows], ls=look.dash, lw=width, color=look.colour, label=series.label)
+    axes.plot(series.x[rows], series.y[rows], ls=look.dash, lw=width, color=look.colour, label=series.label, zorder=2.4)
 
 
 def _steps(axes: Axes, series: Series, look: _Look, bins: int) -> None:
@@ -216,13 +218,15 @@ def _steps(axes: Axes, series: Series, look: _Look, bins: int) -> None:
 
 
 def _points(axes: Axes, series: Series, look: _Look, bins: int) -> None:
-    many = len(series.y) > VECTOR_POINTS
+    many, crowded = len(series.y) > VECTOR_POINTS, len(series.y) > CROWDED_POINTS
     rows = scatter_rows(series.x, series.y) if many else np.arange(len(series.y))
-    size = 1.2 if many else 3.4
-    style: dict[str, Any] = {"ls": "none", "marker": look.marker if not many else "o", "ms": size, "mew": 0.7}
-    style |= {"color": look.colour, "mfc": look.colour if many else "white", "label": series.label}
+    size = 1.2 if many else 1.8 if crowded else 3.4
+    # Points lie under lines: where there are many of them the curve through them must still be seen.
+    style: dict[str, Any] = {"ls": "none", "marker": "o" if crowded else look.marker, "ms": size, "zorder": 2.0}
+    style |= {"color": look.colour, "mfc": look.colour if crowded else "white", "label": series.label}
+    style["mew"] = 0.0 if crowded else 0.7
     if series.low is None or series.high is None or many:
-        axes.plot(series.x[rows], series.y[rows], rasterized=many, alpha=0.6 if many else 1.0, **style)
+        axes.plot(series.x[rows], series.y[rows], rasterized=many, alpha=0.55 if crowded else 1.0, **style)
         return
     style["elinewidth"] = 0.9
     axes.errorbar(series.x[rows], series.y[rows], yerr=_arms(series, rows), capsize=1.8, **style)

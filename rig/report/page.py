@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.result import Plot
 from rig.errors import RigError
-from rig.report import content, definitions, figures
+from rig.report import content, definitions, figures, provenance
 from rig.report.wording import printable
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
+    from model.gear import HarmonicDrive
     from rig.fit import Fit
 
 TEMPLATE, STYLE = "page.html", "page.css"
@@ -97,7 +98,9 @@ def write_report(
     return path
 
 
-def render_report(fits: Sequence[Fit], *, created: str, truth: Sequence[tuple[str, TruthRow]] = (), note: str = "") -> str:
+def render_report(
+    fits: Sequence[Fit], *, created: str, truth: Sequence[tuple[str, TruthRow]] = (), note: str = ""
+) -> str:
     """The text of the page; see `write_report`."""
     import jinja2
     from markupsafe import Markup
@@ -134,10 +137,11 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
     origins = list(dict.fromkeys(f.recording.metadata.origin for f in fits))
     warnings = [(p.title, p.anchor, p.run, w) for p in parts for w in p.warnings]
     serials = list(dict.fromkeys(f.recording.metadata.gear_serial for f in mounted))
-    gears = list({f.gear.name: f.gear for f in mounted}.values())
+    gears = list({f.gear.name: f.gear for f in mounted if f.gear_known}.values())
     return {
         "number": number,
-        "gear_name": ", ".join(g.name for g in gears),
+        "gear_name": ", ".join(g.name for g in gears) or "not stated",
+        "heading": _heading(gears, serials, fits),
         "serial": ", ".join(s for s in serials if s) or "not stated",
         "serials": serials,
         "operators": ", ".join(dict.fromkeys(f.recording.metadata.operator or "not stated" for f in fits)),
@@ -147,15 +151,21 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
         "overall": content.overall(fits),
         "verdicts": content.verdict_lines(fits),
         "warnings": warnings,
+        "long_tables": any(p.annex for p in parts),
         "parts": parts,
-        "conditions": content.side_by_side(parts, "conditions"),
-        "identities": content.side_by_side(parts, "rows", "Runs"),
-        "conventions": content.side_by_side(parts, "options", "Conventions of the analyses"),
-        "settings": content.side_by_side(parts, "settings", "Parameters of the protocols and settings of the analyses"),
+        "conditions": provenance.side_by_side([(p.title, p.provenance.conditions) for p in parts]),
+        "identities": provenance.side_by_side([(p.title, p.provenance.rows) for p in parts], "Runs"),
+        "conventions": provenance.side_by_side(
+            [(p.title, p.provenance.options) for p in parts], "Conventions of the analyses"
+        ),
+        "settings": provenance.side_by_side(
+            [(p.title, p.provenance.settings) for p in parts],
+            "Parameters of the protocols and settings of the analyses",
+        ),
         "truth": content.truth_grid(truth) if truth else None,
         "covered": (sum(r.covered for _, r in truth), sum(r.within for _, r in truth), len(truth)),
         "paper_figures": _paper_figures(all_figures),
-        "parameter_sets": [content.parameter_grid(g) for g in gears],
+        "parameter_sets": content.parameter_grids(fits),
         "definitions": definitions.definitions_for(r.kind for r in results),
         "not_measured": definitions.NOT_MEASURED,
         "paper": definitions.PAPER,
@@ -218,6 +228,15 @@ def _figure_numbers(text: str) -> set[str]:
     for first, last in re.findall(r"(\d+)(?:\s*[-–]\s*(\d+))?", text):
         found |= {str(n) for n in range(int(first), int(last or first) + 1)}
     return found
+
+
+def _heading(gears: Sequence[HarmonicDrive], serials: Sequence[str], fits: Sequence[Fit]) -> str:
+    """What was tested: the gear, or the recordings where nobody said which gear it is."""
+    if gears:
+        serial = ", ".join(s for s in serials if s) or "not stated"
+        return f"Harmonic drive {', '.join(g.name for g in gears)}, serial {serial}"
+    runs = dict.fromkeys(f.recording.metadata.title or f.recording.metadata.run_id for f in fits)
+    return ", ".join(runs)
 
 
 def _dates(fits: Sequence[Fit]) -> str:

@@ -16,7 +16,7 @@ _SPEED_WORDS = ("speed", "rpm")
 
 @dataclass(frozen=True)
 class Shown:
-    """An estimate as text: value and U share their decimals; `low` and `high` bound the 95 % interval."""
+    """An estimate as text: value and U share their decimals; `low` and `high` bound the 95 % interval, often narrower."""
 
     value: str
     expanded: str
@@ -50,6 +50,8 @@ def display_unit(name: str, unit: str, size: float) -> tuple[float, str]:
         return (ARCSEC, "arcsec") if abs(size) < 0.02 else (1.0, "rad")
     if unit == "N m" and abs(size) < 1.0:
         return 1e-3, "mN m"
+    if unit == "N m s/rad" and abs(size) < 1e-3:
+        return 1e-6, "µN m s/rad"
     if unit == "m" and abs(size) < 1e-3:
         return 1e-6, "µm"
     if unit == "rad/s" and any(word in name for word in _SPEED_WORDS):
@@ -82,7 +84,9 @@ def show(estimate: Estimate) -> Shown:
     decimals = decimals_of(expanded)
     if decimals is None:
         return Shown(number(value), "", number(low), number(high), unit, factor, None)
-    value, expanded, low, high = (fixed(v, decimals) for v in (value, expanded, low, high))
+    inner = decimals_of(0.5 * (high - low))
+    low, high = (fixed(v, max(decimals, inner or 0)) for v in (low, high))
+    value, expanded = fixed(value, decimals), fixed(expanded, decimals)
     return Shown(value, expanded, low, high, unit, factor, decimals)
 
 
@@ -111,7 +115,7 @@ def number(value: object, digits: int = 4) -> str:
         return fixed(value, 0)
     if not math.isfinite(value):
         return fixed(value, 0)
-    if value == 0:
+    if abs(value) < 1e-300:
         return "0"
     power = math.floor(math.log10(abs(value)))
     if power >= 6 or power < -3:
@@ -128,32 +132,55 @@ def superscript(power: int) -> str:
     return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
+LABELS = {
+    "coulomb": "Coulomb friction",
+    "static": "static friction",
+    "stribeck_velocity": "Stribeck velocity",
+    "shape": "shape coefficient",
+    "viscous": "viscous friction",
+    "motor_coulomb": "motor, Coulomb friction",
+    "motor_viscous": "motor, viscous friction",
+    "stiffness_over_inertia": "dynamic stiffness over inertia K/J_o",
+    "mse": "MSE (22)",
+}
+"""Names of results as a reader of the paper knows them."""
+
+_ORDER = re.compile(r"(amplitude|phase|cosine|sine)_(?=[0-9])(.+)")
+
+
 def readable(name: str) -> str:
     """A key such as `transmission_accuracy_forward` as words; symbols of the paper (F_c, K_HDf) stay as they are."""
-    if len(name) <= 6 or any(c.isupper() for c in name):
+    if name in LABELS:
+        return LABELS[name]
+    order = _ORDER.fullmatch(name)
+    if order:
+        return f"order {order[2]}, {order[1]}"
+    if len(name) <= 6 or " " in name or any(c.isupper() for c in name):
         return name
-    return name.replace("_", " ").replace("-", " ")
+    words = name.replace("_", " ").replace("-", " ")
+    words = re.sub(r"(\d) rpm\b", r"\1 r/min", words)
+    return re.sub(r"\bmse\b", "MSE", words)
 
 
-METRIC_UNITS: tuple[tuple[str, str], ...] = (
-    ("mse", ""),
-    ("raw_peak_to_peak", "rad"),
-    ("closure", "rad"),
-    ("residual_rms", "rad"),
-    ("repeatability", "rad"),
-    ("agreement_of_directions", "rad"),
-    ("cogging_peak_to_peak", "N m"),
-    ("torque_zero_drift", "N m"),
-    ("last_change", "N m"),
-    ("total_change", "N m"),
-    ("time_until", "s"),
-)
-"""SI units of the figures of merit that have one, by the beginning of their name."""
+METRIC_UNITS: dict[str, tuple[tuple[str, str], ...]] = {
+    "kinematic-error": (
+        ("raw_peak_to_peak", "rad"), ("closure", "rad"), ("residual_rms", "rad"), ("repeatability", "rad"),
+        ("agreement_of_directions", "rad"),
+    ),
+    "friction": (
+        ("residual_rms", "N m"), ("mean_residual", "N m"), ("torque_zero_drift", "N m"), ("slowest_speed", "rad/s"),
+        ("genetic_coulomb", "N"), ("genetic_static", "N"), ("genetic_stribeck_velocity", "rad/s"),
+        ("genetic_viscous", "N s/rad"), ("housing_temperature_span", "K"), ("housing_temperature", "°C"),
+    ),
+    "motor-tare": (("cogging_peak_to_peak", "N m"), ("torque_zero_drift", "N m")),
+    "warm-up": (("last_change", "N m"), ("total_change", "N m"), ("time_until", "s")),
+}  # fmt: skip
+"""SI units of the figures of merit that have one: kind of fit, beginning of the name."""
 
 
-def metric(name: str, value: float) -> str:
+def metric(kind: str, name: str, value: float) -> str:
     """A figure of merit with its unit, where it has one."""
-    unit = next((unit for start, unit in METRIC_UNITS if name.startswith(start)), "")
+    unit = next((unit for start, unit in METRIC_UNITS.get(kind, ()) if name.startswith(start)), "")
     factor, shown = display_unit(name, unit, value)
     return f"{number(value / factor)} {shown}".rstrip()
 

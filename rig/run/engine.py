@@ -253,7 +253,10 @@ def _find_index(step: s.FindIndex, m: Machine, journal: Journal) -> Phases:
     latch, bit = (INPUT_INDEX, 1) if step.which == "input" else (OUTPUT_INDEX, 2)
     if not (m.has(latch) and m.has(INDEX_SEEN)):
         raise StepFailedError(
-            "this rig does not report index marks", where="FindIndex", value=step.which, limit=f"channels {latch}, {INDEX_SEEN}"
+            "this rig does not report index marks",
+            where="FindIndex",
+            value=step.which,
+            limit=f"channels {latch}, {INDEX_SEEN}",
         )
     if m.counts(INDEX_SEEN) & bit:
         until = Bound("index", {latch: 1.0}, -0.5, 0.5, offset=-float(m.counts(latch)), is_trip=False)
@@ -317,4 +320,3 @@ def describe(step: s.Step | None) -> str:
     if label is not None and label.direction and label.label not in ("torque-ramp", "position"):
         return f"{name} {label.setpoint / RPM:.4g} r/min"
     return name
-

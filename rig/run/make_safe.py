@@ -110,18 +110,20 @@ class MakeSafe:
         self._finish(False, problem)
 
     def _walk(self) -> Phases:
-        stages = STAGES[self.report.action]
-        for number, stage in enumerate(stages):
+        stages = list(STAGES[self.report.action])
+        while stages:
+            stage = stages.pop(0)
             self.report.stages.append(stage.value)
             yield from _STAGES[stage](self)
             if stage is not Stage.SERVO_OFF and not self._moving():
                 # Obeyed: what is left is to take the power away.
                 self.report.stages.append(Stage.SERVO_OFF.value)
                 yield from self._servo_off()
+                stages = stages if stages != [Stage.SERVO_OFF] else []
             if self._problem() is None:
                 return self._finish(True)
-            if number + 1 < len(stages):
-                text = f"{stage.value} was not obeyed ({self._problem()}): going on with {stages[number + 1].value}"
+            if stages:
+                text = f"{stage.value} was not obeyed ({self._problem()}): going on with {stages[0].value}"
                 self._journal.event("error", "make-safe-escalated", "make-safe", text)
         self._finish(False, self._problem() or "")
 
@@ -184,7 +186,9 @@ class MakeSafe:
 
     def _witnesses(self) -> tuple[str, ...]:
         m = self._machine
-        found = [name for name in (INPUT_ANGLE, OUTPUT_ANGLE) if m.has(name)]
+        found = [INPUT_ANGLE]
+        if m.has(OUTPUT_ANGLE) and math.isfinite(self._ratio):
+            found.append(OUTPUT_ANGLE)
         return ("statusword", *found) if m.state is not None else tuple(found)
 
 

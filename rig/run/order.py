@@ -10,10 +10,10 @@ from typing import Any, Protocol
 
 from drivers.clock import Clock
 from drivers.port import RigDescription, RigPort
+from rig.run.bounds import Watch
 from rig.run.dry_run import PlannedRun
 from rig.run.make_safe import MakeSafeReport
 from rig.run.recorder import Recorder
-from rig.run.supervisor import Watch
 from rig.run.trips import Trip
 
 

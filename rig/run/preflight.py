@@ -100,7 +100,9 @@ def channel_checks(channels: Sequence[Channel], needs: Sequence[str], today: dat
     checks = []
     if missing:
         checks.append(
-            Check("channels", "failed", f"missing: {', '.join(dict.fromkeys(missing))}", "Map them in the configuration.")
+            Check(
+                "channels", "failed", f"missing: {', '.join(dict.fromkeys(missing))}", "Map them in the configuration."
+            )
         )
     else:
         checks.append(Check("channels", "ok", ", ".join(sorted(names))))
@@ -166,7 +168,9 @@ def standing_checks(
 def _completeness(flags: NDArray[np.uint16]) -> Check:
     share = float(np.mean((flags & CycleFlag.INCOMPLETE) != 0)) if len(flags) else 1.0
     evidence = f"{100.0 * (1.0 - share):.1f} % of {len(flags)} cycles complete"
-    return Check("cycles", "ok" if share <= MISSED_SHARE else "failed", evidence, "Check the bus before anything moves.")
+    return Check(
+        "cycles", "ok" if share <= MISSED_SHARE else "failed", evidence, "Check the bus before anything moves."
+    )
 
 
 def _state(word: int) -> Check:
@@ -184,5 +188,7 @@ def refuse_failed(checks: Sequence[Check]) -> None:
     failed = [check for check in checks if check.result == "failed"]
     if failed:
         raise RigError(
-            "the rig is not ready, nothing has moved", where="preflight", value="; ".join(str(check) for check in failed)
+            "the rig is not ready, nothing has moved",
+            where="preflight",
+            value="; ".join(str(check) for check in failed),
         )

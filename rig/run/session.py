@@ -30,6 +30,7 @@ from experiments.recording import Event
 from model.errors import ModelError
 from rig import limits as lim
 from rig.errors import RigError
+from rig.run.bounds import Geometry
 from rig.run.dry_run import PlannedRun
 from rig.run.engine import Ask, Engine, StepFailedError, describe
 from rig.run.logbook import Logbook, iso_time
@@ -46,7 +47,7 @@ from rig.run.preflight import (
     static_checks,
 )
 from rig.run.stop import StopRequest
-from rig.run.supervisor import Geometry, Supervisor
+from rig.run.supervisor import Supervisor
 from rig.run.trajectory import cycles_of
 from rig.run.trips import BUS_LOST, DEVICE_ERROR, DISK_SPACE, MAKE_SAFE_FAILED, Trip
 
@@ -84,10 +85,10 @@ def execute(
         written = planned.limits.drive_limits()
         checks = (*checks, limits_check(written, port.write_limits(written)))
         # One cycle with the servo off ties the rig's time stamps to the calendar.
+        calendar = order.clock.calendar_ns()
         first = port.exchange(Command(Mode.OFF), 1, Guard())
         if not len(first):
             raise StaleDataError("no cycle came back", where="preflight", remedy="Check the bus and the SYNC.")
-        calendar = order.clock.calendar_ns()
         epoch = calendar - int(first.time_ns[0])
         logbook = Logbook(begin(order, description, epoch, iso_time(calendar)), epoch, on_event)
         session = Session(order, logbook, stop or StopRequest(), ask, on_progress)

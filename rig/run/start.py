@@ -71,8 +71,11 @@ def bench_for(request: RunRequest, planned: PlannedRun) -> Bench:
         request.motor,
         request.mounting,
         planned.experiment.gear_mounted,
+        request.gear_serial,
+        request.protocol,
         request.seed,
         request.sample_rate,
+        disc_inertia=getattr(planned.parameters, "disc_inertia", 0.0),
     )
     return make_port(request.backend, wanted)
 
@@ -104,6 +107,4 @@ def run_request(
         free_space=lambda: shutil.disk_usage(request.output).free,
     )
     judge = judge_by(planned) if judged else None
-    return execute(
-        order, begin_inline_run, stop=stop, ask=ask, judge=judge, on_progress=on_progress, on_event=on_event
-    )
+    return execute(order, begin_inline_run, stop=stop, ask=ask, judge=judge, on_progress=on_progress, on_event=on_event)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from drivers.channel import (
     DRIVE_TORQUE,
-    HOUSING_TEMPERATURE,
     INPUT_ANGLE,
     OUTPUT_ANGLE,
     STATUSWORD,
@@ -31,6 +30,7 @@ from drivers.samples import Break, CycleFlag, SampleBlock
 from model.units import RPM
 from rig import limits as lim
 from rig.limits import Limits
+from rig.run.bounds import BoundMaker, Geometry, Watch
 from rig.run.phases import Turn
 from rig.run.trips import (
     COUNT_JUMP,
@@ -52,30 +52,6 @@ from rig.run.trips import (
     UNEXPECTED_STATE,
     Trip,
 )
-
-
-@dataclass(frozen=True)
-class Watch:
-    """How closely the supervisor looks. Times in s, shares of cycles, torques at the motor in N m."""
-
-    speed_window: float = 0.004
-    output_speed_window: float = 0.04
-    torque_room: float = 1.15
-    torque_offset: float = 0.05
-    torque_cycles: int = 3
-    stale_cycles: int = 5
-    missed_share: float = 0.01
-    missed_window: float = 1.0
-    following_window: float = 0.05
-    following_time: float = 0.3
-    following_absolute: float = 1.5
-    following_share: float = 0.25
-    signal_cycles: int = 3
-    torque_port_cycles: int = 20
-    torque_difference: float = 0.25
-    torque_difference_window: float = 0.5
-    thermal_time: float = 30.0
-    smallest_free_space: int = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -107,16 +83,6 @@ class WatchState:
         return (self.flagged + self.lost) / total if total else 0.0
 
 
-@dataclass(frozen=True)
-class Geometry:
-    """What ties both encoders together: ratio, sense of the output encoder, stiffest torsion spring, angle that is not torque."""
-
-    ratio: float
-    output_sense: int
-    stiffness: float
-    free_angle: float
-
-
 class Supervisor:
     """Guards and reviews one run. `geometry` None: the bare motor, or a rig without output encoder."""
 
@@ -137,7 +103,7 @@ class Supervisor:
         self._period = cycle_ns * 1e-9
         self._cycle_ns = cycle_ns
         self._geometry = geometry if OUTPUT_ANGLE in self._column else None
-        self._travel = travel
+        self._maker = BoundMaker(self._channels, self._period, limits, self._geometry, travel, self.watch)
         self._always: tuple[Bound, ...] = ()
         self._enabled: tuple[Bound, ...] = ()
         self._twist: Bound | None = None
@@ -145,21 +111,8 @@ class Supervisor:
     def begin(self, reference: NDArray[np.int64], rows: int = 0) -> None:
         """Take the position at standstill with the servo off (counts of all channels) as untwisted, and set up the guard."""
         self.state = replace(self.state, rows=rows)
-        self._twist = self._twist_bound(reference)
-        bounds = [*self._speed_bounds(), *self._torque_bounds(), *self._travel_bounds(reference)]
-        if self._twist is not None:
-            bounds.append(self._twist)
-        if HOUSING_TEMPERATURE in self._column:
-            channel = self._channels[HOUSING_TEMPERATURE]
-            weight = channel.direction * channel.scale
-            high = self.limits.value(lim.HOUSING_TEMPERATURE)
-            bounds.append(
-                Bound(OVER_TEMPERATURE, {channel.name: weight}, high=high, offset=channel.offset, consecutive=10)
-            )
-        if STATUSWORD in self._column:
-            bounds.append(Bound(DRIVE_FAULT, {STATUSWORD: 1.0}, high=0.5, mask=0x08))
-            self._enabled = (Bound(UNEXPECTED_STATE, {STATUSWORD: 1.0}, 0x27 - 0.5, 0x27 + 0.5, mask=0x6F),)
-        self._always = tuple(bounds)
+        self._always, self._enabled = self._maker.always(reference), self._maker.enabled()
+        self._twist = next((bound for bound in self._always if bound.cause == TORSION_TORQUE), None)
 
     def guard(self, turn: Turn) -> Guard:
         """The bounds for the next cycles: everything that must never happen, and what ends the present phase."""
@@ -248,7 +201,13 @@ class Supervisor:
         if len(wrong):
             row = int(wrong[0])
             trips.append(
-                Trip(TIME_BASE, state.rows + row, float(steps[row]) * 1e-6, 100 * self._cycle_ns * 1e-6, "ms between SYNCs")
+                Trip(
+                    TIME_BASE,
+                    state.rows + row,
+                    float(steps[row]) * 1e-6,
+                    100 * self._cycle_ns * 1e-6,
+                    "ms between SYNCs",
+                )
             )
         state = replace(
             state, next_cycle=block.first_cycle + len(block), last_time=int(block.time_ns[-1]), lost=state.lost + lost,
@@ -282,7 +241,9 @@ class Supervisor:
         """Mean speed over a window against the mean set-point, beyond tolerance for longer than steps and ramps need."""
         lag = max(1, round(self.watch.following_window / self._period))
         if not turn.enabled or turn.command.mode is not Mode.SPEED:
-            return replace(state, tail_angle=state.tail_angle[:0], tail_target=state.tail_target[:0], following_run=0), []
+            return replace(
+                state, tail_angle=state.tail_angle[:0], tail_target=state.tail_target[:0], following_run=0
+            ), []
         channel = self._channels[INPUT_ANGLE]
         angle = np.concatenate([state.tail_angle, block.counts[:, self._column[INPUT_ANGLE]]])
         sent = turn.command.target[: len(block)]
@@ -338,7 +299,9 @@ class Supervisor:
                 allowed = self.watch.torque_offset + self.watch.torque_difference * max(abs(port), abs(drive))
                 if abs(port - drive) > allowed:
                     detail = f"port {port:.4g} N m, drive {drive:.4g} N m"
-                    trips.append(Trip(TORQUE_DISAGREEMENT, start + len(block) - 1, abs(port - drive), allowed, "N m", detail))
+                    trips.append(
+                        Trip(TORQUE_DISAGREEMENT, start + len(block) - 1, abs(port - drive), allowed, "N m", detail)
+                    )
                 rows, sums = 0, (0.0, 0.0)
             state = replace(state, torque_rows=rows, torque_sums=sums)
         return state, trips
@@ -354,7 +317,9 @@ class Supervisor:
         if TORQUE in self._column:
             found[lim.MOTOR_TORQUE] = float(np.abs(self._si(block, TORQUE)).max())
         if self._twist is not None:
-            twist = self._twist.offset + sum(w * block.counts[:, self._column[n]] for n, w in self._twist.weights.items())
+            twist = self._twist.offset + sum(
+                w * block.counts[:, self._column[n]] for n, w in self._twist.weights.items()
+            )
             found[lim.TORSION_TORQUE] = float(np.abs(twist).max())
         peaks = {name: max(state.peaks.get(name, 0.0), value) for name, value in {**state.peaks, **found}.items()}
         return replace(state, speed_tail=angle[-lag:], peaks=peaks)
@@ -363,62 +328,10 @@ class Supervisor:
         """Peak, limit and what was left of it (share) for every quantity that was watched."""
         found = {}
         for quantity, peak in sorted(self.state.peaks.items()):
-            limit = self.limits.value(quantity)
+            twisted = quantity == lim.TORSION_TORQUE and self._twist is not None
+            limit = self._twist.high if twisted and self._twist is not None else self.limits.value(quantity)
             found[quantity] = {"peak": peak, "limit": limit, "margin": 1.0 - peak / limit}
         return found
-
-    def _speed_bounds(self) -> list[Bound]:
-        limit = self.limits.value(lim.INPUT_SPEED)
-        lag = max(1, round(self.watch.speed_window / self._period))
-        weight = self._channels[INPUT_ANGLE].scale / (lag * self._period)
-        bounds = [Bound(OVER_SPEED, {INPUT_ANGLE: weight}, -limit, limit, lag=lag, consecutive=2)]
-        if self._geometry is not None:
-            lag = max(1, round(self.watch.output_speed_window / self._period))
-            weight = self._geometry.ratio * self._channels[OUTPUT_ANGLE].scale / (lag * self._period)
-            # Torsional vibration rides on the output's speed: room for it, the input is watched tighter.
-            room = 1.3 * limit + 2.0 * weight
-            bounds.append(Bound(OVER_SPEED_OUTPUT, {OUTPUT_ANGLE: weight}, -room, room, lag=lag, consecutive=2))
-        return bounds
-
-    def _torque_bounds(self) -> list[Bound]:
-        limit = self.watch.torque_room * self.limits.value(lim.MOTOR_TORQUE) + self.watch.torque_offset
-        bounds = []
-        for name in (TORQUE, DRIVE_TORQUE):
-            if name in self._column:
-                channel = self._channels[name]
-                weight = channel.direction * channel.scale
-                bounds.append(
-                    Bound(
-                        OVER_TORQUE, {name: weight}, -limit, limit,
-                        offset=channel.offset, consecutive=self.watch.torque_cycles,
-                    )
-                )  # fmt: skip
-        return bounds
-
-    def _travel_bounds(self, reference: NDArray[np.int64]) -> list[Bound]:
-        low, high = self._travel
-        if math.isinf(low) and math.isinf(high):
-            return []
-        channel = self._channels[INPUT_ANGLE]
-        weight = channel.direction * channel.scale
-        offset = -weight * float(reference[self._column[INPUT_ANGLE]])
-        return [Bound(TRAVEL, {INPUT_ANGLE: weight}, low, high, offset=offset)]
-
-    def _twist_bound(self, reference: NDArray[np.int64]) -> Bound | None:
-        """K (theta_i/N - theta_o), zero at the reference; the angle that is not torque is taken off the limit."""
-        geometry, limit = self._geometry, self.limits.value(lim.TORSION_TORQUE)
-        if geometry is None or math.isinf(limit):
-            return None
-        inner, outer = self._channels[INPUT_ANGLE], self._channels[OUTPUT_ANGLE]
-        weights = {
-            INPUT_ANGLE: geometry.stiffness * inner.direction * inner.scale / geometry.ratio,
-            OUTPUT_ANGLE: -geometry.stiffness * geometry.output_sense * outer.direction * outer.scale,
-        }
-        doubt = geometry.free_angle + 2.0 * outer.calibration.accuracy + outer.scale
-        doubt += (2.0 * inner.calibration.accuracy + inner.scale) / geometry.ratio
-        high = max(limit - geometry.stiffness * doubt, 0.25 * limit)
-        offset = -sum(w * float(reference[self._column[name]]) for name, w in weights.items())
-        return Bound(TORSION_TORQUE, weights, -high, high, offset=offset)
 
 
 def _first_run(raised: NDArray[np.bool_], before: int, allowed: int) -> tuple[int | None, int]:
@@ -432,4 +345,3 @@ def _first_run(raised: NDArray[np.bool_], before: int, allowed: int) -> tuple[in
     reached = np.flatnonzero(lengths >= allowed)
     at = int(reached[0]) if len(reached) else None
     return at, int(lengths[-1]) if len(clear) or len(raised) else before
-

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import re
 from collections.abc import Iterator
@@ -13,6 +14,8 @@ import h5py
 from rig.errors import RigError, RunFileError
 from rig.runfile.layout import PART_SUFFIX
 
+READ_ATTEMPTS = 22
+"""Reads of a block of metadata before it counts as damaged: the last wait is 2 ms."""
 COPY_REMEDY = "Was it copied completely? A run that was cut off keeps its .part file: see `rig recover`."
 
 
@@ -45,9 +48,26 @@ def open_for_reading(path: Path) -> h5py.File:
                 remedy="Import a recording of another rig with `rig import`.",
             )  # fmt: skip
         if path.name.endswith(PART_SUFFIX):
-            return h5py.File(path, "r", libver="latest", swmr=True)
+            return _open_growing(path)
         return h5py.File(path, "r")
     raise AssertionError
+
+
+def _open_growing(path: Path) -> h5py.File:
+    """A file that is being written, or whose writer was killed.
+
+    The HDF5 library repeats a failed read of such a file a hundred times and doubles its wait each time: on a damaged one it
+    would never come back. A writer at work is caught up with in a few of these attempts.
+    """
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_libver_bounds(h5py.h5f.LIBVER_LATEST, h5py.h5f.LIBVER_LATEST)
+    library = ctypes.CDLL(h5py.h5p.__file__)
+    with contextlib.suppress(AttributeError):  # Where the symbol cannot be reached the library's own patience stays.
+        limit_attempts = library.H5Pset_metadata_read_attempts
+        limit_attempts.argtypes, limit_attempts.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
+        limit_attempts(access.id, READ_ATTEMPTS)
+    flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
+    return h5py.File(h5py.h5f.open(os.fsencode(path), flags, access))
 
 
 def reason(error: BaseException) -> str:

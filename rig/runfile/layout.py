@@ -156,7 +156,11 @@ def create_field(group: h5py.Group, name: str, value: str | float | bool, unit: 
         return
     compact = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     compact.set_layout(h5py.h5d.COMPACT)
-    dataset = group.create_dataset(name, data=raw, dtype=dtype, dcpl=compact)
+    # The low-level call: the high-level one makes every dataset contiguous, which has no checksum.
+    space = h5py.h5s.create(h5py.h5s.SCALAR)
+    made = h5py.h5d.create(group.id, name.encode(), h5py.h5t.py_create(raw.dtype, logical=True), space, compact)
+    dataset = h5py.Dataset(made)
+    dataset[()] = raw
     if unit:
         dataset.attrs["units"] = text_attribute(unit)
 

@@ -156,7 +156,7 @@ def test_a_torque_ramp_that_moves_nothing_ends_at_its_limit() -> None:
 
 
 def test_settling_needs_two_windows_that_agree() -> None:
-    def torque(value: float):  # noqa: ANN202
+    def torque(value: float):
         def change(rig: FakeRig) -> None:
             rig.physics.torque_extra = value
 

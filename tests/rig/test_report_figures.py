@@ -119,7 +119,7 @@ def test_png_is_a_png() -> None:
     from PIL import Image
 
     with Image.open(io.BytesIO(figures.draw_png(friction_plot(), "simulated", dpi=100))) as image:
-        assert image.size == (710, 360)
+        assert image.size == (710, 310)
 
 
 def test_thinning_keeps_extremes_and_gaps() -> None:

@@ -175,6 +175,7 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 def test_a_result_without_anything_makes_a_page() -> None:
     bare = handmade.fit("imported", Result("R-1", "motion", {}), gear_serial="", operator="", start_time="", sha256="")
-    shown = Page(render_report([bare], created=CREATED)).text
+    shown = Page(render_report([replace(bare, gear_known=False)], created=CREATED)).text
+    assert "Harmonic drive CSF" not in shown
     assert "not stated" in shown
     assert "IMPORTED" in shown

@@ -63,6 +63,8 @@ def test_words_and_truths_stay_words() -> None:
 
 def test_symbols_of_the_paper_stay_symbols() -> None:
     assert [readable(n) for n in ("F_c", "K_HDf", "torque_balance")] == ["F_c", "K_HDf", "torque balance"]
+    assert [readable(n) for n in ("amplitude_2-1/N", "phase_2")] == ["order 2-1/N, amplitude", "order 2, phase"]
+    assert readable("running_torque_2000_rpm") == "running torque 2000 r/min"
 
 
 def test_units_are_printed_with_powers() -> None:
@@ -70,9 +72,9 @@ def test_units_are_printed_with_powers() -> None:
 
 
 def test_figures_of_merit_have_their_unit() -> None:
-    assert metric("mse_curve", 0.71) == "0.71"
-    assert metric("raw_peak_to_peak_forward", 1.13 * ARCMIN) == "1.13 arcmin"
-    assert metric("torque_zero_drift", 0.0021) == "2.1 mN m"
+    assert metric("kinematic-error", "mse_curve", 0.71) == "0.71"
+    assert metric("kinematic-error", "raw_peak_to_peak_forward", 1.13 * ARCMIN) == "1.13 arcmin"
+    assert metric("motor-tare", "torque_zero_drift", 0.0021) == "2.1 mN m"
 
 
 @given(st.text())

@@ -1,0 +1,187 @@
+"""Where a report's numbers come from: the identity of every run, the conditions that prevailed, how it was analysed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from rig.report.wording import number, readable
+
+if TYPE_CHECKING:
+    from experiments.recording import Recording
+    from model.gear import HarmonicDrive
+    from rig.fit import Fit
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where one run comes from."""
+
+    rows: tuple[tuple[str, str], ...] = ()
+    conditions: tuple[tuple[str, str], ...] = ()
+    settings: tuple[tuple[str, str], ...] = ()
+    options: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """The same facts of several runs side by side: one column per run, one row per fact."""
+
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, tuple[str, ...]], ...]
+
+
+MATRIX_COLUMNS = 4
+"""Runs that fit side by side on A4."""
+
+
+def side_by_side(facts: Sequence[tuple[str, tuple[tuple[str, str], ...]]], caption: str = "") -> tuple[Matrix, ...]:
+    """Facts of several runs (heading, names and texts) side by side, at most four to a table; empty ones are left out."""
+    given = [(heading, dict(rows)) for heading, rows in facts if rows]
+    made = []
+    for first in range(0, len(given), MATRIX_COLUMNS):
+        some = given[first : first + MATRIX_COLUMNS]
+        names = list(dict.fromkeys(name for _, found in some for name in found))
+        rows = tuple((name, tuple(found.get(name, "–") for _, found in some)) for name in names)
+        made.append(Matrix(caption, tuple(heading for heading, _ in some), rows))
+    return tuple(made)
+
+
+def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[tuple[str, str], ...]:
+    """What prevailed during a run: speeds, duration, temperatures, load inertia (of a known gear), and what was noted."""
+    import numpy as np
+
+    from model.units import RPM
+
+    rows: list[tuple[str, str]] = []
+    turning = [abs(s.setpoint) for s in recording.segments if s.direction and s.setpoint]
+    if turning:
+        low, high = number(min(turning) / RPM), number(max(turning) / RPM)
+        both = {s.direction for s in recording.segments} >= {1, -1}
+        speeds = f"{low} r/min" if low == high else f"{low} to {high} r/min"
+        rows.append(("Input speeds", speeds + (", both directions" if both else "")))
+    if recording.rows > 1:
+        seconds = float(recording.time(slice(recording.rows - 1, recording.rows))[0])
+        rows.append(("Duration", f"{number(seconds)} s in {number(recording.rows)} cycles"))
+    rate = recording.metadata.sample_rate
+    if np.isfinite(rate):
+        rows.append(("Sampling", f"{number(float(rate))} Hz; time base: {recording.metadata.time_base}"))
+    rows.append(("Incomplete cycles", _missed(recording)))
+    for channel, words in (
+        ("housing_temperature", "Housing temperature"),
+        ("ambient_temperature", "Ambient temperature"),
+    ):
+        if recording.has(channel):
+            rows.append((words, _range(recording, channel, "°C")))
+    if gear is not None:
+        rows.append(_load_inertia(gear))
+    rows.extend((readable(str(k)).capitalize(), _text(v)) for k, v in recording.metadata.conditions.items())
+    return tuple(rows)
+
+
+def _load_inertia(gear: HarmonicDrive) -> tuple[str, str]:
+    inertia = gear.value("inertia.output")
+    source = f"{inertia.origin.provenance}: {inertia.origin.source}".rstrip(": ")
+    return "Load inertia J_o", f"{number(inertia.value)} kg m² ({source})"
+
+
+def _gear(fit: Fit) -> str:
+    m = fit.recording.metadata
+    if not m.gear_mounted:
+        return "none mounted"
+    return f"{fit.gear.name if fit.gear_known else 'not stated'}, serial {m.gear_serial or 'not stated'}"
+
+
+def _missed(recording: Recording) -> str:
+    missed = sum(int((recording.flags(block) & 1 != 0).sum()) for block in recording.blocks())
+    return f"{number(missed)} of {number(recording.rows)}"
+
+
+def _range(recording: Recording, channel: str, unit: str) -> str:
+    import numpy as np
+
+    low, high = np.inf, -np.inf
+    for block in recording.blocks():
+        values = recording.si(channel, block)
+        values = values[np.isfinite(values)]
+        if len(values):
+            low, high = min(low, float(values.min())), max(high, float(values.max()))
+    if low > high:
+        return "not recorded"
+    return f"{low:.1f} to {high:.1f} {unit}" if high - low >= 0.05 else f"{low:.1f} {unit}"
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "; ".join(f"{readable(str(k))}: {_text(v)}" for k, v in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_text(v) for v in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return number(value, 6)
+
+
+def provenance_of(fit: Fit) -> Provenance:
+    """The run's identity and how it was analysed."""
+    m = fit.recording.metadata
+    rows = [
+        ("Run", m.run_id),
+        ("Protocol", m.experiment or "none (recording from another rig)"),
+        ("Origin", m.origin),
+        ("Outcome of the run", m.outcome or "not stated"),
+        ("Started", _moment(m.start_time)),
+        ("Ended", _moment(m.end_time)),
+        ("Operator", m.operator or "not stated"),
+        ("Gear", _gear(fit)),
+        ("Mounting", m.mounting.replace("-", " ") if m.gear_mounted else "none"),
+        ("File", fit.path.name if fit.path else "in memory"),
+        ("Analysis", fit.stored or "not stored"),
+        ("SHA-256", m.sha256 or "not sealed"),
+        ("Tare", f"run {fit.tare.recording.metadata.run_id}" if fit.tare else "none"),
+    ]
+    rows.extend(
+        (readable(str(key)).capitalize(), f"{_text(value)} s" if key.endswith("_duration") else _text(value))
+        for key, value in _process(m.process)
+    )
+    settings = tuple(_parameters(m.experiment, {**m.parameters, **fit.settings}))
+    options = tuple((readable(str(k)), _text(v)) for k, v in fit.result.options.items())
+    return Provenance(
+        tuple(rows),
+        conditions_of(fit.recording, fit.gear if fit.gear_known and m.gear_mounted else None),
+        settings,
+        options,
+    )
+
+
+def _moment(text: str) -> str:
+    """A time as it is read: date and time to the second, with its zone."""
+    return re.sub(r"(?<=:\d\d)[.]\d+", "", text).replace("T", " ", 1) or "not stated"
+
+
+def _parameters(protocol: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Parameters of a protocol and settings of an analysis, with the units of the protocol's parameter model."""
+    from experiments import catalogue
+    from experiments.parameters import parameter_fields
+
+    units: dict[str, str] = {}
+    if protocol in catalogue.kinds():
+        units = {f.name: f.unit for f in parameter_fields(catalogue.load(protocol).parameters)}
+    rows = []
+    for name, value in values.items():
+        unit = units.get(name, "")
+        text = _text(value)
+        rows.append(
+            (readable(str(name)).removesuffix(" rpm"), f"{text} {unit}" if unit not in ("", "1") and text else text)
+        )
+    return rows
+
+
+def _process(process: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """What the run file says about how it was made, without long texts and the truth of a simulated rig."""
+    return [
+        (k, v) for k, v in process.items()
+        if k not in ("truth", "experiment", "parameters") and not isinstance(v, Mapping) and len(str(v)) <= 200
+    ]  # fmt: skip

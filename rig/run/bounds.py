@@ -1,0 +1,147 @@
+"""The bounds that every cycle of a run is held against: what is linear in the counts, made from the limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.channel import DRIVE_TORQUE, HOUSING_TEMPERATURE, INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE, Channel
+from drivers.port import Bound
+from rig import limits as lim
+from rig.limits import Limits
+from rig.run.trips import (
+    DRIVE_FAULT,
+    OVER_SPEED,
+    OVER_SPEED_OUTPUT,
+    OVER_TEMPERATURE,
+    OVER_TORQUE,
+    TORSION_TORQUE,
+    TRAVEL,
+    UNEXPECTED_STATE,
+)
+
+FAULT_BIT = 0x08
+"""Set in "fault" and "fault reaction active", clear in every other state (CiA 402)."""
+STATE_MASK, ENABLED = 0x6F, 0x27
+"""Bits of the statusword that tell "operation enabled"."""
+
+
+@dataclass(frozen=True)
+class Watch:
+    """How closely the supervisor looks. Times in s, shares of cycles, torques at the motor in N m."""
+
+    speed_window: float = 0.004
+    output_speed_window: float = 0.04
+    torque_room: float = 1.15
+    torque_offset: float = 0.05
+    torque_cycles: int = 3
+    stale_cycles: int = 5
+    missed_share: float = 0.01
+    missed_window: float = 1.0
+    following_window: float = 0.05
+    following_time: float = 0.3
+    following_absolute: float = 1.5
+    following_share: float = 0.25
+    signal_cycles: int = 3
+    torque_port_cycles: int = 20
+    torque_difference: float = 0.25
+    torque_difference_window: float = 0.5
+    thermal_time: float = 30.0
+    smallest_free_space: int = 100_000_000
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What ties both encoders together: ratio, sense of the output encoder, stiffest torsion spring, angle that is not torque."""
+
+    ratio: float
+    output_sense: int
+    stiffness: float
+    free_angle: float
+
+
+@dataclass(frozen=True)
+class BoundMaker:
+    """Makes the bounds of one rig: its channels by name, SYNC period [s], limits, and what is known of its geometry."""
+
+    channels: Mapping[str, Channel]
+    period: float
+    limits: Limits
+    geometry: Geometry | None
+    travel: tuple[float, float]
+    watch: Watch
+
+    def always(self, reference: NDArray[np.int64]) -> tuple[Bound, ...]:
+        """What must hold in every cycle; `reference` are the counts at the untwisted start, in the order of the channels."""
+        counts = dict(zip(self.channels, reference.tolist(), strict=True))
+        twist = self.twist(counts)
+        bounds = [*self.speeds(), *self.torques(), *self.travels(counts), *([twist] if twist is not None else [])]
+        if HOUSING_TEMPERATURE in self.channels:
+            channel = self.channels[HOUSING_TEMPERATURE]
+            weights, high = {channel.name: _weight(channel)}, self.limits.value(lim.HOUSING_TEMPERATURE)
+            bounds.append(Bound(OVER_TEMPERATURE, weights, high=high, offset=channel.offset, consecutive=10))
+        if STATUSWORD in self.channels:
+            bounds.append(Bound(DRIVE_FAULT, {STATUSWORD: 1.0}, high=0.5, mask=FAULT_BIT))
+        return tuple(bounds)
+
+    def enabled(self) -> tuple[Bound, ...]:
+        """What must hold while the drive is to be in operation enabled."""
+        if STATUSWORD not in self.channels:
+            return ()
+        return (Bound(UNEXPECTED_STATE, {STATUSWORD: 1.0}, ENABLED - 0.5, ENABLED + 0.5, mask=STATE_MASK),)
+
+    def speeds(self) -> list[Bound]:
+        """Input speed by its own encoder, and by the output's, which sees what a failing motor encoder hides."""
+        limit = self.limits.value(lim.INPUT_SPEED)
+        lag = max(1, round(self.watch.speed_window / self.period))
+        weight = self.channels[INPUT_ANGLE].scale / (lag * self.period)
+        bounds = [Bound(OVER_SPEED, {INPUT_ANGLE: weight}, -limit, limit, lag=lag, consecutive=2)]
+        if self.geometry is not None:
+            lag = max(1, round(self.watch.output_speed_window / self.period))
+            weight = self.geometry.ratio * self.channels[OUTPUT_ANGLE].scale / (lag * self.period)
+            # Torsional vibration rides on the output's speed: room for it, the input is watched tighter.
+            room = 1.3 * limit + 2.0 * weight
+            bounds.append(Bound(OVER_SPEED_OUTPUT, {OUTPUT_ANGLE: weight}, -room, room, lag=lag, consecutive=2))
+        return bounds
+
+    def torques(self) -> list[Bound]:
+        """Motor torque at the port and as the drive reports it, with room for the port's offset and scale."""
+        limit = self.watch.torque_room * self.limits.value(lim.MOTOR_TORQUE) + self.watch.torque_offset
+        found = [self.channels[name] for name in (TORQUE, DRIVE_TORQUE) if name in self.channels]
+        cycles = self.watch.torque_cycles
+        return [
+            Bound(OVER_TORQUE, {c.name: _weight(c)}, -limit, limit, offset=c.offset, consecutive=cycles) for c in found
+        ]
+
+    def travels(self, reference: Mapping[str, int]) -> list[Bound]:
+        """The input angle from the start [rad]; nothing where the plan has no end to its travel."""
+        low, high = self.travel
+        if math.isinf(low) and math.isinf(high):
+            return []
+        weight = _weight(self.channels[INPUT_ANGLE])
+        return [Bound(TRAVEL, {INPUT_ANGLE: weight}, low, high, offset=-weight * reference[INPUT_ANGLE])]
+
+    def twist(self, reference: Mapping[str, int]) -> Bound | None:
+        """K (theta_i/N - theta_o), zero at the reference; the angle that is not torque is taken off the limit."""
+        geometry, limit = self.geometry, self.limits.value(lim.TORSION_TORQUE)
+        if geometry is None or math.isinf(limit):
+            return None
+        inner, outer = self.channels[INPUT_ANGLE], self.channels[OUTPUT_ANGLE]
+        weights = {
+            INPUT_ANGLE: geometry.stiffness * _weight(inner) / geometry.ratio,
+            OUTPUT_ANGLE: -geometry.stiffness * geometry.output_sense * _weight(outer),
+        }
+        doubt = geometry.free_angle + 2.0 * outer.calibration.accuracy + outer.scale
+        doubt += (2.0 * inner.calibration.accuracy + inner.scale) / geometry.ratio
+        high = max(limit - geometry.stiffness * doubt, 0.25 * limit)
+        offset = -sum(weight * reference[name] for name, weight in weights.items())
+        return Bound(TORSION_TORQUE, weights, -high, high, offset=offset)
+
+
+def _weight(channel: Channel) -> float:
+    """SI per count, signed."""
+    return channel.direction * channel.scale

@@ -1,0 +1,115 @@
+"""Each thing that can be wrong with a run is found and named; a good run has no findings but "ok"."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from drivers.channel import Calibration
+from drivers.samples import SampleBlock
+from experiments.recording import Segment
+from rig.runfile.seal import file_sha256, hash_path
+from rig.runfile.verify import verify_run
+from rig.runfile.write import RunWriter
+from tests.rig.runfile.making import block, header, write_run
+
+
+def levels(path: Path) -> dict[str, str]:
+    return {finding.check: finding.level for finding in verify_run(path)}
+
+
+def edit(path: Path) -> h5py.File:
+    path.chmod(0o644)
+    return h5py.File(path, "r+")
+
+
+def reseal(path: Path) -> None:
+    """A forger who fixes the hash as well."""
+    note = hash_path(path)
+    note.chmod(0o644)
+    note.write_text(f"{file_sha256(path)}  {path.name}\n")
+
+
+def test_a_good_run(tmp_path: Path) -> None:
+    found = levels(write_run(tmp_path))
+    assert found == {
+        "hash": "ok", "readable": "ok", "rows": "ok", "sequence": "ok", "time": "ok", "flags": "warning", "segments": "ok",
+        "calibration": "ok",
+    }  # fmt: skip
+    (flags,) = [f.text for f in verify_run(tmp_path / "00001-friction-A1.h5") if f.check == "flags"]
+    assert flags == "26 of 2500 cycles flagged (incomplete 26)"
+
+
+def test_a_changed_file(tmp_path: Path) -> None:
+    path = write_run(tmp_path)
+    with edit(path) as file:
+        file["entry/outcome"][()] = b"FAIL"
+    assert levels(path)["hash"] == "error"
+    hash_path(path).unlink()
+    assert levels(path)["hash"] == "warning"
+
+
+def test_rows_that_the_writer_did_not_count(tmp_path: Path) -> None:
+    path = write_run(tmp_path)
+    with edit(path) as file:
+        for dataset in file["entry/data"].values():
+            dataset.resize((2400,))
+    reseal(path)
+    found = levels(path)
+    assert (found["hash"], found["rows"], found["segments"]) == ("ok", "error", "error")
+
+
+@pytest.mark.parametrize("row", [1, 777, 2499])
+def test_time_that_stands_still(tmp_path: Path, row: int) -> None:
+    path = write_run(tmp_path)
+    with edit(path) as file:
+        times = file["entry/data/time"]
+        times[row] = times[row - 1]
+    (finding,) = [f for f in verify_run(path) if f.check == "time"]
+    assert (finding.level, finding.text) == ("error", f"time does not increase at 1 rows, first at row {row}")
+
+
+def test_gaps_between_cycles(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "1-x-y.h5", header())
+    for first, rows in ((3, 50), (60, 40), (100, 10)):
+        writer.append(block(first, rows))
+    findings = {f.check: f for f in verify_run(writer.seal("PASS"))}
+    assert (findings["sequence"].level, findings["sequence"].text) == ("warning", "1 gaps in the cycle index, 7 cycles missing")
+    assert findings["rows"].level == "warning"
+
+
+def test_a_gap_at_the_edge_of_a_block_of_the_check(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "1-x-y.h5", header())
+    for first, rows in ((0, 65536), (65540, 100)):
+        cycles = np.arange(first, first + rows)
+        writer.append(SampleBlock(first, cycles, np.zeros((rows, 4), np.int64), np.zeros(rows, np.uint16)))
+    findings = {f.check: f for f in verify_run(writer.seal("PASS"))}
+    assert findings["sequence"].text == "1 gaps in the cycle index, 4 cycles missing"
+    assert findings["time"].level == "ok"
+
+
+@pytest.mark.parametrize(("due", "level"), [("2025-11-20", "warning"), ("2025-11-21", "ok"), ("soon", "warning"), ("", "ok")])
+def test_calibrations_that_were_overdue(tmp_path: Path, due: str, level: str) -> None:
+    made = header()
+    columns = (*made.columns[:2], replace(made.columns[2], calibration=Calibration("c", "2024-01-01", due)), made.columns[3])
+    writer = RunWriter(tmp_path / "1-x-y.h5", replace(made, columns=columns))
+    writer.append(block(0, 10))
+    writer.segment(Segment(0, "hold", 0, 10))
+    assert levels(writer.seal("PASS"))["calibration"] == level
+
+
+def test_an_unfinished_run(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "1-x-y.h5", header())
+    writer.append(block(0, 10))
+    writer.flush()
+    found = levels(writer.part)
+    writer.abandon()
+    assert found["hash"] == "warning"
+    assert "error" not in found.values()
+
+
+def test_an_unreadable_file(tmp_path: Path) -> None:
+    (tmp_path / "x.h5").write_text("no")
+    assert levels(tmp_path / "x.h5")["readable"] == "error"

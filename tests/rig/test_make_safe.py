@@ -1,0 +1,173 @@
+"""Make-safe: what is commanded, what is verified, how it escalates, and how loudly it fails."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from drivers.drive_state import DriveState
+from drivers.port import Guard, Mode
+from experiments.steps import SegmentLabel
+from rig.run.make_safe import STAGES, Action, MakeSafe, MakeSafeReport, Stage
+from rig.run.phases import Machine, Phase, PhaseRunner, Phases
+from rig.run.trajectory import Constant
+from tests.rig.fake_rig import INCOMPLETE, FakeRig
+
+
+class Notes:
+    def __init__(self) -> None:
+        self.events: list[tuple[str, str, str]] = []
+
+    def segment(self, label: SegmentLabel, start: int, stop: int) -> None:
+        raise AssertionError("making safe has no segments")
+
+    def event(self, level: str, code: str, source: str, text: str) -> None:
+        self.events.append((level, code, text))
+
+
+def made_safe(
+    action: Action, change: Callable[[FakeRig], None], speed: float = 30.0, block: int = 20
+) -> tuple[FakeRig, MakeSafeReport, Notes]:
+    """Bring an ideal rig to `speed`, change something about it, make it safe."""
+    rig, notes = FakeRig(), Notes()
+    rig.open()
+    machine = Machine(rig.channels, rig.cycle_ns)
+
+    def approach() -> Phases:
+        yield Phase(Mode.SPEED, 200, Constant(speed))
+
+    _exchange(rig, machine, PhaseRunner(approach(), machine, 100))
+    rig.exchanged.clear()
+    change(rig)
+    make_safe = MakeSafe(action, machine, notes, deceleration=500.0, ratio=120.0, block_cycles=block)
+    _exchange(rig, machine, make_safe)
+    return rig, make_safe.report, notes
+
+
+def _exchange(rig: FakeRig, machine: Machine, source: PhaseRunner | MakeSafe) -> None:
+    turn = source.next(None)
+    while turn is not None:
+        block = rig.exchange(turn.command, turn.cycles, Guard(turn.until))
+        machine.accept(block, turn)
+        turn = source.next(block)
+
+
+def nothing(rig: FakeRig) -> None:
+    pass
+
+
+@pytest.mark.parametrize("action", list(Action))
+@pytest.mark.parametrize("speed", [0.0, 30.0, -30.0])
+def test_a_drive_that_obeys_stands_verified_by_three_witnesses(action: Action, speed: float) -> None:
+    rig, report, notes = made_safe(action, nothing, speed)
+    assert report.safe
+    assert report.problem == ""
+    assert report.verified_by == ("statusword", "input_angle", "output_angle")
+    assert report.stages[-1] == Stage.SERVO_OFF.value
+    assert rig.physics.speed == 0.0
+    assert rig.physics.state is DriveState.READY
+    assert rig.exchanged[-1][0] is Mode.OFF
+    assert [code for _, code, _ in notes.events] == ["made-safe"]
+
+
+def test_a_controlled_stop_is_a_ramp_and_a_quick_stop_is_not() -> None:
+    rig, _, _ = made_safe(Action.CONTROLLED_STOP, nothing)
+    assert {mode for mode, _ in rig.exchanged} == {Mode.SPEED, Mode.OFF}
+    rig, _, _ = made_safe(Action.QUICK_STOP, nothing)
+    assert {mode for mode, _ in rig.exchanged} == {Mode.QUICK_STOP, Mode.OFF}
+    rig, _, _ = made_safe(Action.ZERO_TORQUE, nothing)
+    assert {mode for mode, _ in rig.exchanged} == {Mode.OFF}
+
+
+def test_a_ramp_that_is_not_obeyed_becomes_a_quick_stop() -> None:
+    def ignore_ramp(rig: FakeRig) -> None:
+        rig.physics.ignore_ramp = True
+
+    rig, report, notes = made_safe(Action.CONTROLLED_STOP, ignore_ramp)
+    assert report.stages[:2] == ["ramp down", "quick stop"]
+    assert notes.events[0][:2] == ("error", "make-safe-escalated")
+    # This rig ignores every ramp, quick stop or not, and its power stage alone cannot stop it.
+    assert not report.safe
+    assert rig.exchanged[-1][0] is Mode.OFF
+
+
+def test_a_quick_stop_that_is_not_obeyed_becomes_servo_off() -> None:
+    def ignore(rig: FakeRig) -> None:
+        rig.physics.ignore_quick_stop = True
+
+    rig, report, notes = made_safe(Action.QUICK_STOP, ignore)
+    assert report.stages == ["quick stop", "servo off"]
+    assert ("error", "make-safe-escalated") in [(level, code) for level, code, _ in notes.events]
+    assert rig.physics.state is DriveState.READY
+    assert not report.safe
+    assert "the input turns" in report.problem
+
+
+def test_a_power_stage_that_only_a_quick_stop_switches_off() -> None:
+    def keep_power(rig: FakeRig) -> None:
+        rig.physics.ignore_off = True
+
+    rig, report, _ = made_safe(Action.ZERO_TORQUE, keep_power, speed=0.0)
+    assert report.safe
+    assert report.stages == ["servo off", "quick stop", "servo off"]
+    assert rig.physics.state is DriveState.SWITCH_ON_DISABLED
+
+
+def test_a_drive_that_keeps_its_power_is_reported_loudest() -> None:
+    def keep_power(rig: FakeRig) -> None:
+        rig.physics.ignore_off = rig.physics.ignore_quick_stop = rig.physics.blocked = True
+
+    _, report, notes = made_safe(Action.ZERO_TORQUE, keep_power)
+    assert not report.safe
+    assert report.stages == ["servo off", "quick stop", "servo off"]
+    level, code, text = notes.events[-1]
+    assert (level, code) == ("error", "make-safe-failed")
+    assert text.startswith("STANDSTILL NOT VERIFIED")
+    assert "emergency stop" in text
+    assert "the drive is in operation enabled" in text
+
+
+def test_an_output_that_turns_on_is_no_standstill() -> None:
+    def drift(rig: FakeRig) -> None:
+        def push(r: FakeRig) -> None:
+            r.physics.output_extra += 1.0e-3
+            r.script[r.physics.cycle + 10] = push
+
+        rig.script[rig.physics.cycle + 1] = push
+
+    _, report, _ = made_safe(Action.QUICK_STOP, drift)
+    assert not report.safe
+    assert "the output turns" in report.problem
+
+
+def test_incomplete_cycles_prove_nothing() -> None:
+    def blind(rig: FakeRig) -> None:
+        rig.physics.flags = INCOMPLETE
+
+    _, report, _ = made_safe(Action.QUICK_STOP, blind)
+    assert not report.safe
+    assert report.problem == "cycles are incomplete"
+
+
+@pytest.mark.parametrize("block", [1, 7, 100])
+def test_block_length_does_not_change_what_is_done(block: int) -> None:
+    _, report, _ = made_safe(Action.CONTROLLED_STOP, nothing, block=block)
+    _, other, _ = made_safe(Action.CONTROLLED_STOP, nothing, block=1000)
+    assert report == other
+
+
+def test_every_list_of_stages_ends_without_power() -> None:
+    assert set(STAGES) == set(Action)
+    assert all(stages[-1] is Stage.SERVO_OFF for stages in STAGES.values())
+
+
+def test_without_a_gear_the_output_is_no_witness() -> None:
+    rig, notes = FakeRig(), Notes()
+    rig.open()
+    machine = Machine(rig.channels, rig.cycle_ns)
+    make_safe = MakeSafe(Action.ZERO_TORQUE, machine, notes, 100.0, math.nan)
+    _exchange(rig, machine, make_safe)
+    assert make_safe.report.safe
+    assert make_safe.report.verified_by == ("statusword", "input_angle")
