@@ -39,6 +39,7 @@ class Abort(IntEnum):
     STORE = 0x08000020
     LOCAL_CONTROL = 0x08000021
     DEVICE_STATE = 0x08000022
+    NO_DATA = 0x08000024
 
 
 class AbortError(Exception):
@@ -108,7 +109,8 @@ class ObjectDictionary:
     """The values of a device's objects, with the hooks that make some of them live.
 
     `on_write(index, sub, hook)`: called with the decoded value before it is stored; may raise `AbortError`.
-    `on_read(index, sub, hook)`: its return value is what is read.
+    `on_read(index, sub, hook)`: its return value is what is read; may raise `AbortError`.
+    `on_change(hook)`: called with index and sub-index after a value has been written from outside.
     """
 
     def __init__(self, entries: Iterable[Entry]) -> None:
@@ -118,6 +120,7 @@ class ObjectDictionary:
         self._values: dict[tuple[int, int], Number] = {k: e.default for k, e in self._entries.items()}
         self._writers: dict[tuple[int, int], Callable[[Number], None]] = {}
         self._readers: dict[tuple[int, int], Callable[[], Number]] = {}
+        self._watchers: list[Callable[[int, int], None]] = []
 
     def __iter__(self) -> Iterator[Entry]:
         return iter(sorted(self._entries.values(), key=lambda e: (e.index, e.sub)))
@@ -139,10 +142,18 @@ class ObjectDictionary:
     def on_read(self, index: int, sub: int, hook: Callable[[], Number]) -> None:
         self._readers[index, sub] = hook
 
+    def on_change(self, hook: Callable[[int, int], None]) -> None:
+        self._watchers.append(hook)
+
     def value(self, index: int, sub: int = 0) -> Number:
         """The present value, as the device itself sees it."""
         reader = self._readers.get((index, sub))
         return reader() if reader is not None else self._values[index, sub]
+
+    def values(self, keys: Iterable[tuple[int, int]]) -> list[Number]:
+        """The present values of several objects, for a frame."""
+        readers, values = self._readers, self._values
+        return [readers[key]() if key in readers else values[key] for key in keys]
 
     def number(self, index: int, sub: int = 0) -> int:
         """The present value of an integer object."""
@@ -167,10 +178,15 @@ class ObjectDictionary:
 
     def download(self, index: int, sub: int, data: bytes) -> None:
         """What an SDO download does."""
+        entry = self.writable(index, sub)
+        self.write(entry, decode(entry.type, data))
+
+    def writable(self, index: int, sub: int) -> Entry:
+        """The definition of an object that may be written; aborts if it may not."""
         entry = self.entry(index, sub)
         if entry.access in ("ro", "const"):
             raise AbortError(Abort.READ_ONLY)
-        self.write(entry, decode(entry.type, data))
+        return entry
 
     def write(self, entry: Entry, value: Number) -> None:
         """Write a decoded value from outside (SDO or RPDO): range, then hook, then store."""
@@ -183,6 +199,8 @@ class ObjectDictionary:
         if hook is not None:
             hook(value)
         self._values[entry.index, entry.sub] = value
+        for watcher in self._watchers:
+            watcher(entry.index, entry.sub)
 
 
 def array(index: int, name: str, subs: Iterable[tuple[str, DataType, Access, Number]], **common: object) -> list[Entry]:

@@ -1,7 +1,8 @@
 """A simulated servo amplifier by CiA 402 in front of the plant's motor.
 
-Velocities on the wire are in 0.001 r/min (0x60A9 says so), torques in 0.1 % of the rated torque, positions in encoder
-counts, profile accelerations in 0.001 r/min per second.
+Units on the wire, the same counts as the direct rig's drive: velocities 0.001 r/min (0x60A9), torques 0.1 % of the rated
+torque (0x6076, mN m), positions in encoder counts (0x608F), the motor's speed limit 0x6080 in r/min, ramps 0x6083 to 0x6085
+in (r/min)/s (0x60AA). A synchronous controlword acts from its SYNC on and shows in the statusword of the next one.
 """
 
 from __future__ import annotations
@@ -11,119 +12,99 @@ from dataclasses import dataclass
 
 from drivers.drive_state import STATUSWORD_OF, DriveState
 from drivers.port import DriveLimits, Mode
-from sim_backend.wire.dictionary import (
-    I8,
-    I16,
-    I32,
-    U8,
-    U16,
-    U32,
-    Abort,
-    AbortError,
-    Entry,
-    Number,
-    array,
-)
+from model.units import RPM
+from sim_backend.servo_drive import SPEED_COUNT, TORQUE_COUNT_OF_RATED
+from sim_backend.wire.dictionary import I8, I16, I32, U8, U16, U32, Abort, AbortError, Entry, Number, array
 from sim_backend.wire.pdo import Send
-from sim_backend.wire.slave import NmtState, PdoPlan, Slave, standard_entries
+from sim_backend.wire.slave import COMMUNICATION, HEARTBEAT_ERROR, NmtState, PdoPlan, Slave, standard_entries
+from sim_backend.wire.state_machine import (
+    DISABLE_VOLTAGE,
+    ENABLE,
+    FAULT_RESET_BIT,
+    HALT_BIT,
+    QUICK_STOP,
+    TRANSITIONS,
+    command_of,
+)
 
-RPM = 2.0 * math.pi / 60.0
-VELOCITY_UNIT = 1e-3 * RPM
-"""rad/s per increment of 0x60FF, 0x606C, 0x6080; rad/s2 per increment of the profile accelerations."""
 SI_UNIT_MILLI_RPM = 0xFDB44700
-"""0x60A9: prefix 10^-3, revolutions per minute."""
+"""0x60A9: prefix 10^-3, revolutions, per minute."""
+SI_UNIT_RPM_PER_SECOND = 0x00C00300
+"""0x60AA: revolutions per minute, per second."""
 PROFILE_VELOCITY, PROFILE_TORQUE, CYCLIC_VELOCITY, CYCLIC_TORQUE = 3, 4, 9, 10
 MODES = {
-    PROFILE_VELOCITY: Mode.SPEED,
-    CYCLIC_VELOCITY: Mode.SPEED,
-    PROFILE_TORQUE: Mode.TORQUE,
-    CYCLIC_TORQUE: Mode.TORQUE,
-}
+    PROFILE_VELOCITY: Mode.SPEED, CYCLIC_VELOCITY: Mode.SPEED, PROFILE_TORQUE: Mode.TORQUE, CYCLIC_TORQUE: Mode.TORQUE,
+}  # fmt: skip
 SUPPORTED = sum(1 << (mode - 1) for mode in MODES)
-
-SHUTDOWN, SWITCH_ON, ENABLE, DISABLE_VOLTAGE, QUICK_STOP = "shutdown", "switch on", "enable", "disable voltage", "quick stop"
-
-S = DriveState
-TRANSITIONS: dict[tuple[DriveState, str], DriveState] = {
-    (S.SWITCH_ON_DISABLED, SHUTDOWN): S.READY,
-    (S.READY, SWITCH_ON): S.SWITCHED_ON,
-    (S.READY, ENABLE): S.SWITCHED_ON,
-    (S.READY, DISABLE_VOLTAGE): S.SWITCH_ON_DISABLED,
-    (S.READY, QUICK_STOP): S.SWITCH_ON_DISABLED,
-    (S.SWITCHED_ON, SHUTDOWN): S.READY,
-    (S.SWITCHED_ON, ENABLE): S.ENABLED,
-    (S.SWITCHED_ON, DISABLE_VOLTAGE): S.SWITCH_ON_DISABLED,
-    (S.SWITCHED_ON, QUICK_STOP): S.SWITCH_ON_DISABLED,
-    (S.ENABLED, SHUTDOWN): S.READY,
-    (S.ENABLED, SWITCH_ON): S.SWITCHED_ON,
-    (S.ENABLED, DISABLE_VOLTAGE): S.SWITCH_ON_DISABLED,
-    (S.ENABLED, QUICK_STOP): S.QUICK_STOP,
-    (S.QUICK_STOP, DISABLE_VOLTAGE): S.SWITCH_ON_DISABLED,
-    (S.QUICK_STOP, ENABLE): S.ENABLED,
-}
-"""CiA 402-2 power drive state machine: (state, command) -> state. Everything else leaves the state as it is."""
-
-
-def command_of(controlword: int) -> str:
-    """The command that a controlword's bits 0-3 stand for (CiA 402-2, table of command coding)."""
-    if not controlword & 0x02:
-        return DISABLE_VOLTAGE
-    if not controlword & 0x04:
-        return QUICK_STOP
-    if not controlword & 0x01:
-        return SHUTDOWN
-    return ENABLE if controlword & 0x08 else SWITCH_ON
+LIMIT_OBJECTS = frozenset({0x6072, 0x6080, 0x6083, 0x6084, 0x6085})
+SLOW_DOWN, STAY_SLOW_DOWN, STAY = 1, 5, 6
+QUICK_STOP_OPTIONS = (0, SLOW_DOWN, 2, STAY_SLOW_DOWN, STAY)
+"""0x605A: 0 power off, 1 profile deceleration, 2 quick stop deceleration, then power off; 5 and 6 the same and stay."""
+STANDSTILL = 0.05 * RPM
+"""Speed below which a ramp is over [rad/s]."""
+PROBE_ON, PROBE_CONTINUOUS, PROBE_ZERO_IMPULSE, PROBE_POSITIVE = 0x0001, 0x0002, 0x0004, 0x0010
+"""Bits of the touch probe function 0x60B8; bits 2 and 3 are the source, 1 the encoder's zero impulse."""
+PROBE_STORED = 0x0002
+DRIVE_ERROR = 0x20
+"""Bit 5 of the error register: device profile specific."""
 
 
 @dataclass(frozen=True)
 class DriveDevice:
-    """What the drive is built with: counts per motor revolution, rated torque and speed in SI, and its serial number."""
+    """What the drive is built with: counts per motor revolution, rated torque [N m] and speed limit [rad/s], gains."""
 
     counts_per_revolution: int
     rated_torque: float
-    rated_speed: float
     peak_torque: float
+    maximum_speed: float
+    ramp: float = 1e5
+    speed_gain: float = 40.0
+    integral_time: float = 0.020
     serial_number: int = 1
 
 
 def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
     """Every object that the simulated drive really has."""
-    peak = round(1000.0 * device.peak_torque / device.rated_torque)
-    fastest = round(2.0 * device.rated_speed / VELOCITY_UNIT)
-    ramp = round(1e5 / VELOCITY_UNIT)
-    gear = (("motor shaft revolutions", U32, "rw", 1), ("driving shaft revolutions", U32, "rw", 1))
+    peak = math.floor(device.peak_torque / (TORQUE_COUNT_OF_RATED * device.rated_torque) + 1e-6)
+    fastest, ramp = math.floor(device.maximum_speed / RPM + 1e-6), math.floor(device.ramp / RPM + 1e-6)
     return [
         *standard_entries(node_id, 0x0002_0192, "Simulated servo amplifier", 0x402, device.serial_number),
         Entry(0x6007, 0, "Abort connection option code", I16, "rw", 1, low=0, high=3),
         Entry(0x603F, 0, "Error code", U16, "ro", 0, "t"),
         Entry(0x6040, 0, "Controlword", U16, "rw", 0, "r"),
         Entry(0x6041, 0, "Statusword", U16, "ro", 0, "t"),
-        Entry(0x605A, 0, "Quick stop option code", I16, "rw", 2, low=0, high=6),
+        Entry(0x605A, 0, "Quick stop option code", I16, "rw", 2),
         Entry(0x605E, 0, "Fault reaction option code", I16, "rw", 2, low=0, high=2),
         Entry(0x6060, 0, "Modes of operation", I8, "rw", 0, "r"),
         Entry(0x6061, 0, "Modes of operation display", I8, "ro", 0, "t"),
         Entry(0x6064, 0, "Position actual value", I32, "ro", 0, "t"),
         Entry(0x606C, 0, "Velocity actual value", I32, "ro", 0, "t"),
         Entry(0x6071, 0, "Target torque", I16, "rw", 0, "r"),
-        Entry(0x6072, 0, "Max torque", U16, "rw", peak, "r", high=peak),
+        Entry(0x6072, 0, "Max torque", U16, "rw", peak, "r"),
         Entry(0x6076, 0, "Motor rated torque", U32, "ro", round(1000.0 * device.rated_torque)),
         Entry(0x6077, 0, "Torque actual value", I16, "ro", 0, "t"),
-        Entry(0x6080, 0, "Max motor speed", U32, "rw", fastest, high=fastest),
+        Entry(0x6080, 0, "Max motor speed", U32, "rw", fastest),
         Entry(0x6083, 0, "Profile acceleration", U32, "rw", ramp, low=1),
         Entry(0x6084, 0, "Profile deceleration", U32, "rw", ramp, low=1),
         Entry(0x6085, 0, "Quick stop deceleration", U32, "rw", ramp, low=1),
         *array(0x608F, "Position encoder resolution", (
             ("encoder increments", U32, "const", device.counts_per_revolution), ("motor revolutions", U32, "const", 1),
         )),
-        *array(0x6091, "Gear ratio", gear),  # type: ignore[arg-type]
+        *array(0x6091, "Gear ratio", (
+            ("motor shaft revolutions", U32, "const", 1), ("driving shaft revolutions", U32, "const", 1),
+        )),
         Entry(0x60A9, 0, "SI unit velocity", U32, "ro", SI_UNIT_MILLI_RPM),
-        *array(0x60BA, "Latched index position", (("motor encoder", I32, "ro", 0),), mappable="t"),
+        Entry(0x60AA, 0, "SI unit acceleration", U32, "ro", SI_UNIT_RPM_PER_SECOND),
+        Entry(0x60B8, 0, "Touch probe function", U16, "rw", 0, "r"),
+        Entry(0x60B9, 0, "Touch probe status", U16, "ro", 0, "t"),
+        Entry(0x60BA, 0, "Touch probe 1 positive edge", I32, "ro", 0, "t"),
+        *array(0x60C2, "Interpolation time period", (("value", U8, "rw", 1), ("index", I8, "rw", -3))),
+        *array(0x60F9, "Velocity control parameter set", (
+            ("gain in 0.1 Hz", U16, "ro", round(10.0 * device.speed_gain)),
+            ("integral time in 0.01 ms", U16, "ro", round(1e5 * device.integral_time)),
+        )),
         Entry(0x60FF, 0, "Target velocity", I32, "rw", 0, "r"),
         Entry(0x6502, 0, "Supported drive modes", U32, "ro", SUPPORTED),
-        Entry(0x2010, 0, "Index marks seen", U8, "ro", 0, "t"),
-        *array(0x60F9, "Velocity control parameter set", (
-            ("gain [0.1 Hz]", U16, "rw", 400), ("integral time [0.01 ms]", U16, "rw", 2000),
-        )),
     ]  # fmt: skip
 
 
@@ -132,122 +113,164 @@ DRIVE_PDOS = (
     PdoPlan(2, transmit=False, mapping=(0x60710010,)),
     PdoPlan(1, transmit=True, mapping=(0x60410010, 0x60640020, 0x60770010)),
     PdoPlan(2, transmit=True, mapping=(0x606C0020, 0x603F0010, 0x60610008), transmission=10),
+    PdoPlan(3, transmit=True, mapping=(0x60B90010, 0x60BA0020), exists=False),
+    PdoPlan(4, transmit=True, mapping=(), exists=False),
 )
 
 
 class Drive(Slave):
-    """The servo amplifier as a node: its state machine decides what the plant is told to do."""
+    """The servo amplifier as a node: its state machine decides what the plant is told to do.
+
+    `ignores_quick_stop`: it says QUICK STOP ACTIVE and goes on turning; `ignores_stop`: it stays enabled whatever it is told.
+    """
 
     def __init__(self, node_id: int, device: DriveDevice, send: Send) -> None:
-        super().__init__(node_id, drive_entries(node_id, device), DRIVE_PDOS, send)
         self.device = device
         self.drive_state = DriveState.SWITCH_ON_DISABLED
-        self.obeys_quick_stop = True
+        self.ignores_quick_stop = self.ignores_stop = False
+        self.limits_changed = True
         self._is_torque_off = False
-        self._last_controlword = 0
-        self._speed = 0.0
+        self._controlword = 0
+        self._shown: int | None = None
+        self._mark = self._armed_at = (0, 0)
+        self._stored: tuple[int, int] | None = None
+        self._torque_count = TORQUE_COUNT_OF_RATED * device.rated_torque
+        super().__init__(node_id, drive_entries(node_id, device), DRIVE_PDOS, send)
         d = self.dictionary
         d.on_write(0x6040, 0, lambda value: self._control(int(value)))
+        d.on_write(0x605A, 0, self._check_quick_stop_option)
         d.on_write(0x6060, 0, self._check_mode)
+        d.on_write(0x60B8, 0, lambda value: self._arm_probe(int(value)))
         d.on_read(0x6041, 0, self._statusword)
         d.on_read(0x6061, 0, lambda: d.value(0x6060))
+        d.on_change(self._on_change)
+
+    # What the plant is told ---------------------------------------------------------------------------------------
 
     def demand(self) -> tuple[Mode, float]:
-        """What the plant is to do from this SYNC on: mode and set-point in SI."""
-        if self.drive_state in (DriveState.QUICK_STOP, DriveState.FAULT_REACTION):
-            return (Mode.QUICK_STOP, 0.0) if self.obeys_quick_stop else self._setpoint()
-        if self.drive_state is not DriveState.ENABLED or self._is_torque_off:
-            return Mode.OFF, 0.0
-        return self._setpoint()
+        """What the plant is to do from this SYNC on: mode and set-point [rad/s or N m]."""
+        state = self.drive_state
+        if state is DriveState.ENABLED:
+            return (Mode.OFF, 0.0) if self._is_torque_off else self._setpoint()
+        if state is DriveState.QUICK_STOP:
+            if self.ignores_quick_stop:
+                return self._setpoint()
+            slow = self.dictionary.number(0x605A) in (SLOW_DOWN, STAY_SLOW_DOWN)
+            return (Mode.SPEED if slow else Mode.QUICK_STOP), 0.0
+        if state is DriveState.FAULT_REACTION:
+            slow = self.dictionary.number(0x605E) == SLOW_DOWN
+            return (Mode.SPEED if slow else Mode.QUICK_STOP), 0.0
+        return Mode.OFF, 0.0
 
     def limits(self) -> DriveLimits:
-        """The limits that the drive holds, in SI."""
-        d = self.dictionary
+        """The limits that its objects hold, in SI."""
+        number = self.dictionary.number
         return DriveLimits(
-            torque=d.number(0x6072) * 1e-3 * self.device.rated_torque,
-            speed=d.number(0x6080) * VELOCITY_UNIT,
-            acceleration=d.number(0x6083) * VELOCITY_UNIT,
-            deceleration=d.number(0x6084) * VELOCITY_UNIT,
-            quick_stop_deceleration=d.number(0x6085) * VELOCITY_UNIT,
-        )
+            torque=number(0x6072) * self._torque_count, speed=number(0x6080) * RPM, acceleration=number(0x6083) * RPM,
+            deceleration=number(0x6084) * RPM, quick_stop_deceleration=number(0x6085) * RPM,
+        )  # fmt: skip
 
-    def take(self, position: int, speed: float, torque_permille: int, index: int, seen: int) -> None:
-        """The values latched at this SYNC: counts (unwrapped), speed [rad/s], torque [0.1 %], latched index, seen."""
+    def latch(self) -> None:
+        self._shown = self._statusword()
+
+    def send_synchronous(self) -> None:
+        super().send_synchronous()
+        self._shown = None
+
+    def take(self, position: int, torque: int, index: int, seen: int, speed: float) -> None:
+        """What was latched at this SYNC: counts, torque [0.1 %], count at the index mark, whether seen, speed [rad/s]."""
         store = self.dictionary.store
         store(0x6064, 0, wrap_i32(position))
-        store(0x606C, 0, wrap_i32(round(speed / VELOCITY_UNIT)))
-        store(0x6077, 0, max(-32768, min(32767, torque_permille)))
-        store(0x60BA, 1, wrap_i32(index))
-        store(0x2010, 0, seen & 1)
-        self._speed = speed
-        if self.drive_state is DriveState.FAULT_REACTION and abs(speed) < 1.0 * RPM:
+        store(0x606C, 0, wrap_i32(round(speed / SPEED_COUNT)))
+        store(0x6077, 0, max(-32768, min(32767, torque)))
+        self._mark = (seen & 1, index)
+        self._store_probe()
+        if self.drive_state is DriveState.FAULT_REACTION and abs(speed) < STANDSTILL:
             self._go(DriveState.FAULT)
-        stays = self.dictionary.number(0x605A) in (5, 6)
-        if self.drive_state is DriveState.QUICK_STOP and not stays and abs(speed) < 0.05 * RPM and self.obeys_quick_stop:
-            self._go(DriveState.SWITCH_ON_DISABLED)
+        elif self.drive_state is DriveState.QUICK_STOP and abs(speed) < STANDSTILL and not self.ignores_quick_stop:
+            if self.dictionary.number(0x605A) < STAY_SLOW_DOWN:
+                self._go(DriveState.SWITCH_ON_DISABLED)
 
-    def fault(self, code: int, register: int = 0x21) -> None:
-        """Something in the drive has failed: emergency message, fault reaction, then fault."""
+    # What happens to it -------------------------------------------------------------------------------------------
+
+    def fault(self, code: int, register: int = DRIVE_ERROR, *, coasts: bool = False) -> None:
+        """Something has failed: emergency, fault reaction (none for a fault of the power stage: it `coasts`), then fault."""
+        if self.drive_state in (DriveState.FAULT, DriveState.FAULT_REACTION):
+            return
         self.dictionary.store(0x603F, 0, code)
         powered = self.drive_state in (DriveState.ENABLED, DriveState.QUICK_STOP)
-        reacts = powered and self.dictionary.number(0x605E) != 0
+        reacts = powered and not coasts and self.dictionary.number(0x605E) != 0
         self._go(DriveState.FAULT_REACTION if reacts else DriveState.FAULT)
         self.emergency(code, register)
 
     def safe_torque_off(self, is_off: bool) -> None:
-        """The hardwired stop: torque is gone at once, whatever software wants."""
+        """The hardwired stop: torque is gone at once, whatever software wants; no voltage at the power stage meanwhile."""
         self._is_torque_off = is_off
-        if is_off:
+        if is_off and self.drive_state not in (DriveState.FAULT, DriveState.FAULT_REACTION):
             self._go(DriveState.SWITCH_ON_DISABLED)
 
     def on_heartbeat_lost(self, producer: int) -> None:
         self._connection_lost()
 
     def on_nmt(self, state: NmtState) -> None:
-        if state is not NmtState.OPERATIONAL and self.drive_state is DriveState.ENABLED:
+        if state is NmtState.STOPPED:
             self._connection_lost()
 
-    def on_reset(self) -> None:
-        self._last_controlword = 0
-        self._go(DriveState.SWITCH_ON_DISABLED)
+    def on_reset(self, application: bool) -> None:
+        if not application:
+            self._connection_lost()
+            return
+        self._controlword = 0
+        self.limits_changed = True
+        self._store_probe()
+        self.drive_state = DriveState.SWITCH_ON_DISABLED
 
     def _connection_lost(self) -> None:
         """0x6007: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop."""
         option = self.dictionary.number(0x6007)
-        if self.drive_state is not DriveState.ENABLED or option == 0:
+        if self.drive_state not in (DriveState.ENABLED, DriveState.QUICK_STOP) or option == 0:
             return
         if option == 1:
-            self.fault(0x8130, 0x11)
+            self.fault(HEARTBEAT_ERROR, COMMUNICATION)
+        elif option == 2:
+            self._go(DriveState.SWITCH_ON_DISABLED)
         else:
-            self._go(DriveState.QUICK_STOP if option == 3 else DriveState.SWITCH_ON_DISABLED)
+            self._step(QUICK_STOP)
+
+    # Objects ------------------------------------------------------------------------------------------------------
 
     def _setpoint(self) -> tuple[Mode, float]:
         mode = MODES.get(self.dictionary.number(0x6060), Mode.OFF)
+        halts = self._controlword & HALT_BIT
         if mode is Mode.TORQUE:
-            return mode, self.dictionary.number(0x6071) * 1e-3 * self.device.rated_torque
-        if mode is Mode.SPEED:
-            return mode, self.dictionary.number(0x60FF) * VELOCITY_UNIT
+            return mode, 0.0 if halts else self.dictionary.number(0x6071) * self._torque_count
+        if mode is Mode.SPEED and not halts:
+            return mode, self.dictionary.number(0x60FF) * SPEED_COUNT
         return Mode.SPEED, 0.0
 
     def _control(self, controlword: int) -> None:
-        rising_reset = controlword & 0x80 and not self._last_controlword & 0x80
-        self._last_controlword = controlword
+        rises = controlword & FAULT_RESET_BIT and not self._controlword & FAULT_RESET_BIT
+        self._controlword = controlword
         if self.drive_state is DriveState.FAULT:
-            if rising_reset:
+            if rises:
                 self.dictionary.store(0x603F, 0, 0)
                 self._go(DriveState.SWITCH_ON_DISABLED)
-                self.emergency(0)
+                self.recover()
+        elif not controlword & FAULT_RESET_BIT:
+            self._step(command_of(controlword))
+
+    def _step(self, command: str) -> None:
+        state, option = self.drive_state, self.dictionary.number(0x605A)
+        target = TRANSITIONS.get((state, command))
+        if target is None or (self.ignores_stop and state is DriveState.ENABLED):
             return
-        if controlword & 0x80:
-            return
-        command = command_of(controlword)
-        target = TRANSITIONS.get((self.drive_state, command))
-        if target is DriveState.READY and self._is_torque_off:
-            return
-        if target is DriveState.QUICK_STOP and self.dictionary.number(0x605A) == 0:
+        if target is DriveState.QUICK_STOP and option == 0:
             target = DriveState.SWITCH_ON_DISABLED
-        if target is not None:
-            self._go(target)
+        if state is DriveState.QUICK_STOP and command == ENABLE and option < STAY_SLOW_DOWN:
+            return
+        if self._is_torque_off and command != DISABLE_VOLTAGE and target is not DriveState.SWITCH_ON_DISABLED:
+            return
+        self._go(target)
 
     def _go(self, state: DriveState) -> None:
         if state is not self.drive_state:
@@ -258,13 +281,38 @@ class Drive(Slave):
         if int(value) != 0 and int(value) not in MODES:
             raise AbortError(Abort.VALUE)
 
+    def _check_quick_stop_option(self, value: Number) -> None:
+        if int(value) not in QUICK_STOP_OPTIONS:
+            raise AbortError(Abort.VALUE)
+
+    def _on_change(self, index: int, sub: int) -> None:
+        if index in LIMIT_OBJECTS:
+            self.limits_changed = True
+
     def _statusword(self) -> int:
+        if self._shown is not None:
+            return self._shown
         word = STATUSWORD_OF[self.drive_state]
-        if self._is_torque_off:
-            word &= ~0x0010
-        if self.state is not NmtState.OPERATIONAL:
-            word &= ~0x0200
-        return word
+        return word & ~0x0010 if self._is_torque_off else word
+
+    # The latch of the encoder's index mark ------------------------------------------------------------------------
+
+    def _arm_probe(self, function: int) -> None:
+        self._armed_at = self._mark
+        self._stored = None
+        self._store_probe(function)
+
+    def _store_probe(self, function: int | None = None) -> None:
+        """Touch probe 1: a mark that passes after it was switched on is stored, every one or only the first."""
+        function = self.dictionary.number(0x60B8) if function is None else function
+        is_on = function & PROBE_ON and function & 0x000C == PROBE_ZERO_IMPULSE and function & PROBE_POSITIVE
+        if is_on and self._mark != self._armed_at and self._mark[0]:
+            if self._stored is None or function & PROBE_CONTINUOUS:
+                self._stored = self._mark
+        stored = self._stored if is_on else None
+        status = (PROBE_ON if function & PROBE_ON else 0) | (PROBE_STORED if stored else 0)
+        self.dictionary.store(0x60B9, 0, status)
+        self.dictionary.store(0x60BA, 0, wrap_i32(stored[1]) if stored else 0)
 
 
 def wrap_i32(value: int) -> int:

@@ -63,10 +63,12 @@ class SdoServer:
             length = 4 - ((request[0] >> 2) & 3) if sized else self._natural_length()
             self._dictionary.download(self._index, self._sub, request[4 : 4 + length])
         else:
-            self._dictionary.entry(self._index, self._sub)
+            entry = self._dictionary.writable(self._index, self._sub)
             self._announced = struct.unpack_from("<I", request, 4)[0] if sized else 0
             if self._announced > LONGEST_DOWNLOAD:
                 raise AbortError(Abort.OUT_OF_MEMORY)
+            if entry.type.length and self._announced > entry.type.length:
+                raise AbortError(Abort.TOO_LONG)
             self._direction = "download"
         return struct.pack("<BHB4x", 0x60, self._index, self._sub)
 

@@ -1,0 +1,430 @@
+"""The wire bench: drive, counter, analogue input and readout in front of one plant, the same as the direct rig's.
+
+At SYNC k: synchronous set-points received before it take effect, every channel is latched and sent, then the plant goes on
+by one cycle; target[k] acts from SYNC k. Plant, instruments and noise streams are those of `sim_backend.direct`, so that
+the same commands give the same counts. Time: the plant goes on with the SYNC; when the SYNC stays away for longer than
+`silence_cycles` of the clock, it goes on alone, as a real motor would.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import channel as names
+from drivers.channel import Channel
+from drivers.clock import Clock, VirtualClock
+from drivers.errors import DriverError
+from drivers.port import Mode
+from drivers.samples import CycleFlag
+from model import closed_loop
+from model.gear import HarmonicDrive, Mounting
+from model.kernels import closed_loop as kernel
+from model.kinematic_error import output_sign
+from model.motor import ServoMotor
+from model.units import REVOLUTION, RPM
+from sim_backend.clock import SyncTimer
+from sim_backend.faults import BusLost, DeviceFault, Devices, Fault, IncompleteCycles, MarkedCycles, Sensed, SignalFault
+from sim_backend.imperfections import Imperfections, draw
+from sim_backend.plant import Plant
+from sim_backend.sensors import TEMPERATURE_COUNT, Instruments
+from sim_backend.servo_drive import ServoDrive
+from sim_backend.truth import tell
+from sim_backend.wire.analog_input import AnalogInput
+from sim_backend.wire.counter import Counter
+from sim_backend.wire.drive import Drive, DriveDevice
+from sim_backend.wire.line import BenchBus, BenchSerial, Frame, WireFault
+from sim_backend.wire.readout import Readout
+from sim_backend.wire.slave import NEVER, Slave
+
+Counts = NDArray[np.int64]
+Listener = Callable[[int, bytes, int], None]
+"""Takes a frame from the bus: COB-ID, data, time stamp [ns]."""
+
+DRIVE_NODE, COUNTER_NODE, ANALOG_INPUT_NODE = 1, 2, 3
+SYNC = 0x080
+SILENCE_CYCLES = 20
+"""Periods without SYNC after which the plant goes on alone."""
+FRAME_NS = 111_000
+"""Time that a frame of eight bytes takes at 1 Mbit/s."""
+FIRST_STAMP_NS = 1_000_000_000
+"""The adapter's clock at the first SYNC: it has been running for a second."""
+SPEED_MONITOR = 0.3125e-3 / 1.0 * 1000.0 * RPM
+"""rad/s per increment of the speed monitor: 1 V per 1000 r/min."""
+_CHUNK = 1024
+_LOOP_MODE = {
+    Mode.OFF: closed_loop.OFF, Mode.SPEED: closed_loop.SPEED, Mode.TORQUE: closed_loop.TORQUE,
+    Mode.QUICK_STOP: closed_loop.QUICK_STOP,
+}  # fmt: skip
+POWER_STAGE_ERROR = 0x2310
+
+
+class _TrippedDrive(ServoDrive):
+    """The direct rig's drive as its faults see it; a trip falls on the drive on the wire."""
+
+    def __init__(self, motor: ServoMotor, trip: Callable[[], None]) -> None:
+        super().__init__(motor)
+        self._trip = trip
+
+    def trip(self) -> None:
+        self._trip()
+
+
+class WireBench:
+    """A rig on a simulated CAN bus and a simulated serial line; parameters as of `SimulatedRig`.
+
+    `bus()` opens the bus for a client in this process, `pump` lets the devices run until an instant of the clock, `serial()`
+    opens the readout's line. `faults` are those of `sim_backend.faults` and `sim_backend.wire.faults`; cycles count the SYNCs.
+    """
+
+    def __init__(
+        self,
+        gear: HarmonicDrive,
+        motor: ServoMotor,
+        imperfections: Imperfections | None = None,
+        seed: int = 0,
+        *,
+        cycle_ns: int = 1_000_000,
+        mounting: Mounting = "circular-spline-fixed",
+        gear_mounted: bool = True,
+        disc_inertia: float = 0.0,
+        clock: Clock | None = None,
+        faults: Sequence[Fault] = (),
+        bench_seed: int | None = None,
+        gear_seed: int | None = None,
+        silence_cycles: int = SILENCE_CYCLES,
+        start_ns: int = FIRST_STAMP_NS,
+    ) -> None:
+        on = imperfections or Imperfections()
+        if not (on.adc_steps and on.drive_torque_steps):
+            raise DriverError(
+                "a converter without steps cannot be shown on the wire", where="wire bench",
+                value="adc_steps or drive_torque_steps off", remedy="Leave both imperfections on.",
+            )  # fmt: skip
+        self._seeds = {
+            "run": seed, "bench": seed if bench_seed is None else bench_seed, "gear": seed if gear_seed is None else gear_seed,
+        }  # fmt: skip
+        self._on, self._motor = on, motor
+        self.clock: Clock = VirtualClock() if clock is None else clock
+        self._sense = round(output_sign(mounting))
+        ratio = gear.mounted_ratio(mounting)
+        self._condition = draw(on, ratio, seed, self._seeds["bench"], self._seeds["gear"])
+        self.plant = Plant(
+            gear, motor, self._condition, cycle_ns=cycle_ns, mounting=mounting, gear_mounted=gear_mounted,
+            disc_inertia=disc_inertia,
+        )  # fmt: skip
+        self.instruments = Instruments(on, self._condition, motor, seed, self._sense, self.plant.output_angle)
+        self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, seed, start_ns)
+        self.cycle_ns = cycle_ns
+        self._silence_cycles = silence_cycles
+        what = f"{gear.name} on {motor.name}" if gear_mounted else f"bare {motor.name}"
+        self.title = f"simulated rig on the wire: {what}"
+        self._make_devices(motor)
+        self._begin(faults)
+
+    def _make_devices(self, motor: ServoMotor) -> None:
+        by_name = {c.name: c for c in self.channels}
+        revolution = {name: round(REVOLUTION / by_name[name].scale) for name in (names.INPUT_ANGLE, names.OUTPUT_ANGLE)}
+        device = DriveDevice(
+            revolution[names.INPUT_ANGLE], motor.rated_torque, motor.peak_torque, motor.maximum_speed,
+            serial_number=self._seeds["bench"] & 0xFFFF_FFFF,
+        )  # fmt: skip
+        self.drive = Drive(DRIVE_NODE, device, self._from_device)
+        self.counter = Counter(COUNTER_NODE, revolution[names.OUTPUT_ANGLE], self._from_device)
+        self.analog_input = AnalogInput(ANALOG_INPUT_NODE, self._from_device)
+        self.slaves: tuple[Slave, ...] = (self.drive, self.counter, self.analog_input)
+        self._output_scale = by_name[names.OUTPUT_ANGLE].scale
+        self.readout = Readout(lambda: float(self._counts[self._column[names.OUTPUT_ANGLE]]) * self._output_scale)
+        self._fault_drive = _TrippedDrive(motor, lambda: self.drive.fault(POWER_STAGE_ERROR, coasts=True))
+
+    def _begin(self, faults: Sequence[Fault]) -> None:
+        self._column = self.instruments.column
+        self._devices = Devices(self.plant, self._fault_drive)
+        self._listeners: list[tuple[object, Listener]] = []
+        self._held: list[tuple[int, Frame]] = []
+        self._consumed: set[int] = set()
+        self._cycle = 0
+        self._last_sync_ns: int | None = None
+        self._stamp_ns = self._sync.start_ns - FRAME_NS
+        self._frames_since = 0
+        self._late: Counts = np.empty(0, dtype=np.int64)
+        self._late_from = -1
+        self._previous: Counts | None = None
+        self._counts: Counts = np.zeros(len(self.channels), dtype=np.int64)
+        self._last_target = (Mode.OFF, 0.0)
+        self.is_gone = False
+        self.bus_off = False
+        self._faults: tuple[Fault, ...] = ()
+        self.inject(*faults)
+        now = self.clock.monotonic_ns()
+        for slave in self.slaves:
+            slave.dictionary.on_change(self._note_consumed)
+            slave.boot(now)
+        self._note_consumed(0x1400, 1)
+        self._read_at_rest()
+
+    # What a client sees -------------------------------------------------------------------------------------------
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """The channels of the direct rig, in its order."""
+        return self.instruments.channels
+
+    @property
+    def cycle(self) -> int:
+        """How many SYNC cycles the plant has run."""
+        return self._cycle
+
+    @property
+    def stamp_ns(self) -> int:
+        """The adapter's time stamp of the latest frame [ns]."""
+        return self._stamp_ns + self._frames_since * FRAME_NS
+
+    @functools.cached_property
+    def truth(self) -> dict[str, Any]:
+        """Every effective parameter of this rig on this day, as of the direct rig."""
+        return tell(
+            self.plant.loop, self._motor, self._on, self._condition, self.instruments, self._seeds, self._sense
+        )
+
+    def bus(self, *, receive_own_messages: bool = True) -> BenchBus:
+        """Open the bus for one client: a python-can bus without a thread."""
+        return BenchBus(self, receive_own_messages=receive_own_messages)
+
+    def serial(self) -> BenchSerial:
+        """Open the readout's serial line."""
+        return BenchSerial(self)
+
+    def listen(self, owner: object, listener: Listener) -> None:
+        """Hand every frame on the bus to `listener`, except those that `owner` sends."""
+        self._listeners.append((owner, listener))
+
+    def leave(self, owner: object) -> None:
+        """Forget the listeners of an owner."""
+        self._listeners = [(o, heard) for o, heard in self._listeners if o is not owner]
+
+    def inject(self, *faults: Fault) -> None:
+        """Let faults happen. Raises `DriverError` for one that only marks cycles: on the wire the frames decide."""
+        for fault in faults:
+            if isinstance(fault, IncompleteCycles) or (
+                isinstance(fault, MarkedCycles) and fault.flag is not CycleFlag.SIGNAL_ERROR
+            ):
+                raise DriverError(
+                    "a fault that only marks cycles cannot happen on the wire", where="wire bench", value=fault,
+                    remedy="Use the faults of frames: lost, late, doubled or short TPDOs.",
+                )  # fmt: skip
+        self._faults += faults
+        for fault in faults:
+            if isinstance(fault, WireFault) and fault.active(self._cycle):
+                fault.act(self, self._cycle)
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether nobody can send or receive any more."""
+        return self.is_gone or (
+            bool(self._faults) and any(isinstance(f, BusLost) and f.active(self._cycle) for f in self._faults)
+        )
+
+    def wire_faults(self) -> list[WireFault]:
+        """Those of them that touch frames and lines."""
+        return [f for f in self._faults if isinstance(f, WireFault) and f.active(self._cycle)] if self._faults else []
+
+    # Frames and time ----------------------------------------------------------------------------------------------
+
+    def send(self, cob_id: int, data: bytes, owner: object = None) -> None:
+        """A client sends a frame: all others on the bus hear it, the SYNC runs one cycle."""
+        now = self.clock.monotonic_ns()
+        if cob_id == SYNC:
+            self._follow_clock(now)
+            self._last_sync_ns = now
+            self._stamp_ns, self._frames_since = self._stamp_of(self._cycle), 0
+            self._deliver(cob_id, data, owner)
+            self._run_cycle(data)
+            return
+        self._deliver(cob_id, data, owner)
+        frames: list[Frame] = [(cob_id, data)]
+        for fault in self.wire_faults():
+            frames = [kept for frame in frames for kept in fault.to_devices(frame, self)]
+        for cob, payload in frames:
+            for slave in self.slaves:
+                slave.receive(cob, payload, now)
+
+    def pump(self, deadline_ns: int) -> None:
+        """Let the devices run: up to the next thing that one of them has to do, or to `deadline_ns` of the clock."""
+        for owner, _ in self._listeners:
+            if getattr(owner, "is_waiting", False):
+                return
+        due = min(deadline_ns, self.next_due_ns())
+        if due > self.clock.monotonic_ns():
+            self.clock.wait_until_ns(due)
+        self.elapse()
+
+    def elapse(self) -> None:
+        """The clock has moved: timers of the devices, and the plant where the SYNC stays away."""
+        now = self.clock.monotonic_ns()
+        self._tick(now)
+        if self._last_sync_ns is not None and now - self._last_sync_ns > self._silence_cycles * self.cycle_ns:
+            self._follow_clock(now)
+
+    def next_due_ns(self) -> int:
+        """The next instant at which a device has something to do."""
+        due = min(slave.next_due_ns() for slave in self.slaves)
+        if self._last_sync_ns is not None and self._silence_cycles < NEVER // self.cycle_ns:
+            due = min(due, self._last_sync_ns + (self._silence_cycles + 1) * self.cycle_ns)
+        return due
+
+    def hold(self, frame: Frame, until_cycle: int) -> None:
+        """Keep a frame back; it is delivered right after the SYNC of that cycle."""
+        self._held.append((until_cycle, frame))
+
+    # Inside -------------------------------------------------------------------------------------------------------
+
+    def _tick(self, now: int) -> None:
+        for slave in self.slaves:
+            if now >= slave.next_due_ns():
+                slave.tick(now)
+
+    def _from_device(self, cob_id: int, data: bytes) -> None:
+        frames: list[Frame] = [(cob_id, data)]
+        if self._faults:
+            for fault in self.wire_faults():
+                frames = [kept for frame in frames for kept in fault.from_devices(frame, self)]
+        for cob, payload in frames:
+            self._deliver(cob, payload, None)
+            if 0x700 < cob < 0x780 or cob in self._consumed:
+                # Devices hear each other: one may consume another's heartbeat or process data.
+                for slave in self.slaves:
+                    if cob != 0x700 + slave.node_id:
+                        slave.receive(cob, payload, self.clock.monotonic_ns())
+
+    def _note_consumed(self, index: int, sub: int) -> None:
+        if 0x1400 <= index < 0x1600 and sub == 1:
+            self._consumed = {pdo.cob_id for slave in self.slaves for pdo in slave.rpdos if pdo.exists}
+
+    def _deliver(self, cob_id: int, data: bytes, owner: object) -> None:
+        stamp = self._stamp_ns + self._frames_since * FRAME_NS
+        self._frames_since += 1
+        for listening, listener in self._listeners:
+            if listening is not owner or getattr(listening, "receives_own", False):
+                listener(cob_id, data, stamp)
+
+    def _stamp_of(self, cycle: int) -> int:
+        stamp = self._sync.start_ns + cycle * self.cycle_ns + self._lateness(cycle)
+        for fault in self.wire_faults():
+            stamp += fault.stamp_offset_ns
+        return stamp
+
+    def _lateness(self, cycle: int) -> int:
+        """How much later than nominal this SYNC comes [ns]; drawn for many cycles at once."""
+        start = cycle - cycle % _CHUNK
+        if start != self._late_from:
+            self._late, self._late_from = self._sync.lateness_ns(start, _CHUNK), start
+        return int(self._late[cycle - start])
+
+    def _run_cycle(self, sync_data: bytes) -> None:
+        """SYNC: latch, act, advance, send."""
+        wire = self.wire_faults()
+        for fault in wire:
+            fault.act(self, self._cycle)
+        reached = [(SYNC, sync_data)]
+        for fault in wire:
+            reached = [kept for frame in reached for kept in fault.to_devices(frame, self)]
+        following = [slave for slave in self.slaves if slave.sync_cob_id == SYNC] if reached else []
+        for slave in following:
+            slave.latch()
+            slave.apply_synchronous()
+        for frame in [frame for until, frame in self._held if until <= self._cycle]:
+            self._deliver(*frame, None)
+        self._held = [(until, frame) for until, frame in self._held if until > self._cycle]
+        self._advance_plant()
+        for slave in following:
+            slave.send_synchronous()
+        self._cycle += 1
+        for fault in self._faults:
+            if fault.end == self._cycle and isinstance(fault, WireFault):
+                fault.end_of(self)
+
+    def _follow_clock(self, now: int) -> None:
+        """The SYNC stayed away: the plant runs the cycles of the clock that nobody latched."""
+        if self._last_sync_ns is None:
+            return
+        missed = (now - self._last_sync_ns) // self.cycle_ns - 1
+        if missed < self._silence_cycles:
+            return
+        for _ in range(missed):
+            self._advance_plant()
+            self._cycle += 1
+        self._last_sync_ns += missed * self.cycle_ns
+
+    def _demand(self) -> tuple[int, float]:
+        """Loop mode and set-point of this cycle, after the device faults have acted."""
+        devices = self._devices
+        devices.forced, devices.keeps_turning, devices.load = None, False, 0.0
+        for fault in self._faults:
+            if isinstance(fault, DeviceFault) and fault.active(self._cycle):
+                fault.act(devices, self._cycle)
+        self.plant.load = devices.load
+        self.drive.ignores_stop = devices.keeps_turning
+        mode, target = self.drive.demand()
+        if devices.forced is not None and mode in (Mode.SPEED, Mode.TORQUE):
+            mode, target = devices.forced
+        return _LOOP_MODE[mode], target
+
+    def _advance_plant(self) -> None:
+        """One cycle: what is true at this SYNC becomes the devices' values, then the set-point acts."""
+        if self.drive.limits_changed:
+            self.drive.limits_changed = False
+            self.plant.write_limits(self._fault_drive.stored(self.drive.limits()))
+        loop_mode, target = self._demand()
+        rows = self.plant.advance(loop_mode, np.array([target]))
+        self._show(rows, self._lateness(self._cycle))
+
+    def _show(self, rows: NDArray[np.float64], lateness_ns: int) -> None:
+        none = np.zeros(1, dtype=np.int64)
+        late = np.array([lateness_ns], dtype=np.int64)
+        counts, flags = self.instruments.read(rows, self._cycle, late, none, (none, none))
+        if self._faults:
+            self._corrupt(counts, flags)
+        self._previous = self._counts = counts[0]
+        self._take(counts[0].tolist(), float(rows[0, kernel.ROW_INPUT_SPEED]))
+
+    def _corrupt(self, counts: Counts, flags: NDArray[np.uint16]) -> None:
+        sensed = Sensed(self._cycle, counts, flags, self._column, self._previous)
+        for fault in self._faults:
+            if isinstance(fault, SignalFault):
+                fault.corrupt(sensed)
+        self.counter.signal_error(bool(flags[0] & CycleFlag.SIGNAL_ERROR))
+
+    def _take(self, counts: list[int], speed: float) -> None:
+        put = self._column
+        seen = counts[put[names.INDEX_SEEN]]
+        self.drive.take(
+            counts[put[names.INPUT_ANGLE]], counts[put[names.DRIVE_TORQUE]], counts[put[names.INPUT_INDEX]], seen & 1, speed
+        )
+        self.counter.take(counts[put[names.OUTPUT_ANGLE]], counts[put[names.OUTPUT_INDEX]], seen >> 1 & 1)
+        self.analog_input.take(
+            (counts[put[names.TORQUE]], round(speed / SPEED_MONITOR), counts[put[names.HOUSING_TEMPERATURE]],
+             counts[put[names.AMBIENT_TEMPERATURE]])
+        )  # fmt: skip
+
+    def _read_at_rest(self) -> None:
+        """What the devices show before the first SYNC; plant and latches stay as they are."""
+        before, latches = self.plant.snapshot(), self.instruments.latches()
+        rows = self.plant.advance(closed_loop.OFF, np.zeros(1))
+        counts, _ = self.instruments.read(
+            rows, 0, np.zeros(1, dtype=np.int64), *itertools.repeat(np.zeros(1, dtype=np.int64), 1),  # type: ignore[arg-type]
+            (np.zeros(1, dtype=np.int64),) * 2,
+        )  # fmt: skip
+        self.plant.restore(before)
+        self.instruments.restore(latches)
+        self._counts = counts[0]
+        self._take(counts[0].tolist(), 0.0)
+
+
+KELVIN_PER_INCREMENT = TEMPERATURE_COUNT
+"""Kelvin per increment of the temperature inputs; 32 K/V at 0.3125 mV."""

@@ -1,0 +1,137 @@
+"""Both ends of the simulated lines: a python-can bus and a serial port without threads, and what can go wrong on them."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar
+
+import can
+
+from drivers.errors import BusLostError
+from sim_backend.faults import Fault
+
+if TYPE_CHECKING:
+    from sim_backend.wire.bench import WireBench
+
+Frame = tuple[int, bytes]
+"""COB-ID and data."""
+
+
+class WireFault(Fault):
+    """A fault of a device on the wire, of frames, of the serial line; every method may be left as it is."""
+
+    stamp_offset_ns: ClassVar[int] | int = 0
+    """What is added to the adapter's time stamps while it is active."""
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        """Called at every SYNC while it is active, before the devices see the SYNC."""
+
+    def end_of(self, bench: WireBench) -> None:
+        """Called once when it is over."""
+
+    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        """What becomes of a frame that a device sends."""
+        return (frame,)
+
+    def to_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        """What becomes of a frame on its way to the devices."""
+        return (frame,)
+
+    def from_readout(self, answer: bytes) -> bytes:
+        """What becomes of the bytes that the readout sends."""
+        return answer
+
+
+class BenchBus(can.BusABC):
+    """The bus as one client in the same process has it: `send` runs the devices, `recv` returns what they answered.
+
+    There is no thread and no waiting: an empty bus gives None at once, whatever the timeout; who owns the clock pumps.
+    """
+
+    def __init__(self, bench: WireBench, *, receive_own_messages: bool = True) -> None:
+        super().__init__(channel="bench", receive_own_messages=receive_own_messages)
+        self.channel_info = "simulated CAN bus"
+        self.receives_own = receive_own_messages
+        self._bench = bench
+        self._queue: deque[can.Message] = deque()
+        self._error_told = False
+        bench.listen(self, self._hear)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether frames wait to be received."""
+        return bool(self._queue)
+
+    @property
+    def state(self) -> can.BusState:
+        """ERROR once the controller is bus-off."""
+        return can.BusState.ERROR if self._bench.bus_off else can.BusState.ACTIVE
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send a frame; what the devices answer waits to be received."""
+        self._require_bus()
+        if not (msg.is_extended_id or msg.is_remote_frame):
+            self._bench.send(msg.arbitration_id, bytes(msg.data), self)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        """The next frame, None when there is none."""
+        if self._bench.bus_off and not self._error_told:
+            self._error_told = True
+            return can.Message(is_error_frame=True, timestamp=self._bench.stamp_ns * 1e-9)
+        self._require_bus()
+        return self._queue.popleft() if self._queue else None
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        return self.recv(timeout), True
+
+    def shutdown(self) -> None:
+        """Leave the bus."""
+        self._bench.leave(self)
+        super().shutdown()
+
+    def _hear(self, cob_id: int, data: bytes, stamp_ns: int) -> None:
+        self._queue.append(
+            can.Message(timestamp=stamp_ns * 1e-9, arbitration_id=cob_id, is_extended_id=False, data=data, check=False)
+        )
+
+    def _require_bus(self) -> None:
+        if self._bench.is_lost:
+            raise can.CanOperationError("the simulated bus is gone")
+
+
+class BenchSerial:
+    """The readout's serial line as a port of pyserial: what is written is answered at once."""
+
+    def __init__(self, bench: WireBench) -> None:
+        self._bench = bench
+        self._waiting = b""
+        self._is_open = True
+
+    def write(self, b: bytes, /) -> int:
+        """Send bytes to the readout."""
+        self._require_line()
+        answer = self._bench.readout.receive(bytes(b))
+        for fault in self._bench.wire_faults():
+            answer = fault.from_readout(answer)
+        self._waiting += answer
+        return len(b)
+
+    def read(self, size: int = 1, /) -> bytes:
+        """At most `size` bytes that wait."""
+        self._require_line()
+        taken, self._waiting = self._waiting[:size], self._waiting[size:]
+        return taken
+
+    def reset_input_buffer(self) -> None:
+        """Forget what waits."""
+        self._require_line()
+        self._waiting = b""
+
+    def close(self) -> None:
+        """Release the line."""
+        self._is_open = False
+
+    def _require_line(self) -> None:
+        if not self._is_open:
+            raise BusLostError("the serial line has been closed", where="simulated readout")
