@@ -17,11 +17,12 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from experiments.budget import budget_table, torque_scale_uncertainty
+from experiments.budget import budget_table
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
+from experiments.friction_estimates import genetic_metrics, offset_estimate, running_torques, type_b
 from experiments.friction_foreign import friction_in_foreign_unit
-from experiments.friction_plots import friction_plots, friction_prediction_plot, point_table
+from experiments.friction_plots import fit_table, friction_plots, friction_prediction_plot, point_table
 from experiments.friction_points import (
     Correction,
     MeasuredFriction,
@@ -45,13 +46,12 @@ from experiments.speeds import (
     resonance_speeds,
 )
 from experiments.steps import HoldRevolutions, HoldTime, Mark, MoveRevolutions, SegmentLabel, Settle, Step
-from experiments.zero import TorqueZero
 from model.friction import bearing_lever, bearing_magnitude, friction_torque, mesh_lever
 from model.gear import HarmonicDrive, Origin
-from model.identify.estimate import BudgetLine, Estimate
-from model.identify.friction import FrictionFit, TorqueUncertainty, check_identifiable, fit_friction
+from model.identify.estimate import Estimate
+from model.identify.friction import FrictionFit, check_identifiable, fit_friction
 from model.identify.running_torque import FrictionPoints, pair_directions
-from model.identify.stribeck import NAMES, fit_stribeck_genetic, stribeck_jacobian
+from model.identify.stribeck import NAMES
 from model.units import DEGREE, RPM
 
 NAME = "friction"
@@ -183,14 +183,6 @@ def constant_speed(p: Parameters, setpoint: float, label: str, repeat: int) -> I
 
 
 SETTINGS = ("channel", "balance", "bracket_limit", "bracket_refusal", "genetic", "seed")
-CATALOGUE_SPEEDS_RPM = (500.0, 1000.0, 2000.0, 3500.0)
-"""Input speeds at which catalogues give the no-load running torque."""
-TARE_RELATIVE = 0.03
-"""Relative standard uncertainty of a tare as a whole: the same motor, another day, another warmth."""
-BEARING_RELATIVE = 0.2
-"""Relative standard uncertainty of M_0 where f_0 and nu_0 are taken from the literature."""
-TEMPERATURE_COEFFICIENT = -0.04
-"""Change of friction per kelvin, relative: typical of grease."""
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -209,18 +201,23 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         check_identifiable(fit, limit=float(settings.get("bracket_refusal", 0.25)))
         metrics = dict(fit.metrics)
         if settings.get("genetic", True):
-            metrics |= _genetic(fit, evidence.gear, int(settings.get("seed", 0)))
+            metrics |= genetic_metrics(fit, evidence.gear, int(settings.get("seed", 0)))
     metrics["torque_zero_drift"] = measured.zero.drift
     metrics["reproducibility"] = reproducibility(brought.bracket)
     metrics |= correction.metrics() | _warmth(measured)
     estimates = (
-        dict(fit.estimates) | _offset(fit, measured.zero) | _running_torques(recording, fit, evidence.gear, measured)
+        dict(fit.estimates)
+        | offset_estimate(fit, measured.zero)
+        | running_torques(recording, fit, evidence.gear, measured)
     )
     run = recording.metadata.run_id
     return Result(
         run, NAME, estimates, metrics, (*measured.warnings, *fit.warnings), _verdicts(fit, estimates, evidence.gear),
         friction_plots(fit, brought.holds, measured.bracket, measured.tare),
-        (point_table(measured.holds, measured.bracket, measured.tare), budget_table(estimates.values())),
+        (
+            fit_table(fit), point_table(measured.holds, measured.bracket, measured.tare),
+            budget_table(estimates.values()),
+        ),
         {
             "torque_is_of": fit.subject, "torque_balance": fit.torque_balance, "channel": measured.channel,
             "low_speed_branch": evidence.gear.options.low_speed_branch, "points_brought_to": correction.words(),
@@ -233,7 +230,7 @@ def _fit(
 ) -> tuple[FrictionFit, MeasuredFriction, Correction]:
     """The fit of the points, brought to mean place and warmth as the fit itself shows them (two rounds)."""
     settings = evidence.settings
-    uncertainty = _type_b(recording, evidence.gear, measured)
+    uncertainty = type_b(recording, evidence.gear, measured)
 
     def fit_of(points: MeasuredFriction, *, profile: bool) -> FrictionFit:
         return fit_friction(
@@ -270,81 +267,6 @@ def _warmth(measured: MeasuredFriction) -> dict[str, float]:
     if not np.isfinite(warmth).all():
         return {}
     return {"housing_temperature": float(warmth.mean()), "housing_temperature_span": float(np.ptp(warmth))}
-
-
-def _type_b(recording: Recording, gear: HarmonicDrive, measured: MeasuredFriction) -> TorqueUncertainty:
-    """What the data cannot show: torque scale, zero, the tare as a whole, warmth of the points, literature values."""
-    scale, _ = torque_scale_uncertainty(recording, measured.channel)
-    warmth = measured.warmth
-    spread = float(np.std(warmth)) if np.isfinite(warmth).all() else 0.5
-    known = gear.origins.get("bearing.friction_factor", Origin("assumed"))
-    relative = BEARING_RELATIVE
-    if known.standard_uncertainty is not None and gear.bearing.friction_factor > 0.0:
-        relative = known.standard_uncertainty / gear.bearing.friction_factor
-    return TorqueUncertainty(
-        scale=scale,
-        zero=measured.zero.standard_uncertainty,
-        tare=TARE_RELATIVE if measured.tare is not None else 0.0,
-        temperature=spread,
-        temperature_coefficient=TEMPERATURE_COEFFICIENT,
-        bearing=relative,
-    )
-
-
-def _forces(fit: FrictionFit, gear: HarmonicDrive) -> tuple[np.ndarray, np.ndarray]:
-    """Mesh friction [N] and its standard error behind the torques of a fit, in its balance."""
-    lever = mesh_lever(gear, fit.torque_balance)
-    drag = bearing_lever(gear, fit.torque_balance) * bearing_magnitude(
-        gear.bearing, fit.speed, low_speed_branch=gear.options.low_speed_branch
-    )
-    return (fit.torque - drag) / lever, fit.standard_error / lever
-
-
-def _genetic(fit: FrictionFit, gear: HarmonicDrive, seed: int) -> dict[str, float]:
-    """The paper's genetic search on the same data: how far it stays behind variable projection."""
-    force, error = _forces(fit, gear)
-    found = fit_stribeck_genetic(fit.speed, force, error, seed=seed)
-    best = max(fit.stribeck.chi_square, 1e-12)
-    names = {f"genetic_{name}": float(v) for name, v in zip(NAMES, found.values, strict=True)}
-    return {
-        "genetic_chi_square_excess": found.chi_square / best - 1.0,
-        "genetic_evaluations": float(found.evaluations),
-        **names,
-    }
-
-
-def _running_torques(
-    recording: Recording, fit: FrictionFit, gear: HarmonicDrive, measured: MeasuredFriction
-) -> dict[str, Estimate]:
-    """The fitted no-load running torque at the catalogue's input speeds that lie within the run."""
-    found: dict[str, Estimate] = {}
-    lever = mesh_lever(gear, fit.torque_balance)
-    scale, source = torque_scale_uncertainty(recording, measured.channel)
-    for rpm in CATALOGUE_SPEEDS_RPM:
-        speed = rpm * RPM
-        if not fit.speed.min() <= speed <= fit.speed.max() * 1.01:
-            continue
-        value = float(np.interp(speed, fit.curve_speed, fit.curve_torque))
-        row = stribeck_jacobian(np.array([speed]), fit.stribeck.values)[0]
-        error = lever * math.sqrt(max(float(row @ fit.stribeck.covariance @ row), 0.0))
-        budget = [BudgetLine("fit of the points", "A", error), BudgetLine("torque scale", "B", scale * value, source)]
-        if measured.tare is not None:
-            at, _, _ = measured.tare.at(np.array([speed]))
-            budget.append(BudgetLine("tare", "B", TARE_RELATIVE * float(at[0]), "same motor, another day"))
-        name = f"running_torque_{rpm:.0f}_rpm"
-        found[name] = Estimate(
-            name, value, "N m", value - 1.96 * error, value + 1.96 * error, "yes", fit.subject, tuple(budget)
-        )
-    return found
-
-
-def _offset(fit: FrictionFit, zero: TorqueZero) -> dict[str, Estimate]:
-    """The half-sum of the directions with the torque zero in its budget."""
-    if "offset" not in fit.estimates:
-        return {}
-    offset = fit.estimates["offset"]
-    line = BudgetLine("scatter of the half-sums", "A", 0.25 * (offset.high - offset.low))
-    return {"offset": offset.with_budget((line, zero.budget()))}
 
 
 def _verdicts(fit: FrictionFit, estimates: dict[str, Estimate], gear: HarmonicDrive) -> tuple[Verdict, ...]:

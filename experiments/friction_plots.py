@@ -132,3 +132,16 @@ def point_table(holds: list[Hold], bracket: list[Hold], tare: Tare | None, unit:
     return Table(
         "points", "Running torque per point", columns, tuple(rows), "torque as measured, servo-off zero subtracted"
     )
+
+
+FIT_TABLE = "fitted-points"
+
+
+def fit_table(fit: FrictionFit) -> Table:
+    """What was fitted: friction of each pair of directions, tare subtracted, brought to mean place and warmth."""
+    rows = tuple(
+        (float(v) / RPM, float(t), float(u), float(f), float(t - f))
+        for v, t, u, f in zip(fit.speed, fit.torque, fit.standard_error, fit.fitted, strict=True)
+    )
+    columns = ("speed [r/min]", "friction [N m]", "standard error [N m]", "fitted [N m]", "residual [N m]")
+    return Table(FIT_TABLE, "Friction points and fit", columns, rows, "half-difference of the directions")

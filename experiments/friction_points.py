@@ -3,7 +3,7 @@
 Friction varies over the output revolution (mesh depth) and with heat. Points start at places spread over the output and go up
 and down, so that both can be told from speed. With y = friction/fitted curve - 1 of every point, reference speed included,
 
-    y = c_0 + sum_k (a_k cos k theta_o + b_k sin k theta_o) + (temperature - mean) (d_0 + d_1 viscous share(speed))    k = 1, 2
+    y = c_0 + sum_k (a_k cos k theta_o + b_k sin k theta_o) + (temperature - mean) (d_0 + d_1 viscous share(speed))    k = 1..4
 
 is solved by least squares and divided out where it is significant: what is left holds at mean place and mean warmth. Near a
 resonance the vibrating output takes power that is no friction: such points count less.
@@ -32,8 +32,9 @@ from model.gear import HarmonicDrive
 from model.identify.running_torque import RunningTorque, Tare, pair_directions
 
 FloatArray = NDArray[np.float64]
-PLACE_ORDERS = (1, 2)
-POINTS_PER_TERM = 4
+PLACE_ORDERS = (1, 2, 3, 4)
+"""Orders of the output revolution that are looked at, as many from the first on as there are points for."""
+POINTS_PER_TERM = 2.5
 """Pairs of points that each correcting term needs."""
 LEAST_WARMING = 0.2
 """K of span below which warmth is not corrected for."""
@@ -175,10 +176,11 @@ def corrected(
     direction = np.array([h.torque.direction for h in every])
     tare = measured.tare.at(speed)[0] if measured.tare is not None else np.zeros_like(speed)
     friction = direction * np.array([h.torque.torque for h in every]) - tare
-    place = _place_columns(every)
     warmth = _warmth_columns(every, 1.0 - dry(speed) / curve(speed), measured.warmth)
+    room = math.floor(len(every) / (2.0 * POINTS_PER_TERM)) - 1 - warmth.shape[1]
+    place = _place_columns(every, min(max(room // 2, 0), len(PLACE_ORDERS)))
     terms = place.shape[1] + warmth.shape[1]
-    if terms == 0 or len(every) < 2 * POINTS_PER_TERM * (terms + 1):
+    if terms == 0 or room < 0:
         return measured, Correction()
     columns = np.column_stack([place, warmth])
     away = friction / curve(speed) - 1.0
@@ -205,15 +207,15 @@ def _told(solution: FloatArray, place: FloatArray, warmth: FloatArray) -> Correc
     return Correction(tuple(float(a) for a in np.hypot(pairs[:, 0], pairs[:, 1])), per_kelvin)
 
 
-def _place_columns(holds: list[Hold]) -> FloatArray:
-    """cos and sin of the output angle, each averaged over the angle that a point covers."""
+def _place_columns(holds: list[Hold], count: int) -> FloatArray:
+    """cos and sin of the first `count` orders of the output angle, each averaged over the angle that a point covers."""
     spans = [h.place for h in holds if h.place is not None]
-    if len(spans) < len(holds):
+    if len(spans) < len(holds) or count == 0:
         return np.empty((len(holds), 0))
     begin, end = np.array(spans).T
     width = np.where(np.abs(end - begin) < 1e-6, 1e-6, end - begin)
     columns = []
-    for k in PLACE_ORDERS:
+    for k in PLACE_ORDERS[:count]:
         columns.append((np.sin(k * (begin + width)) - np.sin(k * begin)) / (k * width))
         columns.append((np.cos(k * begin) - np.cos(k * (begin + width))) / (k * width))
     return np.column_stack(columns)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.errors import AnalysisError
+from experiments.friction_plots import FIT_TABLE
 from experiments.result import Result, Table
 from model.friction import bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive
@@ -111,19 +112,20 @@ def _friction(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | No
     if result.options.get("torque_is_of") != "gear" or known.get("torque_balance") != balance:
         return
     scale = _scale(truth)
-    table = next((t for t in result.tables if t.name == "points"), None)
+    table = next((t for t in result.tables if t.name == FIT_TABLE), None)
     if gear is None or table is None:
         for name, value in known.get("measurable", {}).items():
             yield name, float(value) * (scale if name in ("coulomb", "static", "viscous") else 1.0)
         return
     warmer = _warmer(result, truth)
-    rpm = np.array([abs(float(row[2])) for row in table.rows if row[0] == "hold"])
-    speed = np.unique(np.round(rpm * RPM, 9))
+    points = np.array([[float(v) for v in row[:3]] for row in table.rows])
+    speed, error = points[:, 0] * RPM, points[:, 2]
     torque = scale * _true_torque(known, truth.get("thermal", {}), gear, speed, warmer)
     low = gear.options.low_speed_branch
     drag = bearing_lever(gear, balance) * bearing_magnitude(gear.bearing, speed, low_speed_branch=low)
     force = (torque - drag) / mesh_lever(gear, balance)
-    fit = fit_stribeck(speed, force, 1e-3 * force)
+    # The errors of the run as weights: where equation 18 does not hold, the best parameters depend on them.
+    fit = fit_stribeck(speed, force, error / mesh_lever(gear, balance))
     yield from zip(NAMES, (float(v) for v in fit.values), strict=True)
     for name in result.estimates:
         if name.startswith("running_torque_"):

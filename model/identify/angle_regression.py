@@ -25,7 +25,7 @@ from model.kinematic_error import basis_orders
 
 CELLS_PER_PERIOD = 8
 """Cells per period of the highest order."""
-MAXIMUM_BLOCKS = 256
+MAXIMUM_BLOCKS = 128
 """Blocks kept before neighbours merge."""
 LATTICE_TOLERANCE = 1e-6
 
@@ -198,7 +198,8 @@ class AngleRegression:
     def _merge(self) -> None:
         half = MAXIMUM_BLOCKS // 2
         for table in (self._normal, self._right, self._square):
-            table[:half] = table[0::2] + table[1::2]
+            for k in range(half):
+                table[k] = table[2 * k] + table[2 * k + 1]
             table[half:] = 0.0
         self._block = half
         self._length *= 2
@@ -232,10 +233,11 @@ class AngleRegression:
         used = kernels.close_group(group, rows, 0, normal[-1], right[-1], bins, values, totals, self.cells, basis)
         kernels.rank_update(normal[-1], rows, used)
         square[-1] += totals[2] - before
-        upper = np.triu(normal, 1)
+        for part in normal:  # one by one: a copy of the whole table would double the memory
+            part += np.triu(part, 1).T
         return Sums(
             basis=self.basis,
-            normal=normal + np.swapaxes(upper, 1, 2),
+            normal=normal,
             right=right,
             square=square,
             bin_basis=bins,
@@ -358,7 +360,9 @@ def solve_angle(sums: Sums, *, columns: np.ndarray | None = None) -> tuple[Angle
     solution = inverse @ right[kept]
     squares = max(sums.sum_square - float(solution @ right[kept]), 0.0)
     variance = squares / max(sums.count - int(kept.sum()), 1)
-    scores = sums.right[:, kept] - sums.normal[:, :, kept][:, kept, :] @ solution
+    scores = np.array(
+        [right_b[kept] - normal_b[part] @ solution for right_b, normal_b in zip(sums.right, sums.normal, strict=True)]
+    )
     counts = sums.normal[:, 0, 0]
     full = counts > 0.5 * np.median(counts)
     if full.sum() >= 6:

@@ -27,9 +27,14 @@ from model.identify.step_data import Driven, StepData, StepScore, drive_of, scor
 from model.units import ARCSEC, REVOLUTION, RPM
 
 SCAN = (0.84, 0.88, 0.92, 0.95, 0.975, 1.0, 1.025, 1.05, 1.08, 1.12, 1.16)
+SCAN_STEP = 0.025
+"""Factors around a start that are tried, on a grid of this step in log frequency, so that no place is tried twice."""
 LOWEST_HZ, HIGHEST_HZ = 4.0, 450.0
 
 __all__ = ["CombinedSteps", "StepData", "StepFit", "StepScore", "combine_steps", "fit_step", "score_step", "step_data"]
+
+STRAY_LIMIT = 0.15
+"""Distance from the median of K/J_o at which a step is taken for a stray; hardening within a run is less."""
 
 
 @dataclass(frozen=True)
@@ -53,17 +58,13 @@ class StepFit:
 def _filters(frequency: float, damping: float, interval: float) -> tuple[Array, Array, Array]:
     """Exact first-order-hold filters: u -> theta_o - u, friction -> theta_o (unit wind-up), common denominator."""
     w = 2.0 * math.pi * frequency
-    block = np.zeros((4, 4))
-    block[0, 1], block[1, 0], block[1, 1], block[1, 2], block[2, 3] = (
-        1.0,
-        -w * w,
-        -2.0 * damping * w,
-        1.0,
-        1.0 / interval,
-    )
-    step = scipy.linalg.expm(block * interval)
-    state, late = step[:2, :2], step[:2, 3]
-    drive = step[:2, 2] - late + state @ late
+    state = _oscillator_step(w, damping, interval)
+    system = np.array([[0.0, 1.0], [-w * w, -2.0 * damping * w]])
+    inverse = np.array([[-2.0 * damping / w, -1.0 / (w * w)], [1.0, 0.0]])
+    push = np.array([0.0, 1.0])
+    held = inverse @ (state - np.eye(2)) @ push
+    late = inverse @ inverse @ (state - np.eye(2) - system * interval) @ push / interval
+    drive = held - late + state @ late
     trace, determinant = state[0, 0] + state[1, 1], state[0, 0] * state[1, 1] - state[0, 1] * state[1, 0]
     denominator = np.array([1.0, -trace, determinant])
     numerators = []
@@ -72,6 +73,13 @@ def _filters(frequency: float, damping: float, interval: float) -> tuple[Array, 
         first, second = float(output @ drive), float(output @ (state @ drive - trace * drive))
         numerators.append(through * denominator + np.array([0.0, first, second]))
     return numerators[0] - denominator, numerators[1], denominator
+
+
+def _oscillator_step(w: float, damping: float, interval: float) -> Array:
+    """exp(A h) of x'' + 2 zeta w x' + w^2 x = 0, zeta < 1, in closed form (2, 2)."""
+    turn = w * math.sqrt(1.0 - damping * damping)
+    decay, c, s = math.exp(-damping * w * interval), math.cos(turn * interval), math.sin(turn * interval) / turn
+    return decay * np.array([[c + damping * w * s, s], [-w * w * s, c - damping * w * s]])
 
 
 def _fine_columns(drive: Driven, frequency: float, damping: float) -> tuple[Array, Array]:
@@ -123,7 +131,7 @@ def _starting_frequencies(data: StepData, measured: Array, expected: float | Non
     top = min(HIGHEST_HZ, 0.45 / period)
     inside = (frequency >= LOWEST_HZ) & (frequency <= top)
     peaks, _ = scipy.signal.find_peaks(np.where(inside, power, 0.0), distance=max(int(3.0 / frequency[1]), 1))
-    found = [float(frequency[k]) for k in peaks[np.argsort(-power[peaks])][:4]]
+    found = [float(frequency[k]) for k in peaks[np.argsort(-power[peaks])][:2]]
     return ([expected] if expected else []) + found
 
 
@@ -145,12 +153,12 @@ def _descend(drive: Driven, measured: Array, frequency: float, damping: float) -
 
 def _search(drive: Driven, measured: Array, starts: list[float]) -> tuple[float, float]:
     """The best mode: a scan around each start, then descent from the two best places."""
+    grid = {round(math.log(start * factor) / SCAN_STEP) for start in starts for factor in SCAN}
     trials = []
-    for start in starts:
-        for factor in SCAN:
-            f = float(np.clip(start * factor, LOWEST_HZ, HIGHEST_HZ))
-            r = _projected(drive, measured, f, 0.02)[0]
-            trials.append((float(r @ r), f))
+    for place in grid:
+        f = min(max(math.exp(place * SCAN_STEP), LOWEST_HZ), HIGHEST_HZ)
+        r = _projected(drive, measured, f, 0.02)[0]
+        trials.append((float(r @ r), f))
     trials.sort()
     chosen = [trials[0][1]]
     chosen += [f for sse, f in trials[1:] if abs(f / chosen[0] - 1.0) > 0.1 and sse < 1.3 * trials[0][0]][:1]
@@ -276,12 +284,18 @@ class CombinedSteps:
 def combine_steps(fits: Sequence[StepFit]) -> CombinedSteps:
     """Weighted means over the resolvable steps; the interval widens by the scatter between steps (Birge ratio)."""
     usable = [f for f in fits if f.resolvable and f.estimates["stiffness_over_inertia"].identifiable != "no"]
-    warnings = [w for f in fits for w in f.warnings]
+    warnings = _merged_warnings(fits)
     if not usable:
         raise IdentificationError(
             "no step has a transient above one output count", where="velocity steps", value=f"{len(fits)} steps",
             remedy="Use faster steps, more inertia at the output, or a finer output encoder.",
         )  # fmt: skip
+    usable, strays = _without_strays(usable)
+    warnings += [
+        f"{abs(f.speed) / RPM:.0f} r/min {'forward' if f.speed > 0 else 'reverse'}: left out of the mean, a mode at "
+        f"{f.estimates['frequency'].value:.1f} Hz is not that of the other steps (an order of the input was taken for it)."
+        for f in strays
+    ]
     estimates: dict[str, Estimate] = {}
     groups: dict[str, Callable[[StepFit], bool]] = {
         "": lambda f: True, "_forward": lambda f: f.speed > 0.0, "_reverse": lambda f: f.speed < 0.0,
@@ -307,6 +321,30 @@ def combine_steps(fits: Sequence[StepFit]) -> CombinedSteps:
         high=np.array([e.high for e in ratio]),
         damping_ratio=np.array([f.estimates["damping_ratio"].value for f in usable]),
     )
+
+
+def _merged_warnings(fits: Sequence[StepFit]) -> list[str]:
+    """The warnings of all steps; those that only say "not resolvable" in one sentence."""
+    small = [f for f in fits if not f.resolvable]
+    others = [w for f in fits for w in f.warnings if "not resolvable" not in w]
+    if not small:
+        return others
+    speeds = ", ".join(f"{s:.0f}" for s in sorted({round(abs(f.speed) / RPM) for f in small}))
+    return [
+        f"{len(small)} steps ({speeds} r/min) have a torsional transient below one output count: not resolvable.", *others
+    ]
+
+
+def _without_strays(fits: list[StepFit]) -> tuple[list[StepFit], list[StepFit]]:
+    """The steps that share a mode, and those whose K/J_o is further than STRAY_LIMIT from the median of all.
+
+    A narrow line of the ripple can be fitted as a sharp mode of its own, with a small error: weights would follow it.
+    """
+    if len(fits) < 4:
+        return fits, []
+    values = np.array([f.estimates["stiffness_over_inertia"].value for f in fits])
+    near = np.abs(values / np.median(values) - 1.0) <= STRAY_LIMIT
+    return [f for f, n in zip(fits, near, strict=True) if n], [f for f, n in zip(fits, near, strict=True) if not n]
 
 
 def _weighted(name: str, parts: Sequence[Estimate]) -> Estimate:

@@ -43,9 +43,15 @@ class Logbook:
         with self._recording():
             self.run.recorder.segment(segment)
 
-    def event(self, level: str, code: str, source: str, text: str) -> None:
-        """Keep an event, at the time of the latest cycle; warnings and errors are listed in the report as well."""
-        event = Event(self._epoch + self._stamp, level, code, source, text)
+    @property
+    def now(self) -> str:
+        """The calendar time of the latest cycle (ISO 8601 with zone)."""
+        return iso_time(self._epoch + self._stamp)
+
+    def event(self, level: str, code: str, source: str, text: str, stamp_ns: int | None = None) -> None:
+        """Keep an event, at `stamp_ns` of the rig's time base or else at the latest cycle; warnings and errors are listed in
+        the report as well."""
+        event = Event(self._epoch + (self._stamp if stamp_ns is None else stamp_ns), level, code, source, text)
         if level in ("warning", "error"):
             self.warnings.append(text)
         with self._recording():

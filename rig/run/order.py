@@ -12,9 +12,11 @@ from drivers.clock import Clock
 from drivers.port import RigDescription, RigPort
 from rig.run.bounds import Watch
 from rig.run.dry_run import PlannedRun
+from rig.run.latch import TripLatch
 from rig.run.make_safe import MakeSafeReport
 from rig.run.recorder import Recorder
 from rig.run.trips import Trip
+from rig.run.watchdog import Watchdog
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,10 @@ class RunOrder:
     watch: Watch | None = None
     free_space: Callable[[], int] | None = None
     """Bytes left where the file is written; None: nobody looks."""
+    latch: TripLatch | None = None
+    """Where a trip is latched until it is acknowledged by name; None: nowhere (a rig that is thrown away)."""
+    watchdog: Watchdog | None = None
+    """Watches in real time that turns happen."""
 
 
 class OpenRun(Protocol):
@@ -111,7 +117,8 @@ class RunReport:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """One line of progress: step, nominal time done and left [s], input speed [rad/s], torque [N m]."""
+    """One line of progress: step, nominal time done and left [s], input speed [rad/s], and the smallest margin so far: which
+    limit, and the share of it that was left."""
 
     step: int
     steps: int
@@ -120,6 +127,8 @@ class Progress:
     left: float
     speed: float
     events: int
+    nearest: str = ""
+    margin: float = 1.0
 
 
 def _finite(value: float) -> float | None:

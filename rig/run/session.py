@@ -17,6 +17,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from datetime import UTC, datetime
 
 import numpy as np
@@ -29,10 +30,12 @@ from experiments.errors import ExperimentError
 from experiments.recording import Event
 from model.errors import ModelError
 from rig import limits as lim
-from rig.errors import RigError
+from rig.errors import LimitError, RigError
 from rig.run.bounds import Geometry
 from rig.run.dry_run import PlannedRun
+from rig.run.devices import TellsAcquisition, TellsEvents
 from rig.run.engine import Ask, Engine, StepFailedError, describe
+from rig.run.latch import LatchedTrip
 from rig.run.logbook import Logbook, iso_time
 from rig.run.make_safe import Action, MakeSafe
 from rig.run.order import Begin, Judge, Progress, RunOrder, RunReport
@@ -49,11 +52,12 @@ from rig.run.preflight import (
 from rig.run.stop import StopRequest
 from rig.run.supervisor import Supervisor
 from rig.run.trajectory import cycles_of
-from rig.run.trips import BUS_LOST, DEVICE_ERROR, DISK_SPACE, MAKE_SAFE_FAILED, Trip
+from rig.run.trips import BUS_LOST, DEVICE_ERROR, DISK_SPACE, LATE_TURN, MAKE_SAFE_FAILED, Trip
+from rig.run.watchdog import Watchdog
 
 STOP_SHARE = 0.25
 """Share of the allowed deceleration that a controlled stop uses."""
-SPACE_CHECK_CYCLES = 10_000
+SPACE_CHECK_CYCLES = 1000
 """Cycles between two looks at the free space of the disk."""
 EXCHANGE_ATTEMPTS = 3
 """Exchanges in a row without an answer after which the run trips, and again as many until making safe is given up."""
@@ -72,9 +76,12 @@ def execute(
     """Run an order from preflight to the sealed file.
 
     Raises (`RigError`, `LimitError`, `DriverError`) for what is wrong before there is a file and before anything moves;
-    afterwards every ending is in the report.
+    afterwards every ending is in the report. A rig that is connected and refuses (its limits read back differently, it does
+    not stand) leaves a file that says so.
     """
     planned, port = order.planned, order.port
+    if order.latch is not None:
+        order.latch.refuse()
     checks = static_checks(planned, order.output)
     refuse_failed(checks)
     try:
@@ -82,8 +89,7 @@ def execute(
         today = datetime.fromtimestamp(order.clock.calendar_ns() * 1e-9, UTC).date()
         checks = (*checks, *channel_checks(port.channels, planned.experiment.needs, today))
         refuse_failed(checks)
-        written = planned.limits.drive_limits()
-        checks = (*checks, limits_check(written, port.write_limits(written)))
+        checks = (*checks, _write_limits(order))
         # One cycle with the servo off ties the rig's time stamps to the calendar.
         calendar = order.clock.calendar_ns()
         first = port.exchange(Command(Mode.OFF), 1, Guard())
@@ -118,7 +124,7 @@ class Session:
         )
         self._engine = Engine(planned.plan, self._machine, logbook, ask, order.block_cycles)
         self._make_safe: MakeSafe | None = None
-        self._outcome = self._message = ""
+        self._outcome = self._message = self._told = ""
         self._silent = 0
         self._step_index, self._step_rows = -1, 0
         self._space_rows = 0
@@ -155,12 +161,13 @@ class Session:
         counts = np.concatenate([block.counts for block in blocks])
         flags = np.concatenate([block.flags for block in blocks])
         standing = standing_checks(self._port.channels, counts, flags, self._planned.motor.rated_torque)
-        for check in (*checks, *standing):
+        found = (*checks, *standing)
+        for check in found:
             level = {"ok": "info", "warning": "warning", "failed": "error"}[check.result]
             self._logbook.event(level, "preflight", "preflight", str(check))
         self._supervisor.begin(np.rint(counts.mean(axis=0)).astype(np.int64), self._machine.rows)
         try:
-            refuse_failed(standing)
+            refuse_failed(found)
         except RigError as error:
             self._end(Action.ZERO_TORQUE, "ERROR", str(error), "preflight")
 
@@ -170,12 +177,22 @@ class Session:
         turn = self._advance(None)
         while turn is not None:
             block = self._exchange(turn)
+            if self._order.watchdog is not None:
+                self._watch_turns(self._order.watchdog)
             if block is not None:
                 self._keep(block, turn)
                 self._supervisor.review(block, turn)
+                self._supervisor.explain(self._told)
             self._watch_space()
             turn = self._advance(block)
             self._tell_progress()
+
+    def _watch_turns(self, watchdog: Watchdog) -> None:
+        """Tell the watchdog that a turn has happened; if it has acted, it knew better."""
+        watchdog.turned()
+        if watchdog.acted:
+            found, allowed = watchdog.longest_pause * 1e3, watchdog.deadline * 1e3
+            self._supervisor.latch(Trip(LATE_TURN, self._machine.rows, found, allowed, "ms without a turn"))
 
     def _watch_space(self) -> None:
         if self._machine.rows - self._space_rows < SPACE_CHECK_CYCLES or self._order.free_space is None:
@@ -189,6 +206,15 @@ class Session:
         """Record first, then take notice."""
         self._logbook.put(block)
         self._machine.accept(block, turn)
+        self._keep_port_events()
+
+    def _keep_port_events(self) -> None:
+        """What the devices told since the last time: emergencies, losses, transitions."""
+        if isinstance(self._port, TellsEvents):
+            for event in self._port.events():
+                if event.level == "error":
+                    self._told = f"{event.source}: {event.text}"
+                self._logbook.event(event.level, event.code, event.source, event.text, event.time_ns)
 
     def _exchange(self, turn: Turn) -> SampleBlock | None:
         """One exchange; None when the rig did not answer (which latches a trip)."""
@@ -199,7 +225,9 @@ class Session:
             stale = isinstance(error, StaleDataError)
             cause = STALE_DATA if stale else BUS_LOST if isinstance(error, BusLostError) else DEVICE_ERROR
             self._silent += 1
-            self._logbook.event("error", cause, "port", str(error))
+            self._keep_port_events()
+            if self._silent == 1:
+                self._logbook.event("error", cause, "port", str(error))
             self._supervisor.latch(Trip(cause, row, math.nan, math.nan, detail=str(error)))
             return None
         if len(block):
@@ -301,7 +329,9 @@ class Session:
         what = describe(engine.step) if self._make_safe is None else "making safe"
         step = min(engine.index + 1, len(planned.plan))
         elapsed, speed = machine.rows * machine.period, machine.speed(cycles=50)
-        self._on_progress(Progress(step, len(planned.plan), what, elapsed, left, speed, len(self._logbook.warnings)))
+        nearest, margin = self._supervisor.smallest_margin()
+        events = len(self._logbook.warnings)
+        self._on_progress(Progress(step, len(planned.plan), what, elapsed, left, speed, events, nearest, margin))
 
     # The end.
 
@@ -338,6 +368,9 @@ class Session:
             numbers = f"peak {margin['peak']:.4g}, limit {margin['limit']:.4g}, margin {100 * margin['margin']:.0f} %"
             logbook.event("info", "margin", "supervisor", f"{name}: {numbers}")
         metrics["missed_share"] = supervisor.state.missed_share
+        metrics.update(self._acquisition())
+        if trip is not None:
+            self._latch_trip(trip)
         path, readable = logbook.close(self._outcome)
         if not readable:
             self._outcome = self._outcome if self._outcome in ("TRIPPED", "ABORTED") else "ERROR"
@@ -346,6 +379,41 @@ class Session:
             logbook.run.run_id, self._outcome, path, self._machine.rows, self._message, trip, made_safe,
             logbook.warnings, metrics, margins, readable,
         )  # fmt: skip
+
+
+    def _acquisition(self) -> dict[str, float]:
+        """How well the rig kept time, where it says so: an event for the file, metrics for the report."""
+        if not isinstance(self._port, TellsAcquisition):
+            return {}
+        try:
+            told = asdict(self._port.acquisition())
+        except DriverError as error:
+            self._logbook.event("warning", "acquisition", "port", str(error))
+            return {}
+        metrics = {f"acquisition_{name}": float(value) for name, value in told.items()}
+        text = ", ".join(f"{name} {value:.6g}" for name, value in told.items())
+        self._logbook.event("info", "acquisition", "port", text)
+        return metrics
+
+    def _latch_trip(self, trip: Trip) -> None:
+        """Latch the first cause until it is acknowledged by name."""
+        latch, logbook = self._order.latch, self._logbook
+        if latch is None:
+            return
+        verified = self._make_safe is not None and self._make_safe.report.safe
+        try:
+            latch.leave(LatchedTrip(trip.cause, logbook.run.run_id, logbook.now, self._message, verified))
+        except RigError as error:
+            logbook.event("error", "latch", "session", str(error))
+
+
+def _write_limits(order: RunOrder) -> Check:
+    """Write the limits into the drive and compare what reads back; a drive that holds others is not armed."""
+    written = order.planned.limits.drive_limits()
+    try:
+        return limits_check(written, order.port.write_limits(written))
+    except (LimitError, DriverError) as error:
+        return Check("drive limits", "failed", str(error))
 
 
 def _geometry(planned: PlannedRun) -> Geometry | None:

@@ -31,9 +31,11 @@ from model.units import RPM
 from rig import limits as lim
 from rig.limits import Limits
 from rig.run.bounds import BoundMaker, Geometry, Watch
+from rig.run.margins import DIFFERENCE, FOLLOWING, MISSED, MarginWatch, Peaks
 from rig.run.phases import Turn
 from rig.run.trips import (
     COUNT_JUMP,
+    DEVICE_CAUSES,
     DISAGREEMENT,
     DRIVE_FAULT,
     FOLLOWING_ERROR,
@@ -49,6 +51,7 @@ from rig.run.trips import (
     TORQUE_PORT,
     TORSION_TORQUE,
     TRAVEL,
+    TRIPS,
     UNEXPECTED_STATE,
     Trip,
 )
@@ -73,8 +76,8 @@ class WatchState:
     heat: float = 0.0
     torque_rows: int = 0
     torque_sums: tuple[float, float] = (0.0, 0.0)
-    speed_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    peaks: dict[str, float] = field(default_factory=dict)
+    torque_share: float = 0.0
+    peaks: Peaks = field(default_factory=Peaks)
 
     @property
     def missed_share(self) -> float:
@@ -106,13 +109,18 @@ class Supervisor:
         self._maker = BoundMaker(self._channels, self._period, limits, self._geometry, travel, self.watch)
         self._always: tuple[Bound, ...] = ()
         self._enabled: tuple[Bound, ...] = ()
-        self._twist: Bound | None = None
+        self._margins = self._margin_watch(())
 
     def begin(self, reference: NDArray[np.int64], rows: int = 0) -> None:
         """Take the position at standstill with the servo off (counts of all channels) as untwisted, and set up the guard."""
         self.state = replace(self.state, rows=rows)
         self._always, self._enabled = self._maker.always(reference), self._maker.enabled()
-        self._twist = next((bound for bound in self._always if bound.cause == TORSION_TORQUE), None)
+        self._margins = self._margin_watch(self._always)
+
+    def _margin_watch(self, bounds: tuple[Bound, ...]) -> MarginWatch:
+        return MarginWatch(
+            self._channels, self._column, self._period, self.limits, self.watch, self._geometry, bounds
+        )
 
     def guard(self, turn: Turn) -> Guard:
         """The bounds for the next cycles: everything that must never happen, and what ends the present phase."""
@@ -130,6 +138,12 @@ class Supervisor:
         """Latch a trip that was found outside the blocks (bus, disk); an earlier one stays."""
         if self.state.trip is None:
             self.state = replace(self.state, trip=trip)
+
+    def explain(self, text: str) -> None:
+        """What a device told about the latched trip, where the trip itself has no words for it."""
+        trip = self.state.trip
+        if trip is not None and text and not trip.detail and trip.cause in DEVICE_CAUSES:
+            self.state = replace(self.state, trip=replace(trip, detail=text))
 
     # The rest is pure: state and block in, state out.
 
@@ -149,10 +163,22 @@ class Supervisor:
         trips += found
         state, found = self._torques(state, block, start)
         trips += found
-        state = replace(self._peaks(state, block), rows=start + len(block))
+        peaks = self._margins.after(state.peaks, block).with_values(self._shares(state))
+        state = replace(state, peaks=peaks, rows=start + len(block))
         if state.trip is None and trips:
             state = replace(state, trip=trips[0])
         return state
+
+    def _shares(self, state: WatchState) -> dict[str, float]:
+        """How far the review's own quantities have come."""
+        length = max(1, round(self.watch.missed_window / self._period))
+        found = {
+            FOLLOWING: state.following_run * self._period, MISSED: state.window_missed / max(state.window_rows, length),
+            DIFFERENCE: state.torque_share,
+        }  # fmt: skip
+        if state.heat:
+            found[lim.RMS_TORQUE] = math.sqrt(state.heat) * self.limits.value(lim.RMS_TORQUE)
+        return found
 
     def _si(self, block: SampleBlock, name: str) -> NDArray[np.float64]:
         return self._channels[name].to_si(block.counts[:, self._column[name]])
@@ -169,6 +195,9 @@ class Supervisor:
             word = int(block.counts[broken.row, self._column[STATUSWORD]])
             detail = f"statusword 0x{word:04X}, {drive_state(word).value}"
             return Trip(broken.cause, row, math.nan, math.nan, detail=detail)
+        if broken.cause in DEVICE_CAUSES:
+            # The port says what happened in an event; there is no number to compare.
+            return Trip(broken.cause, row, math.nan, math.nan)
         geometry = self._geometry
         if broken.cause == TORSION_TORQUE and geometry is not None and TORQUE in self._column:
             recent = self._si(block, TORQUE)[max(0, broken.row - 20) : broken.row + 1]
@@ -179,6 +208,8 @@ class Supervisor:
                 detail = f"the motor's torque accounts for at most {carried:.3g} N m of {abs(broken.value):.3g} N m"
                 return Trip(DISAGREEMENT, row, found, math.copysign(allowed, found), "arcmin", detail)
         unit, factor = units.get(broken.cause, ("", 1.0))
+        if broken.cause not in TRIPS:
+            return Trip(broken.cause, row, math.nan, math.nan)
         return Trip(broken.cause, row, broken.value / factor, broken.limit / factor, unit)
 
     def _cycles(self, state: WatchState, block: SampleBlock) -> tuple[WatchState, list[Trip]]:
@@ -303,35 +334,21 @@ class Supervisor:
                         Trip(TORQUE_DISAGREEMENT, start + len(block) - 1, abs(port - drive), allowed, "N m", detail)
                     )
                 rows, sums = 0, (0.0, 0.0)
+                state = replace(state, torque_share=abs(port - drive) / allowed)
             state = replace(state, torque_rows=rows, torque_sums=sums)
         return state, trips
 
-    def _peaks(self, state: WatchState, block: SampleBlock) -> WatchState:
-        """The largest speed, motor torque and torsion torque so far."""
-        found = {}
-        lag = max(1, round(self.watch.speed_window / self._period))
-        angle = np.concatenate([state.speed_tail, block.counts[:, self._column[INPUT_ANGLE]]])
-        if len(angle) > lag:
-            step = np.abs(angle[lag:] - angle[:-lag]).max()
-            found[lim.INPUT_SPEED] = float(step) * self._channels[INPUT_ANGLE].scale / (lag * self._period)
-        if TORQUE in self._column:
-            found[lim.MOTOR_TORQUE] = float(np.abs(self._si(block, TORQUE)).max())
-        if self._twist is not None:
-            twist = self._twist.offset + sum(
-                w * block.counts[:, self._column[n]] for n, w in self._twist.weights.items()
-            )
-            found[lim.TORSION_TORQUE] = float(np.abs(twist).max())
-        peaks = {name: max(state.peaks.get(name, 0.0), value) for name, value in {**state.peaks, **found}.items()}
-        return replace(state, speed_tail=angle[-lag:], peaks=peaks)
-
     def margins(self) -> dict[str, dict[str, float]]:
         """Peak, limit and what was left of it (share) for every quantity that was watched."""
-        found = {}
-        for quantity, peak in sorted(self.state.peaks.items()):
-            twisted = quantity == lim.TORSION_TORQUE and self._twist is not None
-            limit = self._twist.high if twisted and self._twist is not None else self.limits.value(quantity)
-            found[quantity] = {"peak": peak, "limit": limit, "margin": 1.0 - peak / limit}
-        return found
+        return self._margins.told(self.state.peaks, self._following_patience)
+
+    def smallest_margin(self) -> tuple[str, float]:
+        """The limit that the run came nearest to, and the share of it that was left."""
+        found = self.margins()
+        if not found:
+            return "", 1.0
+        name = min(found, key=lambda n: found[n]["margin"])
+        return name, found[name]["margin"]
 
 
 def _first_run(raised: NDArray[np.bool_], before: int, allowed: int) -> tuple[int | None, int]:

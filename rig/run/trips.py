@@ -28,7 +28,17 @@ TIME_BASE = "time_base"
 BUS_LOST = "bus_lost"
 DEVICE_ERROR = "device_error"
 DISK_SPACE = "disk_space"
+EMERGENCY = "emcy"
+HEARTBEAT_LOST = "heartbeat_lost"
+BOOT_UP = "boot_up"
+NOT_OPERATIONAL = "not_operational"
+DRIVE_STATE = "drive_state"
+FAULT = "fault"
+LATE_TURN = "late_turn"
 MAKE_SAFE_FAILED = "make_safe_failed"
+
+DEVICE_CAUSES = frozenset({EMERGENCY, HEARTBEAT_LOST, BOOT_UP, NOT_OPERATIONAL, DRIVE_STATE, FAULT, BUS_LOST})
+"""Causes that a port reports by itself, with an event that says what happened."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +116,28 @@ TRIPS: dict[str, TripRule] = {
     DEVICE_ERROR: TripRule(
         "a device did not do what it must", Action.QUICK_STOP, "Look at the device that the message names."
     ),
+    EMERGENCY: TripRule(
+        "a device sent an emergency message", Action.QUICK_STOP, "Look the code up in the device's manual, remove the cause."
+    ),
+    HEARTBEAT_LOST: TripRule(
+        "the heartbeat of a node has stayed away", Action.QUICK_STOP, "Check supply and cable of the node."
+    ),
+    BOOT_UP: TripRule(
+        "a node has restarted in the middle of the run", Action.QUICK_STOP,
+        "Check its supply: it has lost its configuration and its counts.",
+    ),
+    NOT_OPERATIONAL: TripRule(
+        "a node has left OPERATIONAL by itself", Action.QUICK_STOP, "Look for another master on the bus; check the node."
+    ),
+    DRIVE_STATE: TripRule(
+        "the drive has left operation enabled by itself", Action.QUICK_STOP,
+        "Check enable input, emergency stop and bus; the drive may have seen its safe torque off.",
+    ),
+    FAULT: TripRule("the drive reports a fault", Action.ZERO_TORQUE, "Read the drive's error code, remove the cause."),
+    LATE_TURN: TripRule(
+        "the loop that turns the rig came too late", Action.QUICK_STOP,
+        "Stop other programs on this computer; use longer blocks or a lower SYNC rate.",
+    ),
     DISK_SPACE: TripRule("the disk is nearly full", Action.QUICK_STOP, "Free space or choose another folder."),
     MAKE_SAFE_FAILED: TripRule(
         "the rig could not be brought to a verified standstill", Action.ZERO_TORQUE,
@@ -113,6 +145,16 @@ TRIPS: dict[str, TripRule] = {
     ),
 }  # fmt: skip
 """Every cause of a trip: how it ends and what it means. The first cause is latched."""
+
+UNKNOWN_RULE = TripRule(
+    "a device has told of trouble", Action.QUICK_STOP, "Look at the events of the run for what the device said."
+)
+"""For causes that a port names and this table does not know."""
+
+
+def rule_of(cause: str) -> TripRule:
+    """The rule of a cause; a cautious one for a cause that only the port knows."""
+    return TRIPS.get(cause, UNKNOWN_RULE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,10 +171,10 @@ class Trip:
     @property
     def action(self) -> Action:
         """How the rig is made safe."""
-        return TRIPS[self.cause].action
+        return rule_of(self.cause).action
 
     def __str__(self) -> str:
-        rule = TRIPS[self.cause]
+        rule = rule_of(self.cause)
         unit = f" {self.unit}" if self.unit else ""
         text = f"TRIPPED {self.cause}: {rule.what}"
         if not math.isnan(self.value):

@@ -3,13 +3,12 @@
 At SYNC k: synchronous set-points received before it take effect, every channel is latched and sent, then the plant goes on
 by one cycle; target[k] acts from SYNC k. Plant, instruments and noise streams are those of `sim_backend.direct`, so that
 the same commands give the same counts. Time: the plant goes on with the SYNC; when the SYNC stays away for longer than
-`silence_cycles` of the clock, it goes on alone, as a real motor would.
+`silence_cycles` of the clock, it goes on alone, as a real motor would (None: it never does).
 """
 
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -29,7 +28,17 @@ from model.kinematic_error import output_sign
 from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
 from sim_backend.clock import SyncTimer
-from sim_backend.faults import BusLost, DeviceFault, Devices, Fault, IncompleteCycles, MarkedCycles, Sensed, SignalFault
+from sim_backend.faults import (
+    BusLost,
+    DeviceFault,
+    Devices,
+    Fault,
+    IncompleteCycles,
+    MarkedCycles,
+    Sensed,
+    SignalFault,
+    Stall,
+)
 from sim_backend.imperfections import Imperfections, draw
 from sim_backend.plant import Plant
 from sim_backend.sensors import TEMPERATURE_COUNT, Instruments
@@ -40,7 +49,7 @@ from sim_backend.wire.counter import Counter
 from sim_backend.wire.drive import Drive, DriveDevice
 from sim_backend.wire.line import BenchBus, BenchSerial, Frame, WireFault
 from sim_backend.wire.readout import Readout
-from sim_backend.wire.slave import NEVER, Slave
+from sim_backend.wire.slave import Slave
 
 Counts = NDArray[np.int64]
 Listener = Callable[[int, bytes, int], None]
@@ -50,6 +59,8 @@ DRIVE_NODE, COUNTER_NODE, ANALOG_INPUT_NODE = 1, 2, 3
 SYNC = 0x080
 SILENCE_CYCLES = 20
 """Periods without SYNC after which the plant goes on alone."""
+LONGEST_CATCH_UP = 5000
+"""Cycles that are made up for at once; after a longer silence (a suspended process) the rest did not happen."""
 FRAME_NS = 111_000
 """Time that a frame of eight bytes takes at 1 Mbit/s."""
 FIRST_STAMP_NS = 1_000_000_000
@@ -97,7 +108,7 @@ class WireBench:
         faults: Sequence[Fault] = (),
         bench_seed: int | None = None,
         gear_seed: int | None = None,
-        silence_cycles: int = SILENCE_CYCLES,
+        silence_cycles: int | None = SILENCE_CYCLES,
         start_ns: int = FIRST_STAMP_NS,
     ) -> None:
         on = imperfections or Imperfections()
@@ -188,9 +199,7 @@ class WireBench:
     @functools.cached_property
     def truth(self) -> dict[str, Any]:
         """Every effective parameter of this rig on this day, as of the direct rig."""
-        return tell(
-            self.plant.loop, self._motor, self._on, self._condition, self.instruments, self._seeds, self._sense
-        )
+        return tell(self.plant.loop, self._motor, self._on, self._condition, self.instruments, self._seeds, self._sense)
 
     def bus(self, *, receive_own_messages: bool = True) -> BenchBus:
         """Open the bus for one client: a python-can bus without a thread."""
@@ -226,9 +235,15 @@ class WireBench:
     @property
     def is_lost(self) -> bool:
         """Whether nobody can send or receive any more."""
-        return self.is_gone or (
-            bool(self._faults) and any(isinstance(f, BusLost) and f.active(self._cycle) for f in self._faults)
-        )
+        return self.is_gone or (bool(self._faults) and self._is_active(BusLost))
+
+    @property
+    def is_stalled(self) -> bool:
+        """Whether no frame arrives anywhere, while the computer's adapter goes on."""
+        return bool(self._faults) and self._is_active(Stall)
+
+    def _is_active(self, kind: type[Fault]) -> bool:
+        return any(isinstance(fault, kind) and fault.active(self._cycle) for fault in self._faults)
 
     def wire_faults(self) -> list[WireFault]:
         """Those of them that touch frames and lines."""
@@ -247,7 +262,7 @@ class WireBench:
             self._run_cycle(data)
             return
         self._deliver(cob_id, data, owner)
-        frames: list[Frame] = [(cob_id, data)]
+        frames: list[Frame] = [] if self.is_stalled else [(cob_id, data)]
         for fault in self.wire_faults():
             frames = [kept for frame in frames for kept in fault.to_devices(frame, self)]
         for cob, payload in frames:
@@ -268,15 +283,18 @@ class WireBench:
         """The clock has moved: timers of the devices, and the plant where the SYNC stays away."""
         now = self.clock.monotonic_ns()
         self._tick(now)
-        if self._last_sync_ns is not None and now - self._last_sync_ns > self._silence_cycles * self.cycle_ns:
-            self._follow_clock(now)
+        self._follow_clock(now)
 
     def next_due_ns(self) -> int:
         """The next instant at which a device has something to do."""
         due = min(slave.next_due_ns() for slave in self.slaves)
-        if self._last_sync_ns is not None and self._silence_cycles < NEVER // self.cycle_ns:
+        if self._last_sync_ns is not None and self._silence_cycles is not None:
             due = min(due, self._last_sync_ns + (self._silence_cycles + 1) * self.cycle_ns)
         return due
+
+    def answer(self, cob_id: int, data: bytes) -> None:
+        """Let a frame come from the devices that none of them sent."""
+        self._deliver(cob_id, data, None)
 
     def hold(self, frame: Frame, until_cycle: int) -> None:
         """Keep a frame back; it is delivered right after the SYNC of that cycle."""
@@ -292,6 +310,7 @@ class WireBench:
     def _from_device(self, cob_id: int, data: bytes) -> None:
         frames: list[Frame] = [(cob_id, data)]
         if self._faults:
+            frames = [] if self.is_stalled else frames
             for fault in self.wire_faults():
                 frames = [kept for frame in frames for kept in fault.from_devices(frame, self)]
         for cob, payload in frames:
@@ -331,7 +350,7 @@ class WireBench:
         wire = self.wire_faults()
         for fault in wire:
             fault.act(self, self._cycle)
-        reached = [(SYNC, sync_data)]
+        reached: list[Frame] = [] if self.is_stalled else [(SYNC, sync_data)]
         for fault in wire:
             reached = [kept for frame in reached for kept in fault.to_devices(frame, self)]
         following = [slave for slave in self.slaves if slave.sync_cob_id == SYNC] if reached else []
@@ -351,29 +370,32 @@ class WireBench:
 
     def _follow_clock(self, now: int) -> None:
         """The SYNC stayed away: the plant runs the cycles of the clock that nobody latched."""
-        if self._last_sync_ns is None:
+        if self._last_sync_ns is None or self._silence_cycles is None:
             return
         missed = (now - self._last_sync_ns) // self.cycle_ns - 1
         if missed < self._silence_cycles:
             return
-        for _ in range(missed):
+        for _ in range(min(missed, LONGEST_CATCH_UP)):
             self._advance_plant()
             self._cycle += 1
         self._last_sync_ns += missed * self.cycle_ns
 
     def _demand(self) -> tuple[int, float]:
         """Loop mode and set-point of this cycle, after the device faults have acted."""
-        devices = self._devices
+        self._let_device_faults_act(self._devices)
+        mode, target = self.drive.demand()
+        forced = self._devices.forced
+        if forced is not None and mode in (Mode.SPEED, Mode.TORQUE):
+            mode, target = forced
+        return _LOOP_MODE[mode], target
+
+    def _let_device_faults_act(self, devices: Devices) -> None:
         devices.forced, devices.keeps_turning, devices.load = None, False, 0.0
         for fault in self._faults:
             if isinstance(fault, DeviceFault) and fault.active(self._cycle):
                 fault.act(devices, self._cycle)
         self.plant.load = devices.load
         self.drive.ignores_stop = devices.keeps_turning
-        mode, target = self.drive.demand()
-        if devices.forced is not None and mode in (Mode.SPEED, Mode.TORQUE):
-            mode, target = devices.forced
-        return _LOOP_MODE[mode], target
 
     def _advance_plant(self) -> None:
         """One cycle: what is true at this SYNC becomes the devices' values, then the set-point acts."""
@@ -404,7 +426,11 @@ class WireBench:
         put = self._column
         seen = counts[put[names.INDEX_SEEN]]
         self.drive.take(
-            counts[put[names.INPUT_ANGLE]], counts[put[names.DRIVE_TORQUE]], counts[put[names.INPUT_INDEX]], seen & 1, speed
+            counts[put[names.INPUT_ANGLE]],
+            counts[put[names.DRIVE_TORQUE]],
+            counts[put[names.INPUT_INDEX]],
+            seen & 1,
+            speed,
         )
         self.counter.take(counts[put[names.OUTPUT_ANGLE]], counts[put[names.OUTPUT_INDEX]], seen >> 1 & 1)
         self.analog_input.take(
@@ -415,11 +441,9 @@ class WireBench:
     def _read_at_rest(self) -> None:
         """What the devices show before the first SYNC; plant and latches stay as they are."""
         before, latches = self.plant.snapshot(), self.instruments.latches()
+        none = np.zeros(1, dtype=np.int64)
         rows = self.plant.advance(closed_loop.OFF, np.zeros(1))
-        counts, _ = self.instruments.read(
-            rows, 0, np.zeros(1, dtype=np.int64), *itertools.repeat(np.zeros(1, dtype=np.int64), 1),  # type: ignore[arg-type]
-            (np.zeros(1, dtype=np.int64),) * 2,
-        )  # fmt: skip
+        counts, _ = self.instruments.read(rows, 0, none, none, (none, none))
         self.plant.restore(before)
         self.instruments.restore(latches)
         self._counts = counts[0]

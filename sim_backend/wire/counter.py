@@ -54,7 +54,8 @@ class Counter(Slave):
     """The counter as a node."""
 
     def __init__(self, node_id: int, counts_per_revolution: int, send: Send, *, total_range: int = 0, serial: int = 1) -> None:
-        self._raw = self._shift = 0
+        self._raw = self._true = self._shift = 0
+        self._mirror = (1, 0)
         self._index = (0, 0)
         super().__init__(node_id, counter_entries(node_id, counts_per_revolution, total_range, serial), COUNTER_PDOS, send)
         d = self.dictionary
@@ -68,12 +69,23 @@ class Counter(Slave):
 
     def take(self, raw: int, index: int, seen: int) -> None:
         """The count latched at this SYNC (unwrapped), the count at the latest index mark, and whether one was seen."""
+        self._true = raw
+        sense, origin = self._mirror
+        raw, index = sense * raw + origin, sense * index + origin
         self._raw, self._index = raw, (index, seen)
-        shown, store = self._shown(raw), self.dictionary.store
+        self._show()
+
+    def _show(self) -> None:
+        index, seen = self._index
+        shown, store = self._shown(self._raw), self.dictionary.store
         store(0x6004, 0, shown)
         store(0x2000, 1, self._shown(index) if seen else 0)
         store(0x2000, 2, seen & 1)
         store(0x6509, 0, (self._shift + 0x8000_0000) % 0x1_0000_0000 - 0x8000_0000)
+
+    def reverse(self) -> None:
+        """Two lines are swapped: it counts the other way from where it is."""
+        self._mirror = (-self._mirror[0], self._raw - (-self._mirror[0]) * self._true)
 
     def signal_error(self, is_wrong: bool) -> None:
         """The encoder's signals are not valid: alarm bit and emergency message."""
@@ -113,4 +125,4 @@ class Counter(Slave):
 
     def _on_change(self, index: int, sub: int) -> None:
         if index in (0x6000, 0x6001, 0x6002, 0x6003):
-            self.take(self._raw, *self._index)
+            self._show()

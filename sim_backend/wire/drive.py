@@ -134,6 +134,8 @@ class Drive(Slave):
         self._shown: int | None = None
         self._mark = self._armed_at = (0, 0)
         self._stored: tuple[int, int] | None = None
+        self._position = self._true = 0
+        self._mirror = (1, 0)
         self._torque_count = TORQUE_COUNT_OF_RATED * device.rated_torque
         super().__init__(node_id, drive_entries(node_id, device), DRIVE_PDOS, send)
         d = self.dictionary
@@ -180,6 +182,10 @@ class Drive(Slave):
     def take(self, position: int, torque: int, index: int, seen: int, speed: float) -> None:
         """What was latched at this SYNC: counts, torque [0.1 %], count at the index mark, whether seen, speed [rad/s]."""
         store = self.dictionary.store
+        self._true = position
+        sense, origin = self._mirror
+        position, index = sense * position + origin, sense * index + origin
+        self._position = position
         store(0x6064, 0, wrap_i32(position))
         store(0x606C, 0, wrap_i32(round(speed / SPEED_COUNT)))
         store(0x6077, 0, max(-32768, min(32767, torque)))
@@ -187,11 +193,14 @@ class Drive(Slave):
         self._store_probe()
         if self.drive_state is DriveState.FAULT_REACTION and abs(speed) < STANDSTILL:
             self._go(DriveState.FAULT)
-        elif self.drive_state is DriveState.QUICK_STOP and abs(speed) < STANDSTILL and not self.ignores_quick_stop:
-            if self.dictionary.number(0x605A) < STAY_SLOW_DOWN:
-                self._go(DriveState.SWITCH_ON_DISABLED)
+        elif self.drive_state is DriveState.QUICK_STOP and self._ends_quick_stop(speed):
+            self._go(DriveState.SWITCH_ON_DISABLED)
 
     # What happens to it -------------------------------------------------------------------------------------------
+
+    def reverse(self) -> None:
+        """Two lines of its encoder are swapped: it counts the other way from where it is."""
+        self._mirror = (-self._mirror[0], self._position + self._mirror[0] * self._true)
 
     def fault(self, code: int, register: int = DRIVE_ERROR, *, coasts: bool = False) -> None:
         """Something has failed: emergency, fault reaction (none for a fault of the power stage: it `coasts`), then fault."""
@@ -224,6 +233,11 @@ class Drive(Slave):
         self.limits_changed = True
         self._store_probe()
         self.drive_state = DriveState.SWITCH_ON_DISABLED
+
+    def _ends_quick_stop(self, speed: float) -> bool:
+        """Whether the ramp is over and the option code does not let the drive stay (transition 12)."""
+        stays = self.ignores_quick_stop or self.dictionary.number(0x605A) >= STAY_SLOW_DOWN
+        return abs(speed) < STANDSTILL and not stays
 
     def _connection_lost(self) -> None:
         """0x6007: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop."""
@@ -306,9 +320,9 @@ class Drive(Slave):
         """Touch probe 1: a mark that passes after it was switched on is stored, every one or only the first."""
         function = self.dictionary.number(0x60B8) if function is None else function
         is_on = function & PROBE_ON and function & 0x000C == PROBE_ZERO_IMPULSE and function & PROBE_POSITIVE
-        if is_on and self._mark != self._armed_at and self._mark[0]:
-            if self._stored is None or function & PROBE_CONTINUOUS:
-                self._stored = self._mark
+        has_passed = self._mark != self._armed_at and self._mark[0]
+        if is_on and has_passed and (self._stored is None or function & PROBE_CONTINUOUS):
+            self._stored = self._mark
         stored = self._stored if is_on else None
         status = (PROBE_ON if function & PROBE_ON else 0) | (PROBE_STORED if stored else 0)
         self.dictionary.store(0x60B9, 0, status)

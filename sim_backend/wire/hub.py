@@ -1,30 +1,32 @@
 """A socketcand hub on loopback: any CANopen tool that speaks socketcand can join the simulated bus.
 
 Protocol: `< hi >`, `< open NAME >`, `< ok >`, `< rawmode >`, `< ok >`, then `< send ID DLC BYTES >` from a client and
-`< frame ID SECONDS DATA >` to all others. The hub stamps each frame with the time that the simulated bus says, so a
-client sees simulated hardware stamps.
+`< frame ID SECONDS DATA >` to all others. Each frame carries the time stamp of the simulated adapter, so that a client sees
+simulated hardware stamps.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 
 Frame = tuple[int, bytes]
-Listener = Callable[[int, bytes], Awaitable[None] | None]
+Listener = Callable[[int, int, bytes], None]
+"""Takes a frame from a client: the client's key, COB-ID, data. It hands the frame on to the others by `broadcast`."""
 
 LONGEST_LINE = 512
 """Bytes without a closing bracket after which a client is disconnected."""
+LARGEST_BACKLOG = 1 << 20
+"""Bytes that a client may leave unread before it is disconnected."""
 
 
 class Hub:
-    """The hub: frames from one client go to all others and to the listener; `broadcast` sends from the simulated nodes."""
+    """The hub: frames from a client go to the listener, `broadcast` sends a frame to every client but one."""
 
-    def __init__(self, channel: str, listener: Callable[[int, bytes], None], stamp_ns: Callable[[], int]) -> None:
+    def __init__(self, channel: str, listener: Listener) -> None:
         self._channel = channel
         self._listener = listener
-        self._stamp_ns = stamp_ns
         self._clients: dict[int, asyncio.StreamWriter] = {}
         self._server: asyncio.Server | None = None
 
@@ -39,19 +41,28 @@ class Hub:
         return int(self._server.sockets[0].getsockname()[1])
 
     async def stop(self) -> None:
-        """Disconnect everybody."""
-        for writer in list(self._clients.values()):
-            writer.close()
+        """Disconnect everybody and listen no more."""
+        self.disconnect()
         if self._server is not None:
             self._server.close()
             with contextlib.suppress(ConnectionError):
                 await self._server.wait_closed()
 
-    def broadcast(self, cob_id: int, data: bytes, *, but: int | None = None) -> None:
+    def disconnect(self) -> None:
+        """Disconnect everybody."""
+        for writer in list(self._clients.values()):
+            writer.close()
+
+    def broadcast(self, cob_id: int, data: bytes, stamp_ns: int, *, but: int | None = None) -> None:
         """Send a frame to every client (except the one it came from)."""
-        line = frame_line(cob_id, data, self._stamp_ns())
+        line = frame_line(cob_id, data, stamp_ns)
         for key, writer in list(self._clients.items()):
-            if key != but and not writer.is_closing():
+            if key == but or writer.is_closing():
+                continue
+            if writer.transport.get_write_buffer_size() > LARGEST_BACKLOG:
+                # Who does not read would fill the memory.
+                writer.close()
+            else:
                 writer.write(line)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -63,8 +74,7 @@ class Hub:
             while True:
                 frame = parse_send(await read_message(reader))
                 if frame is not None:
-                    self.broadcast(*frame, but=key)
-                    self._listener(*frame)
+                    self._listener(key, *frame)
         except (asyncio.IncompleteReadError, asyncio.LimitOverrunError, ConnectionError):
             return
         finally:
@@ -100,7 +110,7 @@ def parse_send(message: str) -> Frame | None:
         return None
     try:
         cob_id, length = int(words[1], 16), int(words[2])
-        data = bytes(int(word, 16) for word in words[3 : 3 + length])
+        data = bytes(int(word, 16) for word in words[3:])
     except ValueError:
         return None
     return (cob_id, data) if len(data) == length <= 8 and 0 <= cob_id < 0x800 else None

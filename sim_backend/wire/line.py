@@ -68,6 +68,10 @@ class BenchBus(can.BusABC):
         """ERROR once the controller is bus-off."""
         return can.BusState.ERROR if self._bench.bus_off else can.BusState.ACTIVE
 
+    @state.setter
+    def state(self, new_state: can.BusState) -> None:
+        raise can.CanOperationError("the simulated controller changes its state by itself")
+
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send a frame; what the devices answer waits to be received."""
         self._require_bus()

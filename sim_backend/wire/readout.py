@@ -52,20 +52,22 @@ class Readout:
         """The 17 characters with CR LF, and the blank lines after it."""
         tail = b"\r\n" * self.blank_lines
         if self.has_fault:
-            return b" " + b"          " + b" ?" + b"?" + b"A" + b"\r\n" + tail
-        text = self._number()
-        sign = "-" if self.angle() < 0 and text.strip("0.") else "+"
+            return b" " * 12 + b"??A\r\n" + tail
+        sign, text = self._shown()
         return f"{sign}{text:>10} {UNITS[self.unit]}=A\r\n".encode("ascii") + tail
 
-    def _number(self) -> str:
-        value = abs(self.angle())
+    def _shown(self) -> tuple[str, str]:
+        """Sign and number in the display: an angle within one revolution either way, as the range "+-360" has it."""
+        angle = math.fmod(self.angle(), 2.0 * math.pi)
+        value = abs(angle)
         if self.unit == "rad":
-            return f"{value:.{self.decimals}f}"
-        degrees = math.degrees(value)
-        if self.unit == "deg":
-            return f"{degrees:.{self.decimals}f}"
-        seconds = round(degrees * 3600.0)
-        return f"{seconds // 3600}.{seconds // 60 % 60:02d}.{seconds % 60:02d}"
+            text = f"{value:.{self.decimals}f}"
+        elif self.unit == "deg":
+            text = f"{math.degrees(value):.{self.decimals}f}"
+        else:
+            seconds = round(math.degrees(value) * 3600.0)
+            text = f"{seconds // 3600}.{seconds // 60 % 60:02d}.{seconds % 60:02d}"
+        return ("-" if angle < 0.0 and text.strip("0.") else "+"), text
 
     def _take(self, byte: int) -> bytes:
         if self._pending:
@@ -89,11 +91,18 @@ class Readout:
                 return bytes([NAK])
             return b""
         command, self._pending = self._pending[1:].decode("ascii", "replace"), b""
-        if command == "A0000":
-            return bytes([STX]) + b"ND-287    \r\n646118-01 \r\nV1-01     \r\n"
-        if command == "A0200":
-            sign = "-" if self.angle() < 0 else "+"
-            return bytes([STX]) + f"{sign}{self._number().replace('.', ''):0>9}\r\n".encode("ascii")
-        if command[:1] == "T" and command[1:].isdigit() and len(command) == 5:
-            return bytes([ACK])
-        return bytes([NAK])
+        return self._obey(command)
+
+    def _obey(self, command: str) -> bytes:
+        """Screen contents behind an STX, ACK for keys and functions, NAK for what it does not know."""
+        sign, text = self._shown()
+        screens = {
+            "A0000": "ND-287    \r\n646118-01 \r\nV1-01     ",
+            "A0100": f"{sign}{text:>10}"[-13:],
+            "A0200": f"{sign}{text.replace('.', ''):0>9}",
+            "A0900": "0000000000",
+        }
+        if command in screens:
+            return bytes([STX]) + screens[command].encode("ascii") + b"\r\n"
+        is_known = len(command) == 5 and command[0] in "TFS" and command[1:].isascii() and command[1:].isdigit()
+        return bytes([ACK if is_known else NAK])

@@ -157,8 +157,8 @@ def test_blocks_merge_without_losing_anything() -> None:
     regression.add(angle, value)
     sums = regression.sums()
     assert sums.count == len(angle)
-    assert len(sums.normal) <= 256
-    assert sums.length == pytest.approx(4 * REVOLUTION)
+    assert len(sums.normal) <= 128
+    assert sums.length == pytest.approx(8 * REVOLUTION)
     fit, _ = solve_angle(sums)
     np.testing.assert_allclose(fit.values, [0.5, 0.0, 1.0, 0.0, 0.0, 0.2], atol=1e-8)
 

@@ -1,0 +1,99 @@
+"""The latch of a trip: a file in the folder of the runs that refuses the next run until somebody acknowledges it by name.
+
+The first cause stays: a later trip does not replace it. There is no automatic restart, not even of the program: the latch
+outlives the process. Every acknowledgement is appended to `acknowledged-trips.jsonl`, which is never edited.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rig.errors import RigError
+
+LATCH_NAME = ".tripped.json"
+HISTORY_NAME = "acknowledged-trips.jsonl"
+
+
+class LatchedTripError(RigError):
+    """A run was asked for while the trip of an earlier one has not been acknowledged."""
+
+
+@dataclass(frozen=True, slots=True)
+class LatchedTrip:
+    """What tripped: cause, run, time (ISO 8601 with zone), the message, and whether standstill was verified."""
+
+    cause: str
+    run: str
+    time: str
+    message: str
+    standstill_verified: bool
+
+
+class TripLatch:
+    """The latch of one folder of runs."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.path = folder / LATCH_NAME
+
+    def read(self) -> LatchedTrip | None:
+        """The trip that is latched, None when there is none. A latch that cannot be read still counts as one."""
+        try:
+            found = json.loads(self.path.read_text(encoding="utf-8"))
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError):
+            return LatchedTrip("unknown", "unknown", "", f"{self.path} cannot be read", False)
+        fields = found if isinstance(found, dict) else {}
+        texts = (str(fields.get(name, "unknown")) for name in ("cause", "run", "time", "message"))
+        return LatchedTrip(*texts, bool(fields.get("standstill_verified", False)))
+
+    def refuse(self) -> None:
+        """Raise `LatchedTripError` while a trip is latched."""
+        trip = self.read()
+        if trip is None:
+            return
+        unsafe = "" if trip.standstill_verified else " Standstill was NOT verified: look at the rig before anything else."
+        raise LatchedTripError(
+            f"a trip has not been acknowledged; nothing turns before it is.{unsafe}", where=str(self.folder),
+            value=f"{trip.cause} in run {trip.run}, {trip.time}",
+            remedy=f"Find and remove the cause, then: rig acknowledge --operator NAME --output {self.folder}",
+        )  # fmt: skip
+
+    def leave(self, trip: LatchedTrip) -> None:
+        """Latch a trip; one that is latched already stays. Raises `RigError` when it cannot be written."""
+        text = json.dumps(asdict(trip), indent=2) + "\n"
+        try:
+            with self.path.open("x", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+        except FileExistsError:
+            return
+        except OSError as error:
+            raise RigError(
+                f"the trip could not be latched: {error.strerror or error}", where=str(self.path),
+                remedy="Do not run again before the cause has been found.",
+            ) from error  # fmt: skip
+
+    def acknowledge(self, operator: str, time: str, remark: str = "") -> LatchedTrip:
+        """Release the latch in the name of an operator, and keep who it was. Raises `RigError` without trip or name."""
+        name = operator.strip()
+        if not name:
+            raise RigError("a trip is acknowledged by name", where="--operator", remedy="Say who acknowledges it.")
+        trip = self.read()
+        if trip is None:
+            raise RigError("no trip is latched here", where=str(self.folder), remedy="Name the folder with --output.")
+        entry = {**asdict(trip), "acknowledged_by": name, "acknowledged_at": time, "remark": remark}
+        try:
+            with (self.folder / HISTORY_NAME).open("a", encoding="utf-8") as file:
+                file.write(json.dumps(entry) + "\n")
+            self.path.unlink()
+        except OSError as error:
+            raise RigError(
+                f"the latch cannot be released: {error.strerror or error}", where=str(self.folder)
+            ) from error
+        return trip

@@ -1,0 +1,138 @@
+"""How near a run came to each limit: the peak of every quantity that is watched, and what was left of its limit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.channel import DRIVE_TORQUE, HOUSING_TEMPERATURE, INPUT_ANGLE, OUTPUT_ANGLE, TORQUE, Channel
+from drivers.port import Bound
+from drivers.samples import SampleBlock
+from rig import limits as lim
+from rig.limits import Limits
+from rig.run.bounds import Geometry, Watch
+
+OUTPUT_SPEED = "output_speed"
+TRAVEL = "travel"
+FOLLOWING = "following_error"
+MISSED = "missed_cycles"
+STALE = "stale_data"
+DIFFERENCE = "torque_difference"
+"""What is watched besides the limited quantities: input speed as the output encoder sees it [rad/s], share of the travel's
+room, time beyond the tolerance of the speed [s], share of cycles missed in a window, incomplete cycles in a row, share of
+the difference that torque port and drive may have."""
+
+
+@dataclass(frozen=True)
+class Peaks:
+    """The largest of everything so far, with the counts that lagged quantities need. Immutable."""
+
+    values: Mapping[str, float] = field(default_factory=dict)
+    input_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    output_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    stale_run: int = 0
+
+    def with_values(self, found: Mapping[str, float]) -> Peaks:
+        """The same with larger values taken in."""
+        values = {**self.values}
+        for name, value in found.items():
+            values[name] = max(values.get(name, 0.0), value)
+        return Peaks(values, self.input_tail, self.output_tail, self.stale_run)
+
+
+@dataclass(frozen=True)
+class MarginWatch:
+    """Looks for peaks in the blocks of one rig. `bounds` are those of the guard, for the limits that they really have."""
+
+    channels: Mapping[str, Channel]
+    column: Mapping[str, int]
+    period: float
+    limits: Limits
+    watch: Watch
+    geometry: Geometry | None
+    bounds: tuple[Bound, ...]
+
+    def after(self, peaks: Peaks, block: SampleBlock) -> Peaks:
+        """The peaks after a block."""
+        good = (block.flags & 1) == 0
+        found: dict[str, float] = {}
+        inner, fastest = self._speed(INPUT_ANGLE, self.watch.speed_window, peaks.input_tail, block)
+        outer, output = peaks.output_tail, None
+        if self.geometry is not None:
+            outer, output = self._speed(OUTPUT_ANGLE, self.watch.output_speed_window, peaks.output_tail, block)
+        if fastest is not None:
+            found[lim.INPUT_SPEED] = fastest
+        if output is not None and self.geometry is not None:
+            found[OUTPUT_SPEED] = output * self.geometry.ratio
+        if good.any():
+            found.update(self._values(block.counts[good]))
+        run, longest = _runs(~good, peaks.stale_run)
+        found[STALE] = float(longest)
+        return Peaks(peaks.values, inner, outer, run).with_values(found)
+
+    def _speed(
+        self, name: str, window: float, tail: NDArray[np.int64], block: SampleBlock
+    ) -> tuple[NDArray[np.int64], float | None]:
+        """Counts to carry on, and the largest speed over the window [rad/s]."""
+        lag = max(1, round(window / self.period))
+        angle = np.concatenate([tail, block.counts[:, self.column[name]]])
+        if len(angle) <= lag:
+            return angle, None
+        step = float(np.abs(angle[lag:] - angle[:-lag]).max())
+        return angle[-lag:], step * self.channels[name].scale / (lag * self.period)
+
+    def _values(self, counts: NDArray[np.int64]) -> dict[str, float]:
+        found = {}
+        torque = TORQUE if TORQUE in self.column else DRIVE_TORQUE
+        if torque in self.column:
+            found[lim.MOTOR_TORQUE] = float(np.abs(self.channels[torque].to_si(counts[:, self.column[torque]])).max())
+        if HOUSING_TEMPERATURE in self.column:
+            heat = self.channels[HOUSING_TEMPERATURE].to_si(counts[:, self.column[HOUSING_TEMPERATURE]])
+            found[lim.HOUSING_TEMPERATURE] = float(heat.max())
+        for bound in self.bounds:
+            if bound.cause in ("torsion_torque", "travel"):
+                total = bound.offset + sum(w * counts[:, self.column[n]] for n, w in bound.weights.items())
+                if bound.cause == "travel":
+                    middle, half = 0.5 * (bound.low + bound.high), 0.5 * (bound.high - bound.low)
+                    found[TRAVEL] = float(np.abs(total - middle).max()) / half
+                else:
+                    found[lim.TORSION_TORQUE] = float(np.abs(total).max())
+        return found
+
+    def told(self, peaks: Peaks, following_patience: float) -> dict[str, dict[str, float]]:
+        """Peak, limit and what was left of it (share) for every quantity that was watched."""
+        found = {}
+        for name, peak in sorted(peaks.values.items()):
+            limit = self._limit(name, following_patience)
+            if math.isfinite(limit) and limit > 0.0:
+                found[name] = {"peak": peak, "limit": limit, "margin": 1.0 - peak / limit}
+        return found
+
+    def _limit(self, name: str, following_patience: float) -> float:
+        own = {
+            FOLLOWING: following_patience, MISSED: self.watch.missed_share, STALE: float(self.watch.stale_cycles),
+            DIFFERENCE: 1.0, TRAVEL: 1.0,
+        }  # fmt: skip
+        if name in own:
+            return own[name]
+        cause = {OUTPUT_SPEED: "over_speed_output", lim.TORSION_TORQUE: "torsion_torque"}.get(name)
+        if cause is None:
+            return self.limits.value(name)
+        bound = next((b for b in self.bounds if b.cause == cause), None)
+        return math.inf if bound is None else bound.high
+
+
+def _runs(raised: NDArray[np.bool_], before: int) -> tuple[int, int]:
+    """The run of raised cycles at the end of a block, and the longest in it; `before` is the one it began with."""
+    if not raised.any():
+        return 0, 0
+    clear = np.flatnonzero(~raised)
+    if not len(clear):
+        return before + len(raised), before + len(raised)
+    edges = np.concatenate([[-1 - before], clear, [len(raised)]])
+    lengths = np.diff(edges) - 1
+    return int(lengths[-1]), int(lengths.max())

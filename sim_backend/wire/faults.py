@@ -1,0 +1,406 @@
+"""What can go wrong with devices, frames and lines, each from a given SYNC cycle on: for drills and tests.
+
+Faults of the plant and of signals (`sim_backend.faults`: run-away, load, count jump, stuck encoder, saturated or open torque
+port, drive trip, stall, bus lost) work on the wire as well; here are those that only a wire can have. All are values: the same
+fault at the same cycle of the same seed gives the same frames. `DRILLS` names one of each.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers import channel as names
+from drivers.samples import CycleFlag
+from sim_backend.faults import (
+    BusLost,
+    CountJump,
+    DriveFault,
+    Fault,
+    MarkedCycles,
+    QuickStopIgnored,
+    RunAway,
+    Sensed,
+    SignalFault,
+    Stall,
+    StuckEncoder,
+    TorquePortOpen,
+    TorquePortSaturated,
+)
+from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, SYNC, WireBench
+from sim_backend.wire.dictionary import Abort
+from sim_backend.wire.line import Frame, WireFault
+
+NO_FRAME: tuple[Frame, ...] = ()
+_UPLOAD_ANSWER, _UPLOAD_REQUEST, _DOWNLOAD_REQUEST = 0x40, 0x40, 0x20
+
+
+# Devices ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class HeartbeatLost(WireFault):
+    """A node's heartbeat stays away; everything else of it goes on."""
+
+    node_id: int = DRIVE_NODE
+
+    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        return NO_FRAME if frame[0] == 0x700 + self.node_id and frame[1] != b"\0" else (frame,)
+
+
+@dataclass(frozen=True)
+class NodeReset(WireFault):
+    """A node restarts in motion, as after a dip of its supply: boot-up message, pre-operational, everything at its default."""
+
+    node_id: int = COUNTER_NODE
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        if cycle == self.at_cycle:
+            next(s for s in bench.slaves if s.node_id == self.node_id).restart(bench.clock.monotonic_ns())
+
+
+@dataclass(frozen=True)
+class NodeSilent(WireFault):
+    """A node is dead: it neither hears nor says anything."""
+
+    node_id: int = COUNTER_NODE
+
+    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        own = frame[0] & 0x7F == self.node_id and frame[0] > 0x80
+        return NO_FRAME if own else (frame,)
+
+
+@dataclass(frozen=True)
+class EmergencyMessage(WireFault):
+    """A node sends an emergency message and goes on working."""
+
+    node_id: int = DRIVE_NODE
+    code: int = 0x4310
+    register: int = 0x08
+    vendor: bytes = b""
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        if cycle == self.at_cycle:
+            slave = next(s for s in bench.slaves if s.node_id == self.node_id)
+            slave.emergency(self.code, self.register, self.vendor)
+
+
+@dataclass(frozen=True)
+class DriveTrip(WireFault):
+    """The drive reports a fault in its statusword: fault reaction by 0x605E, or the motor `coasts`."""
+
+    code: int = 0x8611
+    coasts: bool = False
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        if cycle == self.at_cycle:
+            bench.drive.fault(self.code, coasts=self.coasts)
+
+
+@dataclass(frozen=True)
+class QuickStopNotObeyed(WireFault):
+    """The drive says QUICK STOP ACTIVE and goes on turning; servo off still works."""
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        bench.drive.ignores_quick_stop = True
+
+    def end_of(self, bench: WireBench) -> None:
+        bench.drive.ignores_quick_stop = False
+
+
+@dataclass(frozen=True)
+class SafeTorqueOff(WireFault):
+    """Somebody presses the emergency stop: the hardwired contacts take the torque; software only sees it."""
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        bench.drive.safe_torque_off(True)
+
+    def end_of(self, bench: WireBench) -> None:
+        bench.drive.safe_torque_off(False)
+
+
+@dataclass(frozen=True)
+class EncoderReversed(WireFault):
+    """An encoder's sense of counting turns round, as with two swapped lines; it goes on from where it is."""
+
+    node_id: int = COUNTER_NODE
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        if cycle == self.at_cycle:
+            self._turn(bench)
+
+    def end_of(self, bench: WireBench) -> None:
+        self._turn(bench)
+
+    def _turn(self, bench: WireBench) -> None:
+        (bench.counter if self.node_id == COUNTER_NODE else bench.drive).reverse()
+
+
+# Signals ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class EncoderWrapped(SignalFault):
+    """A counter that is narrower than it says: its count wraps at `modulus`."""
+
+    channel: str = names.OUTPUT_ANGLE
+    modulus: int = 1 << 16
+
+    def corrupt(self, sensed: Sensed) -> None:
+        rows, column = sensed.rows(self.at_cycle, self.end), sensed.column[self.channel]
+        sensed.counts[rows, column] %= self.modulus
+
+
+@dataclass(frozen=True)
+class OutputSlips(SignalFault):
+    """Output and input go apart by `counts_per_cycle` of the output encoder: a coupling slips, teeth jump."""
+
+    counts_per_cycle: float = 3.0
+
+    def corrupt(self, sensed: Sensed) -> None:
+        rows = sensed.rows(self.at_cycle, self.end)
+        cycles = sensed.first_cycle + np.arange(rows.start, rows.stop) - self.at_cycle + 1
+        slipped = np.rint(self.counts_per_cycle * cycles).astype(np.int64)
+        sensed.counts[rows, sensed.column[names.OUTPUT_ANGLE]] += slipped
+
+
+# Frames -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _TpdoFault(WireFault):
+    """A fault of a node's process data; `number` 0 means all of its TPDOs."""
+
+    node_id: int = COUNTER_NODE
+    number: int = 0
+
+    def _is_mine(self, frame: Frame, bench: WireBench) -> bool:
+        slave = next(s for s in bench.slaves if s.node_id == self.node_id)
+        chosen = slave.tpdos[self.number - 1 : self.number] if self.number else slave.tpdos
+        return any(pdo.exists and pdo.cob_id & 0x7FF == frame[0] for pdo in chosen)
+
+
+@dataclass(frozen=True)
+class TpdoLost(_TpdoFault):
+    """Process data do not arrive."""
+
+    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        return NO_FRAME if self._is_mine(frame, bench) else (frame,)
+
+
+@dataclass(frozen=True)
+class TpdoLate(_TpdoFault):
+    """Process data arrive `late_cycles` SYNCs too late, right after that SYNC."""
+
+    late_cycles: int = 1
+
+    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        if not self._is_mine(frame, bench):
+            return (frame,)
+        bench.hold(frame, bench.cycle + self.late_cycles)
+        return NO_FRAME
+
+
+@dataclass(frozen=True)
+class TpdoDoubled(_TpdoFault):
+    """Process data arrive twice."""
+
+    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        return (frame, frame) if self._is_mine(frame, bench) else (frame,)
+
+
+@dataclass(frozen=True)
+class TpdoShort(_TpdoFault):
+    """Process data arrive with `missing` bytes too few."""
+
+    missing: int = 1
+
+    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        cob_id, data = frame
+        return ((cob_id, data[: max(0, len(data) - self.missing)]),) if self._is_mine(frame, bench) else (frame,)
+
+
+@dataclass(frozen=True)
+class SyncLost(WireFault):
+    """The SYNC does not reach the devices: they latch and send nothing, and the motor goes on as it was told last."""
+
+    def to_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        return NO_FRAME if frame[0] == SYNC else (frame,)
+
+
+@dataclass(frozen=True)
+class BusOff(WireFault):
+    """The controller of the computer is bus-off: an error frame, then nothing can be sent or received."""
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        bench.bus_off = bench.is_gone = True
+
+    def end_of(self, bench: WireBench) -> None:
+        bench.bus_off = bench.is_gone = False
+
+
+@dataclass(frozen=True)
+class HubGone(WireFault):
+    """The hub or the adapter disappears: clients are disconnected and cannot come back."""
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        bench.is_gone = True
+
+    def end_of(self, bench: WireBench) -> None:
+        bench.is_gone = False
+
+
+@dataclass(frozen=True)
+class ClockJump(WireFault):
+    """The adapter's clock jumps by `stamp_offset_ns`; on the way back too when the fault ends."""
+
+    stamp_offset_ns: int = 5_000_000_000
+
+
+# SDO ----------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _SdoFault(WireFault):
+    """A fault of a node's SDO server; `index` 0 means every object."""
+
+    node_id: int = DRIVE_NODE
+    index: int = 0
+
+    def _is_request(self, frame: Frame) -> bool:
+        cob_id, data = frame
+        if cob_id != 0x600 + self.node_id or len(data) != 8:
+            return False
+        is_initiate = data[0] & 0xE0 in (_UPLOAD_REQUEST, _DOWNLOAD_REQUEST)
+        return is_initiate and self.index in (0, int.from_bytes(data[1:3], "little"))
+
+
+@dataclass(frozen=True)
+class SdoAborted(_SdoFault):
+    """The device refuses every request for the object with this abort code."""
+
+    code: int = Abort.HARDWARE
+
+    def to_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        if not self._is_request(frame):
+            return (frame,)
+        bench.answer(0x580 + self.node_id, b"\x80" + frame[1][1:4] + struct.pack("<I", self.code))
+        return NO_FRAME
+
+
+@dataclass(frozen=True)
+class SdoSilent(_SdoFault):
+    """The device does not answer requests for the object: the client's time-out."""
+
+    def to_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        return NO_FRAME if self._is_request(frame) else (frame,)
+
+
+@dataclass(frozen=True)
+class ReadsBackDifferently(WireFault):
+    """An object, a limit for example, reads back as `factor` times what was written (expedited answers)."""
+
+    node_id: int = DRIVE_NODE
+    index: int = 0x6072
+    factor: float = 0.5
+
+    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        cob_id, data = frame
+        is_answer = cob_id == 0x580 + self.node_id and data[0] & 0xE2 == _UPLOAD_ANSWER | 2
+        if not is_answer or int.from_bytes(data[1:3], "little") != self.index:
+            return (frame,)
+        size = 4 - (data[0] >> 2 & 3)
+        value = round(int.from_bytes(data[4 : 4 + size], "little") * self.factor) % (1 << 8 * size)
+        return ((cob_id, data[:4] + value.to_bytes(size, "little").ljust(4, b"\0")),)
+
+
+# The readout's line -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ReadoutGarbage(WireFault):
+    """The readout's line brings garbage of the right length: wrong parity, another rate."""
+
+    seed: int = 1
+
+    def from_readout(self, answer: bytes) -> bytes:
+        generator = np.random.default_rng(self.seed)
+        return generator.integers(0x80, 0x100, len(answer), dtype=np.uint8).tobytes()
+
+
+@dataclass(frozen=True)
+class ReadoutHalfLine(WireFault):
+    """The readout's answers stop after `characters`."""
+
+    characters: int = 9
+
+    def from_readout(self, answer: bytes) -> bytes:
+        return answer[: self.characters]
+
+
+@dataclass(frozen=True)
+class ReadoutSilent(WireFault):
+    """The readout does not answer."""
+
+    def from_readout(self, answer: bytes) -> bytes:
+        return b""
+
+
+@dataclass(frozen=True)
+class ReadoutEncoderFault(WireFault):
+    """The readout shows an encoder fault: the unit character is "?"."""
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        bench.readout.has_fault = True
+
+    def end_of(self, bench: WireBench) -> None:
+        bench.readout.has_fault = False
+
+
+DRILLS: Mapping[str, Callable[[int], Fault]] = {
+    "heartbeat of the drive lost": lambda at: HeartbeatLost(at, DRIVE_NODE),
+    "heartbeat of the counter lost": lambda at: HeartbeatLost(at, COUNTER_NODE),
+    "drive reset in motion": lambda at: NodeReset(at, DRIVE_NODE),
+    "counter reset in motion": lambda at: NodeReset(at, COUNTER_NODE),
+    "analogue input dead": lambda at: NodeSilent(at, ANALOG_INPUT_NODE),
+    "emergency message": EmergencyMessage,
+    "drive fault": DriveTrip,
+    "drive fault, motor coasts": lambda at: DriveTrip(at, 0x2310, coasts=True),
+    "power stage trips": DriveFault,
+    "run-away": lambda at: RunAway(at, speed=250.0),
+    "quick stop not obeyed": QuickStopNotObeyed,
+    "neither quick stop nor servo off obeyed": QuickStopIgnored,
+    "emergency stop pressed": SafeTorqueOff,
+    "TPDO lost": TpdoLost,
+    "one TPDO lost": lambda at: TpdoLost(at, cycles=1),
+    "TPDO late": lambda at: TpdoLate(at, cycles=1),
+    "TPDO doubled": TpdoDoubled,
+    "TPDO short": TpdoShort,
+    "SYNC lost": SyncLost,
+    "bus off": BusOff,
+    "bus lost": BusLost,
+    "hub gone": HubGone,
+    "everything stalls": lambda at: Stall(at, cycles=400),
+    "SDO aborted": lambda at: SdoAborted(at, DRIVE_NODE, 0x6060),
+    "SDO silent": SdoSilent,
+    "drive limit reads back differently": ReadsBackDifferently,
+    "output encoder jumps": CountJump,
+    "output encoder stuck": StuckEncoder,
+    "input encoder stuck": lambda at: StuckEncoder(at, channel=names.INPUT_ANGLE),
+    "output encoder reversed": EncoderReversed,
+    "output encoder wrapped": EncoderWrapped,
+    "output encoder signal error": lambda at: MarkedCycles(at, CycleFlag.SIGNAL_ERROR),
+    "output and input disagree": OutputSlips,
+    "torque port saturated": TorquePortSaturated,
+    "torque port open": TorquePortOpen,
+    "clock jumps forward": ClockJump,
+    "clock jumps back": lambda at: ClockJump(at, stamp_offset_ns=-5_000_000_000),
+    "readout garbage": ReadoutGarbage,
+    "readout half lines": ReadoutHalfLine,
+    "readout silent": ReadoutSilent,
+    "readout encoder fault": ReadoutEncoderFault,
+}
+"""One of every fault that the rig is drilled with: its name, and what makes it begin at a cycle."""
