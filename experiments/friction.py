@@ -230,9 +230,9 @@ def _fit(
 ) -> tuple[FrictionFit, MeasuredFriction, Correction]:
     """The fit of the points, brought to mean place and warmth as the fit itself shows them (two rounds)."""
     settings = evidence.settings
-    uncertainty = type_b(recording, evidence.gear, measured)
 
-    def fit_of(points: MeasuredFriction, *, profile: bool) -> FrictionFit:
+    def fit_of(points: MeasuredFriction, correction: Correction, *, profile: bool) -> FrictionFit:
+        uncertainty = type_b(recording, evidence.gear, measured, correction)
         return fit_friction(
             weighed(points.holds, reproducibility(points.bracket), evidence.gear), evidence.gear, tare=points.tare,
             bracket=[h.torque for h in measured.bracket], uncertainty=uncertainty, balance=settings.get("balance"),
@@ -241,9 +241,9 @@ def _fit(
 
     points, correction = measured, Correction()
     for _ in range(2):
-        fit = fit_of(points, profile=False)
+        fit = fit_of(points, correction, profile=False)
         points, correction = corrected(measured, *_curves_of(fit, evidence.gear))
-    return fit_of(points, profile=True), points, correction
+    return fit_of(points, correction, profile=True), points, correction
 
 
 def _curves_of(fit: FrictionFit, gear: HarmonicDrive) -> tuple[Curve, Curve]:

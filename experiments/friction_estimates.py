@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from experiments.budget import torque_scale_uncertainty
-from experiments.friction_points import MeasuredFriction
+from experiments.friction_points import Correction, MeasuredFriction
 from experiments.recording import Recording
+from experiments.running_torque import TEMPERATURE
 from experiments.zero import TorqueZero
 from model.friction import bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive, Origin
@@ -25,13 +26,25 @@ BEARING_RELATIVE = 0.2
 """Relative standard uncertainty of M_0 where f_0 and nu_0 are taken from the literature."""
 TEMPERATURE_COEFFICIENT = -0.04
 """Change of friction per kelvin, relative: typical of grease."""
+UNKNOWN_WARMTH = 0.5
+"""K, standard uncertainty of the warmth of a run without a thermometer on the housing."""
+THERMOMETER = 0.2
+"""K, standard uncertainty of a thermometer without calibration."""
 
 
-def type_b(recording: Recording, gear: HarmonicDrive, measured: MeasuredFriction) -> TorqueUncertainty:
-    """What the data cannot show: torque scale, zero, the tare as a whole, warmth of the points, literature values."""
+def type_b(
+    recording: Recording, gear: HarmonicDrive, measured: MeasuredFriction, correction: Correction
+) -> TorqueUncertainty:
+    """What the data cannot show: torque scale, zero, the tare as a whole, warmth of the points, literature values.
+
+    Points that were brought to their mean warmth leave the thermometer's own uncertainty; others their span of warmth.
+    """
     scale, _ = torque_scale_uncertainty(recording, measured.channel)
-    warmth = measured.warmth
-    spread = float(np.std(warmth)) if np.isfinite(warmth).all() else 0.5
+    warmth, coefficient = measured.warmth, TEMPERATURE_COEFFICIENT
+    spread = float(np.std(warmth)) if np.isfinite(warmth).all() else UNKNOWN_WARMTH
+    if correction.per_kelvin is not None:
+        spread = recording.signals[TEMPERATURE].offset_uncertainty or THERMOMETER
+        coefficient = correction.per_kelvin[1]
     known = gear.origins.get("bearing.friction_factor", Origin("assumed"))
     relative = BEARING_RELATIVE
     if known.standard_uncertainty is not None and gear.bearing.friction_factor > 0.0:
@@ -41,7 +54,7 @@ def type_b(recording: Recording, gear: HarmonicDrive, measured: MeasuredFriction
         zero=measured.zero.standard_uncertainty,
         tare=TARE_RELATIVE if measured.tare is not None else 0.0,
         temperature=spread,
-        temperature_coefficient=TEMPERATURE_COEFFICIENT,
+        temperature_coefficient=coefficient,
         bearing=relative,
     )
 

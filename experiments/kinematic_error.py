@@ -177,13 +177,13 @@ def _prepare(recording: Recording, evidence: Evidence) -> tuple[_Context, tuple[
     recording.require("the kinematic error", "input_angle", "output_angle")
     warnings = list(check_recording(recording, "the kinematic error", evidence.maximum_missed_share).warnings)
     ratio = rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
-    segments = recording.labelled("traverse")
-    if not segments:
+    segments = recording.labelled("traverse") or recording.labelled("traverse (cut)")
+    if not segments and not recording.segments:
         segments = stretches(recording)
         warnings.append("The recording has no segments: stretches in one direction were found from the input angle.")
     if not segments:
         raise AnalysisError(
-            "there is no stretch in which the input turns one way by more than a revolution",
+            "there is no traverse: no stretch in which the input turns one way by more than a revolution",
             where=recording.metadata.run_id,
             remedy="Record whole output revolutions at constant speed.",
         )

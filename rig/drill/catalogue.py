@@ -47,6 +47,14 @@ class Drill:
     readout: Readout = ""
 
 
+@dataclass(frozen=True)
+class LateNowAndThen(wire.TpdoLate):
+    """Process data of every tenth cycle arrive after the next SYNC."""
+
+    def active(self, cycle: int) -> bool:
+        return super().active(cycle) and (cycle - self.at_cycle) % 10 == 0
+
+
 def _narrow_counter(bench: WireBench) -> None:
     """A counter whose declared measuring range is 1024 counts: it wraps about every 5 degrees of the output."""
     bench.counter.dictionary.store(0x6002, 0, 1024)
@@ -66,13 +74,14 @@ _DEVICES = (
     Drill("EMCY", "the drive sends an emergency message and goes on", wire.EmergencyMessage),
     Drill("statusword fault", "the drive faults and stops by its fault reaction", wire.DriveTrip),
     Drill("statusword fault, motor coasts", "the power stage trips", plain.DriveFault, BOTH),
-    Drill("run-away", "the drive goes to 250 rad/s by itself", lambda at: plain.RunAway(at, speed=250.0), BOTH),
+    Drill("run-away", "the drive goes to 250 rad/s by itself", lambda at: plain.RunAway(at, speed=250.0, cycles=400),
+          ("wire", "sim")),
     Drill("quick stop not obeyed", "the drive faults its quick stop and turns on, after an ABORT", wire.QuickStopNotObeyed,
           press=_abort),
     Drill("quick stop and servo off not obeyed", "for half a second the drive obeys nothing, after an ABORT",
           lambda at: plain.QuickStopIgnored(at, cycles=500), ("wire", "sim"), press=_abort),
-    Drill("something blocks the output", "200 N m on the output against its motion",
-          lambda at: plain.OutputLoad(at, torque=-200.0), SIM),
+    Drill("something drags at the output", "200 N m on the output for 60 ms",
+          lambda at: plain.OutputLoad(at, torque=200.0, cycles=60), ("wire", "sim")),
     Drill("E-stop (STO) in motion", "the emergency stop takes the torque", wire.SafeTorqueOff),
     Drill("E-stop (STO) at standstill", "the emergency stop takes the torque", wire.SafeTorqueOff, moment="stand"),
 )  # fmt: skip
@@ -84,13 +93,14 @@ _FRAMES = (
           is_harmless=True),
     Drill("TPDO late, one", "one cycle of the counter's process data comes a cycle late",
           lambda at: wire.TpdoLate(at, cycles=1), is_harmless=True),
-    Drill("TPDO late", "the counter's process data come a cycle late for 200 ms", lambda at: wire.TpdoLate(at, cycles=200)),
+    Drill("TPDO late", "every tenth of the counter's process data comes a cycle late for 200 ms",
+          lambda at: LateNowAndThen(at, cycles=200)),
     Drill("TPDO doubled", "the counter's process data come twice", wire.TpdoDoubled, is_harmless=True),
     Drill("TPDO short", "the counter's process data lack a byte for 200 ms", lambda at: wire.TpdoShort(at, cycles=200)),
     Drill("SYNC loss", "the SYNC does not reach the devices for 200 ms", lambda at: wire.SyncLost(at, cycles=200)),
     Drill("bus off", "the computer's controller is bus-off", wire.BusOff),
     Drill("hub gone", "hub or adapter disappears", wire.HubGone),
-    Drill("bus lost", "the bus is gone for good", plain.BusLost, ("wire", "sim")),
+    Drill("bus lost", "the bus is gone for good", plain.BusLost),
     Drill("no data for 0.4 s", "nothing arrives, then it does again", lambda at: plain.Stall(at, cycles=400), ("wire", "sim")),
     Drill("SDO abort", "the drive refuses its mode of operation", lambda at: wire.SdoAborted(at, DRIVE_NODE, 0x6060),
           moment="zero-before"),
@@ -115,12 +125,13 @@ _SIGNALS = (
     Drill("encoder wrapped, undeclared", "the counter wraps at 2^16 and says 2^32", wire.EncoderWrapped),
     Drill("signal-error flag", "the counter says that its value is not valid",
           lambda at: plain.MarkedCycles(at, flag=CycleFlag.SIGNAL_ERROR), ("wire", "sim")),
-    Drill("output and input disagree", "the output slips by 3 counts per cycle", wire.OutputSlips, ("wire", "sim")),
+    Drill("output and input disagree", "the output slips by 3 counts per cycle for 200 ms",
+          lambda at: wire.OutputSlips(at, cycles=200), ("wire", "sim")),
     Drill("torque port saturated", "the monitor stands at the end of its range", plain.TorquePortSaturated, ("wire", "sim")),
     Drill("torque port open", "the monitor's line is open and hums", plain.TorquePortOpen, ("wire", "sim")),
     Drill("clock jump forward", "the adapter's clock jumps by 5 s", wire.ClockJump),
-    Drill("clock jump back", "the adapter's clock jumps back by 5 s",
-          lambda at: wire.ClockJump(at, stamp_offset_ns=-5_000_000_000)),
+    Drill("clock jump back", "the adapter's clock jumps back by 0.5 s",
+          lambda at: wire.ClockJump(at, stamp_offset_ns=-500_000_000)),
 )  # fmt: skip
 
 _LINES_AND_DISK = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from drivers import channel as names
@@ -69,7 +69,8 @@ class DrilledRig:
     rows: int = 0
     exchanges: int = 0
     happened: bool = False
-    calls: list[str] = field(default_factory=list)
+    happened_ns: int | None = None
+    """The clock's reading at the SYNC in which it happened."""
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -116,6 +117,7 @@ class DrilledRig:
         happening = self.happening
         if not self.happened and self.rows + cycles > happening.row:
             self.happened = True
+            self.happened_ns = self.clock.monotonic_ns() + max(happening.row - self.rows, 0) * self.cycle_ns
             if happening.press is not None:
                 happening.press(self.stop)
             if happening.fault is not None and self.bench is not None:

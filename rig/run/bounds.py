@@ -48,8 +48,10 @@ class Watch:
     following_share: float = 0.25
     signal_cycles: int = 3
     torque_port_cycles: int = 20
+    host_time_cycles: int = 20
     torque_difference: float = 0.25
-    torque_difference_window: float = 0.5
+    torque_difference_window: float = 0.25
+    torque_difference_windows: int = 2
     thermal_time: float = 30.0
     smallest_free_space: int = 100_000_000
 

@@ -13,7 +13,7 @@ from drivers.port import RigDescription, RigPort
 from rig.run.bounds import Watch
 from rig.run.dry_run import PlannedRun
 from rig.run.latch import TripLatch
-from rig.run.make_safe import MakeSafeReport
+from rig.run.make_safe import MakeSafeReport, Patience
 from rig.run.recorder import Recorder
 from rig.run.trips import Trip
 from rig.run.watchdog import Watchdog
@@ -35,6 +35,7 @@ class RunOrder:
     make_safe_cycles: int = 100
     conditions: dict[str, Any] = field(default_factory=dict)
     watch: Watch | None = None
+    patience: Patience | None = None
     free_space: Callable[[], int] | None = None
     """Bytes left where the file is written; None: nobody looks."""
     latch: TripLatch | None = None

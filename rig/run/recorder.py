@@ -90,15 +90,15 @@ class InlineRecorder:
 class ThreadedRecorder:
     """The recorder of a rig in real time: `put` copies into a ring, a writer thread drains it.
 
-    `sample_rate` [Hz] sizes the ring (`ring_seconds` of rows, at least 10 000). An error of the writer is raised by the next
+    `sample_rate` [Hz] sizes the ring (`ring_seconds` of rows, at least `smallest_ring`). An error of the writer is raised by the next
     call of any method.
     """
 
     def __init__(
         self, writer: RunWriter, sample_rate: float, *, wall_clock: Clock | None = None,
-        ring_seconds: float = RING_SECONDS, drain_interval: float = DRAIN_INTERVAL_S,
+        ring_seconds: float = RING_SECONDS, drain_interval: float = DRAIN_INTERVAL_S, smallest_ring: int = SMALLEST_RING,
     ) -> None:  # fmt: skip
-        capacity = max(int(np.ceil(sample_rate * ring_seconds)), SMALLEST_RING)
+        capacity = max(int(np.ceil(sample_rate * ring_seconds)), smallest_ring)
         columns = len(writer.header.columns)
         self._writer, self._capacity, self._drain_interval = writer, capacity, drain_interval
         self._times = np.zeros(capacity, np.int64)

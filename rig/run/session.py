@@ -183,6 +183,8 @@ class Session:
                 self._keep(block, turn)
                 self._supervisor.review(block, turn)
                 self._supervisor.explain(self._told)
+                for code, text in self._supervisor.state.notes:
+                    self._logbook.event("warning", code, "supervisor", text)
             self._watch_space()
             turn = self._advance(block)
             self._tell_progress()
@@ -294,7 +296,9 @@ class Session:
             deceleration = limits.value(lim.QUICK_STOP_DECELERATION)
         ratio = self._planned.load.ratio if self._planned.experiment.gear_mounted else math.nan
         cycles = min(self._order.make_safe_cycles, self._order.block_cycles)
-        return MakeSafe(action, self._machine, self._logbook, deceleration, ratio, cycles)
+        return MakeSafe(
+            action, self._machine, self._logbook, deceleration, ratio, cycles, self._order.patience
+        )
 
     def _emergency(self) -> None:
         """Make safe after an exception that nobody expected; nothing that happens here may hide it."""

@@ -72,11 +72,16 @@ class WatchState:
     tail_angle: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     tail_target: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     following_run: int = 0
-    flag_runs: tuple[int, int] = (0, 0)
+    flag_runs: tuple[int, int, int] = (0, 0, 0)
+    has_stamps: bool = False
+    """Whether some cycle so far carried a stamp of the hardware or the device."""
     heat: float = 0.0
     torque_rows: int = 0
-    torque_sums: tuple[float, float] = (0.0, 0.0)
+    torque_sums: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     torque_share: float = 0.0
+    torque_windows: int = 0
+    notes: tuple[tuple[str, str], ...] = ()
+    """What the latest review found worth an event: code and text."""
     peaks: Peaks = field(default_factory=Peaks)
 
     @property
@@ -152,6 +157,7 @@ class Supervisor:
         if not len(block):
             return state
         start = state.rows
+        state = replace(state, notes=())
         trips: list[Trip] = []
         if block.broken is not None and block.broken.is_trip:
             trips.append(self._trip_of(block, block.broken, start))
@@ -250,7 +256,7 @@ class Supervisor:
         """Flags that devices and decoders raise, several cycles in a row; a jump of a count at once."""
         trips: list[Trip] = []
         if not block.flags.any():
-            return replace(state, flag_runs=(0, 0)), trips
+            return replace(state, flag_runs=(0, 0, 0), has_stamps=True), trips
         jumps = np.flatnonzero(block.flags & CycleFlag.JUMPED)
         if len(jumps):
             trips.append(Trip(COUNT_JUMP, start + int(jumps[0]), math.nan, math.nan))
@@ -258,13 +264,16 @@ class Supervisor:
         for flag, before, cause, allowed in (
             (CycleFlag.SIGNAL_ERROR, state.flag_runs[0], SIGNAL_ERROR, self.watch.signal_cycles),
             (CycleFlag.SATURATED, state.flag_runs[1], TORQUE_PORT, self.watch.torque_port_cycles),
+            # Only a clock that was there can be lost.
+            (CycleFlag.HOST_TIME if state.has_stamps else 0, state.flag_runs[2], TIME_BASE, self.watch.host_time_cycles),
         ):
             raised = (block.flags & flag) != 0
             at, run = _first_run(raised, before, allowed)
             runs.append(run)
             if at is not None:
                 trips.append(Trip(cause, start + at, float(allowed), float(allowed), "cycles in a row"))
-        return replace(state, flag_runs=(runs[0], runs[1])), trips
+        has_stamps = state.has_stamps or bool(((block.flags & CycleFlag.HOST_TIME) == 0).any())
+        return replace(state, flag_runs=(runs[0], runs[1], runs[2]), has_stamps=has_stamps), trips
 
     def _following(
         self, state: WatchState, block: SampleBlock, turn: Turn, start: int
@@ -320,22 +329,33 @@ class Supervisor:
             trips.append(Trip(OVERLOAD, start + len(block) - 1, math.sqrt(heat) * rating, rating, "N m r.m.s."))
         state = replace(state, heat=heat)
         if TORQUE in self._column and DRIVE_TORQUE in self._column:
-            rows = state.torque_rows + len(block)
-            sums = (
-                state.torque_sums[0] + float(torque.sum()),
-                state.torque_sums[1] + float(self._si(block, DRIVE_TORQUE).sum()),
-            )
-            if rows * self._period >= self.watch.torque_difference_window:
-                port, drive = sums[0] / rows, sums[1] / rows
-                allowed = self.watch.torque_offset + self.watch.torque_difference * max(abs(port), abs(drive))
-                if abs(port - drive) > allowed:
-                    detail = f"port {port:.4g} N m, drive {drive:.4g} N m"
-                    trips.append(
-                        Trip(TORQUE_DISAGREEMENT, start + len(block) - 1, abs(port - drive), allowed, "N m", detail)
-                    )
-                rows, sums = 0, (0.0, 0.0)
-                state = replace(state, torque_share=abs(port - drive) / allowed)
-            state = replace(state, torque_rows=rows, torque_sums=sums)
+            state, found = self._torque_difference(state, torque, self._si(block, DRIVE_TORQUE), start)
+            trips += found
+        return state, trips
+
+    def _torque_difference(
+        self, state: WatchState, port: NDArray[np.float64], drive: NDArray[np.float64], start: int
+    ) -> tuple[WatchState, list[Trip]]:
+        """Port against drive, r.m.s. over a window (an open line hums about zero): first an event, then a trip."""
+        rows = state.torque_rows + len(port)
+        found = (float(np.square(port - drive).sum()), float(np.square(drive).sum()), float(port.sum()), float(drive.sum()))
+        sums = tuple(before + more for before, more in zip(state.torque_sums, found, strict=True))
+        if rows * self._period < self.watch.torque_difference_window:
+            return replace(state, torque_rows=rows, torque_sums=sums), []
+        difference, reference = math.sqrt(sums[0] / rows), math.sqrt(sums[1] / rows)
+        allowed = self.watch.torque_offset + self.watch.torque_difference * reference
+        share = difference / allowed
+        detail = f"port {sums[2] / rows:.4g} N m, drive {sums[3] / rows:.4g} N m on average"
+        run, trips, notes = 0, [], state.notes
+        if share > 1.0:
+            run = state.torque_windows + 1
+            text = f"torque port and drive differ by {difference:.4g} N m r.m.s., allowed {allowed:.4g} N m ({detail})"
+            notes = (*notes, ("torque-disagreement", text))
+            if run >= self.watch.torque_difference_windows:
+                trips = [Trip(TORQUE_DISAGREEMENT, start + len(port) - 1, difference, allowed, "N m r.m.s.", detail)]
+        state = replace(
+            state, torque_rows=0, torque_sums=(0.0, 0.0, 0.0, 0.0), torque_share=share, torque_windows=run, notes=notes
+        )  # fmt: skip
         return state, trips
 
     def margins(self) -> dict[str, dict[str, float]]:

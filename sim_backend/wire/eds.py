@@ -17,11 +17,13 @@ def electronic_data_sheet(dictionary: ObjectDictionary, *, product: str, vendor:
         f"Description={product}", "CreationTime=12:00AM", "CreationDate=01-01-2026", "CreatedBy=harmonic-rig",
         "ModificationTime=12:00AM", "ModificationDate=01-01-2026", "ModifiedBy=harmonic-rig", "",
         "[DeviceInfo]", f"VendorName={vendor}", f"VendorNumber=0x{vendor_number:08X}", f"ProductName={product}",
-        "ProductNumber=0x00000001", "RevisionNumber=0x00000001", "OrderCode=simulated",
+        f"ProductNumber=0x{dictionary.number(0x1018, 2):08X}", f"RevisionNumber=0x{dictionary.number(0x1018, 3):08X}",
+        "OrderCode=simulated",
         *(f"BaudRate_{rate}={int(rate >= 125)}" for rate in (10, 20, 50, 125, 250, 500, 800, 1000)),
         "SimpleBootUpMaster=0", "SimpleBootUpSlave=1", "Granularity=8", "DynamicChannelsSupported=0",
         "GroupMessaging=0", f"NrOfRXPDO={sum(0x1400 <= i < 0x1600 for i in objects)}",
         f"NrOfTXPDO={sum(0x1800 <= i < 0x1A00 for i in objects)}", "LSS_Supported=0", "",
+        "[DummyUsage]", *(f"Dummy{index:04X}={int(index > 0)}" for index in range(8)), "",
     ]  # fmt: skip
     mandatory = [i for i in objects if i in (0x1000, 0x1001, 0x1018)]
     makers = [i for i in objects if 0x2000 <= i < 0x6000]
@@ -38,7 +40,9 @@ def _object(index: int, entries: list[Entry]) -> list[str]:
     if len(entries) == 1 and entries[0].sub == 0:
         return [f"[{index:04X}]", *_fields(entries[0], entries[0].name), ""]
     name = entries[0].name.split(":")[0]
-    kind = "0x8" if len({e.type for e in entries if e.sub}) == 1 else "0x9"
+    # PDO parameters and the identity are records by the standard, even where all fields are of one type.
+    is_record = 0x1400 <= index < 0x1C00 or index == 0x1018 or len({e.type for e in entries if e.sub}) > 1
+    kind = "0x9" if is_record else "0x8"
     lines = [f"[{index:04X}]", f"ParameterName={name}", f"ObjectType={kind}", f"SubNumber={len(entries)}", ""]
     for entry in entries:
         lines += [f"[{index:04X}sub{entry.sub:X}]", *_fields(entry, entry.name.split(": ")[-1]), ""]
@@ -47,7 +51,7 @@ def _object(index: int, entries: list[Entry]) -> list[str]:
 
 def _fields(entry: Entry, name: str) -> list[str]:
     access = {"t": "rwr", "r": "rww", "tr": "rw"}.get(entry.mappable, "rw") if entry.access == "rw" else entry.access
-    default = f"{entry.default:g}" if isinstance(entry.default, float) else str(entry.default)
+    default = str(int(entry.default)) if isinstance(entry.default, bool) else str(entry.default)
     found = [
         f"ParameterName={name}", "ObjectType=0x7", f"DataType=0x{entry.type.code:04X}", f"AccessType={access}",
         f"DefaultValue={default}", f"PDOMapping={int(bool(entry.mappable))}",

@@ -19,11 +19,12 @@ from tests.benchmarks.conftest import Note
 
 SAMPLES = 1_440_000
 COUNTS_IN, COUNTS_OUT = 32768, 72000
+GEAR = shipped_gear()
 
 
 def counted_block(first: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
     """Input and output angle at 5.0x r/min and 1 kHz, as both encoders count them."""
-    gear = shipped_gear()
+    gear = GEAR
     angle = 5.017 * RPM * 1e-3 * np.arange(first, first + samples)
     output = angle / gear.ratio + series_value(gear.kinematic_error, angle)
     turn = 2.0 * np.pi

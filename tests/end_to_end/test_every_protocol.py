@@ -32,11 +32,11 @@ def test_a_protocol_ends_safe_and_leaves_a_good_file(protocol: str, tmp_path: Pa
     report = run_request(request)
     assert report.outcome in ("PASS", "MARGINAL", "FAIL")
     assert report.safe
-    with open_run(report.path) as recording:
-        assert recording.rows > 1000
-        assert recording.metadata.origin == "simulated"
-        assert {"torque-zero-before", "torque-zero-after"} <= {s.label for s in recording.segments}
-        assert not recording.flags().any()
+    recording = open_run(report.path)
+    assert recording.rows > 1000
+    assert recording.metadata.origin == "simulated"
+    assert {"torque-zero-before", "torque-zero-after"} <= {s.label for s in recording.segments}
+    assert not recording.flags().any()
     assert [f for f in verify_run(report.path) if f.level == "error"] == []
     (fit,) = fit_files([report.path])
     assert fit.result.kind == protocol

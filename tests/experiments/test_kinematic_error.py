@@ -209,3 +209,14 @@ def test_the_truth_in_the_file_changes_nothing(
         kinematic_error_run, metadata=dataclasses.replace(kinematic_error_run.metadata, process=lie)
     )
     assert kinematic_error.analyse(run, Evidence(gear)).as_json() == result.as_json()
+
+
+def test_a_traverse_that_was_cut_short_claims_no_accuracy(kinematic_error_run: Recording, gear: HarmonicDrive) -> None:
+    first = kinematic_error_run.labelled("traverse")[0]
+    part = dataclasses.replace(first, label="traverse (cut)", stop=(first.start + first.stop) // 2)
+    others = tuple(s for s in kinematic_error_run.segments if s.label.startswith("torque-zero"))
+    result = kinematic_error.analyse(dataclasses.replace(kinematic_error_run, segments=(*others, part)), Evidence(gear))
+    assert result.estimates["transmission_accuracy"].identifiable == "no"
+    assert any("One direction only" in w for w in result.warnings)
+    with pytest.raises(AnalysisError, match="no traverse"):
+        kinematic_error.analyse(dataclasses.replace(kinematic_error_run, segments=others), Evidence(gear))
