@@ -17,10 +17,10 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from experiments.budget import budget_table
+from experiments.budget import budget_table, torque_scale_uncertainty
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
-from experiments.friction_estimates import genetic_metrics, offset_estimate, running_torques, type_b
+from experiments.friction_estimates import genetic_metrics, offset_estimate, running_torques, type_b, with_warmth
 from experiments.friction_foreign import friction_in_foreign_unit
 from experiments.friction_plots import fit_table, friction_plots, friction_prediction_plot, point_table
 from experiments.friction_points import (
@@ -206,7 +206,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     metrics["reproducibility"] = reproducibility(brought.bracket)
     metrics |= correction.metrics() | _warmth(measured)
     estimates = (
-        dict(fit.estimates)
+        with_warmth(dict(fit.estimates), torque_scale_uncertainty(recording, measured.channel)[0])
         | offset_estimate(fit, measured.zero)
         | running_torques(recording, fit, evidence.gear, measured)
     )

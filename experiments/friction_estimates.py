@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -28,6 +29,9 @@ TEMPERATURE_COEFFICIENT = -0.04
 """Change of friction per kelvin, relative: typical of grease."""
 UNKNOWN_WARMTH = 0.5
 """K, standard uncertainty of the warmth of a run without a thermometer on the housing."""
+MOTOR_WARMTH = 1e-3
+"""Relative standard uncertainty of the torque constant within a day: magnets lose 0.1 % per kelvin, and nothing measures the
+motor's warmth. It is common to all points of a run, so more points do not average it out."""
 THERMOMETER = 0.2
 """K, standard uncertainty of a thermometer without calibration."""
 
@@ -57,6 +61,24 @@ def type_b(
         temperature_coefficient=coefficient,
         bearing=relative,
     )
+
+
+def with_warmth(estimates: dict[str, Estimate], scale: float) -> dict[str, Estimate]:
+    """The parameters with the warmth of the motor in their 95 % intervals.
+
+    It changes from run to run and is common to the points of one: the scatter between points does not show it. `scale` is the
+    relative uncertainty that the budget's line "torque scale" stands for.
+    """
+    return {name: _widened(estimate, scale) if name in NAMES else estimate for name, estimate in estimates.items()}
+
+
+def _widened(estimate: Estimate, scale: float) -> Estimate:
+    lines = {line.source: line.standard_uncertainty for line in estimate.budget}
+    motor = lines.get("torque scale", 0.0) * MOTOR_WARMTH / scale if scale > 0.0 else 0.0
+    common = 1.96 * motor
+    low = estimate.value - math.hypot(estimate.value - estimate.low, common)
+    high = estimate.value + math.hypot(estimate.high - estimate.value, common)
+    return dataclasses.replace(estimate, low=low, high=high).with_budget([BudgetLine("warmth of the motor", "A", motor)])
 
 
 def _forces(fit: FrictionFit, gear: HarmonicDrive) -> tuple[np.ndarray, np.ndarray]:
@@ -96,13 +118,18 @@ def running_torques(
         if not fit.speed.min() <= speed <= fit.speed.max() * 1.01:
             continue
         value, error = _between_points(fit, speed)
-        budget = [BudgetLine("points nearby", "A", error), BudgetLine("torque scale", "B", scale * value, source)]
+        motor = MOTOR_WARMTH * value
+        budget = [
+            BudgetLine("points nearby", "A", error), BudgetLine("warmth of the motor", "A", motor),
+            BudgetLine("torque scale", "B", scale * value, source),
+        ]  # fmt: skip
+        half = 1.96 * math.hypot(error, motor)
         if measured.tare is not None:
             at, _, _ = measured.tare.at(np.array([speed]))
             budget.append(BudgetLine("tare", "B", TARE_RELATIVE * float(at[0]), "same motor, another day"))
         name = f"running_torque_{rpm:.0f}_rpm"
         found[name] = Estimate(
-            name, value, "N m", value - 1.96 * error, value + 1.96 * error, "yes", fit.subject, tuple(budget)
+            name, value, "N m", value - half, value + half, "yes", fit.subject, tuple(budget)
         )
     return found
 

@@ -72,7 +72,7 @@ def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseRe
 
 def _rows_from(recording: Recording, angle: float, way: float) -> slice:
     """Rows from where a traverse that begins at `angle` was entered: found by the segments, else by the angle itself."""
-    for segment in (*recording.labelled("traverse"), *()):
+    for segment in recording.labelled("traverse", "traverse (cut)"):
         first = float(recording.si("input_angle", slice(segment.start, segment.start + 1))[0])
         if segment.direction * way > 0 and abs(first - angle) < 0.1 * REVOLUTION:
             return slice(segment.start, segment.stop)

@@ -39,6 +39,7 @@ def tell(
         "torque_port": _torque_port(condition),
         "encoders": _encoders(instruments, condition, output_sense),
         "thermal": dataclasses.asdict(condition.deviations.thermal) if condition.deviations.thermal else {},
+        "thermometer": {"housing_offset": condition.housing_offset},
         "timing": {
             "sync_jitter": condition.sync_jitter,
             "input_skew": condition.input_encoder.skew,
