@@ -25,6 +25,9 @@ SHORT: dict[str, dict[str, Any]] = {
 }
 """What is shortened against the protocols' defaults."""
 
+COMPOSITE = ("transmission_accuracy", "running_torque")
+"""Shown, but not pooled: made of the separable quantities, or of gear and encoder together."""
+
 Row = tuple[str, str, float, float, float, float, float]
 """kind, quantity, found, low, high, truth, difference."""
 
@@ -62,7 +65,8 @@ def summarise(rows: list[Row], seeds: int) -> bool:
     pooled: dict[str, list[bool]] = defaultdict(list)
     for (kind, name), group in sorted(grouped.items()):
         hits = [low <= value - difference <= high for _, _, value, low, high, _, difference in group]
-        pooled[kind] += hits
+        if not name.startswith(COMPOSITE):
+            pooled[kind] += hits
         scatter = math.sqrt(sum(r[6] ** 2 for r in group) / len(group))
         width = sum(r[4] - r[3] for r in group) / len(group)
         ratio = width / (3.92 * scatter) if scatter else math.inf
