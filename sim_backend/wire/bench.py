@@ -161,6 +161,7 @@ class WireBench:
         self._consumed: set[int] = set()
         self._cycle = 0
         self._last_sync_ns: int | None = None
+        self._elapsed_ns = self.clock.monotonic_ns()
         self._stamp_ns = self._sync.start_ns - FRAME_NS
         self._frames_since = 0
         self._late: Counts = np.empty(0, dtype=np.int64)
@@ -273,6 +274,9 @@ class WireBench:
         """Let the devices run: up to the next thing that one of them has to do, or to `deadline_ns` of the clock."""
         for owner, _ in self._listeners:
             if getattr(owner, "is_waiting", False):
+                # Time does not pass before what has arrived has been looked at; who moved the clock himself is followed.
+                if self.clock.monotonic_ns() > self._elapsed_ns:
+                    self.elapse()
                 return
         due = min(deadline_ns, self.next_due_ns())
         if due > self.clock.monotonic_ns():
@@ -281,7 +285,7 @@ class WireBench:
 
     def elapse(self) -> None:
         """The clock has moved: timers of the devices, and the plant where the SYNC stays away."""
-        now = self.clock.monotonic_ns()
+        now = self._elapsed_ns = self.clock.monotonic_ns()
         self._tick(now)
         self._follow_clock(now)
 

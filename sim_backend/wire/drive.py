@@ -121,7 +121,8 @@ DRIVE_PDOS = (
 class Drive(Slave):
     """The servo amplifier as a node: its state machine decides what the plant is told to do.
 
-    `ignores_quick_stop`: it says QUICK STOP ACTIVE and goes on turning; `ignores_stop`: it stays enabled whatever it is told.
+    `ignores_quick_stop`: it says QUICK STOP ACTIVE and goes on with its last set-point; `ignores_stop`: it stays enabled and
+    goes on whatever it is told.
     """
 
     def __init__(self, node_id: int, device: DriveDevice, send: Send) -> None:
@@ -131,6 +132,7 @@ class Drive(Slave):
         self.limits_changed = True
         self._is_torque_off = False
         self._controlword = 0
+        self._followed = (Mode.SPEED, 0.0)
         self._shown: int | None = None
         self._mark = self._armed_at = (0, 0)
         self._stored: tuple[int, int] | None = None
@@ -153,10 +155,12 @@ class Drive(Slave):
         """What the plant is to do from this SYNC on: mode and set-point [rad/s or N m]."""
         state = self.drive_state
         if state is DriveState.ENABLED:
-            return (Mode.OFF, 0.0) if self._is_torque_off else self._setpoint()
+            if not (self.ignores_stop and command_of(self._controlword) != ENABLE):
+                self._followed = self._setpoint()
+            return (Mode.OFF, 0.0) if self._is_torque_off else self._followed
         if state is DriveState.QUICK_STOP:
             if self.ignores_quick_stop:
-                return self._setpoint()
+                return self._followed
             slow = self.dictionary.number(0x605A) in (SLOW_DOWN, STAY_SLOW_DOWN)
             return (Mode.SPEED if slow else Mode.QUICK_STOP), 0.0
         if state is DriveState.FAULT_REACTION:

@@ -64,7 +64,7 @@ class NodeReset(WireFault):
 
 @dataclass(frozen=True)
 class NodeSilent(WireFault):
-    """A node is dead: it neither hears nor says anything."""
+    """A node's transmitter is dead: nothing of it arrives any more, while it goes on as it was told."""
 
     node_id: int = COUNTER_NODE
 

@@ -3,38 +3,62 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, Protocol
 
 import can
 
 from drivers.errors import BusLostError
 from sim_backend.faults import Fault
-
-if TYPE_CHECKING:
-    from sim_backend.wire.bench import WireBench
+from sim_backend.wire.readout import Readout
 
 Frame = tuple[int, bytes]
 """COB-ID and data."""
 
 
+class Bench(Protocol):
+    """What the lines need of the bench behind them."""
+
+    bus_off: bool
+    readout: Readout
+
+    @property
+    def is_lost(self) -> bool: ...
+
+    @property
+    def stamp_ns(self) -> int: ...
+
+    def send(self, cob_id: int, data: bytes, owner: object = None) -> None: ...
+
+    def listen(self, owner: object, listener: Callable[[int, bytes, int], None]) -> None: ...
+
+    def leave(self, owner: object) -> None: ...
+
+    def wire_faults(self) -> list[WireFault]: ...
+
+
+LONGEST_QUEUE = 1 << 16
+"""Frames that a client may leave unread; then the oldest are lost, as in an adapter."""
+
+
 class WireFault(Fault):
-    """A fault of a device on the wire, of frames, of the serial line; every method may be left as it is."""
+    """A fault of a device on the wire, of frames, of the serial line. Every method may be left as it is; `bench` is the
+    `WireBench` on which it falls."""
 
     stamp_offset_ns: ClassVar[int] | int = 0
     """What is added to the adapter's time stamps while it is active."""
 
-    def act(self, bench: WireBench, cycle: int) -> None:
+    def act(self, bench: Any, cycle: int) -> None:
         """Called at every SYNC while it is active, before the devices see the SYNC."""
 
-    def end_of(self, bench: WireBench) -> None:
+    def end_of(self, bench: Any) -> None:
         """Called once when it is over."""
 
-    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+    def from_devices(self, frame: Frame, bench: Any) -> Sequence[Frame]:
         """What becomes of a frame that a device sends."""
         return (frame,)
 
-    def to_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+    def to_devices(self, frame: Frame, bench: Any) -> Sequence[Frame]:
         """What becomes of a frame on its way to the devices."""
         return (frame,)
 
@@ -49,12 +73,12 @@ class BenchBus(can.BusABC):
     There is no thread and no waiting: an empty bus gives None at once, whatever the timeout; who owns the clock pumps.
     """
 
-    def __init__(self, bench: WireBench, *, receive_own_messages: bool = True) -> None:
+    def __init__(self, bench: Bench, *, receive_own_messages: bool = True) -> None:
         super().__init__(channel="bench", receive_own_messages=receive_own_messages)
         self.channel_info = "simulated CAN bus"
         self.receives_own = receive_own_messages
         self._bench = bench
-        self._queue: deque[can.Message] = deque()
+        self._queue: deque[can.Message] = deque(maxlen=LONGEST_QUEUE)
         self._error_told = False
         bench.listen(self, self._hear)
 
@@ -107,7 +131,7 @@ class BenchBus(can.BusABC):
 class BenchSerial:
     """The readout's serial line as a port of pyserial: what is written is answered at once."""
 
-    def __init__(self, bench: WireBench) -> None:
+    def __init__(self, bench: Bench) -> None:
         self._bench = bench
         self._waiting = b""
         self._is_open = True

@@ -25,7 +25,8 @@ def test_sense_preset_and_status() -> None:
     made, sent = counter(720_000)
     made.take(100, 0, 0)
     assert write(made, sent, 0x6000, 0, 1, 2) == 0
-    assert read(made, 0x6004) == 720_000 - 100 and read(made, 0x6500) == 1
+    assert read(made, 0x6004) == 720_000 - 100
+    assert read(made, 0x6500) == 1
     assert write(made, sent, 0x6003, 0, 5000, 4) == 0
     made.take(100, 0, 0)
     assert read(made, 0x6004) == 5000
@@ -45,7 +46,7 @@ def test_scaling() -> None:
 
 
 def test_the_index_latch_follows_the_position_s_own_scale() -> None:
-    made, sent = counter()
+    made, _sent = counter()
     made.take(500, 0, 0)
     assert (read(made, 0x2000, 1), read(made, 0x2000, 2)) == (0, 0)
     made.take(900, 800, 1)
@@ -55,16 +56,19 @@ def test_the_index_latch_follows_the_position_s_own_scale() -> None:
 def test_the_cyclic_timer_is_the_event_timer() -> None:
     made, sent = counter()
     assert write(made, sent, 0x6200, 0, 40, 2) == 0
-    assert read(made, 0x1800, 5) == 40 and read(made, 0x6200) == 40
+    assert read(made, 0x1800, 5) == 40
+    assert read(made, 0x6200) == 40
 
 
 def test_a_signal_error_is_an_alarm_and_an_emergency() -> None:
     made, sent = counter()
     made.signal_error(True)
     made.signal_error(True)
-    assert sent.taken() == [(0x082, bytes.fromhex("00 73 21 00 00 00 00 00"))] and read(made, 0x6503) == 1
+    assert sent.taken() == [(0x082, bytes.fromhex("00 73 21 00 00 00 00 00"))]
+    assert read(made, 0x6503) == 1
     made.signal_error(False)
-    assert sent.taken() == [(0x082, bytes(8))] and read(made, 0x6503) == 0
+    assert sent.taken() == [(0x082, bytes(8))]
+    assert read(made, 0x6503) == 0
 
 
 def test_a_reversed_encoder_keeps_its_place() -> None:

@@ -153,11 +153,13 @@ def test_safe_torque_off_takes_torque_and_voltage_until_it_is_released() -> None
 
 def test_limits_in_their_units() -> None:
     made, sent = drive()
-    assert read(made, 0x6072) == 350 * 10 and read(made, 0x6080) == round(MOTOR.maximum_speed / RPM)
+    assert read(made, 0x6072) == 350 * 10
+    assert read(made, 0x6080) == round(MOTOR.maximum_speed / RPM)
     for index, value, size in ((0x6072, 500, 2), (0x6080, 1500, 4), (0x6083, 10, 4), (0x6084, 20, 4), (0x6085, 30, 4)):
         write(made, sent, index, 0, value, size)
     expected = DriveLimits(0.5 * MOTOR.rated_torque, 1500 * RPM, 10 * RPM, 20 * RPM, 30 * RPM)
-    assert made.limits().torque == pytest.approx(expected.torque) and made.limits().speed == pytest.approx(expected.speed)
+    assert made.limits().torque == pytest.approx(expected.torque)
+    assert made.limits().speed == pytest.approx(expected.speed)
     assert made.limits().quick_stop_deceleration == pytest.approx(expected.quick_stop_deceleration)
 
 

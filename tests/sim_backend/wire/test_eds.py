@@ -8,7 +8,7 @@ import pytest
 from canopen import objectdictionary
 from canopen.objectdictionary import eds
 
-from sim_backend.wire.dictionary import TEXT, Abort, AbortError
+from sim_backend.wire.dictionary import TEXT, AbortError
 from sim_backend.wire.eds import electronic_data_sheet
 from tests.sim_backend.wire.slaves import analog, counter, drive
 
@@ -23,7 +23,7 @@ def loaded(name: str):
 
 def variables(dictionary) -> dict[tuple[int, int], objectdictionary.ODVariable]:
     found = {}
-    for index, entry in dictionary.items():
+    for index, entry in ((i, e) for i, e in dictionary.items() if i >= 0x1000):
         for variable in [entry] if isinstance(entry, objectdictionary.ODVariable) else entry.values():
             found[index, variable.subindex] = variable
     return found
@@ -47,11 +47,9 @@ def test_types_access_defaults_and_mapping_are_those_of_the_device(name: str) ->
         assert variable.writable == (entry.access == "rw"), where
         if entry.type is not TEXT:
             assert variable.default == entry.default, where
-        try:
-            data = slave.dictionary.upload(index, sub)
-        except AbortError as refused:
-            assert index == 0x1003 and refused.code is Abort.NO_DATA
-            continue
+        if index == 0x1003 and sub:
+            continue  # answers only when there is an error to tell
+        data = slave.dictionary.upload(index, sub)
         assert entry.type is TEXT or len(data) * 8 == len(variable), where
         if entry.access != "rw":
             with pytest.raises(AbortError):
@@ -72,5 +70,6 @@ def test_what_is_not_in_the_eds_does_not_answer(name: str) -> None:
 def test_limits_and_numbers_of_pdos_are_told() -> None:
     _, dictionary = loaded("drive")
     assert (dictionary[0x6007].min, dictionary[0x6007].max) == (0, 3)
-    assert dictionary.device_information.nr_of_TXPDO == 4 and dictionary.device_information.nr_of_RXPDO == 2
+    assert dictionary.device_information.nr_of_TXPDO == 4
+    assert dictionary.device_information.nr_of_RXPDO == 2
     assert dictionary.device_information.product_name == "drive"

@@ -50,7 +50,8 @@ def test_commands(request_: bytes, answer: bytes) -> None:
 
 def test_commands_in_pieces_and_held_answers() -> None:
     device = Readout(lambda: 0.0)
-    assert device.receive(b"\x1bT0") == b"" and device.receive(b"000\r") == b"\x06"
+    assert device.receive(b"\x1bT0") == b""
+    assert device.receive(b"000\r") == b"\x06"
     assert device.receive(b"\x13\x02") == b""
     assert device.receive(b"\x11").endswith(b"\r\n")
 
@@ -61,7 +62,8 @@ def test_any_bytes_are_survived_and_every_line_is_read_back(noise: bytes, angle:
     device.receive(noise)
     device.receive(b"\r\x11")
     reading = parse_line(device.receive(b"\x02"))
-    assert not reading.is_fault and abs(reading.value - math.fmod(angle, 2 * math.pi)) <= reading.quantum * 0.51
+    assert not reading.is_fault
+    assert abs(reading.value - math.fmod(angle, 2 * math.pi)) <= reading.quantum * 0.51
 
 
 def test_the_driver_reads_the_output_encoder_over_the_line() -> None:

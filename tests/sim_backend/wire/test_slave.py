@@ -162,12 +162,13 @@ def test_the_mapping_changes_by_the_standards_procedure() -> None:
     assert sent[0] == (0x182, bytes.fromhex("00 00 04 03 02 01"))
 
 
+OFF = ((0x1800, 1, INVALID | NO_RTR | 0x182, 4), (0x1A00, 0, 0, 1))
 REFUSED = (
     ("while it exists", [(0x1A00, 0, 0, 1)], 0x08000022),
     ("slots while the count is not zero", [(0x1800, 1, INVALID | NO_RTR | 0x182, 4), (0x1A00, 1, 0x60040020, 4)], 0x08000022),
-    ("an object that is not there", [(0x1800, 1, INVALID | NO_RTR | 0x182, 4), (0x1A00, 0, 0, 1), (0x1A00, 1, 0x70000008, 4)], 0x06020000),
-    ("an object that may not be mapped", [(0x1800, 1, INVALID | NO_RTR | 0x182, 4), (0x1A00, 0, 0, 1), (0x1A00, 1, 0x60010020, 4)], 0x06040041),
-    ("another length", [(0x1800, 1, INVALID | NO_RTR | 0x182, 4), (0x1A00, 0, 0, 1), (0x1A00, 1, 0x60040010, 4)], 0x06040041),
+    ("an object that is not there", [*OFF, (0x1A00, 1, 0x70000008, 4)], 0x06020000),
+    ("an object that may not be mapped", [*OFF, (0x1A00, 1, 0x60010020, 4)], 0x06040041),
+    ("another length", [*OFF, (0x1A00, 1, 0x60040010, 4)], 0x06040041),
     ("another COB-ID while it exists", [(0x1800, 1, NO_RTR | 0x1A2, 4)], 0x06090030),
     ("a restricted COB-ID", [(0x1800, 1, INVALID | NO_RTR | 0x182, 4), (0x1800, 1, NO_RTR | 0x602, 4)], 0x06090030),
     ("remote frames", [(0x1800, 1, 0x182, 4)], 0x06090030),

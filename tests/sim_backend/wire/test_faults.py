@@ -1,0 +1,210 @@
+"""Faults on the wire: each falls on its cycle, the real drivers see it, and nothing hangs."""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+import pytest
+
+from drivers import channel as names
+from drivers.drive_state import DriveState, drive_state
+from drivers.errors import BusLostError, DriverError, ReadbackError
+from drivers.port import Command, DriveLimits, Guard, Mode
+from drivers.samples import CycleFlag, SampleBlock
+from model.units import RPM
+from sim_backend.faults import Fault
+from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE
+from sim_backend.wire.faults import (
+    DRILLS,
+    ClockJump,
+    EmergencyMessage,
+    EncoderReversed,
+    EncoderWrapped,
+    HeartbeatLost,
+    NodeReset,
+    OutputSlips,
+    QuickStopNotObeyed,
+    ReadsBackDifferently,
+    SafeTorqueOff,
+    SdoAborted,
+    SdoSilent,
+    SyncLost,
+    TpdoDoubled,
+    TpdoLate,
+    TpdoLost,
+    TpdoShort,
+)
+from tests.sim_backend.wire.rigs import WireRig, turn, wire_rig
+
+AT = 30
+LIMITS = DriveLimits(0.5, 400.0, 2000.0, 2000.0, 2000.0)
+
+
+def column(made: WireRig, block: SampleBlock, name: str) -> np.ndarray:
+    return block.counts[:, [c.name for c in made.port.channels].index(name)]
+
+
+def ridden(made: WireRig, cycles: int = 60) -> SampleBlock:
+    """A run at 300 r/min over the fault; blocks go on after a break."""
+    blocks = []
+    while sum(len(b) for b in blocks) < cycles:
+        blocks.append(turn(made.port, 300.0, cycles - sum(len(b) for b in blocks)))
+    return SampleBlock(
+        0, np.concatenate([b.time_ns for b in blocks]), np.concatenate([b.counts for b in blocks]),
+        np.concatenate([b.flags for b in blocks]), next((b.broken for b in blocks if b.broken), None),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("fault", "rows", "flag"), [
+    (TpdoLost(AT, cycles=3), {30, 31, 32}, CycleFlag.INCOMPLETE),
+    (TpdoLost(AT, cycles=1, node_id=ANALOG_INPUT_NODE, number=1), {30}, CycleFlag.INCOMPLETE),
+    (TpdoLate(AT, cycles=1), {30}, CycleFlag.INCOMPLETE),
+    (TpdoShort(AT, cycles=2, node_id=DRIVE_NODE, number=1), {30, 31}, CycleFlag.SHORT),
+    (SyncLost(AT, cycles=2), {30, 31}, CycleFlag.INCOMPLETE),
+])  # fmt: skip
+def test_frames_are_marked_in_their_cycle_and_the_counts_go_on(fault: Fault, rows: set[int], flag: CycleFlag) -> None:
+    with wire_rig() as good:
+        expected = ridden(good)
+    with wire_rig(faults=(fault,)) as made:
+        block = ridden(made)
+    assert set(np.flatnonzero(block.flags & flag)) == rows
+    clean = np.flatnonzero(block.flags == 0)
+    assert len(clean) > 40
+    assert np.array_equal(block.counts[clean], expected.counts[clean]), "the same cycles carry the same counts"
+
+
+def test_doubled_frames_are_noticed() -> None:
+    with wire_rig(faults=(TpdoDoubled(AT, cycles=1),)) as made:
+        block = ridden(made)
+    assert np.flatnonzero(block.flags & CycleFlag.DOUBLED).tolist()[0] in (AT, AT + 1)
+
+
+def test_an_emergency_breaks_the_block_at_its_cycle() -> None:
+    with wire_rig(faults=(EmergencyMessage(AT, code=0x4310),)) as made:
+        block = turn(made.port, 300.0, 100)
+        assert block.broken is not None
+        assert block.broken.cause == "emcy"
+        assert len(block) in (AT + 1, AT + 2)
+        assert any("0x4310" in event.text for event in made.port.events())
+
+
+def test_a_node_that_resets_in_motion() -> None:
+    with wire_rig(faults=(NodeReset(AT, COUNTER_NODE),)) as made:
+        block = turn(made.port, 300.0, 100)
+        assert block.broken is not None
+        assert block.broken.is_trip
+        assert len(block) <= AT + 2
+        assert "boot-up" in [event.code for event in made.port.events()]
+
+
+def test_a_drive_that_resets_in_motion_is_off() -> None:
+    with wire_rig(faults=(NodeReset(AT, DRIVE_NODE),)) as made:
+        block = turn(made.port, 300.0, 100)
+        assert block.broken is not None
+        assert made.bench.drive.drive_state is DriveState.SWITCH_ON_DISABLED
+
+
+def test_a_lost_heartbeat_is_seen_after_three_periods() -> None:
+    with wire_rig(faults=(HeartbeatLost(AT, DRIVE_NODE),)) as made:
+        block = turn(made.port, 300.0, 600)
+        assert block.broken is not None
+        assert block.broken.cause == "heartbeat_lost"
+        assert len(block) - AT <= 310
+
+
+def test_the_drive_stops_by_itself_when_the_computer_is_silent() -> None:
+    with wire_rig() as made:
+        turn(made.port, 300.0, 200)
+        assert abs(made.bench.plant.input_speed) > 250.0 * RPM
+        deadline = made.clock.monotonic_ns() + 1_000_000_000
+        while made.clock.monotonic_ns() < deadline:
+            made.bench.pump(deadline)
+            while made.bus.recv(0.0) is not None:
+                continue
+        assert made.bench.cycle > 900, "the plant goes on without SYNC"
+        assert abs(made.bench.plant.input_speed) < 0.1 * RPM
+        assert made.bench.drive.drive_state in (DriveState.QUICK_STOP, DriveState.SWITCH_ON_DISABLED)
+
+
+def test_safe_torque_off_is_seen_and_the_motor_coasts() -> None:
+    with wire_rig(faults=(SafeTorqueOff(AT),)) as made:
+        block = turn(made.port, 300.0, 100)
+        assert block.broken is not None
+        assert block.broken.cause == "drive_state"
+        last = int(column(made, block, names.STATUSWORD)[-1])
+        assert drive_state(last) is DriveState.SWITCH_ON_DISABLED
+        assert not last & 0x10
+
+
+@pytest.mark.parametrize("faults", [(), (QuickStopNotObeyed(AT),)])
+def test_a_quick_stop_that_is_not_obeyed_keeps_turning(faults: tuple[Fault, ...]) -> None:
+    with wire_rig(faults=faults) as made:
+        turn(made.port, 300.0, 100)
+        block = made.port.exchange(Command(Mode.QUICK_STOP), 200, Guard())
+        moved = abs(int(np.diff(column(made, block, names.INPUT_ANGLE)[-50:]).sum()))
+        assert drive_state(int(column(made, block, names.STATUSWORD)[-1])) is DriveState.QUICK_STOP
+        assert (moved > 5000) is bool(faults)
+        made.port.exchange(Command(Mode.OFF), 400, Guard())
+        assert abs(made.bench.plant.input_speed) < 60.0 * RPM
+
+
+def test_counts_that_lie() -> None:
+    with wire_rig() as good:
+        expected = ridden(good)
+    found = {}
+    for fault in (EncoderReversed(AT), OutputSlips(AT, counts_per_cycle=2.0), EncoderWrapped(AT, modulus=1000)):
+        with wire_rig(faults=(fault,)) as made:
+            block = ridden(made)
+            found[type(fault)] = column(made, block, names.OUTPUT_ANGLE)
+    true = expected.counts[:, 1]
+    for counts in found.values():
+        assert np.array_equal(counts[:AT], true[:AT])
+    assert found[EncoderReversed][-1] - true[AT - 1] == pytest.approx(-(true[-1] - true[AT - 1]), abs=2)
+    assert np.array_equal(found[OutputSlips][AT:] - true[AT:], 2 * np.arange(1, 31))
+    assert np.array_equal((found[EncoderWrapped][AT:] - true[AT:]) % 1000, np.zeros(30))
+
+
+def test_a_limit_that_reads_back_differently_is_refused() -> None:
+    with wire_rig() as made:
+        made.bench.inject(ReadsBackDifferently(0, index=0x6072))
+        with pytest.raises(ReadbackError, match="0x6072"):
+            made.port.write_limits(LIMITS)
+
+
+def test_sdo_aborts_and_time_outs_are_errors_of_the_driver() -> None:
+    for fault in (SdoAborted(0, DRIVE_NODE, 0x6060), SdoSilent(0, DRIVE_NODE)):
+        with wire_rig() as made:
+            made.bench.inject(fault)
+            with pytest.raises(DriverError):
+                turn(made.port, 300.0, 10)
+
+
+def test_a_clock_that_jumps() -> None:
+    with wire_rig(faults=(ClockJump(AT, stamp_offset_ns=5_000_000_000, cycles=5),)) as made:
+        steps = np.diff(ridden(made).time_ns)
+    assert abs(int(steps[AT - 1]) - 5_001_000_000) < 1_000_000
+    assert (steps > 0).all()
+
+
+@pytest.mark.parametrize("name", DRILLS)
+def test_every_drill_ends(name: str) -> None:
+    """Whatever goes wrong: blocks and errors of the driver, never another exception, never a hang."""
+    with wire_rig() as made:
+        ridden(made, 20)
+        made.bench.inject(DRILLS[name](AT))
+        with contextlib.suppress(DriverError):
+            made.port.write_limits(LIMITS)
+            for mode, cycles in ((Mode.SPEED, 25), (Mode.QUICK_STOP, 15), (Mode.OFF, 15)):
+                target = np.full(cycles, 300.0 * RPM) if mode is Mode.SPEED else np.empty(0)
+                made.port.exchange(Command(mode, target), cycles, Guard(stale_cycles=5))
+        assert made.bench.cycle >= 20
+
+
+def test_bus_lost_and_hub_gone_are_told() -> None:
+    for name in ("bus off", "bus lost", "hub gone"):
+        with wire_rig(faults=(DRILLS[name](AT),)) as made:
+            assert len(turn(made.port, 300.0, 100)) in (AT - 1, AT, AT + 1)
+            with pytest.raises(BusLostError):
+                turn(made.port, 300.0, 100)
+            assert made.bench.cycle <= AT + 1
