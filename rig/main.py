@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from rig import exits
-from rig.commands import analysis, files, modelling, reporting, running
+from rig.commands import analysis, drilling, files, modelling, reporting, running
 
 app = typer.Typer(
     name="rig",
@@ -28,6 +28,7 @@ app = typer.Typer(
 PANELS = {
     "At the rig": (running.plan, running.run, reporting.demo),
     "Fit and compare": (analysis.fit, analysis.compare, reporting.report, modelling.model),
+    "Safety": (drilling.drill, drilling.acknowledge),
     "Run files": (files.runs, files.show, files.import_, files.export, files.recover, files.verify),
 }
 """The commands in the order and under the headings of `rig --help`."""

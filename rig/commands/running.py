@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from experiments.parameters import ParameterField
     from experiments.steps import Prompt
     from model.gear import HarmonicDrive
@@ -76,8 +78,8 @@ def plan(
         motor,
         Path(),
         values,
-        mounting=mounting,
-        sample_rate=sample_rate,  # type: ignore[arg-type]
+        mounting=mounting,  # type: ignore[arg-type]
+        sample_rate=sample_rate,
     )
     planned = plan_request(request)
     if json:
@@ -103,6 +105,12 @@ def run(
     sample_rate: SampleRate = 1000.0,
     block: Annotated[int, typer.Option(min=1, max=100_000, help="Cycles per exchange; changes no count.")] = 1000,
     json: Json = False,
+    events: Annotated[
+        bool, typer.Option("--events", help="Tell events and progress as JSON lines on standard output, the report last.")
+    ] = False,
+    stdin_control: Annotated[
+        bool, typer.Option("--stdin-control", help="Take STOP, ABORT and notes as lines on standard input; its end is a STOP.")
+    ] = False,
     show_help: Help = False,
 ) -> None:
     """Execute a protocol on a rig and keep it as one run file.
@@ -121,10 +129,15 @@ def run(
         gear_serial, operator, seed, sample_rate, block,
     )  # fmt: skip
     planned = plan_request(request)
-    report = _run_with_signals(request, planned, quiet=json)
     from rig.exits import code_of_outcome
 
-    if json:
+    if events or stdin_control:
+        report = _run_for_a_program(request, planned, events, stdin_control)
+    else:
+        report = _run_with_signals(request, planned, quiet=json)
+    if events:
+        pass
+    elif json:
         from rig.results import json_text
 
         typer.echo(json_text(report.as_json()))
@@ -216,6 +229,31 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
     title = f"{request.protocol} {request.gear_serial}"
     with _signals(stop), progress_line(title, planned.nominal, quiet) as (on_progress, on_event):
         return run_request(request, planned, stop=stop, ask=_ask, on_progress=on_progress, on_event=on_event)
+
+
+def _run_for_a_program(request: RunRequest, planned: PlannedRun, events: bool, stdin_control: bool) -> RunReport:
+    """A run whose operator is another program: words on standard input, lines of JSON on standard output."""
+    from drivers.clock import WallClock
+    from rig.run.remote import RemoteOperator, lines_of
+    from rig.run.start import run_request
+    from rig.run.stop import StopRequest
+
+    def write(line: str) -> None:
+        if events:
+            sys.stdout.write(line + "\n")
+            sys.stdout.flush()
+
+    stop = StopRequest()
+    remote = RemoteOperator(stop, write, WallClock())
+    if stdin_control:
+        remote.listen_in_background(lines_of(sys.stdin.fileno()))
+    with _signals(stop):
+        report = run_request(
+            request, planned, stop=stop, ask=remote.ask if stdin_control else _ask, on_progress=remote.on_progress,
+            on_event=remote.on_event,
+        )  # fmt: skip
+    remote.report(report)
+    return report
 
 
 @contextmanager
@@ -320,6 +358,27 @@ def _print_plan(planned: PlannedRun) -> None:
     console.print(table)
 
 
+def _print_alarm(console: Console, problem: str) -> None:
+    """A failed make-safe: the loudest thing on the screen, with the terminal's bell."""
+    from rich.panel import Panel
+
+    text = f"STANDSTILL WAS NOT VERIFIED\n\nPRESS THE EMERGENCY STOP. DO NOT TOUCH THE RIG.\n\n{problem}"
+    console.print(Panel(text, style="bold white on red", padding=(2, 6), expand=True), markup=False)
+    console.bell()
+
+
+def _print_margins(console: Console, report: RunReport) -> None:
+    """How near the run came to each limit, the nearest first."""
+    from rich.table import Table
+
+    table = Table("limit on", "peak", "limit", "margin", title="Margins of this run", title_justify="left", box=None)
+    for name, found in sorted(report.margins.items(), key=lambda item: item[1]["margin"]):
+        style = "red" if found["margin"] < 0.0 else "yellow" if found["margin"] < 0.1 else None
+        share = f"{100.0 * found['margin']:.0f} %"
+        table.add_row(name.replace("_", " "), f"{found['peak']:.4g}", f"{found['limit']:.4g}", share, style=style)
+    console.print(table)
+
+
 def _print_report(report: RunReport) -> None:
     from rich.console import Console
 
@@ -328,11 +387,15 @@ def _print_report(report: RunReport) -> None:
     console.print(f"{report.outcome}  {report.run_id}", style=styles.get(report.outcome, "red"), markup=False)
     console.print(f"{report.path}", markup=False, soft_wrap=True)
     if report.make_safe is not None and not report.safe:
-        console.print("\nSTANDSTILL WAS NOT VERIFIED. PRESS THE EMERGENCY STOP.\n", style="bold white on red")
+        _print_alarm(console, report.make_safe.problem)
     elif report.make_safe is not None:
         seen = ", ".join(report.make_safe.verified_by)
         console.print(f"made safe ({report.make_safe.action.value}), standstill verified by {seen}", soft_wrap=True)
     if report.message:
         console.print(report.message, markup=False, soft_wrap=True)
+    if report.margins:
+        _print_margins(console, report)
+    if report.trip is not None:
+        console.print(f"The trip is latched: rig acknowledge --operator NAME --output {report.path.parent}", soft_wrap=True)
     for warning in dict.fromkeys(w for w in report.warnings if w != report.message):
         console.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)

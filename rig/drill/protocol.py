@@ -36,9 +36,9 @@ def plan(parameters: DrillParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
     """Servo off, forward, reverse, standstill with the servo on, a torque that moves nothing, servo off."""
     yield s.ServoOff(0.1, s.SegmentLabel("zero-before"))
     yield s.Ramp(SPEED, ACCELERATION)
-    yield s.HoldTime(0.5, s.SegmentLabel("hold", SPEED, 1))
+    yield s.HoldTime(0.3, s.SegmentLabel("hold", SPEED, 1))
     yield s.Ramp(-SPEED, ACCELERATION, s.SegmentLabel("reversal"))
-    yield s.HoldTime(0.2, s.SegmentLabel("hold", -SPEED, -1))
+    yield s.HoldTime(0.15, s.SegmentLabel("hold", -SPEED, -1))
     yield s.Ramp(0.0, ACCELERATION)
     yield s.HoldTime(0.08, s.SegmentLabel("stand"))
     yield s.TorqueRamp(0.2, 0.02, 0.05, s.SegmentLabel("torque-ramp"))

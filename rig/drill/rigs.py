@@ -15,8 +15,8 @@ from drivers.cia402 import DriveConfig
 from drivers.cia406 import CounterConfig
 from drivers.clock import Clock, VirtualClock
 from drivers.cyclic import CanRig, CanRigConfig
-from drivers.rig_nodes import MotorEncoder
 from drivers.port import Command, DriveLimits, Guard, RigDescription, RigPort
+from drivers.rig_nodes import MotorEncoder
 from drivers.samples import SampleBlock
 from model.gear import HarmonicDrive
 from model.motor import ServoMotor
@@ -113,7 +113,8 @@ class DrilledRig:
         """One exchange; in the one that holds the row, it happens."""
         self.exchanges += 1
         if self.exchanges > LARGEST_EXCHANGES:
-            raise DrillHungError("the run does not end", where="drill", value=self.exchanges, limit=f"{LARGEST_EXCHANGES} exchanges")
+            allowed = f"{LARGEST_EXCHANGES} exchanges"
+            raise DrillHungError("the run does not end", where="drill", value=self.exchanges, limit=allowed)
         happening = self.happening
         if not self.happened and self.rows + cycles > happening.row:
             self.happened = True
@@ -179,7 +180,7 @@ def wire_port(bench: WireBench, motor: ServoMotor) -> RigPort:
         modules=(AnalogModuleConfig(ANALOG_INPUT_NODE, _inputs(motor)),),
         title=bench.title,
     )  # fmt: skip
-    return CanRig(config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated", truth=bench.truth)
+    return CanRig(config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated")
 
 
 def _inputs(motor: ServoMotor) -> tuple[AnalogInputConfig, ...]:

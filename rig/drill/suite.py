@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from drivers.clock import Clock, VirtualClock
 from drivers.drive_state import POWERED_STATES
 from drivers.errors import DriverError
 from drivers.nd287 import Readout, ReadoutConfig
+from drivers.samples import CycleFlag
 from experiments.recording import Event, Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
@@ -24,7 +28,7 @@ from rig.run.dry_run import PlannedRun, plan_run
 from rig.run.judge import judge_by
 from rig.run.make_safe import Patience
 from rig.run.order import RunOrder, RunReport
-from rig.run.session import execute
+from rig.run.session import GIVEN_UP, execute
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run
@@ -33,9 +37,11 @@ from sim_backend.wire.bench import WireBench
 BLOCK_CYCLES = 20
 """Cycles per exchange of a drill: what a rig in real time at 1 kHz would use."""
 AFTERMATH = 1.0
-"""s of rig time that pass after a run on the wire before the truth is looked at: the drive's own reactions need some."""
-PATIENCE = Patience(ramp=0.5, quick_stop=0.5, servo_off=1.0)
+"""s of rig time that pass, where standstill was not verified, before the truth is looked at: the drive stops by itself."""
+PATIENCE = Patience(ramp=0.3, quick_stop=0.3, servo_off=0.6)
 """Less than a real rig is given: the simulated one stops within a few hundredths of a second or not at all."""
+COMPARED = ("input_angle", "output_angle", "torque")
+"""Channels whose counts a harmless fault must leave as they are, or mark."""
 MILLISECOND = 1_000_000
 
 
@@ -80,6 +86,8 @@ class Reference:
 
     rows: dict[str, int]
     outcome: str
+    counts: dict[str, NDArray[np.int64]]
+    """Counts of both encoders and the torque port in every row, by channel."""
 
 
 def chosen(names: Sequence[str], backend: str | None = None) -> list[Drill]:
@@ -118,7 +126,7 @@ def run_drills(
             reference = references[carrier]
             row = max(0, reference.rows[drill.moment] + (offset(drill) if offset is not None else 0))
             folder = root / f"{number:03d}-{_in_path(drill.name)}"
-            yield _Staged(drill, planned, carrier, seed, folder, row, reference.outcome).run()
+            yield _Staged(drill, planned, carrier, seed, folder, row, reference).run()
 
 
 def reference_run(planned: PlannedRun, carrier: str, seed: int, folder: Path) -> Reference:
@@ -129,6 +137,7 @@ def reference_run(planned: PlannedRun, carrier: str, seed: int, folder: Path) ->
     segments = {}
     for segment in recording.segments:
         segments.setdefault(segment.label, segment)
+    counts = {name: recording.stored(name) for name in COMPARED}
     close_recording(recording)
     rows = {label: (segment.start + segment.stop) // 2 for label, segment in segments.items()}
     made_safe = report.rows - (report.make_safe.rows if report.make_safe else 0)
@@ -136,7 +145,7 @@ def reference_run(planned: PlannedRun, carrier: str, seed: int, folder: Path) ->
         "start": 0, "preflight": 100, "switching-on": segments["zero-before"].stop + 5, "ramp": segments["hold"].start - 15,
         "making-safe": made_safe + 5,
     }  # fmt: skip
-    return Reference(rows, report.outcome)
+    return Reference(rows, report.outcome, counts)
 
 
 def _order(planned: PlannedRun, rig: DrilledRig, folder: Path, seed: int, **more: Any) -> RunOrder:
@@ -157,7 +166,7 @@ class _Staged:
     seed: int
     folder: Path
     row: int
-    reference: str
+    reference: Reference
     reacted_ns: int | None = None
 
     def run(self) -> DrillRow:
@@ -189,7 +198,8 @@ class _Staged:
         return self._row(rig, report, safe, readout)
 
     def _row(self, rig: DrilledRig, report: RunReport, safe: bool, readout: str) -> DrillRow:
-        readable, marks = _look_at_file(report, self.row)
+        reference = self.reference.counts if self.drill.is_harmless else {}
+        readable, marks = _look_at_file(report, self.row, reference)
         made_safe, trip = report.make_safe, report.trip
         ended = self.reacted_ns is not None
         onset = rig.happened_ns if rig.happened_ns is not None else self.row * rig.cycle_ns
@@ -200,14 +210,30 @@ class _Staged:
             detected = f"reading refused: {readout}"
         elif ended:
             detected = self._reason(report)
+        elif self.drill.press is not None:
+            detected = "STOP, already making safe"
         else:
             detected = marks.words
-        stages = " -> ".join(made_safe.stages) if made_safe is not None else "none"
-        action = stages if ended else "none needed"
+        action = self._action(report) if ended else "none needed"
+        if made_safe is not None and made_safe.escalated:
+            detected += f"; {', '.join(made_safe.escalated)} not seen to be obeyed"
+        if ended and rig.happening.at_start:
+            cycles = report.rows - (made_safe.rows if made_safe is not None else 0)
+        safe = safe and not marks.wrong
         return DrillRow(
             self.drill.name, detected, max(cycles, 0), action, safe, report.outcome, readable, report.safe, self.carrier,
             self._expected(), report.message,
         )  # fmt: skip
+
+    def _action(self, report: RunReport) -> str:
+        """The stages that were taken, and who really stopped the motor when nobody could hear them."""
+        if report.make_safe is None:
+            return "none"
+        stages = " -> ".join(report.make_safe.stages)
+        if report.safe:
+            return stages
+        unheard = report.make_safe.problem == GIVEN_UP
+        return f"{stages}: not heard, the drive by itself" if unheard else f"{stages}: not verified"
 
     def _reason(self, report: RunReport) -> str:
         """What ended a run that did not trip: the operator's word, a refusal before arming, the recorder."""
@@ -220,7 +246,7 @@ class _Staged:
     def _expected(self) -> str:
         drill = self.drill
         if drill.is_harmless or (drill.press is not None and drill.moment == "making-safe"):
-            return self.reference
+            return self.reference.outcome
         if drill.press is not None:
             return "ABORTED"
         if drill.recording in ("disk full", "writer stalled") or drill.moment == "start":
@@ -229,7 +255,8 @@ class _Staged:
 
     def _read_out(self, rig: DrilledRig) -> str:
         """Read the readout on the faulty line, as before a run: what the driver says instead of an angle."""
-        assert rig.bench is not None and self.drill.fault is not None
+        assert rig.bench is not None
+        assert self.drill.fault is not None
         rig.bench.inject(self.drill.fault(rig.bench.cycle))
         reader = Readout(rig.bench.serial(), rig.clock, ReadoutConfig("simulated readout"))
         try:
@@ -249,7 +276,8 @@ class _Staged:
         """The truth: whether the motor stands without power once the drive has had time for its own reactions."""
         if rig.bench is None:
             return report.safe
-        let_time_pass(rig.bench, rig.clock, AFTERMATH)
+        if not report.safe:
+            let_time_pass(rig.bench, rig.clock, AFTERMATH)
         return self._truth(rig.bench)
 
     def _truth(self, bench: WireBench | None) -> bool:
@@ -268,11 +296,14 @@ def let_time_pass(bench: WireBench, clock: Clock, seconds: float) -> None:
 
 @dataclass(frozen=True)
 class _Marks:
+    """What the cycles of a file are marked with, how long after the onset the first is, and how many are wrong unmarked."""
+
     words: str
     after: int
+    wrong: int = 0
 
 
-def _look_at_file(report: RunReport, row: int) -> tuple[bool, _Marks]:
+def _look_at_file(report: RunReport, row: int, reference: Mapping[str, NDArray[np.int64]]) -> tuple[bool, _Marks]:
     """Whether the file of a run can be read and has the rows that it must, and what its cycles are marked with."""
     path = report.path
     try:
@@ -284,20 +315,28 @@ def _look_at_file(report: RunReport, row: int) -> tuple[bool, _Marks]:
     try:
         whole = recording.rows == report.rows if report.readable else 0 < recording.rows <= report.rows
         fits = recording.metadata.outcome in (report.outcome, "INTERRUPTED")
-        return whole and fits and len(recording.si("input_angle")) == recording.rows, _marks(recording, row)
+        return whole and fits and len(recording.si("input_angle")) == recording.rows, _marks(recording, row, reference)
     finally:
         close_recording(recording)
 
 
-def _marks(recording: Recording, row: int) -> _Marks:
-    from drivers.samples import CycleFlag
-
+def _marks(recording: Recording, row: int, reference: Mapping[str, NDArray[np.int64]]) -> _Marks:
     flags = recording.flags()
-    found = [(flag, int((flags & flag != 0).sum())) for flag in CycleFlag if flag and flag is not CycleFlag.HOST_TIME]
-    words = ", ".join(f"{count} cycles marked {flag.name}" for flag, count in found if count and flag.name)
-    marked = [index for index, flag in enumerate(flags.tolist()) if flag]
-    counts = "nothing wrong with the counts"
-    return _Marks(words or counts, max(marked[0] - row, 0) if marked else 0)
+    counted = [(flag, int(np.count_nonzero(flags & flag))) for flag in CycleFlag if flag]
+    marked = np.flatnonzero(flags)
+    wrong = 0
+    if reference:
+        rows = min(len(flags), *(len(counts) for counts in reference.values()))
+        differs = np.zeros(rows, dtype=bool)
+        for name, counts in reference.items():
+            found, origin = recording.stored(name)[:rows], name.endswith("angle")
+            # A counter may begin elsewhere; how far it has turned is what counts.
+            differs |= found - origin * found[0] != counts[:rows] - origin * counts[0]
+        wrong = int(np.count_nonzero(differs & (flags[:rows] == 0)))
+    words = ", ".join(f"{count} x {flag.name}" for flag, count in counted if count and flag.name)
+    text = f"marked {words}" if words else "nothing to detect: counts are right"
+    text = f"{wrong} WRONG COUNTS NOT MARKED; {text}" if wrong else text
+    return _Marks(text, max(int(marked[0]) - row, 0) if len(marked) else 0, wrong)
 
 
 def _in_path(name: str) -> str:
@@ -306,8 +345,6 @@ def _in_path(name: str) -> str:
 
 def random_drills(number: int, seed: int, backend: str | None = None) -> list[Drill]:
     """So many drills drawn at random; `random_offset` of the same seed moves them in time."""
-    import numpy as np
-
     candidates = chosen((), backend)
     picks = np.random.default_rng([seed, 1]).integers(0, len(candidates), number)
     return [replace(candidates[i]) for i in picks.tolist()]
@@ -315,8 +352,6 @@ def random_drills(number: int, seed: int, backend: str | None = None) -> list[Dr
 
 def random_offset(seed: int) -> Callable[[Drill], int]:
     """Moves the faults of random drills by up to 60 cycles; presses and faults from the start stay where they are."""
-    import numpy as np
-
     generator = np.random.default_rng([seed, 2])
 
     def offset(drill: Drill) -> int:

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any, Protocol, runtime_checkable
+
+from drivers.errors import DriverError
+from drivers.port import RigPort
+from rig.run.logbook import Logbook
 
 
 class DeviceEvent(Protocol):
@@ -50,3 +55,31 @@ class StopsAlone(Protocol):
     def quick_stop_frames(self) -> list[tuple[int, bytes]]:
         """(COB-ID, data) of the frames."""
         ...
+
+
+class DeviceListener:
+    """Brings what the devices of a port tell into the logbook of a run. `told` is the latest error in a device's own words."""
+
+    def __init__(self, port: RigPort, logbook: Logbook) -> None:
+        self.told = ""
+        self._port, self._logbook = port, logbook
+
+    def keep_events(self) -> None:
+        """What happened since the last time: emergencies, losses, transitions."""
+        if isinstance(self._port, TellsEvents):
+            for event in self._port.events():
+                if event.level == "error":
+                    self.told = f"{event.source}: {event.text}"
+                self._logbook.event(event.level, event.code, event.source, event.text, event.time_ns)
+
+    def keep_acquisition(self) -> dict[str, float]:
+        """How well the rig kept time, where it says so: an event for the file; returned as metrics for the report."""
+        if not isinstance(self._port, TellsAcquisition):
+            return {}
+        try:
+            told = asdict(self._port.acquisition())
+        except DriverError as error:
+            self._logbook.event("warning", "acquisition", "port", str(error))
+            return {}
+        self._logbook.event("info", "acquisition", "port", ", ".join(f"{name} {value:.6g}" for name, value in told.items()))
+        return {f"acquisition_{name}": float(value) for name, value in told.items()}

@@ -48,8 +48,8 @@ class TripLatch:
         except (OSError, ValueError):
             return LatchedTrip("unknown", "unknown", "", f"{self.path} cannot be read", False)
         fields = found if isinstance(found, dict) else {}
-        texts = (str(fields.get(name, "unknown")) for name in ("cause", "run", "time", "message"))
-        return LatchedTrip(*texts, bool(fields.get("standstill_verified", False)))
+        cause, run, time, message = (str(fields.get(name, "unknown")) for name in ("cause", "run", "time", "message"))
+        return LatchedTrip(cause, run, time, message, bool(fields.get("standstill_verified", False)))
 
     def refuse(self) -> None:
         """Raise `LatchedTripError` while a trip is latched."""

@@ -70,12 +70,15 @@ class MakeSafeReport:
     safe: bool = False
     rows: int = 0
     problem: str = ""
+    escalated: list[str] = field(default_factory=list)
+    """The stages that were not seen to be obeyed."""
 
     def as_json(self) -> dict[str, object]:
         """The report as the run file and `--json` keep it."""
         return {
             "action": self.action.value, "stages": list(self.stages), "safe": self.safe,
             "verified_by": list(self.verified_by), "rows": self.rows, "problem": self.problem,
+            "escalated": list(self.escalated),
         }  # fmt: skip
 
 
@@ -123,7 +126,8 @@ class MakeSafe:
             if self._problem() is None:
                 return self._finish(True)
             if stages:
-                text = f"{stage.value} was not obeyed ({self._problem()}): going on with {stages[0].value}"
+                self.report.escalated.append(stage.value)
+                text = f"{stage.value} was not seen to be obeyed ({self._problem()}): going on with {stages[0].value}"
                 self._journal.event("error", "make-safe-escalated", "make-safe", text)
         self._finish(False, self._problem() or "")
 

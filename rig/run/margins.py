@@ -77,9 +77,10 @@ class MarginWatch:
     def _speed(
         self, name: str, window: float, tail: NDArray[np.int64], block: SampleBlock
     ) -> tuple[NDArray[np.int64], float | None]:
-        """Counts to carry on, and the largest speed over the window [rad/s]."""
+        """Counts to carry on, and the largest speed over the window [rad/s]; what was not received moves nothing."""
         lag = max(1, round(window / self.period))
-        angle = np.concatenate([tail, block.counts[:, self.column[name]]])
+        counts, lost = block.counts[:, self.column[name]], np.flatnonzero(block.flags & 1)
+        angle = counts[lost[-1] + 1 :] if len(lost) else np.concatenate([tail, counts])
         if len(angle) <= lag:
             return angle, None
         step = float(np.abs(angle[lag:] - angle[:-lag]).max())

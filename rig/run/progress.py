@@ -33,9 +33,11 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
     columns = (
         TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[left]} left"),
         TextColumn("{task.fields[speed]:>8.1f} r/min"), TextColumn("step {task.fields[step]}: {task.fields[what]}"),
+        TextColumn("margin {task.fields[margin]}"),
     )  # fmt: skip
     with Bar(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(title, total=duration, left=in_words(duration), speed=0.0, step="", what="preflight")
+        task = bar.add_task(title, total=duration, left=in_words(duration), speed=0.0, step="", what="preflight",
+                            margin="-")
         last = [-REDRAW_INTERVAL]
 
         def on_progress(now: Progress) -> None:
@@ -46,6 +48,7 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
             bar.update(
                 task, completed=now.elapsed, total=now.elapsed + now.left, left=in_words(now.left), speed=now.speed / RPM,
                 step=f"{now.step}/{now.steps}", what=now.what,
+                margin=f"{100.0 * now.margin:.0f} % {now.nearest.replace('_', ' ')}",
             )  # fmt: skip
 
         def on_event(event: Event) -> None:

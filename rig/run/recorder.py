@@ -90,8 +90,8 @@ class InlineRecorder:
 class ThreadedRecorder:
     """The recorder of a rig in real time: `put` copies into a ring, a writer thread drains it.
 
-    `sample_rate` [Hz] sizes the ring (`ring_seconds` of rows, at least `smallest_ring`). An error of the writer is raised by the next
-    call of any method.
+    `sample_rate` [Hz] sizes the ring (`ring_seconds` of rows, at least `smallest_ring`). An error of the writer is raised by
+    the next call of any method.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class ThreadedRecorder:
         self._taken = self._drained = self._high_water = 0
         self._notes: list[Segment | Event] = []
         self._error: RigError | None = None
-        self._closing = False
+        self._closing = self._flush_wanted = False
         self._condition = threading.Condition()
         self._beat = _Beat(writer, wall_clock or WallClock(), 0.0)
         self._thread = threading.Thread(target=self._write_until_closed, name="recorder", daemon=True)
@@ -140,18 +140,27 @@ class ThreadedRecorder:
                     remedy="Lower the sample rate or record to a faster disk; the rows before this are kept.",
                 )  # fmt: skip
                 self._writer.count_dropped(rows)
-                self._condition.notify()
+                self._condition.notify_all()
                 raise self._error
             self._copy(block, rows)
             self._taken += rows
             self._high_water = max(self._high_water, waiting + rows)
-            self._condition.notify()
+            self._condition.notify_all()
 
     def segment(self, segment: Segment) -> None:
         self._note(segment)
 
     def event(self, event: Event) -> None:
         self._note(event)
+
+    def flush(self) -> None:
+        """Wait until everything so far is in the file, for a reader of the run that is over but not sealed."""
+        with self._condition:
+            self._raise_error()
+            self._flush_wanted = True
+            self._condition.notify_all()
+            self._condition.wait_for(lambda: not self._flush_wanted or self._error is not None, CLOSE_TIMEOUT_S)
+            self._raise_error()
 
     def close(self, outcome: str, end_time: str = "") -> Path:
         self._stop()
@@ -171,7 +180,7 @@ class ThreadedRecorder:
     def _stop(self) -> None:
         with self._condition:
             self._closing = True
-            self._condition.notify()
+            self._condition.notify_all()
         self._thread.join(CLOSE_TIMEOUT_S)
         if self._thread.is_alive():
             with self._condition:
@@ -203,12 +212,14 @@ class ThreadedRecorder:
         except RigError as error:
             with self._condition:
                 self._error = self._error or error
+                self._condition.notify_all()
 
     def _drain(self) -> bool:
         """Write what waits; False when the recorder is closing and nothing waits any more."""
         with self._condition:
-            if not self._closing:
+            if not (self._closing or self._flush_wanted):
                 self._condition.wait(self._drain_interval)
+            flush_wanted = self._flush_wanted
             first, last = self._drained, self._taken
             notes, self._notes = self._notes, []
             closing = self._closing
@@ -229,6 +240,11 @@ class ThreadedRecorder:
             else:
                 self._writer.event(note)
         self._beat.flush_when_due()
+        if flush_wanted:
+            self._writer.flush()
+            with self._condition:
+                self._flush_wanted = False
+                self._condition.notify_all()
         return not closing
 
     def _unbroken(self, at: int, count: int) -> int:

@@ -17,7 +17,6 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable
-from dataclasses import asdict
 from datetime import UTC, datetime
 
 import numpy as np
@@ -32,8 +31,8 @@ from model.errors import ModelError
 from rig import limits as lim
 from rig.errors import LimitError, RigError
 from rig.run.bounds import Geometry
+from rig.run.devices import DeviceListener
 from rig.run.dry_run import PlannedRun
-from rig.run.devices import TellsAcquisition, TellsEvents
 from rig.run.engine import Ask, Engine, StepFailedError, describe
 from rig.run.latch import LatchedTrip
 from rig.run.logbook import Logbook, iso_time
@@ -59,6 +58,7 @@ STOP_SHARE = 0.25
 """Share of the allowed deceleration that a controlled stop uses."""
 SPACE_CHECK_CYCLES = 1000
 """Cycles between two looks at the free space of the disk."""
+GIVEN_UP = "the rig does not answer any more"
 EXCHANGE_ATTEMPTS = 3
 """Exchanges in a row without an answer after which the run trips, and again as many until making safe is given up."""
 
@@ -124,7 +124,8 @@ class Session:
         )
         self._engine = Engine(planned.plan, self._machine, logbook, ask, order.block_cycles)
         self._make_safe: MakeSafe | None = None
-        self._outcome = self._message = self._told = ""
+        self._outcome = self._message = ""
+        self._devices = DeviceListener(port, logbook)
         self._silent = 0
         self._step_index, self._step_rows = -1, 0
         self._space_rows = 0
@@ -141,6 +142,9 @@ class Session:
             self._emergency()
             self._report({})
             raise
+        finally:
+            if self._order.watchdog is not None:
+                self._order.watchdog.rest()
         metrics = self._judged(judge) if not self._outcome else {}
         return self._report(metrics)
 
@@ -182,10 +186,12 @@ class Session:
             if block is not None:
                 self._keep(block, turn)
                 self._supervisor.review(block, turn)
-                self._supervisor.explain(self._told)
+                self._supervisor.explain(self._devices.told)
                 for code, text in self._supervisor.state.notes:
                     self._logbook.event("warning", code, "supervisor", text)
             self._watch_space()
+            for note in self._stop.take_notes():
+                self._logbook.event("info", "note", "operator", note)
             turn = self._advance(block)
             self._tell_progress()
 
@@ -208,26 +214,21 @@ class Session:
         """Record first, then take notice."""
         self._logbook.put(block)
         self._machine.accept(block, turn)
-        self._keep_port_events()
-
-    def _keep_port_events(self) -> None:
-        """What the devices told since the last time: emergencies, losses, transitions."""
-        if isinstance(self._port, TellsEvents):
-            for event in self._port.events():
-                if event.level == "error":
-                    self._told = f"{event.source}: {event.text}"
-                self._logbook.event(event.level, event.code, event.source, event.text, event.time_ns)
+        self._devices.keep_events()
 
     def _exchange(self, turn: Turn) -> SampleBlock | None:
         """One exchange; None when the rig did not answer (which latches a trip)."""
         row = self._machine.rows
+        if self._order.watchdog is not None and turn.command.mode is not self._machine.mode:
+            # The drive is switched on or over by SDO within this exchange, which may take its time at standstill.
+            self._order.watchdog.rest()
         try:
             block = self._port.exchange(turn.command, turn.cycles, self._supervisor.guard(turn))
         except DriverError as error:
             stale = isinstance(error, StaleDataError)
             cause = STALE_DATA if stale else BUS_LOST if isinstance(error, BusLostError) else DEVICE_ERROR
             self._silent += 1
-            self._keep_port_events()
+            self._devices.keep_events()
             if self._silent == 1:
                 self._logbook.event("error", cause, "port", str(error))
             self._supervisor.latch(Trip(cause, row, math.nan, math.nan, detail=str(error)))
@@ -245,7 +246,7 @@ class Session:
         if self._change_leader():
             block = None
         if self._make_safe is not None and self._silent >= 2 * EXCHANGE_ATTEMPTS:
-            self._make_safe.give_up("the rig does not answer any more")
+            self._make_safe.give_up(GIVEN_UP)
             return None
         if self._make_safe is None:
             try:
@@ -318,7 +319,7 @@ class Session:
                 turn = make_safe.next(block)
             if turn is None:
                 return
-        make_safe.give_up("the rig does not answer any more")
+        make_safe.give_up(GIVEN_UP)
 
     def _tell_progress(self) -> None:
         if self._on_progress is None:
@@ -372,7 +373,7 @@ class Session:
             numbers = f"peak {margin['peak']:.4g}, limit {margin['limit']:.4g}, margin {100 * margin['margin']:.0f} %"
             logbook.event("info", "margin", "supervisor", f"{name}: {numbers}")
         metrics["missed_share"] = supervisor.state.missed_share
-        metrics.update(self._acquisition())
+        metrics.update(self._devices.keep_acquisition())
         if trip is not None:
             self._latch_trip(trip)
         path, readable = logbook.close(self._outcome)
@@ -384,20 +385,6 @@ class Session:
             logbook.warnings, metrics, margins, readable,
         )  # fmt: skip
 
-
-    def _acquisition(self) -> dict[str, float]:
-        """How well the rig kept time, where it says so: an event for the file, metrics for the report."""
-        if not isinstance(self._port, TellsAcquisition):
-            return {}
-        try:
-            told = asdict(self._port.acquisition())
-        except DriverError as error:
-            self._logbook.event("warning", "acquisition", "port", str(error))
-            return {}
-        metrics = {f"acquisition_{name}": float(value) for name, value in told.items()}
-        text = ", ".join(f"{name} {value:.6g}" for name, value in told.items())
-        self._logbook.event("info", "acquisition", "port", text)
-        return metrics
 
     def _latch_trip(self, trip: Trip) -> None:
         """Latch the first cause until it is acknowledged by name."""

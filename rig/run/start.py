@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from drivers.clock import WallClock
 from experiments import catalogue
 from experiments.parameters import make_parameters, parameter_fields
 from experiments.recording import Event
@@ -15,13 +16,17 @@ from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
 from rig.backends import Bench, BenchRequest, make_port
 from rig.errors import ConfigurationError
+from rig.run.devices import StopsAlone
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run
 from rig.run.engine import Ask
 from rig.run.judge import judge_by
-from rig.run.opening import begin_inline_run
+from rig.run.latch import TripLatch
+from rig.run.opening import begin_inline_run, begin_threaded_run
 from rig.run.order import Progress, RunOrder, RunReport
+from rig.run.realtime import block_cycles, execute_in_real_time, watchdog_deadline
 from rig.run.session import execute
 from rig.run.stop import StopRequest
+from rig.run.watchdog import Watchdog
 
 MOUNTINGS: tuple[Mounting, ...] = ("circular-spline-fixed", "flexspline-fixed")
 
@@ -92,7 +97,11 @@ def run_request(
 ) -> RunReport:
     """Plan (unless `planned` is given), open the rig, run, make safe, judge, seal. Raises only before anything moves."""
     planned = planned or plan_request(request)
+    latch = TripLatch(request.output)
+    # Before anything is connected: a rig that tripped is left alone until somebody has looked.
+    latch.refuse()
     bench = bench_for(request, planned)
+    cycles = block_cycles(request.sample_rate, request.block_cycles) if bench.real_time else request.block_cycles
     order = RunOrder(
         planned=planned,
         port=bench.port,
@@ -102,9 +111,31 @@ def run_request(
         operator=request.operator,
         gear_serial=request.gear_serial,
         seed=request.seed,
-        block_cycles=request.block_cycles,
+        block_cycles=cycles,
         conditions=dict(request.conditions),
         free_space=lambda: shutil.disk_usage(request.output).free,
+        latch=latch,
+        watchdog=watchdog_of(bench, cycles) if bench.real_time else None,
     )
     judge = judge_by(planned) if judged else None
-    return execute(order, begin_inline_run, stop=stop, ask=ask, judge=judge, on_progress=on_progress, on_event=on_event)
+    run, begin = (execute_in_real_time, begin_threaded_run) if bench.real_time else (execute, begin_inline_run)
+    return run(order, begin, stop=stop, ask=ask, judge=judge, on_progress=on_progress, on_event=on_event)
+
+
+def watchdog_of(bench: Bench, cycles: int) -> Watchdog | None:
+    """The watchdog of a rig in real time that can be stopped over a bus handle of its own; None where it cannot.
+
+    `Bench.second_bus` opens that handle, where a rig has one; the port tells the frames.
+    """
+    open_bus: Callable[[], Any] | None = getattr(bench, "second_bus", None)
+    if open_bus is None or not isinstance(bench.port, StopsAlone):
+        return None
+    port, bus = bench.port, open_bus()
+
+    def quick_stop() -> None:
+        import can
+
+        for cob_id, data in port.quick_stop_frames():
+            bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+
+    return Watchdog(WallClock(), watchdog_deadline(cycles, 1e9 / bench.port.cycle_ns), quick_stop, close=bus.shutdown)

@@ -5,12 +5,15 @@ The object is handed in, so that a signal handler, a window or a test can press 
 
 from __future__ import annotations
 
+from collections import deque
+
 
 class StopRequest:
-    """What the operator has asked for so far: 0 nothing, 1 STOP, 2 ABORT. It only ever rises."""
+    """What the operator has asked for so far: 0 nothing, 1 STOP, 2 ABORT; it only ever rises. And notes for the run file."""
 
     def __init__(self) -> None:
         self._level = 0
+        self._notes: deque[str] = deque()
 
     @property
     def level(self) -> int:
@@ -31,3 +34,14 @@ class StopRequest:
             self.abort()
         else:
             self.stop()
+
+    def note(self, text: str) -> None:
+        """Write something into the run."""
+        self._notes.append(text)
+
+    def take_notes(self) -> list[str]:
+        """The notes since the last call."""
+        taken = []
+        while self._notes:
+            taken.append(self._notes.popleft())
+        return taken

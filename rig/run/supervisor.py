@@ -33,6 +33,7 @@ from rig.limits import Limits
 from rig.run.bounds import BoundMaker, Geometry, Watch
 from rig.run.margins import DIFFERENCE, FOLLOWING, MISSED, MarginWatch, Peaks
 from rig.run.phases import Turn
+from rig.run.torque_review import TorqueReview, TorqueState
 from rig.run.trips import (
     COUNT_JUMP,
     DEVICE_CAUSES,
@@ -44,10 +45,8 @@ from rig.run.trips import (
     OVER_SPEED_OUTPUT,
     OVER_TEMPERATURE,
     OVER_TORQUE,
-    OVERLOAD,
     SIGNAL_ERROR,
     TIME_BASE,
-    TORQUE_DISAGREEMENT,
     TORQUE_PORT,
     TORSION_TORQUE,
     TRAVEL,
@@ -72,14 +71,11 @@ class WatchState:
     tail_angle: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     tail_target: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     following_run: int = 0
+    following_longest: int = 0
     flag_runs: tuple[int, int, int] = (0, 0, 0)
     has_stamps: bool = False
     """Whether some cycle so far carried a stamp of the hardware or the device."""
-    heat: float = 0.0
-    torque_rows: int = 0
-    torque_sums: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
-    torque_share: float = 0.0
-    torque_windows: int = 0
+    torque: TorqueState = field(default_factory=TorqueState)
     notes: tuple[tuple[str, str], ...] = ()
     """What the latest review found worth an event: code and text."""
     peaks: Peaks = field(default_factory=Peaks)
@@ -115,6 +111,7 @@ class Supervisor:
         self._always: tuple[Bound, ...] = ()
         self._enabled: tuple[Bound, ...] = ()
         self._margins = self._margin_watch(())
+        self._torque_review = TorqueReview(self.watch, limits.value(lim.RMS_TORQUE), self._period)
 
     def begin(self, reference: NDArray[np.int64], rows: int = 0) -> None:
         """Take the position at standstill with the servo off (counts of all channels) as untwisted, and set up the guard."""
@@ -179,11 +176,11 @@ class Supervisor:
         """How far the review's own quantities have come."""
         length = max(1, round(self.watch.missed_window / self._period))
         found = {
-            FOLLOWING: state.following_run * self._period, MISSED: state.window_missed / max(state.window_rows, length),
-            DIFFERENCE: state.torque_share,
+            FOLLOWING: state.following_longest * self._period, MISSED: state.window_missed / max(state.window_rows, length),
+            DIFFERENCE: state.torque.share,
         }  # fmt: skip
-        if state.heat:
-            found[lim.RMS_TORQUE] = math.sqrt(state.heat) * self.limits.value(lim.RMS_TORQUE)
+        if state.torque.hottest:
+            found[lim.RMS_TORQUE] = math.sqrt(state.torque.hottest) * self.limits.value(lim.RMS_TORQUE)
         return found
 
     def _si(self, block: SampleBlock, name: str) -> NDArray[np.float64]:
@@ -268,7 +265,7 @@ class Supervisor:
             (CycleFlag.HOST_TIME if state.has_stamps else 0, state.flag_runs[2], TIME_BASE, self.watch.host_time_cycles),
         ):
             raised = (block.flags & flag) != 0
-            at, run = _first_run(raised, before, allowed)
+            at, run, _ = _first_run(raised, before, allowed)
             runs.append(run)
             if at is not None:
                 trips.append(Trip(cause, start + at, float(allowed), float(allowed), "cycles in a row"))
@@ -299,14 +296,15 @@ class Supervisor:
         error = np.abs(measured - wanted)
         new = min(len(block), len(error))
         patience = max(1, round(self._following_patience / self._period))
-        at, run = _first_run(error[-new:] > allowed[-new:], state.following_run, patience)
+        at, run, longest = _first_run(error[-new:] > allowed[-new:], state.following_run, patience)
         trips = []
         if at is not None:
             index = len(error) - new + at
             row = start + len(block) - new + at
             detail = f"set-point {wanted[index] / RPM:.4g} r/min, speed {measured[index] / RPM:.4g} r/min"
             trips.append(Trip(FOLLOWING_ERROR, row, error[index] / RPM, allowed[index] / RPM, "r/min", detail))
-        return replace(carried, following_run=run), trips
+        longest = max(longest, state.following_longest)
+        return replace(carried, following_run=run, following_longest=longest), trips
 
     @property
     def _following_patience(self) -> float:
@@ -315,47 +313,18 @@ class Supervisor:
         return self.watch.following_time + (2.0 * ramp if math.isfinite(ramp) else 0.0)
 
     def _torques(self, state: WatchState, block: SampleBlock, start: int) -> tuple[WatchState, list[Trip]]:
-        """Heat of the motor (mean square with one time constant), and port against drive over a window."""
+        """Heat of the motor, and port against drive in complete cycles while nothing has tripped."""
         name = TORQUE if TORQUE in self._column else DRIVE_TORQUE
         if name not in self._column:
             return state, []
-        trips = []
         torque = self._si(block, name)
-        rating = self.limits.value(lim.RMS_TORQUE)
-        share = len(block) * self._period / self.watch.thermal_time
-        mean_square = float(np.mean(np.square(torque))) / rating**2
-        heat = state.heat + (mean_square - state.heat) * -math.expm1(-share)
-        if heat > 1.0:
-            trips.append(Trip(OVERLOAD, start + len(block) - 1, math.sqrt(heat) * rating, rating, "N m r.m.s."))
-        state = replace(state, heat=heat)
-        if TORQUE in self._column and DRIVE_TORQUE in self._column:
-            state, found = self._torque_difference(state, torque, self._si(block, DRIVE_TORQUE), start)
-            trips += found
-        return state, trips
-
-    def _torque_difference(
-        self, state: WatchState, port: NDArray[np.float64], drive: NDArray[np.float64], start: int
-    ) -> tuple[WatchState, list[Trip]]:
-        """Port against drive, r.m.s. over a window (an open line hums about zero): first an event, then a trip."""
-        rows = state.torque_rows + len(port)
-        found = (float(np.square(port - drive).sum()), float(np.square(drive).sum()), float(port.sum()), float(drive.sum()))
-        sums = tuple(before + more for before, more in zip(state.torque_sums, found, strict=True))
-        if rows * self._period < self.watch.torque_difference_window:
-            return replace(state, torque_rows=rows, torque_sums=sums), []
-        difference, reference = math.sqrt(sums[0] / rows), math.sqrt(sums[1] / rows)
-        allowed = self.watch.torque_offset + self.watch.torque_difference * reference
-        share = difference / allowed
-        detail = f"port {sums[2] / rows:.4g} N m, drive {sums[3] / rows:.4g} N m on average"
-        run, trips, notes = 0, [], state.notes
-        if share > 1.0:
-            run = state.torque_windows + 1
-            text = f"torque port and drive differ by {difference:.4g} N m r.m.s., allowed {allowed:.4g} N m ({detail})"
-            notes = (*notes, ("torque-disagreement", text))
-            if run >= self.watch.torque_difference_windows:
-                trips = [Trip(TORQUE_DISAGREEMENT, start + len(port) - 1, difference, allowed, "N m r.m.s.", detail)]
-        state = replace(
-            state, torque_rows=0, torque_sums=(0.0, 0.0, 0.0, 0.0), torque_share=share, torque_windows=run, notes=notes
-        )  # fmt: skip
+        heated, trips, _ = self._torque_review.heated(state.torque, torque, start)
+        state = replace(state, torque=heated)
+        if TORQUE in self._column and DRIVE_TORQUE in self._column and state.trip is None:
+            good = (block.flags & CycleFlag.INCOMPLETE) == 0
+            drive = self._si(block, DRIVE_TORQUE)[good]
+            compared, found, notes = self._torque_review.compared(state.torque, torque[good], drive, start)
+            state, trips = replace(state, torque=compared, notes=(*state.notes, *notes)), trips + found
         return state, trips
 
     def margins(self) -> dict[str, dict[str, float]]:
@@ -371,14 +340,14 @@ class Supervisor:
         return name, found[name]["margin"]
 
 
-def _first_run(raised: NDArray[np.bool_], before: int, allowed: int) -> tuple[int | None, int]:
-    """Where a run of `allowed` raised cycles is complete (None: nowhere), and how long the run at the end is."""
+def _first_run(raised: NDArray[np.bool_], before: int, allowed: int) -> tuple[int | None, int, int]:
+    """Where a run of `allowed` raised cycles is complete (None: nowhere), how long the run at the end is, and the longest."""
     if not raised.any():
-        return None, 0
-    clear = np.flatnonzero(~raised)
+        return None, 0, 0
     index = np.arange(len(raised))
     last_clear = np.maximum.accumulate(np.where(raised, -1 - before, index))
     lengths = np.where(raised, index - last_clear, 0)
     reached = np.flatnonzero(lengths >= allowed)
     at = int(reached[0]) if len(reached) else None
-    return at, int(lengths[-1]) if len(clear) or len(raised) else before
+    return at, int(lengths[-1]), int(lengths.max())
+

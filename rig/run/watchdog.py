@@ -19,16 +19,18 @@ class Watchdog:
     """Watches the turns of one run. `deadline` [s] between two turns; `quick_stop` is called at most once.
 
     `check` is the whole of it; `start` only calls it in a thread every `interval` [s]. It begins to watch with the first turn.
+    `close` releases the bus handle.
     """
 
     def __init__(
-        self, clock: Clock, deadline: float, quick_stop: Callable[[], None], interval: float | None = None
-    ) -> None:
+        self, clock: Clock, deadline: float, quick_stop: Callable[[], None], interval: float | None = None,
+        close: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
         self.deadline = deadline
         self.acted = False
         self.problem = ""
         self.longest_pause = 0.0
-        self._clock, self._quick_stop = clock, quick_stop
+        self._clock, self._quick_stop, self._close = clock, quick_stop, close
         self._interval = interval or deadline / 4.0
         self._last: int | None = None
         self._over = threading.Event()
@@ -69,11 +71,12 @@ class Watchdog:
             self._thread.start()
 
     def stop(self) -> None:
-        """End the thread."""
+        """End the thread and release the bus handle."""
         self._over.set()
         if self._thread is not None:
             self._thread.join(10.0 * self._interval + 1.0)
             self._thread = None
+        self._close()
 
     def _watch(self) -> None:
         while not self._over.wait(self._interval):

@@ -96,9 +96,9 @@ def open_run(path: str | Path, *, verify: bool = False, digest: bool = True) -> 
     format version.
     """
     path = Path(path)
-    sha256 = _digest(path, verify=verify) if verify or digest else ""
     source = FileSource(path)
     try:
+        sha256 = _digest(path, verify=verify) if verify or digest else ""
         with refusing_damage(path):
             metadata = read_metadata(source.file, sha256)
             segments, events = _segments(source.file, source.rows), _events(source.file)

@@ -80,7 +80,9 @@ def test_block_length_changes_no_count_and_no_segment(block: int, reference: Lis
     assert report.outcome == "PASS"
     assert np.array_equal(run.counts, reference.counts)
     assert run.segments == reference.segments
-    assert [(e.code, e.text) for e in run.events] == [(e.code, e.text) for e in reference.events]
+    # The free space of the disk is the machine's, not the run's.
+    told, expected = ([(e.code, e.text) for e in r.events if "disk space" not in e.text] for r in (run, reference))
+    assert told == expected
 
 
 def test_segments_follow_the_plan_without_overlap(reference: ListRun) -> None:

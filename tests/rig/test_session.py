@@ -15,7 +15,7 @@ from drivers.port import DriveLimits, Mode
 from experiments.errors import AnalysisError
 from experiments.recording import Event
 from experiments.steps import HoldTime, Ramp, SegmentLabel, Step
-from rig.errors import LimitError, RigError
+from rig.errors import RigError
 from rig.run.engine import CUT
 from rig.run.make_safe import Action
 from rig.run.opening import begin_inline_run
@@ -103,10 +103,12 @@ def test_the_drive_must_hold_what_was_written() -> None:
         return replace(limits, torque=2.23)
 
     rig = FakeRig(limits_read=forget)
-    with pytest.raises(LimitError, match="torque limit reads back differently") as refused:
-        run_short(rig)
-    assert refused.value.value == "2.23"
-    assert rig.exchanged == []
+    run, report = run_short(rig)
+    assert (report.outcome, run.outcome) == ("ERROR", "ERROR")
+    assert "torque limit reads back differently" in report.message
+    assert "value 2.23" in report.message
+    assert {mode for mode, _ in rig.exchanged} == {Mode.OFF}
+    assert report.safe
     assert rig.closed
 
 
