@@ -4,9 +4,10 @@
 0x6071 target torque     0.1 % of rated torque (I16)        0x6072 torque limit         0.1 % of rated torque
                                                             0x6083-5 ramps              1 (r/min)/s per count
 
-One state transition per SYNC cycle, as with one controlword per SYNC: from servo off, torque acts in the third cycle
-after the first set-point. Quick stop ramps down by the drive's own deceleration and then holds ("quick stop active",
-option code 6) until the servo is switched off or enabled again. Limits are rounded down: never above what was asked.
+Enabling takes no cycle: the states up to "operation enabled" are walked between two SYNCs, as a driver does by SDO, so that
+the first set-point acts at its own SYNC. Leaving it is one transition per SYNC, with the controlword of that cycle.
+Quick stop ramps down by the drive's own deceleration and then holds ("quick stop active", option code 6) until the servo is
+switched off or enabled again. Limits are rounded down: never above what was asked.
 """
 
 from __future__ import annotations
@@ -30,12 +31,9 @@ SPEED_COUNT = 1e-3 * RPM
 TORQUE_COUNT_OF_RATED = 1e-3
 """Share of the rated torque per count of target, limit and actual torque."""
 
-_NEXT_TO_ENABLED = {
-    DriveState.SWITCH_ON_DISABLED: DriveState.READY,
-    DriveState.READY: DriveState.SWITCHED_ON,
-    DriveState.SWITCHED_ON: DriveState.ENABLED,
-    DriveState.QUICK_STOP: DriveState.ENABLED,
-}
+_CAN_BE_ENABLED = frozenset(
+    {DriveState.SWITCH_ON_DISABLED, DriveState.READY, DriveState.SWITCHED_ON, DriveState.QUICK_STOP}
+)
 _LOOP_MODE = {Mode.SPEED: closed_loop.SPEED, Mode.TORQUE: closed_loop.TORQUE}
 _FAULTED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION})
 
@@ -89,6 +87,8 @@ class ServoDrive:
 
     def stretches(self, mode: Mode, cycles: int) -> Iterator[Stretch]:
         """Walk the state machine over a block: the statusword latched at each SYNC, then one transition."""
+        if mode in _LOOP_MODE and self.state in _CAN_BE_ENABLED:
+            self.state = DriveState.ENABLED
         done = 0
         while done < cycles:
             latched, self.state = self.state, self._after(mode)
@@ -117,7 +117,7 @@ class ServoDrive:
         if mode is Mode.QUICK_STOP:
             powered = self.state in (DriveState.ENABLED, DriveState.QUICK_STOP)
             return DriveState.QUICK_STOP if powered else DriveState.SWITCH_ON_DISABLED
-        return _NEXT_TO_ENABLED.get(self.state, self.state)
+        return self.state
 
     def _loop_mode(self, mode: Mode) -> int:
         if self.state is DriveState.QUICK_STOP:

@@ -9,6 +9,7 @@ from drivers import channel as names
 from drivers.clock import VirtualClock
 from drivers.drive_state import DriveState, drive_state
 from drivers.errors import BusLostError, DriverError, StaleDataError
+from drivers.port import Command, Guard, Mode
 from drivers.samples import CycleFlag
 from model.units import RPM
 from sim_backend.faults import (
@@ -102,7 +103,7 @@ def test_stall_gives_what_came_before_then_raises_then_goes_on_with_a_stopped_dr
     with pytest.raises(StaleDataError, match="no complete cycle"):
         turn(port, 600.0, 500)
     assert clock.monotonic_ns() - before == 400_000_000
-    after = turn(port, 0.0, 10)
+    after = port.exchange(Command(Mode.QUICK_STOP), 10, Guard())
     assert after.first_cycle == 750
     assert drive_state(int(column(port, after, names.STATUSWORD)[0])) is DriveState.QUICK_STOP
     speed = np.diff(si(port, after, names.INPUT_ANGLE)) / 1e-3

@@ -18,9 +18,7 @@ from sim_backend.wire.bench import FIRST_STAMP_NS
 from tests.sim_backend.rigs import NO_GUARD, rig
 from tests.sim_backend.wire.rigs import turn, wire_rig
 
-# Mode, set-point, cycles. Where the servo is switched on the direct rig needs two cycles before its third acts (one
-# transition per SYNC); the client on the wire walks the same transitions by SDO before the SYNC: `lead` cycles with the
-# servo off stand for them. The rows of the transitions differ in the statusword alone.
+# Mode, set-point, cycles.
 STORY: tuple[tuple[Mode, float, int], ...] = (
     (Mode.OFF, 0.0, 30),
     (Mode.SPEED, 900.0 * RPM, 400),
@@ -40,42 +38,34 @@ def command(mode: Mode, value: float, cycles: int) -> Command:
 
 
 def told(
-    port: RigPort, *, on_wire: bool, block_length: int = 1000, guard: Guard = NO_GUARD
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16], set[int]]:
-    """Counts, stamps, flags of the story, and the cycles in which the state machine is on its way."""
+    port: RigPort, *, block_length: int = 1000, guard: Guard = NO_GUARD
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16]]:
+    """Counts, stamps and flags of the story."""
     port.write_limits(LIMITS)
-    blocks, moving, before, cycle = [], set(), Mode.OFF, 0
+    blocks = []
     for mode, value, cycles in STORY:
-        lead = 2 if mode in ACTIVE and before is Mode.OFF else 0
-        if lead:
-            blocks.append(port.exchange(command(Mode.OFF if on_wire else mode, 0.0, lead), lead, NO_GUARD))
-        moving |= set(range(cycle, cycle + lead + 1))
         left = cycles
         while left:
             blocks.append(port.exchange(command(mode, value, min(left, block_length)), min(left, block_length), guard))
             left -= len(blocks[-1])
             if blocks[-1].broken is not None:
                 break
-        cycle, before = sum(len(b) for b in blocks), mode
     return (
         np.concatenate([b.counts for b in blocks]), np.concatenate([b.time_ns for b in blocks]),
-        np.concatenate([b.flags for b in blocks]), moving,
+        np.concatenate([b.flags for b in blocks]),
     )  # fmt: skip
 
 
 def direct(imperfections: Imperfections | None = None, faults: tuple[Fault, ...] = (), guard: Guard = NO_GUARD):
     port = rig(imperfections, faults=faults, clock=VirtualClock(FIRST_STAMP_NS))
-    return told(port, on_wire=False, guard=guard), [c.name for c in port.channels]
+    return told(port, guard=guard), [c.name for c in port.channels]
 
 
 def assert_same(wire, sim, columns: list[str]) -> None:
-    counts, stamps, flags, moving = sim
-    assert wire[3] == moving
+    counts, stamps, flags = sim
     assert wire[0].shape == counts.shape
-    steady = np.array([k not in moving for k in range(len(counts))])
     for i, name in enumerate(columns):
-        rows = steady if name == names.STATUSWORD else np.ones(len(counts), dtype=bool)
-        assert np.array_equal(wire[0][rows, i], counts[rows, i]), name
+        assert np.array_equal(wire[0][:, i], counts[:, i]), name
     assert np.array_equal(wire[1], stamps)
     # Which step is too large to be true each side judges by limits of its own.
     judged = np.uint16(~CycleFlag.JUMPED & 0xFFFF)
@@ -87,7 +77,7 @@ def test_the_story_has_the_same_counts_stamps_and_flags(block_length: int) -> No
     sim, columns = direct()
     with wire_rig() as made:
         assert [c.name for c in made.port.channels] == columns
-        wire = told(made.port, on_wire=True, block_length=block_length)
+        wire = told(made.port, block_length=block_length)
     assert_same(wire, sim, columns)
     assert np.ptp(wire[0][:, columns.index(names.OUTPUT_ANGLE)]) > 1000
     assert wire[0][-1, columns.index(names.INDEX_SEEN)] & 1
@@ -97,7 +87,7 @@ def test_a_guard_breaks_at_the_same_cycle() -> None:
     guard = Guard((Bound("has turned", {names.INPUT_ANGLE: 1.0}, high=9000.0, low=-9000.0, lag=37, is_trip=False),))
     sim, columns = direct(guard=guard)
     with wire_rig() as made:
-        wire = told(made.port, on_wire=True, guard=guard)
+        wire = told(made.port, guard=guard)
     assert_same(wire, sim, columns)
     assert len(sim[0]) < sum(cycles for *_, cycles in STORY)
 
@@ -109,7 +99,7 @@ def test_faults_of_plant_and_signals_give_the_same_counts() -> None:
     )  # fmt: skip
     sim, columns = direct(faults=faults)
     with wire_rig(faults=faults) as made:
-        wire = told(made.port, on_wire=True)
+        wire = told(made.port)
     assert_same(wire, sim, columns)
 
 
@@ -117,7 +107,7 @@ def test_an_ideal_rig_agrees_too() -> None:
     quiet = Imperfections().with_only("adc_steps", "drive_torque_steps", "quantisation")
     sim, columns = direct(quiet)
     with wire_rig(quiet) as made:
-        wire = told(made.port, on_wire=True)
+        wire = told(made.port)
     assert_same(wire, sim, columns)
 
 
