@@ -27,6 +27,12 @@ Made by `rig drill --markdown docs/drills.md`.
 """
 
 LIMITS = """
+## After a trip
+
+The first cause is latched in the folder of the runs (`.tripped.json`) and outlives the program. The next `rig run` there is
+refused before the rig is connected, until somebody has acknowledged it by name: `rig acknowledge --operator NAME --output DIR`.
+Who it was and what was found stays in `acknowledged-trips.jsonl`. Nothing starts again by itself.
+
 ## What this does not show
 
 Software is not protection: the drive's own limits and the hardwired emergency stop are. The drills show that the program does

@@ -159,7 +159,8 @@ class ThreadedRecorder:
             self._raise_error()
             self._flush_wanted = True
             self._condition.notify_all()
-            self._condition.wait_for(lambda: not self._flush_wanted or self._error is not None, CLOSE_TIMEOUT_S)
+            if not self._condition.wait_for(lambda: not self._flush_wanted or self._error is not None, CLOSE_TIMEOUT_S):
+                self._error = self._no_answer()
             self._raise_error()
 
     def close(self, outcome: str, end_time: str = "") -> Path:
@@ -184,10 +185,13 @@ class ThreadedRecorder:
         self._thread.join(CLOSE_TIMEOUT_S)
         if self._thread.is_alive():
             with self._condition:
-                self._error = self._error or RunFileError(
-                    "the disk does not answer", where=str(self._writer.part), limit=f"{CLOSE_TIMEOUT_S:g} s",
-                    remedy="What was flushed stays readable: `rig recover`.",
-                )  # fmt: skip
+                self._error = self._error or self._no_answer()
+
+    def _no_answer(self) -> RunFileError:
+        return RunFileError(
+            "the disk does not answer", where=str(self._writer.part), limit=f"{CLOSE_TIMEOUT_S:g} s",
+            remedy="What was flushed stays readable: `rig recover`.",
+        )  # fmt: skip
 
     def _raise_error(self) -> None:
         if self._error is not None:
@@ -210,9 +214,17 @@ class ThreadedRecorder:
             while self._drain():
                 pass
         except RigError as error:
-            with self._condition:
-                self._error = self._error or error
-                self._condition.notify_all()
+            self._fail(error)
+        except Exception as error:  # noqa: BLE001  nobody else sees it in this thread, and the run would lose its rows
+            self._fail(RunFileError(
+                f"the run file cannot be written: {error or type(error).__name__}", where=str(self._writer.part),
+                remedy="What was flushed stays readable: `rig recover`.",
+            ))  # fmt: skip
+
+    def _fail(self, error: RigError) -> None:
+        with self._condition:
+            self._error = self._error or error
+            self._condition.notify_all()
 
     def _drain(self) -> bool:
         """Write what waits; False when the recorder is closing and nothing waits any more."""

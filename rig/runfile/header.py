@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -19,12 +20,12 @@ from model.gear import HarmonicDrive, Mounting
 from model.gear_file import gear_from_mapping, gear_to_mapping, gear_to_toml
 from rig.errors import RunFileError
 from rig.runfile import layout
+from rig.runfile.closing import Closing, create_closing, read_closing
 from rig.runfile.layout import Column
 
 ORIGIN_WORDS = {"simulated": "SIMULATED", "replay": "REPLAY", "imported": "IMPORTED", "hardware": ""}
 """The word that every plot, report and export of a run carries that is not from hardware."""
 
-_OUTCOME_BYTES, _TIME_BYTES, _STATUS_BYTES = 32, 48, 32
 _NUMBERS = ("scale_relative_uncertainty", "offset_uncertainty", "accuracy")
 
 
@@ -65,9 +66,6 @@ def write_header(file: h5py.File, header: RunHeader) -> None:
     entry.attrs["default"] = layout.text_attribute("data")
     for name, text in (("run_id", metadata.run_id), ("title", metadata.title), ("start_time", metadata.start_time)):
         layout.create_field(entry, name, text)
-    layout.create_changing_field(entry, "end_time", metadata.end_time, _TIME_BYTES)
-    layout.create_changing_field(entry, "status", layout.RUNNING, _STATUS_BYTES)
-    layout.create_changing_field(entry, "outcome", metadata.outcome, _OUTCOME_BYTES)
     user = layout.create_group(file, layout.USER, "NXuser")
     layout.create_field(user, "name", metadata.operator)
     _write_sample(file, metadata)
@@ -86,6 +84,7 @@ def write_header(file: h5py.File, header: RunHeader) -> None:
     if header.truth is not None:
         layout.create_field(process, "truth", layout.to_json(header.truth))
     layout.create_field(process, "epoch", int(header.epoch_ns), "ns")
+    create_closing(file, Closing(metadata.end_time, metadata.outcome))
     layout.create_changing_field(process, "rows_written", 0)
     layout.create_changing_field(process, "rows_dropped", 0)
 
@@ -148,14 +147,15 @@ def read_metadata(file: h5py.File, sha256: str = "") -> RunMetadata:
     output_sense = int(layout.read_number(sample, "output_sense", 0))
     if output_sense not in (-1, 1):
         raise RunFileError("is no sense of rotation", where=f"{sample.name}/output_sense", value=output_sense)
+    closing = read_closing(file)
     details = _mapping(process, "details")
     if "truth" in process:
         details["truth"] = _mapping(process, "truth")
     return RunMetadata(
         run_id=layout.read_text(entry, "run_id"), experiment=layout.read_text(process, "experiment"),
         origin=cast(Origin, origin), title=layout.read_text(entry, "title"),
-        outcome=layout.read_text(entry, "outcome"), start_time=layout.read_text(entry, "start_time"),
-        end_time=layout.read_text(entry, "end_time"), operator=layout.read_text(user, "name"), gear=_read_gear(sample),
+        outcome=closing.outcome, start_time=layout.read_text(entry, "start_time"),
+        end_time=closing.end_time, operator=layout.read_text(user, "name"), gear=_read_gear(sample),
         gear_serial=layout.read_text(sample, "serial_number"), ratio=layout.read_number(sample, "ratio", math.nan),
         mounting=cast(Mounting, mounting), output_sense=output_sense,
         gear_mounted=bool(layout.read_number(sample, "gear_mounted", 1)),
@@ -175,6 +175,17 @@ def read_header(file: h5py.File) -> RunHeader:
         _mapping(_group(file, layout.INSTRUMENT), "devices"),
         _mapping(process, "truth") if "truth" in process else None, int(layout.read_number(process, "epoch", 0)),
     )  # fmt: skip
+
+
+def rows_flushed(file: h5py.File) -> int:
+    """Rows that the latest complete flush brought into a file that is not sealed; without limit for a sealed one."""
+    if not file.swmr_mode:
+        return sys.maxsize
+    process = _group(file, layout.PROCESS)
+    counter = process["rows_written"]
+    assert isinstance(counter, h5py.Dataset)
+    counter.refresh()
+    return int(layout.read_number(process, "rows_written", 0))
 
 
 def check_format(file: h5py.File) -> None:

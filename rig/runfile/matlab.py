@@ -87,16 +87,7 @@ class MatlabTable:
                 head = stream.read(520)
             if head.startswith(_HDF5_MARK) or head[512:] == _HDF5_MARK:
                 return self._load_hdf5()
-            import scipy.io
-
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                content = scipy.io.loadmat(self.path, struct_as_record=False, appendmat=False)
-            found: dict[str, NDArray[Any]] = {}
-            for name, value in content.items():
-                if not name.startswith("__"):
-                    _flatten(name, value, found)
-            return found
+            return self._load_older()
         except FileNotFoundError as error:
             raise RunFileError("there is no such file", where=str(self.path), remedy="Check the path.") from error
         except _DAMAGE as error:
@@ -105,6 +96,22 @@ class MatlabTable:
                 f"is not a readable MATLAB file ({text})", where=str(self.path),
                 remedy="Save it again with `save -v7`, or export it as text.",
             ) from error  # fmt: skip
+
+    def _load_older(self) -> dict[str, NDArray[Any]]:
+        import scipy.io
+
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                content = scipy.io.loadmat(self.path, struct_as_record=False, appendmat=False)
+        except scipy.io.matlab.MatReadError as error:
+            # A child of Exception alone, which no other kind of damage is.
+            raise ValueError(str(error)) from error
+        found: dict[str, NDArray[Any]] = {}
+        for name, value in content.items():
+            if not name.startswith("__"):
+                _flatten(name, value, found)
+        return found
 
     def _load_hdf5(self) -> dict[str, NDArray[Any]]:
         found: dict[str, NDArray[Any]] = {}

@@ -17,7 +17,7 @@ from experiments.recording import Event, Recording, Segment
 from rig.errors import RunFileError
 from rig.runfile import layout
 from rig.runfile.damage import open_for_reading, refusing_damage
-from rig.runfile.header import RunHeader, check_format, read_columns, read_header, read_metadata
+from rig.runfile.header import RunHeader, check_format, read_columns, read_header, read_metadata, rows_flushed
 from rig.runfile.layout import BOOKKEEPING, FLAGS, TIME
 from rig.runfile.seal import file_sha256, recorded_sha256
 
@@ -38,7 +38,7 @@ class FileSource:
             self.columns = read_columns(self.file)
             names = (*BOOKKEEPING, *(column.name for column in self.columns))
             self._datasets = {name: _dataset(self.file, name) for name in names}
-            self._rows = self._shortest()
+            self._rows = self._count_rows()
 
     @property
     def rows(self) -> int:
@@ -48,10 +48,7 @@ class FileSource:
     def refresh(self) -> int:
         """Look for rows added since; returns how many there are now."""
         with self._lock, refusing_damage(self.path):
-            if self.file.swmr_mode:
-                for dataset in self._datasets.values():
-                    dataset.refresh()
-            self._rows = self._shortest()
+            self._rows = self._count_rows()
         return self._rows
 
     def stored(self, name: str, start: int, stop: int) -> NDArray[Any]:
@@ -84,8 +81,13 @@ class FileSource:
         with self._lock, refusing_damage(self.path, f"the rows of {name} cannot be read"):
             return self._datasets[name][start : min(stop, self._rows)]
 
-    def _shortest(self) -> int:
-        return min(int(dataset.shape[0]) for dataset in self._datasets.values())
+    def _count_rows(self) -> int:
+        """Rows that every column has; of a file that is not sealed no more than the latest complete flush brought."""
+        flushed = rows_flushed(self.file)
+        if self.file.swmr_mode:
+            for dataset in self._datasets.values():
+                dataset.refresh()
+        return min(flushed, *(int(dataset.shape[0]) for dataset in self._datasets.values()))
 
 
 def open_run(path: str | Path, *, verify: bool = False, digest: bool = True) -> Recording:

@@ -16,8 +16,9 @@ import numpy as np
 
 from rig.errors import RunFileError
 from rig.runfile import layout
+from rig.runfile.closing import Closing, read_closing, write_closing
 from rig.runfile.damage import close_without_writing, open_for_reading, refusing_damage
-from rig.runfile.header import check_format, iso_time, read_header, write_header
+from rig.runfile.header import check_format, iso_time, read_header, rows_flushed, write_header
 from rig.runfile.layout import BOOKKEEPING, TIME
 from rig.runfile.seal import final_path, protect, refuse_live, seal_file
 
@@ -82,19 +83,23 @@ def _finish_sealing(part: Path, final: Path) -> Recovered:
         process = file[layout.PROCESS]
         assert isinstance(process, h5py.Group)
         rows = int(layout.read_number(process, "rows_written", 0))
-        return Recovered(final, rows, layout.read_text(_entry(file), "outcome"))
+        return Recovered(final, rows, read_closing(file).outcome)
 
 
 def _copy(source: h5py.File, target: Path) -> tuple[int, str, list[str]]:
     header = read_header(source)
     lengths = {name: int(source[f"{layout.DATA}/{name}"].shape[0])  # type: ignore[union-attr]
                for name in (*BOOKKEEPING, *(column.name for column in header.columns))}  # fmt: skip
-    rows, longest = min(lengths.values()), max(lengths.values())
+    shortest, longest = min(lengths.values()), max(lengths.values())
     notes = []
-    if longest > rows:
-        ahead = ", ".join(name for name, length in lengths.items() if length > rows)
-        notes.append(f"columns of unequal length cut to {rows} rows: {ahead} had up to {longest - rows} more")
-    complete = layout.read_text(_entry(source), "status") == layout.COMPLETE
+    if longest > shortest:
+        ahead = ", ".join(name for name, length in lengths.items() if length > shortest)
+        notes.append(f"columns of unequal length cut to {shortest} rows: {ahead} had up to {longest - shortest} more")
+    rows = min(shortest, rows_flushed(source))
+    if rows < shortest:
+        notes.append(f"{shortest - rows} rows left out that no complete flush had confirmed")
+    closing = read_closing(source)
+    complete = closing.status == layout.COMPLETE
     with _new_file(target) as file:
         write_header(file, header)
         made = layout.create_data(file, header.columns, SLAB_ROWS, compress=True)
@@ -107,10 +112,11 @@ def _copy(source: h5py.File, target: Path) -> tuple[int, str, list[str]]:
         segments, events = layout.create_tables(file)
         notes += _copy_segments(source, segments, rows)
         last_ns = int(made[TIME][rows - 1]) if rows else 0
-        outcome = layout.read_text(_entry(source), "outcome") if complete else "INTERRUPTED"
+        if not complete:
+            closing = Closing(closing.end_time or (iso_time(last_ns) if rows else ""), "INTERRUPTED", layout.RECOVERED)
         _copy_events(source, events, [] if complete else [*notes, f"recovered {rows} rows of a run cut off"], last_ns)
-        _finish(source, file, rows, outcome, complete, last_ns)
-    return rows, outcome, notes
+        _finish(source, file, rows, closing)
+    return rows, closing.outcome, notes
 
 
 @contextlib.contextmanager
@@ -156,22 +162,10 @@ def _copy_events(source: h5py.File, target: h5py.Dataset, notes: list[str], time
     target[:] = rows
 
 
-def _finish(source: h5py.File, file: h5py.File, rows: int, outcome: str, complete: bool, last_ns: int) -> None:
-    entry, process = _entry(file), file[layout.PROCESS]
-    assert isinstance(process, h5py.Group)
-    end_time = layout.read_text(_entry(source), "end_time") or (iso_time(last_ns) if rows else "")
-    layout.rewrite_field(entry, "end_time", end_time)
-    layout.rewrite_field(entry, "outcome", outcome)
-    layout.rewrite_field(entry, "status", layout.COMPLETE if complete else layout.RECOVERED)
-    before = source[layout.PROCESS]
+def _finish(source: h5py.File, file: h5py.File, rows: int, closing: Closing) -> None:
+    write_closing(file, closing)
+    before, after = source[layout.PROCESS], file[layout.PROCESS]
     assert isinstance(before, h5py.Group)
-    layout.rewrite_field(process, "rows_written", rows)
-    layout.rewrite_field(process, "rows_dropped", int(layout.read_number(before, "rows_dropped", 0)))
-
-
-def _entry(file: h5py.File) -> h5py.Group:
-    entry = file[layout.ENTRY]
-    assert isinstance(entry, h5py.Group)
-    return entry
-
-
+    assert isinstance(after, h5py.Group)
+    layout.rewrite_field(after, "rows_written", rows)
+    layout.rewrite_field(after, "rows_dropped", int(layout.read_number(before, "rows_dropped", 0)))

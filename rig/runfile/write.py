@@ -20,6 +20,7 @@ from drivers.samples import SampleBlock
 from experiments.recording import Event, Segment
 from rig.errors import RigError, RunFileError
 from rig.runfile import layout
+from rig.runfile.closing import Closing, write_closing
 from rig.runfile.damage import close_without_writing, reason
 from rig.runfile.header import RunHeader, write_header
 from rig.runfile.layout import CYCLE, FLAGS, TIME
@@ -162,11 +163,12 @@ class RunWriter:
         self._store_rows()
         with self._disk("cannot be written"):
             self._store_tables()
+            self._file.flush()
+            # The counters come last: a full disk may lengthen columns whose rows it did not take.
             process = self._file[layout.PROCESS]
             assert isinstance(process, h5py.Group)
             layout.rewrite_field(process, "rows_written", self.rows)
             layout.rewrite_field(process, "rows_dropped", self._dropped)
-            self._file.flush()
 
     def synchronise(self) -> None:
         """Flush, bring it to the disk (fsync), and make sure that the file is still where it was."""
@@ -184,11 +186,7 @@ class RunWriter:
             raise RunFileError("is no outcome of a run", where="outcome", value=outcome, limit=", ".join(OUTCOMES[:-1]))
         self.flush()
         with self._disk("cannot be completed"):
-            entry = self._file[layout.ENTRY]
-            assert isinstance(entry, h5py.Group)
-            layout.rewrite_field(entry, "end_time", end_time)
-            layout.rewrite_field(entry, "outcome", outcome)
-            layout.rewrite_field(entry, "status", layout.COMPLETE)
+            write_closing(self._file, Closing(end_time, outcome, layout.COMPLETE))
             self._file.flush()
             if not self.part.exists():
                 raise FileNotFoundError("it was removed")

@@ -32,7 +32,11 @@ NAMES = [name for name in DRILLS if not name.startswith("Ctrl-C") or name in OPE
 
 @pytest.fixture(scope="module")
 def rows() -> dict[str, DrillRow]:
-    return {row.fault: row for row in run_drills(chosen(NAMES))}
+    # What both rigs carry is drilled on the faster one here; the table of the documentation has it on the wire.
+    drills = [DRILLS[name] for name in NAMES]
+    done = [*run_drills([drill for drill in drills if "sim" in drill.carriers], backend="sim")]
+    done += run_drills([drill for drill in drills if "sim" not in drill.carriers], backend="wire")
+    return {row.fault: row for row in done}
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -59,7 +63,7 @@ CAUSES = {
     "statusword fault": "drive_fault", "run-away": "over_speed", "E-stop (STO) in motion": "unexpected_state",
     "TPDO lost": "stale_data", "TPDO late": "missed_cycles", "bus off": "bus_lost", "hub gone": "bus_lost",
     "SDO abort": "device_error", "SDO time-out": "device_error", "encoder stuck, input": "input_output_disagreement",
-    "torque port open": "torque_disagreement", "clock jump forward": "time_base", "clock jump back": "time_base",
+    "torque port open": "torque_port", "clock jump forward": "time_base", "clock jump back": "time_base",
     "disk nearly full": "disk_space", "disk full": "recorder", "writer stalled": "recorder",
     "drive limit reads back differently": "refused before arming", "TPDO lost, one": "marked 1 x INCOMPLETE",
     "TPDO doubled": "marked", "quick stop not obeyed": "ABORT; quick stop not seen to be obeyed",

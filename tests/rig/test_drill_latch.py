@@ -93,3 +93,13 @@ def test_the_command_releases_the_latch(tmp_path: Path) -> None:
     assert done.exit_code == 0
     assert json.loads(done.stdout)["acknowledged"]["by"] == "Ada"
     assert TripLatch(tmp_path).read() is None
+
+
+def test_a_run_for_another_program_speaks_json_lines_and_hears_the_end_of_its_input(tmp_path: Path) -> None:
+    arguments = ["run", "starting-torque", "--output", str(tmp_path), "--events"]
+    done = CliRunner().invoke(app, arguments)
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert {line["kind"] for line in lines} == {"event", "progress", "report"}
+    assert lines[-1]["kind"] == "report"
+    assert lines[-1]["make_safe"]["safe"] is True
+    assert 0.0 < [line for line in lines if line["kind"] == "progress"][-1]["margin"] < 1.0

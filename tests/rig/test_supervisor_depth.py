@@ -1,4 +1,4 @@
-"""What the supervisor sees beyond a single cycle: heat, torque port, a lost clock, what devices tell, how near each limit came."""
+"""What the supervisor sees beyond one cycle: heat, torque port, a lost clock, what devices tell, how near each limit came."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.port import Command, Mode
+from drivers.port import Command, Guard, Mode
 from drivers.samples import CycleFlag
 from experiments.steps import HoldTime, Ramp
 from model.gear_file import shipped_gear
@@ -158,8 +158,6 @@ def test_the_watchdog_stops_the_drive_over_its_own_bus_without_the_loop() -> Non
     watchdog = watchdog_of(TwoHandledBench("wire", port, rig.clock, True, bench.bus), 20)
     assert watchdog is not None
     port.open()
-    from drivers.port import Guard
-
     port.exchange(Command(Mode.SPEED, np.full(150, 20.0)), 150, Guard())
     assert bench.plant.input_speed == pytest.approx(20.0, rel=0.1)
     watchdog._quick_stop()
