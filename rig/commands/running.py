@@ -93,7 +93,7 @@ def plan(
 @with_protocol_flags
 def run(
     context: typer.Context,
-    backend: Annotated[str, typer.Option(help="Which rig: sim.")] = "sim",
+    backend: Annotated[str, typer.Option(help="Which rig: sim, wire (drivers and simulated devices) or replay:RUN.h5.")] = "sim",
     gear_serial: Annotated[
         str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
     ] = "unknown",

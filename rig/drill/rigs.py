@@ -6,26 +6,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from drivers import channel as names
 from drivers.channel import Channel
-from drivers.cia301 import I16, U8, U32, ObjectRef
-from drivers.cia401 import AnalogInput as AnalogInputConfig
-from drivers.cia401 import AnalogModuleConfig, torque_input
-from drivers.cia402 import DriveConfig
-from drivers.cia406 import CounterConfig
 from drivers.clock import Clock, VirtualClock
-from drivers.cyclic import CanRig, CanRigConfig
-from drivers.port import Command, DriveLimits, Guard, RigDescription, RigPort
-from drivers.rig_nodes import MotorEncoder
+from drivers.port import Command, DriveLimits, Guard, RigDescription
 from drivers.samples import SampleBlock
 from model.gear import HarmonicDrive
 from model.motor import ServoMotor
+from rig.backends import wire_port
 from rig.errors import ConfigurationError, RigError
 from rig.run.stop import StopRequest
 from sim_backend.direct import SimulatedRig
 from sim_backend.faults import Fault
 from sim_backend.imperfections import individual_gear
-from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, WireBench
+from sim_backend.wire.bench import WireBench
 
 Carrier = Literal["sim", "wire"]
 CARRIERS: tuple[Carrier, ...] = ("sim", "wire")
@@ -162,31 +155,3 @@ def refuse_hardware(carrier: str) -> None:
             remedy="Leave --backend away, or name one of these.",
         )  # fmt: skip
 
-
-def wire_port(bench: WireBench, motor: ServoMotor) -> RigPort:
-    """The real drivers in front of a bench, on its pumped bus in virtual time."""
-    by_name = {channel.name: channel for channel in bench.channels}
-    inner, outer = by_name[names.INPUT_ANGLE], by_name[names.OUTPUT_ANGLE]
-    config = CanRigConfig(
-        cycle_ns=bench.cycle_ns,
-        drive=DriveConfig(DRIVE_NODE),
-        motor_encoder=MotorEncoder(inner.lines, inner.multiplication, largest_speed=1.5 * motor.maximum_speed),
-        counters=(
-            CounterConfig(
-                COUNTER_NODE, outer.lines, outer.multiplication, index_position=ObjectRef(0x2000, 1, U32, "index position"),
-                index_status=ObjectRef(0x2000, 2, U8, "index marks seen"), largest_speed=0.1 * motor.maximum_speed,
-            ),
-        ),
-        modules=(AnalogModuleConfig(ANALOG_INPUT_NODE, _inputs(motor)),),
-        title=bench.title,
-    )  # fmt: skip
-    return CanRig(config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated")
-
-
-def _inputs(motor: ServoMotor) -> tuple[AnalogInputConfig, ...]:
-    step = 0.3125e-3
-    housing = AnalogInputConfig(
-        names.HOUSING_TEMPERATURE, "degC", ObjectRef(0x6401, 3, I16, "housing temperature"), step, 32.0
-    )
-    room = AnalogInputConfig(names.AMBIENT_TEMPERATURE, "degC", ObjectRef(0x6401, 4, I16, "room temperature"), step, 32.0)
-    return (torque_input(motor.rated_torque), housing, room)

@@ -21,7 +21,7 @@ BATCH_ROWS = 16384
 _LOOK_AHEAD = 60
 _COMMENTS = ("#", "%", "//")
 _BRACKETED = re.compile(r"(.*?)\s*[\[(]([^\])]*)[\])]\s*")
-_DECIMAL_COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t", "\\t": "\t", "space": _WHITESPACE, _WHITESPACE: _WHITESPACE, "comma": ",", "semicolon": ";"}
@@ -239,8 +239,8 @@ def _encoding(path: Path) -> str:
 
 
 def _find_delimiter(sample: list[str]) -> str:
-    """The delimiter that cuts the last lines into one and the same number (> 1) of cells."""
-    lines = sample[-20:]
+    """The delimiter that cuts the later lines, which are no headings, into one and the same number (> 1) of cells."""
+    lines = sample[len(sample) // 2 :][-20:]
     for candidate in ("\t", ";", "|"):
         if len({line.count(candidate) for line in lines}) == 1 and candidate in lines[0]:
             return candidate

@@ -7,7 +7,7 @@ import math
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any, cast, get_args
 
 import h5py
@@ -55,7 +55,9 @@ class RunHeader:
 
 def iso_time(calendar_ns: int) -> str:
     """Calendar nanoseconds as ISO 8601 with the zone."""
-    return datetime.fromtimestamp(calendar_ns // 1000 * 1e-6, UTC).isoformat(timespec="milliseconds")
+    seconds, rest = divmod(calendar_ns, 1_000_000_000)
+    moment = datetime.fromtimestamp(seconds, UTC) + timedelta(microseconds=rest // 1000)
+    return moment.isoformat(timespec="milliseconds")
 
 
 def write_header(file: h5py.File, header: RunHeader) -> None:

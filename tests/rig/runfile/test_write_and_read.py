@@ -153,7 +153,7 @@ def test_a_count_beyond_its_column_is_an_error(tmp_path: Path) -> None:
     good = block(0, 5)
     good.counts[3, 3] = 2**31
     writer.append(good)
-    with pytest.raises(RunFileError, match="does not fit its column.*2147483648"):
+    with pytest.raises(RunFileError, match=r"does not fit its column.*2147483648"):
         writer.flush()
     writer.abandon()
 
