@@ -81,7 +81,7 @@ def _checked(speed: ArrayLike, force: ArrayLike, standard_error: ArrayLike) -> t
         raise IdentificationError("must be above zero", where="standard_error", value=float(u.min()), limit="> 0")
     if len(np.unique(np.round(v, 9))) < 6:
         raise IdentificationError(
-            "has too few different speeds for five parameters", where="speed", value=len(np.unique(v)), limit=">= 6",
+            "has too few different speeds for five parameters", where="speed", value=len(np.unique(np.round(v, 9))), limit=">= 6",
             remedy="Measure at more speeds, dense at the low end.",
         )  # fmt: skip
     return v, f, u

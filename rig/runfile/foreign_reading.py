@@ -160,7 +160,7 @@ class Reading:
             good[row] = False
             self._refuse(BadCell(int(batch.lines[row]), heading, repr(float(batch.values[row, 0])), "beyond any calendar"))
         rows, seconds = np.flatnonzero(good), batch.values[good, 0] * self._time_factor
-        stamps = np.rint(seconds * 1e9).astype(np.int64)
+        stamps = _nanoseconds(seconds)
         reached = np.maximum.accumulate(np.concatenate([[self.last_ns], stamps]))[:-1]
         for row in rows[stamps <= reached]:
             good[row] = False
@@ -191,7 +191,7 @@ class Reading:
 
     def _times(self, values: NDArray[np.float64], cycles: NDArray[np.int64]) -> NDArray[np.int64]:
         if self._time is not None:
-            times = np.rint(values[:, 0] * self._time_factor * 1e9).astype(np.int64)
+            times = _nanoseconds(values[:, 0] * self._time_factor)
         elif self._options.rate is not None:
             times = np.rint(cycles * (1e9 / self._options.rate)).astype(np.int64)
         else:
@@ -232,6 +232,12 @@ class Reading:
             if column.unit == "rad":
                 fastest = float(np.median(np.abs(np.diff(values) * column.scale) / steps))
                 self._fastest[column.name] = max(fastest, self._fastest.get(column.name, 0.0))
+
+
+def _nanoseconds(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Whole seconds and the rest apart: their product with 1e9 has no room for both in calendar times."""
+    whole = np.floor(seconds)
+    return whole.astype(np.int64) * 1_000_000_000 + np.rint((seconds - whole) * 1e9).astype(np.int64)
 
 
 def _unit_or_nothing(text: str) -> str:

@@ -21,7 +21,7 @@ from rig.results import json_text, read_analyses
 from tests.rig.handmade import friction_result
 
 SHORT = {
-    "motor-tare": {"lowest_rpm": 30.0, "points": 9, "measure_time": 0.3, "settle_time": 0.2},
+    "motor-tare": {"lowest_rpm": 5.0, "points": 9, "measure_time": 0.3, "settle_time": 0.2},
     "kinematic-error": {"speed_rpm": 241.7},
     "friction": {"lowest_rpm": 5.0, "points": 10, "measure_time": 0.3, "settle_time": 0.2, "up_and_down": False},
     "velocity-steps": {"speeds_rpm": (600.0, 1800.0), "repeats": 1},

@@ -1,17 +1,12 @@
 """MATLAB files of other rigs, of every version that is still met; real recordings; and damage."""
 
 import os
-import warnings
-from functools import cache
-from io import BytesIO
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import scipy.io
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from experiments.recording import Recording
 from rig.errors import RigError, RunFileError
@@ -94,34 +89,14 @@ def test_files_without_numbers(tmp_path: Path) -> None:
         imported(tmp_path / "text.mat", "time=t", "input_angle=a")
 
 
-@cache
-def good_bytes(compress: bool) -> bytes:
-    stream = BytesIO()
-    scipy.io.savemat(stream, {"t": TIME, "s": {"a": ANGLE}}, do_compression=compress)
-    return stream.getvalue()
-
-
-@settings(max_examples=120, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=st.data(), compress=st.booleans())
-def test_damaged_files_are_refused_or_read(tmp_path: Path, data: st.DataObject, compress: bool) -> None:
-    raw = good_bytes(compress)
-    changed = bytearray(raw[: data.draw(st.integers(0, len(raw)))])
-    if changed:
-        # The values themselves carry no checksum in this format: only their frame is damaged here.
-        changed[data.draw(st.integers(0, min(len(changed), 180) - 1))] ^= data.draw(st.integers(0, 255))
+@pytest.mark.parametrize("keep", [0, 3, 127, 128, 140, 300, 600])
+def test_files_cut_short(tmp_path: Path, keep: int) -> None:
     path = tmp_path / "x.mat"
-    path.write_bytes(changed)
-    refusal = ""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        try:
-            recording = imported(path, "time=t", "input_angle=s.a:deg")
-            assert np.isfinite(recording.si("input_angle")).all()
-            assert (np.diff(recording.time()) > 0).all()
-        except RigError as error:
-            refusal = str(error)
-    assert "\n" not in refusal
-    assert len(refusal) < 600
+    scipy.io.savemat(path, {"t": TIME, "s": {"a": ANGLE}})
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(RigError) as caught:
+        imported(path, "time=t", "input_angle=s.a:deg")
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.skipif(not (DATA / "emps").is_dir(), reason="recordings of other rigs are not here")
