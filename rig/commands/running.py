@@ -103,7 +103,7 @@ def run(
     parameters: Parameters = None,
     mounting: MountedHow = "circular-spline-fixed",
     sample_rate: SampleRate = 1000.0,
-    block: Annotated[int, typer.Option(min=1, max=100_000, help="Cycles per exchange; changes no count.")] = 1000,
+    block: Annotated[int, typer.Option(min=1, max=100_000, help="Cycles per exchange; changes no count.")] = 2000,
     json: Json = False,
     events: Annotated[
         bool, typer.Option("--events", help="Tell events and progress as JSON lines on standard output, the report last.")

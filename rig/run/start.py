@@ -46,7 +46,7 @@ class RunRequest:
     operator: str = ""
     seed: int = 0
     sample_rate: float = DEFAULT_SAMPLE_RATE
-    block_cycles: int = 1000
+    block_cycles: int = 2000
     conditions: Mapping[str, Any] = field(default_factory=dict)
 
 

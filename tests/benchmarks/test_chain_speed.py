@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from drivers.channel import Channel
 from drivers.clock import WallClock
@@ -44,17 +45,18 @@ def test_recorder(tmp_path: Path, note: Note) -> None:
     note("recorder, 8 channels, none lost, offered at 150 000 rows/s", rows / taken, "rows/s", ">= 100 000")
 
 
-def test_whole_chain(benchmark: Any, tmp_path: Path, note: Note) -> None:
-    """A kinematic-error run on the simulated rig at 1 kHz with noise, checks, gzip and judgement."""
+@pytest.mark.parametrize("judged", [False, True], ids=["run", "run and judgement"])
+def test_whole_chain(benchmark: Any, tmp_path: Path, note: Note, judged: bool) -> None:
+    """A kinematic-error run on the simulated rig at 1 kHz with noise, checks and gzip; and with its analysis."""
     durations = []
 
     def chain() -> None:
         request = RunRequest("kinematic-error", shipped_gear(), shipped_motor(), tmp_path, {}, seed=len(durations))
-        report = run_request(request, plan_request(request))
+        report = run_request(request, plan_request(request), judged=judged)
         recording = open_run(Path(report.path))
         durations.append(recording.rows * 1e-3)
 
     benchmark.pedantic(chain, rounds=3, warmup_rounds=1)
     ratio = durations[-1] / float(benchmark.stats.stats.min)
-    note("whole chain at 1 kHz (noise, checks, gzip, judgement)", ratio, "x real time", ">= 300")
+    note(f"whole chain at 1 kHz (noise, checks, gzip{', judgement' if judged else ''})", ratio, "x real time", ">= 300")
     assert min(durations) > 60.0
