@@ -12,7 +12,7 @@ from drivers.port import Command, DriveLimits, Guard, RigDescription
 from drivers.samples import SampleBlock
 from model.gear import HarmonicDrive
 from model.motor import ServoMotor
-from rig.backends import wire_port
+from rig.backends.simulated import wire_port
 from rig.errors import ConfigurationError, RigError
 from rig.run.stop import StopRequest
 from sim_backend.direct import SimulatedRig

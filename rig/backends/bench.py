@@ -1,0 +1,47 @@
+"""What a rig is asked for and what it is once it is put together, the same for every backend."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.bus import RawBus
+from drivers.clock import Clock
+from drivers.port import RigPort
+from model.gear import HarmonicDrive, Mounting
+from model.motor import ServoMotor
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A rig that can be run: its port, its clock, and whether its time is that of the wall.
+
+    `second_bus` opens another handle on the rig's bus for the watchdog, where there is one;    """
+
+    name: str
+    port: RigPort
+    clock: Clock
+    real_time: bool = False
+    second_bus: Callable[[], RawBus] | None = None
+
+
+@dataclass(frozen=True)
+class BenchRequest:
+    """What a rig is asked for.
+
+    `gear` and `motor` are the nominal ones. On a simulated rig `seed` is the laboratory (its motor and instruments), seed
+    and `serial` together are the individual gear, seed and `protocol` together are the run (start angle, drift, noise).
+    `configuration` is the file that describes a rig of hardware.
+    """
+
+    gear: HarmonicDrive
+    motor: ServoMotor
+    mounting: Mounting = "circular-spline-fixed"
+    gear_mounted: bool = True
+    serial: str = ""
+    protocol: str = ""
+    seed: int = 0
+    sample_rate: float = 1000.0
+    disc_inertia: float = 0.0
+    configuration: Path | None = None
