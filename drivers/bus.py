@@ -112,6 +112,9 @@ def open_raw_bus(config: BusConfig) -> RawBus:
     extra = dict(config.extra)
     if config.interface in ADAPTERS_WITH_ECHO:
         extra.setdefault("receive_own_messages", True)
+    if config.interface == "socketcand":
+        # Without it the small frames wait for each other's acknowledgement: 40 ms instead of 0.3 ms.
+        extra.setdefault("tcp_tune", True)
     try:
         return can.Bus(interface=config.interface, channel=config.channel, bitrate=config.bitrate, **extra)  # type: ignore[arg-type, return-value]
     except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError, AttributeError) as error:

@@ -16,7 +16,7 @@ from drivers.channel import Channel
 from drivers.cia401 import AnalogInput
 from drivers.counting import Unwrapper, wrapped_difference
 from drivers.frames import FrameLayout
-from drivers.samples import CycleFlag
+from drivers.samples import STALE_OF, CycleFlag
 
 Kind = Literal["count", "plain", "target_speed", "target_torque", "latch", "seen"]
 _FAR: Final = 2**62
@@ -57,6 +57,7 @@ class ColumnDecoder:
         self._unwrappers = {i: Unwrapper(c.channel.modulus) for i, c in enumerate(columns) if c.kind == "count"}
         # Counter columns first: a latch is placed relative to its counter.
         self._order = sorted(range(len(columns)), key=lambda i: columns[i].kind != "count")
+        self._stale_marks = [self._stale_mark(slot) for slot in range(len(layout.pdos))]
         self._row_raw: dict[int, int] = {}
         self._row_count: dict[int, int] = {}
         self._last: NDArray[np.int64] | None = None
@@ -64,9 +65,12 @@ class ColumnDecoder:
 
     def block(
         self, raw: NDArray[np.int64], bad: NDArray[np.bool_], flags: NDArray[np.uint16], speeds: NDArray[np.int64],
-        torques: NDArray[np.int64],
+        torques: NDArray[np.int64], absent: NDArray[np.int64] | None = None,
     ) -> NDArray[np.int64]:  # fmt: skip
-        """Counts (n, columns) of raw values (n, fields) and set-points (n,); sets what it finds in `flags` (n,)."""
+        """Counts (n, columns) of raw values (n, fields) and set-points (n,); sets what it finds in `flags` (n,).
+
+        `absent` (n,) are the slots without a frame, one bit each: their channels are marked stale.
+        """
         counts = np.zeros((len(raw), len(self.columns)), dtype=np.int64)
         paired = flags.copy()
         for i in self._order:
@@ -89,6 +93,9 @@ class ColumnDecoder:
                 if column.analog is not None:
                     flags[column.analog.saturated(counts[:, i])] |= np.uint16(CycleFlag.SATURATED)
         self._mark(raw, bad, counts, flags)
+        if absent is not None and absent.any():
+            for slot, mark in enumerate(self._stale_marks):
+                flags[(absent >> slot & 1) != 0] |= np.uint16(mark)
         self._remember(counts)
         return counts
 
@@ -111,6 +118,15 @@ class ColumnDecoder:
             else:
                 counts[i] = self._row_latch(raw, counts, column)
         return counts
+
+    def _stale_mark(self, slot: int) -> int:
+        """The marks of all channels that come, wholly or in part, from a slot's frame."""
+        mark = 0
+        for column in self.columns:
+            fields = [column.field, *(field for field, mask in column.seen_fields if mask)]
+            if any(field >= 0 and self.layout.fields[field].slot == slot for field in fields):
+                mark |= STALE_OF.get(column.channel.name, CycleFlag.STALE_OTHER)
+        return mark or CycleFlag.STALE_OTHER
 
     def _outside(self, raw: NDArray[np.int64], column: Column) -> NDArray[np.bool_]:
         """Raw values (n,) that a counter of this range cannot show."""

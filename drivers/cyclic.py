@@ -11,6 +11,7 @@ stamps, or with none, the cycle says `HOST_TIME`.
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,7 +25,7 @@ from drivers import cia402_tables as obj
 from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
 from drivers.bus import Event, Pump, PumpedBus, RawBus, TimeBase
 from drivers.channel import Channel
-from drivers.cia301 import SDO_REQUEST_BASE, SYNC_COB_ID, NmtCommand
+from drivers.cia301 import SDO_REQUEST_BASE, SYNC_COB_ID, NmtCommand, ObjectRef
 from drivers.cia401 import AnalogModuleConfig
 from drivers.cia402 import DriveConfig
 from drivers.cia406 import CounterConfig
@@ -134,7 +135,7 @@ class CanRig:
             self._bus = None
             raise
         self._errors_seen = bus.errors_seen
-        return RigDescription(self._origin, config.title, nodes.describe(), self._truth)
+        return RigDescription(self._origin_of(nodes), config.title, nodes.describe(), self._truth)
 
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write the limits into the drive and return what reads back; infinite where the drive holds none."""
@@ -182,6 +183,17 @@ class CanRig:
         self._opened().drive.reset_fault()
         self._mode = Mode.OFF
 
+    def ask(self, channels: Sequence[str]) -> dict[str, int]:
+        """Raw counts by SDO of the channels whose devices answer that: where their process data stay away. Never raises."""
+        self._pause()
+        return self._opened().ask(channels) if self._lost is None else {}
+
+    def switch_off(self) -> None:
+        """Servo off by SDO, for a drive that hears no process data. Never raises: what came of it is for `ask` to say."""
+        self._pause()
+        with contextlib.suppress(DriverError):
+            self._opened().drive.switch_off()
+
     def close(self) -> None:
         """Servo off, the drive's watch over the computer off, bus released. Never raises."""
         bus, nodes = self._bus, self._nodes
@@ -216,6 +228,15 @@ class CanRig:
         """What each node does not offer, by node-ID."""
         return self._opened().missing()
 
+    def read_integer(self, node_id: int, entry: ObjectRef) -> int:
+        """An object of a node by SDO, between two cycles. Raises `DriverError`."""
+        self._pause()
+        for device in self._opened().devices:
+            if device.node_id == node_id:
+                return device.read_integer(entry)
+        known = [device.node_id for device in self._opened().devices]
+        raise DriverError("no such node", where=self._config.title, value=node_id, limit=str(known))
+
     @property
     def nodes(self) -> RigNodes:
         """The devices, for checks that go beyond running: doctor, drills."""
@@ -230,6 +251,10 @@ class CanRig:
         return [(SDO_REQUEST_BASE + self._config.drive.node_id, request)]
 
     # --- inside
+
+    def _origin_of(self, nodes: RigNodes) -> Origin:
+        """Devices that call themselves simulated make the rig simulated, however it is reached."""
+        return "simulated" if any(found.is_simulated for found in nodes.identities.values()) else self._origin
 
     def _opened(self) -> RigNodes:
         if self._nodes is None:
@@ -394,7 +419,7 @@ class CanRig:
         rows = len(times)
         raw, bad = self._store.decoded()
         flags = self._store.flags()
-        counts = self._decoder.block(raw, bad, flags, speeds[:rows], torques[:rows])
+        counts = self._decoder.block(raw, bad, flags, speeds[:rows], torques[:rows], self._store.absent())
         host_rows = [row for row in self._host_rows if row < rows]
         flags[host_rows] |= np.uint16(CycleFlag.HOST_TIME)
         time_ns = np.array(times, dtype=np.int64)

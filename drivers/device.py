@@ -62,6 +62,11 @@ class Identity:
         """The device profile's number: 402 for a drive, 401 for inputs and outputs, 406 for an encoder."""
         return self.device_type & 0xFFFF
 
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the device says that it is a simulated one: 0x1009 reads "simulated"."""
+        return self.hardware_version.strip().lower() == "simulated"
+
     def as_text(self) -> dict[str, str]:
         """For a run file."""
         return {

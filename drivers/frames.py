@@ -134,6 +134,7 @@ class CycleStore:
         self._buffer = bytearray(layout.stride)
         self._last = bytes(layout.stride)
         self._flags: list[int] = []
+        self._absent: list[int] = []
         self._received = [0] * count
         self._owed = [0] * count
         self._stamps = [0] * count
@@ -145,13 +146,14 @@ class CycleStore:
         """Make room for `cycles` records."""
         if len(self._buffer) < cycles * self.layout.stride:
             self._buffer = bytearray(cycles * self.layout.stride)
-        self.rows, self._flags = 0, []
+        self.rows, self._flags, self._absent = 0, [], []
 
     def begin_cycle(self, awaits_echo: bool) -> None:
         """Open the next record: it starts as a copy of the one before, so that a missing frame leaves its last values."""
         start = self.rows * self.layout.stride
         self._buffer[start : start + self.layout.stride] = self._last
         self._flags.append(self._pending)
+        self._absent.append(0)
         self._pending = 0
         self._received = [0] * len(self._received)
         self._to_come = len(self._received)
@@ -211,6 +213,7 @@ class CycleStore:
         self._stamps[slot] = stamp_ns
         if len(data) < self.layout.lengths[slot]:
             self._flags[-1] |= CycleFlag.SHORT | CycleFlag.INCOMPLETE
+            self._absent[-1] |= 1 << slot
             return
         start = (self.rows - 1) * self.layout.stride + slot * SLOT_BYTES
         self._buffer[start : start + self.layout.lengths[slot]] = data[: self.layout.lengths[slot]]
@@ -221,6 +224,7 @@ class CycleStore:
             self._is_open = False
             self.rows -= 1
             self._flags.pop()
+            self._absent.pop()
 
     def stamps(self) -> list[int]:
         """The time stamps [ns] of the present cycle's frames, 0 for a frame that has not come."""
@@ -239,6 +243,7 @@ class CycleStore:
         for slot, received in enumerate(self._received):
             if not received:
                 self._flags[-1] |= CycleFlag.INCOMPLETE
+                self._absent[-1] |= 1 << slot
                 self._owed[slot] += 1
                 self.lost[slot] += 1
             elif self._owed[slot]:
@@ -261,3 +266,7 @@ class CycleStore:
     def flags(self) -> NDArray[np.uint16]:
         """The flags of the block's cycles."""
         return np.array(self._flags, dtype=np.uint16)
+
+    def absent(self) -> NDArray[np.int64]:
+        """For each of the block's cycles the slots without a usable frame, one bit each."""
+        return np.array(self._absent, dtype=np.int64)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from drivers import channel as names
@@ -16,7 +16,7 @@ from drivers.cia402 import DriveConfig, ServoAmplifier
 from drivers.cia406 import Counter, CounterConfig
 from drivers.columns import Column, Validity
 from drivers.device import Identity, Missing, RemoteDevice
-from drivers.errors import DriverError
+from drivers.errors import BusLostError, DriverError
 from drivers.frames import Field, FrameLayout
 from drivers.pdo import MappedPdo, map_objects
 
@@ -290,6 +290,22 @@ class RigNodes:
         for device in self.devices:
             device.start()
         self.drive.arm_heartbeat()
+
+    def ask(self, channels: Sequence[str]) -> dict[str, int]:
+        """Raw counts of channels by SDO, from the devices that still answer; the others are left out."""
+        found: dict[str, int] = {}
+        deaf: set[int] = set()
+        for source in self._sources:
+            if source.channel.name not in channels or source.entry is None or source.node_id in deaf:
+                continue
+            device = next(d for d in self.devices if d.node_id == source.node_id)
+            try:
+                found[source.channel.name] = device.read_integer(source.entry)
+            except BusLostError:
+                return {}
+            except DriverError:
+                deaf.add(source.node_id)
+        return found
 
     def describe(self) -> dict[str, dict[str, str]]:
         """Identities, settings and missing objects in words, for the run file."""

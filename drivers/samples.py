@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntFlag
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from drivers import channel as names
 
 
 class CycleFlag(IntFlag):
@@ -29,6 +33,34 @@ class CycleFlag(IntFlag):
     """The analogue input is at the end of its range, or its line is open."""
     HOST_TIME = 128
     """The time of this cycle is a host arrival time, not a hardware or device stamp."""
+    STALE_STATUSWORD = 256
+    """With INCOMPLETE: the frame of the statusword did not arrive."""
+    STALE_INPUT = 512
+    """With INCOMPLETE: the frame of the input angle did not arrive."""
+    STALE_OUTPUT = 1024
+    """With INCOMPLETE: the frame of the output angle did not arrive."""
+    STALE_TORQUE = 2048
+    """With INCOMPLETE: the frame of the torque port did not arrive."""
+    STALE_OTHER = 4096
+    """With INCOMPLETE: the frame of some other channel did not arrive."""
+
+
+STALE_OF: Final[Mapping[str, CycleFlag]] = {
+    names.STATUSWORD: CycleFlag.STALE_STATUSWORD, names.INPUT_ANGLE: CycleFlag.STALE_INPUT,
+    names.OUTPUT_ANGLE: CycleFlag.STALE_OUTPUT, names.TORQUE: CycleFlag.STALE_TORQUE,
+}  # fmt: skip
+"""The mark of each channel that has one of its own; every other channel has STALE_OTHER."""
+_STALE: Final = CycleFlag.STALE_OTHER | CycleFlag(sum(STALE_OF.values()))
+
+
+def is_stale(flags: NDArray[np.uint16], channel: str) -> NDArray[np.bool_]:
+    """In which cycles (n,) a channel holds an earlier cycle's value.
+
+    An incomplete cycle that does not say which channels are meant (of a rig or a file that cannot tell) means all of them.
+    """
+    own = STALE_OF.get(channel, CycleFlag.STALE_OTHER)
+    incomplete, told = (flags & CycleFlag.INCOMPLETE) != 0, (flags & _STALE) != 0
+    return incomplete & (~told | ((flags & own) != 0))
 
 
 @dataclass(frozen=True)

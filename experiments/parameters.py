@@ -37,7 +37,10 @@ class Help:
 
 @dataclass(frozen=True)
 class ParameterField:
-    """One parameter as flags, forms and tables need it. `kind` is float, int, bool, str or tuple (of floats)."""
+    """One parameter as flags, forms and tables need it. `kind` is float, int, bool, str or tuple (of floats).
+
+    `optional` is one that may be unknown: declared `float | None`, None where nothing is known.
+    """
 
     name: str
     kind: type
@@ -46,6 +49,7 @@ class ParameterField:
     help: str
     limit: str
     checks: tuple[Any, ...]
+    optional: bool = False
 
     @property
     def flag(self) -> str:
@@ -70,12 +74,15 @@ def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
         notes = hint.__metadata__ if hasattr(hint, "__metadata__") else ()
         base = hint.__origin__ if hasattr(hint, "__metadata__") else hint
         base = typing.get_origin(base) if isinstance(base, types.GenericAlias) else base
+        arms = typing.get_args(base) if isinstance(base, types.UnionType) else ()
+        base = next((arm for arm in arms if arm is not type(None)), base)
         checks = tuple(n for n in notes if type(n) in _COMPARE)
         unit = next((n.symbol for n in notes if isinstance(n, Unit)), "")
         text = next((n.text for n in notes if isinstance(n, Help)), "")
         limit = " and ".join(_COMPARE[type(c)][1](c) for c in checks)
         default = f.default if f.default is not dataclasses.MISSING else None
-        found.append(ParameterField(f.name, typing.cast(type, base), default, unit, text, limit, checks))
+        kind = typing.cast(type, base)
+        found.append(ParameterField(f.name, kind, default, unit, text, limit, checks, type(None) in arms))
     return tuple(found)
 
 
@@ -96,12 +103,16 @@ def check_parameters(parameters: Any, where: str = "") -> None:
     """Raise `PlanError` for the first value outside its declared range."""
     for f in parameter_fields(type(parameters)):
         value = getattr(parameters, f.name)
+        if value is None and f.optional:
+            continue
         for number in value if isinstance(value, tuple) else (value,):
             _check(f, number, where)
 
 
 def _convert(f: ParameterField, value: Any, where: str) -> Any:
     path = f"{where}.{f.name}" if where else f.name
+    if f.optional and (value is None or value == ""):
+        return None
     try:
         if f.kind is tuple:
             parts = value.replace(",", " ").split() if isinstance(value, str) else value

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from rig import exits
-from rig.commands import analysis, drilling, files, modelling, reporting, running
+from rig.commands import analysis, configuring, drilling, files, gears, modelling, reporting, running
 
 app = typer.Typer(
     name="rig",
@@ -26,7 +26,7 @@ app = typer.Typer(
 )
 
 PANELS = {
-    "At the rig": (running.plan, running.run, reporting.demo),
+    "At the rig": (running.plan, running.run, reporting.demo, configuring.config, gears.gear),
     "Fit and compare": (analysis.fit, analysis.compare, reporting.report, modelling.model),
     "Safety": (drilling.drill, drilling.acknowledge),
     "Run files": (files.runs, files.show, files.import_, files.export, files.recover, files.verify),
@@ -35,6 +35,9 @@ PANELS = {
 
 for _panel, _commands in PANELS.items():
     for _command in _commands:
+        if isinstance(_command, typer.Typer):
+            app.add_typer(_command, rich_help_panel=_panel)
+            continue
         _name = _command.__name__.rstrip("_")
         _settings = getattr(_command, "context_settings", None)
         app.command(_name, rich_help_panel=_panel, context_settings=_settings)(_command)

@@ -11,7 +11,7 @@ from pathlib import Path
 from rig.backends.bench import Bench, BenchRequest
 from rig.errors import ConfigurationError
 
-__all__ = ["BACKENDS", "Bench", "BenchRequest", "make_port"]
+__all__ = ["BACKENDS", "HARDWARE", "Bench", "BenchRequest", "make_port"]
 
 
 def make_port(name: str, request: BenchRequest) -> Bench:
@@ -41,7 +41,15 @@ def _on_the_wire(request: BenchRequest) -> Bench:
     return on_the_wire(request)
 
 
+def _hardware(request: BenchRequest) -> Bench:
+    from rig.backends.hardware import hardware
+
+    return hardware(request)
+
+
 REPLAY = "replay:"
 """What stands before the run file in the name of a replay."""
-BACKENDS: dict[str, Callable[[BenchRequest], Bench]] = {"sim": _simulated, "wire": _on_the_wire}
+HARDWARE = "hardware"
+"""The rig that the configuration describes."""
+BACKENDS: dict[str, Callable[[BenchRequest], Bench]] = {"sim": _simulated, "wire": _on_the_wire, HARDWARE: _hardware}
 """Every rig there is, by the name given to --backend; a replay is named by its file."""

@@ -17,13 +17,20 @@ from model.motor import ServoMotor
 class Bench:
     """A rig that can be run: its port, its clock, and whether its time is that of the wall.
 
-    `second_bus` opens another handle on the rig's bus for the watchdog, where there is one;    """
+    Of a rig of hardware: `second_bus` opens another handle on its bus for the watchdog, `guard` reads the input of the guard's
+    contact (value, whether that means closed) once the rig is open, `reaction` [s] is how long an exchange may take,
+    `priority` and `lock_memory` are what the loop asks of the computer.
+    """
 
     name: str
     port: RigPort
     clock: Clock
     real_time: bool = False
     second_bus: Callable[[], RawBus] | None = None
+    guard: Callable[[], tuple[int, bool]] | None = None
+    reaction: float = 0.02
+    priority: int = 0
+    lock_memory: bool = False
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from experiments.parameters import ParameterField
     from experiments.steps import Prompt
-    from model.gear import HarmonicDrive
     from rig.run.dry_run import PlannedRun
     from rig.run.order import RunReport
     from rig.run.start import RunRequest
@@ -47,7 +44,14 @@ MountedHow = Annotated[
     str, typer.Option("--mounting", help="circular-spline-fixed (ratio N) or flexspline-fixed (ratio N + 1).")
 ]
 SampleRate = Annotated[
-    float, typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz].")
+    float | None,
+    typer.Option(
+        "--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz]; 1000, or that of the configuration."
+    ),
+]
+Config = Annotated[
+    Path | None,
+    typer.Option("--config", metavar="FILE", help="The rig's configuration (rig.toml): gear, motor, limits, rate, folder."),
 ]
 
 
@@ -56,7 +60,8 @@ def plan(
     context: typer.Context,
     parameters: Parameters = None,
     mounting: MountedHow = "circular-spline-fixed",
-    sample_rate: SampleRate = 1000.0,
+    sample_rate: SampleRate = None,
+    config: Config = None,
     json: Json = False,
     show_help: Help = False,
 ) -> None:
@@ -65,44 +70,51 @@ def plan(
     Usage: rig plan PROTOCOL [flags of the protocol]. A plan that would break a limit is refused with the step, the value
     and the limit (exit code 2).
     """
+    from rig.commands.run_tables import print_help, print_plan
+
     if show_help:
-        _print_help(context)
+        print_help(context)
         raise typer.Exit
-    from rig.run.start import RunRequest, plan_request
+    from rig.commands.ordering import request_of
+    from rig.run.start import plan_request
 
     protocol, values = read_protocol(context.args)
-    gear, motor = _gear(parameters), _motor()
-    request = RunRequest(
-        protocol,
-        gear,
-        motor,
-        Path(),
-        values,
-        mounting=mounting,  # type: ignore[arg-type]
-        sample_rate=sample_rate,
-    )
-    planned = plan_request(request)
+    planned = plan_request(
+        request_of(
+            protocol, values, config=config, parameters=parameters, mounting=mounting, sample_rate=sample_rate
+        )
+    )  # fmt: skip
     if json:
         from rig.results import json_text
 
         typer.echo(json_text(planned.as_json()))
         return
-    _print_plan(planned)
+    print_plan(planned)
 
 
 @with_protocol_flags
 def run(
     context: typer.Context,
-    backend: Annotated[str, typer.Option(help="Which rig: sim, wire (drivers and simulated devices) or replay:RUN.h5.")] = "sim",
+    backend: Annotated[
+        str,
+        typer.Option(help="Which rig: sim, wire (drivers and simulated devices), replay:RUN.h5, or hardware (see --config)."),
+    ] = "sim",
     gear_serial: Annotated[
         str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
     ] = "unknown",
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who runs it.")] = "",
-    output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the run files.")] = Path("runs"),
+    output: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of the run files; runs, or that of the configuration.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of a simulated rig: another gear, another noise.")] = 0,
     parameters: Parameters = None,
     mounting: MountedHow = "circular-spline-fixed",
-    sample_rate: SampleRate = 1000.0,
+    sample_rate: SampleRate = None,
+    config: Config = None,
+    confirm: Annotated[
+        str,
+        typer.Option(metavar="SERIAL", help="Arms a run on hardware: the gear's serial number, letter for letter, once more."),
+    ] = "",
     block: Annotated[int, typer.Option(min=1, max=100_000, help="Cycles per exchange; changes no count.")] = 2000,
     json: Json = False,
     events: Annotated[
@@ -116,19 +128,24 @@ def run(
     """Execute a protocol on a rig and keep it as one run file.
 
     Usage: rig run PROTOCOL [flags of the protocol]. Ctrl-C is a STOP (controlled ramp, the file is sealed as ABORTED), a
-    second one an ABORT (quick stop). Whatever happens, the rig is made safe and that is checked.
+    second one an ABORT (quick stop). Whatever happens, the rig is made safe and that is checked. A rig of hardware has to
+    be armed: operator and gear named, the guard closed, the serial number typed once more.
     """
+    from rig.commands.run_tables import print_help, print_report
+
     if show_help:
-        _print_help(context)
+        print_help(context)
         raise typer.Exit
-    from rig.run.start import RunRequest, plan_request
+    from rig.commands.ordering import confirmed, request_of
+    from rig.run.start import plan_request
 
     protocol, values = read_protocol(context.args)
-    request = RunRequest(
-        protocol, _gear(parameters), _motor(), output, values, backend, mounting,  # type: ignore[arg-type]
-        gear_serial, operator, seed, sample_rate, block,
+    request = request_of(
+        protocol, values, backend=backend, config=config, parameters=parameters, mounting=mounting, sample_rate=sample_rate,
+        output=output, gear_serial=gear_serial, operator=operator, seed=seed, block=block, confirmation=confirm,
     )  # fmt: skip
     planned = plan_request(request)
+    request = confirmed(request, planned, asks=not (json or events or stdin_control))
     from rig.exits import code_of_outcome
 
     if events or stdin_control:
@@ -142,7 +159,7 @@ def run(
 
         typer.echo(json_text(report.as_json()))
     else:
-        _print_report(report)
+        print_report(report)
     raise typer.Exit(code_of_outcome(report.outcome))
 
 
@@ -208,18 +225,6 @@ def _nearest(found: str, known: Sequence[str]) -> str:
     return f"Did you mean {' or '.join(near)}?" if near else f"There are: {', '.join(known)}."
 
 
-def _gear(path: Path | None) -> HarmonicDrive:
-    from model.gear_file import load_gear, shipped_gear
-
-    return shipped_gear() if path is None else load_gear(path)
-
-
-def _motor() -> Any:
-    from model.motor import shipped_motor
-
-    return shipped_motor()
-
-
 def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> RunReport:
     from rig.run.progress import progress_line
     from rig.run.start import run_request
@@ -283,119 +288,3 @@ def _ask(prompt: Prompt) -> str:
     sys.stderr.write(f"\n{prompt.text} ")
     sys.stderr.flush()
     return sys.stdin.readline().strip()
-
-
-def _print_help(context: typer.Context) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from experiments import catalogue
-
-    text = context.get_help()
-    if text:
-        typer.echo(text)
-    console = Console(highlight=False)
-    named = next((word for word in context.args if word in catalogue.names()), "")
-    if not named:
-        table = Table("protocol", "what it measures", title="Protocols", title_justify="left", box=None)
-        for name in catalogue.names():
-            table.add_row(name, catalogue.entry(name).summary)
-        console.print(table)
-        console.print(f"\n'{context.command_path} PROTOCOL --help' shows the flags of one.")
-        return
-    from experiments.parameters import parameter_fields
-
-    experiment = catalogue.load(named)
-    table = Table(
-        "flag", "unit", "allowed", "default", "what", title=f"{named}: {experiment.title}", title_justify="left"
-    )
-    for field in parameter_fields(experiment.parameters):
-        table.add_row(field.flag, field.unit, field.limit, _default(field), field.help)
-    console.print(table)
-
-
-def _default(field: ParameterField) -> str:
-    value = field.default
-    if isinstance(value, tuple):
-        return " ".join(f"{number:g}" for number in value) or "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _print_plan(planned: PlannedRun) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    from model.units import RPM
-    from rig.run.progress import in_words
-
-    console = Console(highlight=False)
-    turns = planned.input_revolutions
-    peak = max((abs(step.speed) for step in planned.steps), default=0.0) / RPM
-    title = f"{planned.experiment.name}: {planned.experiment.title}"
-    facts = Table(show_header=False, box=None, title=title, title_justify="left")
-    facts.add_row("gear", f"{planned.gear.name}, {planned.mounting}, ratio {planned.load.ratio:g}")
-    facts.add_row("steps", f"{len(planned.plan)}")
-    facts.add_row("duration", f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most")
-    out = f", {turns / planned.load.ratio:.2f} of the output" if planned.experiment.gear_mounted else ""
-    facts.add_row("revolutions", f"{turns:.1f} of the input{out}")
-    facts.add_row(
-        "samples", f"{planned.samples} at {planned.sample_rate:g} Hz, about {planned.file_size() / 1e6:.1f} MB"
-    )
-    facts.add_row("peak speed", f"{peak:.4g} r/min")
-    console.print(facts)
-    table = Table("limit on", "planned", "allowed", "margin", "where", "origin", title="Margins", title_justify="left")
-    for margin in planned.margins:
-        factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
-        origin = f"{margin.limit.tier}: {margin.limit.origin}"
-        if margin.limit.provenance in ("recalled", "assumed"):
-            origin += f" ({margin.limit.provenance})"
-        table.add_row(
-            margin.quantity.replace("_", " "), f"{margin.value / factor:.4g} {unit}", f"{margin.limit.value / factor:.4g} {unit}",
-            f"{100.0 * margin.margin:.0f} %", margin.where, origin,
-        )  # fmt: skip
-    console.print(table)
-
-
-def _print_alarm(console: Console, problem: str) -> None:
-    """A failed make-safe: the loudest thing on the screen, with the terminal's bell."""
-    from rich.panel import Panel
-
-    text = f"STANDSTILL WAS NOT VERIFIED\n\nPRESS THE EMERGENCY STOP. DO NOT TOUCH THE RIG.\n\n{problem}"
-    console.print(Panel(text, style="bold white on red", padding=(2, 6), expand=True), markup=False)
-    console.bell()
-
-
-def _print_margins(console: Console, report: RunReport) -> None:
-    """How near the run came to each limit, the nearest first."""
-    from rich.table import Table
-
-    table = Table("limit on", "peak", "limit", "margin", title="Margins of this run", title_justify="left", box=None)
-    for name, found in sorted(report.margins.items(), key=lambda item: item[1]["margin"]):
-        style = "red" if found["margin"] < 0.0 else "yellow" if found["margin"] < 0.1 else None
-        share = f"{100.0 * found['margin']:.0f} %"
-        table.add_row(name.replace("_", " "), f"{found['peak']:.4g}", f"{found['limit']:.4g}", share, style=style)
-    console.print(table)
-
-
-def _print_report(report: RunReport) -> None:
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    styles = {"PASS": "green", "MARGINAL": "yellow", "ABORTED": "yellow"}
-    console.print(f"{report.outcome}  {report.run_id}", style=styles.get(report.outcome, "red"), markup=False)
-    console.print(f"{report.path}", markup=False, soft_wrap=True)
-    if report.make_safe is not None and not report.safe:
-        _print_alarm(console, report.make_safe.problem)
-    elif report.make_safe is not None:
-        seen = ", ".join(report.make_safe.verified_by)
-        console.print(f"made safe ({report.make_safe.action.value}), standstill verified by {seen}", soft_wrap=True)
-    if report.message:
-        console.print(report.message, markup=False, soft_wrap=True)
-    if report.margins:
-        _print_margins(console, report)
-    if report.trip is not None:
-        console.print(f"The trip is latched: rig acknowledge --operator NAME --output {report.path.parent}", soft_wrap=True)
-    for warning in dict.fromkeys(w for w in report.warnings if w != report.message):
-        console.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)

@@ -132,6 +132,14 @@ class DrilledWireRig(DrilledRig):
         """Figures of the acquisition."""
         return self.port.acquisition()
 
+    def ask(self, channels: Sequence[str]) -> dict[str, int]:
+        """Counts by direct question."""
+        return self.port.ask(channels)
+
+    def switch_off(self) -> None:
+        """Servo off by a command to the drive alone."""
+        self.port.switch_off()
+
 
 def drilled_rig(
     carrier: str, gear: HarmonicDrive, motor: ServoMotor, happening: Happening, stop: StopRequest, seed: int

@@ -1,7 +1,8 @@
 """Make-safe: how every run ends, whatever happened. Commands it, verifies it, escalates, and says so if it failed.
 
-Standstill is verified by the statusword *and* by both encoders over a window of complete cycles. Each action is a list of
-stages; a stage that is not obeyed in time leads to the next one, and every list ends with the servo off.
+Standstill is verified by the statusword *and* by both encoders over a window in which each of them was heard. Each action is
+a list of stages; a stage that is not obeyed in time leads to the next one, and every list ends with the servo off. Witnesses
+whose cyclic data stay away are asked one by one in the end, and a drive that hears no process data is switched off by SDO.
 
     controlled stop   ramp down        -> quick stop -> servo off
     quick stop        quick stop       -> servo off
@@ -14,13 +15,15 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum
 
-from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE
-from drivers.drive_state import POWERED_STATES, DriveState
+from drivers.channel import STATUSWORD
+from drivers.drive_state import DriveState
 from drivers.port import Mode
 from drivers.samples import SampleBlock
+from rig.run.direct_line import DirectLine
 from rig.run.engine import Journal
 from rig.run.phases import Machine, Phase, PhaseRunner, Phases, Turn
 from rig.run.trajectory import cycles_of, ramp
+from rig.run.witnesses import WORDS, Witnesses
 
 
 class Action(Enum):
@@ -72,13 +75,15 @@ class MakeSafeReport:
     problem: str = ""
     escalated: list[str] = field(default_factory=list)
     """The stages that were not seen to be obeyed."""
+    silent: tuple[str, ...] = ()
+    """Witnesses that this rig has and that said nothing, neither in the cyclic data nor when they were asked."""
 
     def as_json(self) -> dict[str, object]:
         """The report as the run file and `--json` keep it."""
         return {
             "action": self.action.value, "stages": list(self.stages), "safe": self.safe,
             "verified_by": list(self.verified_by), "rows": self.rows, "problem": self.problem,
-            "escalated": list(self.escalated),
+            "escalated": list(self.escalated), "silent": list(self.silent),
         }  # fmt: skip
 
 
@@ -94,13 +99,18 @@ class MakeSafe:
         ratio: float = math.nan,
         block_cycles: int = 100,
         patience: Patience | None = None,
+        line: DirectLine | None = None,
     ) -> None:
         self.report = MakeSafeReport(action)
         self._machine = machine
         self._journal = journal
         self._deceleration = deceleration
-        self._ratio = ratio
         self._patience = patience or Patience()
+        self._line = line
+        self._window = cycles_of(self._patience.window, machine.period)
+        self._witnesses = Witnesses(
+            machine, ratio, self._window, self._patience.input_speed, self._patience.output_speed
+        )
         self._start = machine.rows
         self._runner = PhaseRunner(self._walk(), machine, block_cycles)
 
@@ -118,26 +128,31 @@ class MakeSafe:
             stage = stages.pop(0)
             self.report.stages.append(stage.value)
             yield from _STAGES[stage](self)
-            if stage is not Stage.SERVO_OFF and not self._moving():
+            if stage is not Stage.SERVO_OFF and not self._witnesses.moving():
                 # Obeyed: what is left is to take the power away.
                 self.report.stages.append(Stage.SERVO_OFF.value)
                 yield from self._servo_off()
                 stages = stages if stages != [Stage.SERVO_OFF] else []
-            if self._problem() is None:
-                return self._finish(True)
+            problem = self._witnesses.problem()
+            if problem is None:
+                break
             if stages:
                 self.report.escalated.append(stage.value)
-                text = f"{stage.value} was not seen to be obeyed ({self._problem()}): going on with {stages[0].value}"
+                text = f"{stage.value} was not seen to be obeyed ({problem}): going on with {stages[0].value}"
                 self._journal.event("error", "make-safe-escalated", "make-safe", text)
-        self._finish(False, self._problem() or "")
+        yield from self._inquire()
+        problem = self._witnesses.problem()
+        self._finish(problem is None, problem or "")
 
     def _finish(self, safe: bool, problem: str = "") -> None:
         report = self.report
         report.safe, report.problem, report.rows = safe, problem, self._machine.rows - self._start
+        report.silent = self._witnesses.silent()
         if safe:
-            report.verified_by = self._witnesses()
+            report.verified_by = self._witnesses.names()
             text = f"{report.action.value}: standstill verified by {', '.join(report.verified_by)}"
-            self._journal.event("info", "made-safe", "make-safe", text)
+            text += "".join(f"; the {WORDS[name]} is silent" for name in report.silent)
+            self._journal.event("warning" if report.silent else "info", "made-safe", "make-safe", text)
         else:
             text = f"STANDSTILL NOT VERIFIED after {', '.join(report.stages)}: {problem}. Press the emergency stop."
             self._journal.event("error", "make-safe-failed", "make-safe", text)
@@ -159,41 +174,32 @@ class MakeSafe:
 
     def _wait(self, mode: Mode, patience: float, unpowered: bool = False) -> Phases:
         """Windows in `mode` until the rig stands (and has no power), or patience is over."""
-        window = cycles_of(self._patience.window, self._machine.period)
-        for _ in range(max(1, math.ceil(patience / self._patience.window))):
-            yield Phase(mode, window, enabled=False)
-            if not self._moving() and not (unpowered and self._powered()):
+        for _ in range(self._windows(patience)):
+            yield Phase(mode, self._window, enabled=False)
+            if not self._witnesses.moving() and not (unpowered and self._witnesses.powered()):
                 return
 
-    def _moving(self) -> str | None:
-        """Which encoder shows motion over the latest window, or why that cannot be said; None at standstill."""
-        m, p = self._machine, self._patience
-        window = cycles_of(p.window, m.period)
-        if not m.rows or not m.complete(window):
-            return "cycles are incomplete"
-        inner = abs(m.speed(INPUT_ANGLE, window))
-        if inner > p.input_speed:
-            return f"the input turns at {inner:.3g} rad/s"
-        if m.has(OUTPUT_ANGLE) and math.isfinite(self._ratio):
-            outer = abs(m.speed(OUTPUT_ANGLE, window)) * self._ratio
-            if outer > p.output_speed:
-                return f"the output turns at {outer / self._ratio:.3g} rad/s"
-        return None
+    def _inquire(self) -> Phases:
+        """Ask the witnesses that were not heard, twice with a window between, until they say that the rig stands."""
+        witnesses, line = self._witnesses, self._line
+        unheard = witnesses.unheard()
+        if line is None or not unheard or not self._machine.rows:
+            return
+        if STATUSWORD in unheard:
+            # A drive whose process data stay away may not hear ours either.
+            self.report.stages.append(f"{Stage.SERVO_OFF.value} by SDO")
+            line.switch_off()
+        for _ in range(self._windows(self._patience.servo_off)):
+            before = line.ask(unheard)
+            if not before:
+                return
+            yield Phase(Mode.OFF, self._window, enabled=False)
+            witnesses.hear(before, line.ask(unheard))
+            if witnesses.problem() is None:
+                return
 
-    def _powered(self) -> str | None:
-        """Why the drive may still have power, or None."""
-        state = self._machine.state
-        return f"the drive is in {state.value}" if state in POWERED_STATES or state is DriveState.UNKNOWN else None
-
-    def _problem(self) -> str | None:
-        return self._moving() or self._powered()
-
-    def _witnesses(self) -> tuple[str, ...]:
-        m = self._machine
-        found = [INPUT_ANGLE]
-        if m.has(OUTPUT_ANGLE) and math.isfinite(self._ratio):
-            found.append(OUTPUT_ANGLE)
-        return ("statusword", *found) if m.state is not None else tuple(found)
+    def _windows(self, patience: float) -> int:
+        return max(1, math.ceil(patience / self._patience.window))
 
 
 _STAGES = {

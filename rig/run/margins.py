@@ -29,11 +29,11 @@ the difference that torque port and drive may have."""
 
 @dataclass(frozen=True)
 class Peaks:
-    """The largest of everything so far, with the counts that lagged quantities need. Immutable."""
+    """The largest of everything so far, with the counts and time stamps (n, 2) that lagged quantities need. Immutable."""
 
     values: Mapping[str, float] = field(default_factory=dict)
-    input_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    output_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    input_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    output_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     stale_run: int = 0
 
     def with_values(self, found: Mapping[str, float]) -> Peaks:
@@ -77,14 +77,19 @@ class MarginWatch:
     def _speed(
         self, name: str, window: float, tail: NDArray[np.int64], block: SampleBlock
     ) -> tuple[NDArray[np.int64], float | None]:
-        """Counts to carry on, and the largest speed over the window [rad/s]; what was not received moves nothing."""
+        """Counts and stamps to carry on, and the largest speed over the window [rad/s]; what was not received moves nothing.
+
+        A SYNC that came late has left the shaft more time: the time is that of the stamps, the nominal one at least.
+        """
         lag = max(1, round(window / self.period))
-        counts, lost = block.counts[:, self.column[name]], np.flatnonzero(block.flags & 1)
-        angle = counts[lost[-1] + 1 :] if len(lost) else np.concatenate([tail, counts])
-        if len(angle) <= lag:
-            return angle, None
-        step = float(np.abs(angle[lag:] - angle[:-lag]).max())
-        return angle[-lag:], step * self.channels[name].scale / (lag * self.period)
+        moved = np.column_stack([block.counts[:, self.column[name]], block.time_ns])
+        lost = np.flatnonzero(block.flags & 1)
+        moved = moved[lost[-1] + 1 :] if len(lost) else np.concatenate([tail, moved])
+        if len(moved) <= lag:
+            return moved, None
+        step, elapsed = np.abs(moved[lag:] - moved[:-lag]).T
+        fastest = float((step / np.maximum(elapsed * 1e-9, lag * self.period)).max())
+        return moved[-lag:], fastest * self.channels[name].scale
 
     def _values(self, counts: NDArray[np.int64]) -> dict[str, float]:
         found = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,6 +14,7 @@ from rig.run.bounds import Watch
 from rig.run.dry_run import PlannedRun
 from rig.run.latch import TripLatch
 from rig.run.make_safe import MakeSafeReport, Patience
+from rig.run.preflight import Check
 from rig.run.recorder import Recorder
 from rig.run.trips import Trip
 from rig.run.watchdog import Watchdog
@@ -42,6 +43,8 @@ class RunOrder:
     """Where a trip is latched until it is acknowledged by name; None: nowhere (a rig that is thrown away)."""
     watchdog: Watchdog | None = None
     """Watches in real time that turns happen."""
+    arm: Callable[[], tuple[Check, ...]] | None = None
+    """What is looked at last before a rig of hardware may move: the guard, the computer. Called once the rig is open."""
 
 
 class OpenRun(Protocol):
@@ -130,6 +133,10 @@ class Progress:
     events: int
     nearest: str = ""
     margin: float = 1.0
+    margins: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Peak, limit and share left of every limited quantity so far."""
+    file: str = ""
+    """The run file that grows."""
 
 
 def _finite(value: float) -> float | None:

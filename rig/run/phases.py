@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from drivers.channel import INPUT_ANGLE, STATUSWORD, Channel
 from drivers.drive_state import DriveState, drive_state
 from drivers.port import Bound, Command, Mode
-from drivers.samples import Break, CycleFlag, SampleBlock
+from drivers.samples import Break, CycleFlag, SampleBlock, is_stale
 from rig.run.trajectory import Constant, Profile
 
 STANDSTILL: Profile = Constant(0.0)
@@ -119,6 +119,10 @@ class Machine:
     def complete(self, cycles: int) -> bool:
         """Whether none of the last `cycles` was incomplete."""
         return not bool(np.any(self._tail_flags[-cycles:] & CycleFlag.INCOMPLETE))
+
+    def is_heard(self, name: str, cycles: int) -> bool:
+        """Whether a channel arrived in each of the last `cycles`, whatever else stayed away."""
+        return not bool(np.any(is_stale(self._tail_flags[-cycles:], name)))
 
     @property
     def state(self) -> DriveState | None:

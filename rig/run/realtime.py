@@ -28,9 +28,9 @@ LEAST_DEADLINE = 0.25
 """s without a turn after which the watchdog stops the drive, at least."""
 
 
-def block_cycles(sample_rate: float, wanted: int) -> int:
-    """Cycles per exchange in real time: never so many that the operator waits."""
-    return max(1, min(wanted, round(REACTION_TIME * sample_rate)))
+def block_cycles(sample_rate: float, wanted: int, reaction: float = REACTION_TIME) -> int:
+    """Cycles per exchange in real time: never so many that the operator waits longer than `reaction` [s]."""
+    return max(1, min(wanted, round(reaction * sample_rate)))
 
 
 def watchdog_deadline(cycles: int, sample_rate: float, stale_cycles: int = 50, patience: float = 5.0) -> float:

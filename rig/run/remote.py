@@ -4,7 +4,7 @@ In (standard input): `STOP`, `ABORT`, `note TEXT`, `answer TEXT` to the prompt t
 dead man's switch. Out (standard output), one object per line, told apart by "kind":
 
     {"kind": "event", "time_ns", "level", "code", "source", "text"}
-    {"kind": "progress", "step", "steps", "what", "elapsed", "left", "speed", "events", "nearest", "margin"}
+    {"kind": "progress", "step", "steps", "what", "elapsed", "left", "speed", "events", "nearest", "margin", "margins", "file"}
     {"kind": "prompt", "text", "key"}
     {"kind": "report", ...}     the object that `rig run --json` prints; always the last line
 """

@@ -32,6 +32,7 @@ from rig import limits as lim
 from rig.errors import LimitError, RigError
 from rig.run.bounds import Geometry
 from rig.run.devices import DeviceListener
+from rig.run.direct_line import direct_line
 from rig.run.dry_run import PlannedRun
 from rig.run.engine import Ask, Engine, StepFailedError, describe
 from rig.run.latch import LatchedTrip
@@ -89,7 +90,7 @@ def execute(
         today = datetime.fromtimestamp(order.clock.calendar_ns() * 1e-9, UTC).date()
         checks = (*checks, *channel_checks(port.channels, planned.experiment.needs, today))
         refuse_failed(checks)
-        checks = (*checks, _write_limits(order))
+        checks = (*checks, _write_limits(order), *(order.arm() if order.arm is not None else ()))
         # One cycle with the servo off ties the rig's time stamps to the calendar.
         calendar = order.clock.calendar_ns()
         first = port.exchange(Command(Mode.OFF), 1, Guard())
@@ -297,8 +298,10 @@ class Session:
             deceleration = limits.value(lim.QUICK_STOP_DECELERATION)
         ratio = self._planned.load.ratio if self._planned.experiment.gear_mounted else math.nan
         cycles = min(self._order.make_safe_cycles, self._order.block_cycles)
+        watchdog = self._order.watchdog
+        line = direct_line(self._port, watchdog.rest) if watchdog is not None else direct_line(self._port)
         return MakeSafe(
-            action, self._machine, self._logbook, deceleration, ratio, cycles, self._order.patience
+            action, self._machine, self._logbook, deceleration, ratio, cycles, self._order.patience, line
         )
 
     def _emergency(self) -> None:
@@ -336,7 +339,12 @@ class Session:
         elapsed, speed = machine.rows * machine.period, machine.speed(cycles=50)
         nearest, margin = self._supervisor.smallest_margin()
         events = len(self._logbook.warnings)
-        self._on_progress(Progress(step, len(planned.plan), what, elapsed, left, speed, events, nearest, margin))
+        self._on_progress(
+            Progress(
+                step, len(planned.plan), what, elapsed, left, speed, events, nearest, margin, self._supervisor.margins(),
+                str(self._logbook.run.part),
+            )
+        )  # fmt: skip
 
     # The end.
 

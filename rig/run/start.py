@@ -14,8 +14,10 @@ from experiments.parameters import make_parameters, parameter_fields
 from experiments.recording import Event
 from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
-from rig.backends import Bench, BenchRequest, make_port
+from rig.backends import HARDWARE, Bench, BenchRequest, make_port
 from rig.errors import ConfigurationError
+from rig.run.arming import Arming, guard_check, refuse_unarmed
+from rig.run.computer import claim_real_time
 from rig.run.devices import StopsAlone
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run
 from rig.run.engine import Ask
@@ -23,6 +25,7 @@ from rig.run.judge import judge_by
 from rig.run.latch import TripLatch
 from rig.run.opening import begin_inline_run, begin_threaded_run
 from rig.run.order import Progress, RunOrder, RunReport
+from rig.run.preflight import Check
 from rig.run.realtime import block_cycles, execute_in_real_time, watchdog_deadline
 from rig.run.session import execute
 from rig.run.stop import StopRequest
@@ -48,6 +51,12 @@ class RunRequest:
     sample_rate: float = DEFAULT_SAMPLE_RATE
     block_cycles: int = 2000
     conditions: Mapping[str, Any] = field(default_factory=dict)
+    configuration: Path | None = None
+    """The file that describes the rig, for a rig of hardware."""
+    limits: Mapping[str, float] = field(default_factory=dict)
+    """Limits of the rig by quantity (SI), from its configuration."""
+    confirmation: str = ""
+    """What the operator typed to arm a run on hardware."""
 
 
 def plan_request(request: RunRequest) -> PlannedRun:
@@ -65,8 +74,9 @@ def plan_request(request: RunRequest) -> PlannedRun:
             values.setdefault(name, value)
     parameters = make_parameters(experiment.parameters, values, request.protocol)
     return plan_run(
-        experiment, parameters, request.gear, request.motor, request.mounting, sample_rate=request.sample_rate
-    )
+        experiment, parameters, request.gear, request.motor, request.mounting, sample_rate=request.sample_rate,
+        configured=request.limits,
+    )  # fmt: skip
 
 
 def bench_for(request: RunRequest, planned: PlannedRun) -> Bench:
@@ -81,6 +91,7 @@ def bench_for(request: RunRequest, planned: PlannedRun) -> Bench:
         request.seed,
         request.sample_rate,
         disc_inertia=getattr(planned.parameters, "disc_inertia", 0.0),
+        configuration=request.configuration,
     )
     return make_port(request.backend, wanted)
 
@@ -100,8 +111,12 @@ def run_request(
     latch = TripLatch(request.output)
     # Before anything is connected: a rig that tripped is left alone until somebody has looked.
     latch.refuse()
+    if request.backend == HARDWARE:
+        refuse_unarmed(arming_of(request, planned))
     bench = bench_for(request, planned)
-    cycles = block_cycles(request.sample_rate, request.block_cycles) if bench.real_time else request.block_cycles
+    cycles = request.block_cycles
+    if bench.real_time:
+        cycles = block_cycles(request.sample_rate, cycles, bench.reaction)
     order = RunOrder(
         planned=planned,
         port=bench.port,
@@ -116,10 +131,21 @@ def run_request(
         free_space=lambda: shutil.disk_usage(request.output).free,
         latch=latch,
         watchdog=watchdog_of(bench, cycles) if bench.real_time else None,
+        arm=(lambda: arm(bench)) if bench.real_time else None,
     )
     judge = judge_by(planned) if judged else None
     run, begin = (execute_in_real_time, begin_threaded_run) if bench.real_time else (execute, begin_inline_run)
     return run(order, begin, stop=stop, ask=ask, judge=judge, on_progress=on_progress, on_event=on_event)
+
+
+def arming_of(request: RunRequest, planned: PlannedRun) -> Arming:
+    """What a request says of who arms it."""
+    return Arming(request.operator, request.gear_serial, request.confirmation, planned.experiment.gear_mounted)
+
+
+def arm(bench: Bench) -> tuple[Check, ...]:
+    """What is looked at last before a rig in real time may move."""
+    return (*claim_real_time(bench.priority, bench.lock_memory), guard_check(bench.guard))
 
 
 def watchdog_of(bench: Bench, cycles: int) -> Watchdog | None:
@@ -127,10 +153,9 @@ def watchdog_of(bench: Bench, cycles: int) -> Watchdog | None:
 
     `Bench.second_bus` opens that handle, where a rig has one; the port tells the frames.
     """
-    open_bus: Callable[[], Any] | None = getattr(bench, "second_bus", None)
-    if open_bus is None or not isinstance(bench.port, StopsAlone):
+    if bench.second_bus is None or not isinstance(bench.port, StopsAlone):
         return None
-    port, bus = bench.port, open_bus()
+    port, bus = bench.port, bench.second_bus()
 
     def quick_stop() -> None:
         import can

@@ -1,12 +1,14 @@
-"""How a run ended: the three words that are written last, and their checksum.
+"""How a run ended: the three words that are written last, the figures of the acquisition, and their checksum.
 
 Status, outcome and end time are plain scalars, so that every reader finds them; plain scalars are the one thing in the file
-that HDF5 does not checksum, so their CRC-32 lies beside the process.
+that HDF5 does not checksum, so their CRC-32 lies beside the process. The figures of the acquisition (JSON) are known only at
+the end and have a field of a fixed length that is made before the first row.
 """
 
 from __future__ import annotations
 
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import h5py
@@ -16,20 +18,25 @@ from rig.runfile import layout
 
 _CHECKSUM = f"{layout.PROCESS}/closing_checksum"
 _LENGTHS = {"end_time": 48, "outcome": 32, "status": 32}
+ACQUISITION = "acquisition"
+LONGEST_ACQUISITION = 12_000
+"""Bytes of JSON that the figures of the acquisition may take."""
 
 
 @dataclass(frozen=True)
 class Closing:
-    """Status ("running", "complete", "recovered"), outcome and end time (ISO 8601) of a run."""
+    """Status ("running", "complete", "recovered"), outcome, end time (ISO 8601) and acquisition (JSON) of a run."""
 
     end_time: str = ""
     outcome: str = ""
     status: str = layout.RUNNING
+    acquisition: str = ""
 
     @property
     def checksum(self) -> int:
-        """CRC-32 of the three."""
-        return zlib.crc32("\n".join((self.end_time, self.outcome, self.status)).encode())
+        """CRC-32 of the three words, and of the acquisition where there is one."""
+        words = (self.end_time, self.outcome, self.status, *([self.acquisition] if self.acquisition else []))
+        return zlib.crc32("\n".join(words).encode())
 
 
 def create_closing(file: h5py.File, closing: Closing) -> None:
@@ -37,6 +44,7 @@ def create_closing(file: h5py.File, closing: Closing) -> None:
     entry = _entry(file)
     for name, length in _LENGTHS.items():
         layout.create_changing_field(entry, name, getattr(closing, name), length)
+    layout.create_changing_field(_process(file), ACQUISITION, closing.acquisition, LONGEST_ACQUISITION)
     file.create_dataset(_CHECKSUM, data=[closing.checksum], dtype="<i8", chunks=(1,), fletcher32=True)
 
 
@@ -44,6 +52,7 @@ def write_closing(file: h5py.File, closing: Closing) -> None:
     """Rewrite the fields; the checksum last."""
     for name in _LENGTHS:
         layout.rewrite_field(_entry(file), name, getattr(closing, name))
+    layout.rewrite_field(_process(file), ACQUISITION, closing.acquisition)
     checksum = file[_CHECKSUM]
     assert isinstance(checksum, h5py.Dataset)
     checksum[0] = closing.checksum
@@ -53,7 +62,7 @@ def write_closing(file: h5py.File, closing: Closing) -> None:
 def read_closing(file: h5py.File) -> Closing:
     """How the run ended. Raises `RunFileError` for words that were changed; a writer at work is taken as running."""
     entry = _entry(file)
-    found = Closing(*(layout.read_text(entry, name) for name in _LENGTHS))
+    found = Closing(*(layout.read_text(entry, name) for name in _LENGTHS), layout.read_text(_process(file), ACQUISITION))
     checksum = file.get(_CHECKSUM)
     if not isinstance(checksum, h5py.Dataset) or checksum.shape != (1,):
         raise RunFileError("the checksum of outcome and end time is missing", where=_CHECKSUM)
@@ -63,6 +72,22 @@ def read_closing(file: h5py.File) -> Closing:
         # The writer died, or is, between the first of the three words and their checksum.
         return Closing()
     raise RunFileError("outcome and end time are not what was written", where=layout.ENTRY, value=repr(found.outcome))
+
+
+def acquisition_text(figures: Mapping[str, object]) -> str:
+    """The figures of the acquisition as JSON; groups of figures that would not fit are left out and named."""
+    kept = dict(figures)
+    left: list[str] = []
+    while len(text := layout.to_json({**kept, **({"left_out": left} if left else {})})) > LONGEST_ACQUISITION // 4:
+        left.append(max(kept, key=lambda name: len(layout.to_json(kept[name]))))
+        del kept[left[-1]]
+    return text if figures else ""
+
+
+def _process(file: h5py.File) -> h5py.Group:
+    process = file[layout.PROCESS]
+    assert isinstance(process, h5py.Group)
+    return process
 
 
 def _entry(file: h5py.File) -> h5py.Group:

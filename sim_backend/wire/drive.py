@@ -45,6 +45,8 @@ STANDSTILL = 0.05 * RPM
 PROBE_ON, PROBE_CONTINUOUS, PROBE_ZERO_IMPULSE, PROBE_POSITIVE = 0x0001, 0x0002, 0x0004, 0x0010
 """Bits of the touch probe function 0x60B8; bits 2 and 3 are the source, 1 the encoder's zero impulse."""
 PROBE_STORED = 0x0002
+INTERLOCK = 0x0000_0008
+"""Bit 3 of the digital inputs: the guard is closed."""
 DRIVE_ERROR = 0x20
 """Bit 5 of the error register: device profile specific."""
 
@@ -103,6 +105,7 @@ def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
             ("gain in 0.1 Hz", U16, "ro", round(10.0 * device.speed_gain)),
             ("integral time in 0.01 ms", U16, "ro", round(1e5 * device.integral_time)),
         )),
+        Entry(0x60FD, 0, "Digital inputs", U32, "ro", INTERLOCK, "t"),
         Entry(0x60FF, 0, "Target velocity", I32, "rw", 0, "r"),
         Entry(0x6502, 0, "Supported drive modes", U32, "ro", SUPPORTED),
     ]  # fmt: skip

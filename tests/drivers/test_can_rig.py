@@ -188,7 +188,8 @@ def test_the_length_of_the_blocks_changes_no_count() -> None:
     counts, flags = exchange_in_blocks(60)
     assert exchange_in_blocks(1) == (counts, flags)
     assert exchange_in_blocks(7) == (counts, flags)
-    assert flags[9] == CycleFlag.INCOMPLETE
+    # One node of two: whose values are old is said.
+    assert flags[9] == CycleFlag.INCOMPLETE | CycleFlag.STALE_STATUSWORD | CycleFlag.STALE_INPUT | CycleFlag.STALE_OTHER
     assert flags[12] == CycleFlag.DOUBLED
     assert flags[20] & CycleFlag.INCOMPLETE
     assert flags[33] & CycleFlag.SHORT
@@ -332,6 +333,20 @@ def test_a_node_that_falls_silent_is_stale_then_lost(bench: Setup) -> None:
     assert "heartbeat-lost" in bench.codes()
     with pytest.raises(StaleDataError, match="node 2"):
         bench.speed(300, 5)
+
+
+def test_a_device_whose_process_data_stay_away_is_asked_by_sdo(bench: Setup) -> None:
+    bench.speed(100, 10)
+    witnesses = (STATUSWORD, INPUT_ANGLE, OUTPUT_ANGLE)
+    assert bench.rig.ask(witnesses) == {STATUSWORD: 0x0237, INPUT_ANGLE: 1000, OUTPUT_ANGLE: bench.counter.position}
+    bench.drive.node.nmt.state = "PRE-OPERATIONAL"
+    assert bench.rig.exchange(Command(Mode.OFF), 5, Guard()).counts[-1, bench.column(STATUSWORD)] == 0x0237
+    bench.rig.switch_off()
+    assert bench.rig.ask([STATUSWORD]) == {STATUSWORD: 0x0250}
+    bench.counter.answers = False
+    before = bench.clock.monotonic_ns()
+    assert bench.rig.ask([OUTPUT_ANGLE, INPUT_ANGLE]) == {INPUT_ANGLE: 1000}
+    assert 0 < bench.clock.monotonic_ns() - before < 400_000_000
 
 
 def test_a_node_reset_in_motion_is_seen(bench: Setup) -> None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+import numpy as np
 import pytest
 
 from drivers.drive_state import DriveState
 from drivers.port import Guard, Mode
+from drivers.samples import CycleFlag, is_stale
 from experiments.steps import SegmentLabel
+from rig.run.direct_line import DirectLine
 from rig.run.make_safe import STAGES, Action, MakeSafe, MakeSafeReport, Stage
 from rig.run.phases import Machine, Phase, PhaseRunner, Phases
 from rig.run.trajectory import Constant
@@ -28,7 +31,7 @@ class Notes:
 
 
 def made_safe(
-    action: Action, change: Callable[[FakeRig], None], speed: float = 30.0, block: int = 20
+    action: Action, change: Callable[[FakeRig], None], speed: float = 30.0, block: int = 20, line: Answers | None = None
 ) -> tuple[FakeRig, MakeSafeReport, Notes]:
     """Bring an ideal rig to `speed`, change something about it, make it safe."""
     rig, notes = FakeRig(), Notes()
@@ -41,7 +44,8 @@ def made_safe(
     _exchange(rig, machine, PhaseRunner(approach(), machine, 100))
     rig.exchanged.clear()
     change(rig)
-    make_safe = MakeSafe(action, machine, notes, deceleration=500.0, ratio=120.0, block_cycles=block)
+    direct = None if line is None else DirectLine(line.of(rig))
+    make_safe = MakeSafe(action, machine, notes, 500.0, 120.0, block, line=direct)
     _exchange(rig, machine, make_safe)
     return rig, make_safe.report, notes
 
@@ -149,6 +153,103 @@ def test_incomplete_cycles_prove_nothing() -> None:
     _, report, _ = made_safe(Action.QUICK_STOP, blind)
     assert not report.safe
     assert report.problem == "cycles are incomplete"
+
+
+OUTPUT_SILENT = INCOMPLETE | CycleFlag.STALE_OUTPUT
+DRIVE_SILENT = INCOMPLETE | CycleFlag.STALE_STATUSWORD | CycleFlag.STALE_INPUT | CycleFlag.STALE_OTHER
+
+
+class Answers:
+    """Devices that answer when they are asked, `answering` of them; the input moves by `step` counts between questions."""
+
+    def __init__(self, *answering: str, step: int = 0, obeys: bool = True) -> None:
+        self.answering, self.step, self.obeys = answering, step, obeys
+        self.asked: list[tuple[str, ...]] = []
+        self.count = 2**32 - 5
+        self.switched_off = False
+
+    def of(self, rig: FakeRig) -> Answers:
+        self.rig = rig
+        return self
+
+    def ask(self, channels: Sequence[str]) -> dict[str, int]:
+        self.asked.append(tuple(channels))
+        self.count += self.step
+        word = 0x0250 if self.switched_off and self.obeys else 0x0237
+        counts = {"statusword": word, "input_angle": self.count % 2**32, "output_angle": 7}
+        return {name: counts[name] for name in channels if name in self.answering}
+
+    def switch_off(self) -> None:
+        self.switched_off = True
+
+
+def flagged(flags: int) -> Callable[[FakeRig], None]:
+    def change(rig: FakeRig) -> None:
+        rig.physics.flags = int(flags)
+
+    return change
+
+
+def test_a_node_that_is_no_witness_may_be_silent() -> None:
+    _, report, _ = made_safe(Action.QUICK_STOP, flagged(INCOMPLETE | CycleFlag.STALE_TORQUE))
+    assert report.safe
+    assert report.verified_by == ("statusword", "input_angle", "output_angle")
+    assert report.escalated == []
+
+
+def test_a_silent_output_encoder_is_named_and_asked() -> None:
+    _, report, notes = made_safe(Action.QUICK_STOP, flagged(OUTPUT_SILENT))
+    assert report.safe
+    assert (report.verified_by, report.silent) == (("statusword", "input_angle"), ("output_angle",))
+    level, code, text = notes.events[-1]
+    assert (level, code) == ("warning", "made-safe")
+    assert text.endswith("the output encoder is silent")
+    line = Answers("output_angle")
+    _, report, notes = made_safe(Action.QUICK_STOP, flagged(OUTPUT_SILENT), line=line)
+    assert report.verified_by == ("statusword", "input_angle", "output_angle (asked by SDO)")
+    assert not line.switched_off
+    assert notes.events[-1][0] == "info"
+
+
+def test_the_output_encoder_alone_verifies_nothing() -> None:
+    _, report, notes = made_safe(Action.QUICK_STOP, flagged(DRIVE_SILENT))
+    assert not report.safe
+    assert report.problem == "the input encoder is silent"
+    assert report.silent == ("statusword", "input_angle")
+    assert notes.events[-1][2].startswith("STANDSTILL NOT VERIFIED")
+
+
+def test_a_drive_that_answers_is_switched_off_and_verified_by_sdo() -> None:
+    line = Answers("statusword", "input_angle")
+    _, report, _ = made_safe(Action.QUICK_STOP, flagged(DRIVE_SILENT), line=line)
+    assert report.safe
+    assert line.switched_off
+    assert report.stages == ["quick stop", "servo off", "servo off by SDO"]
+    assert report.verified_by == ("statusword (asked by SDO)", "input_angle (asked by SDO)", "output_angle")
+    assert set(line.asked) == {("statusword", "input_angle")}
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        (Answers("statusword", "input_angle", step=600), "the input turns at 1.15 rad/s"),
+        (Answers("statusword", "input_angle", obeys=False), "the drive is in operation enabled"),
+        (Answers("statusword"), "the input encoder is silent"),
+        (Answers("input_angle"), "the statusword is silent"),
+        (Answers(), "the input encoder is silent"),
+    ],
+)
+def test_what_a_silent_drive_answers_is_not_believed_beyond_what_it_says(line: Answers, problem: str) -> None:
+    _, report, _ = made_safe(Action.QUICK_STOP, flagged(DRIVE_SILENT), line=line)
+    assert not report.safe
+    assert report.problem == problem
+
+
+def test_which_channels_of_a_cycle_are_old() -> None:
+    flags = np.array([0, INCOMPLETE, OUTPUT_SILENT, DRIVE_SILENT, CycleFlag.LATE, INCOMPLETE | 4096], dtype=np.uint16)
+    assert is_stale(flags, "output_angle").tolist() == [False, True, True, False, False, False]
+    assert is_stale(flags, "statusword").tolist() == [False, True, False, True, False, False]
+    assert is_stale(flags, "housing_temperature").tolist() == [False, True, False, True, False, True]
 
 
 @pytest.mark.parametrize("block", [1, 7, 100])

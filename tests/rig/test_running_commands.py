@@ -199,7 +199,7 @@ def test_what_the_rig_knows_is_not_asked_for_twice() -> None:
 
 def test_an_unknown_rig_lists_those_there_are() -> None:
     with pytest.raises(ConfigurationError, match="no such rig") as refused:
-        make_port("hardware", BenchRequest(shipped_gear(), shipped_motor()))
+        make_port("another", BenchRequest(shipped_gear(), shipped_motor()))
     assert "sim" in refused.value.limit
     assert "sim" in BACKENDS
 

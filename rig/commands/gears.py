@@ -1,0 +1,186 @@
+"""`rig gear`: the cards of the gears. What is known of one, changed and confirmed by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from rig.gear_card import GearCard
+
+gear = typer.Typer(
+    name="gear", no_args_is_help=True,
+    help="Gear cards: what is known of each gear (part, mounting, lubricant, hours, load inertia, run-outs); who confirmed it.",
+)  # fmt: skip
+
+Serial = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the gear.")]
+Folder = Annotated[Path, typer.Option("--output", metavar="DIR", help="Folder of the run files; cards lie in its .gears.")]
+By = Annotated[str, typer.Option("--by", metavar="NAME", help="Who says so; kept in the history of the card.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
+HelpFlag = Annotated[bool, typer.Option("--help", "-h", help="Show this and the flags of every fact, and exit.")]
+
+
+@gear.command("list")
+def list_(output: Folder = Path("runs"), json: Json = False) -> None:
+    """List the cards of a folder of runs."""
+    from rig.gear_card import known, list_cards
+
+    listed = list_cards(output)
+    if json:
+        from rig.results import json_text
+
+        cards = [
+            one.card.as_json() if one.card else {"path": str(one.path), "problem": one.problem} for one in listed
+        ]
+        typer.echo(json_text({"gears": cards}))
+        return
+    from rich.console import Console
+    from rich.table import Table
+
+    if not listed:
+        typer.echo(f"No gear cards in {output}. Write one with: rig gear set SERIAL --by NAME --part csf-25-120")
+        return
+    table = Table("gear", "part", "mounting", "lubricant", "hours", "confirmed", box=None)
+    for one in listed:
+        if one.card is None:
+            table.add_row(one.path.name, f"unreadable: {one.problem}", style="red")
+            continue
+        facts = known(one.card.facts)
+        last = one.card.confirmation
+        confirmed = f"{last.by}, {last.at}" if one.card.is_confirmed and last else "NO"
+        cells = (str(facts.get(name, "-")) for name in ("part", "mounting", "lubricant", "hours"))
+        table.add_row(one.card.serial, *cells, confirmed, style=None if one.card.is_confirmed else "yellow")
+    Console(highlight=False).print(table)
+
+
+@gear.command("show")
+def show(serial: Serial, output: Folder = Path("runs"), json: Json = False) -> None:
+    """Show what is known of a gear, and who changed and confirmed it."""
+    card = _card(output, serial)
+    if json:
+        from rig.results import json_text
+
+        typer.echo(json_text(card.as_json()))
+        return
+    _print(card)
+
+
+@gear.command(
+    "set", context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+)
+def set_(
+    context: typer.Context,
+    serial: Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the gear.")] = "",
+    by: By = "",
+    output: Folder = Path("runs"),
+    confirm: Annotated[bool, typer.Option("--confirm", help="Confirm the card as it then is.")] = False,
+    json: Json = False,
+    show_help: HelpFlag = False,
+) -> None:
+    """Write down facts of a gear, such as --mounting flexspline-fixed --hours 120; an empty value forgets one.
+
+    A change of anything but the hours takes the confirmation away: confirm again with --confirm, or with `rig gear confirm`.
+    """
+    if show_help:
+        typer.echo(context.get_help())
+        _print_flags()
+        raise typer.Exit
+    from experiments.parameters import parameter_fields
+    from rig.commands.running import read_flags
+    from rig.gear_card import GearFacts, card_for, now_text, save_card, with_changes, with_confirmation
+
+    if not serial or serial.startswith("-"):
+        raise typer.BadParameter("name the gear first, by its serial number", param_hint="SERIAL")
+    fields = tuple(field for field in parameter_fields(GearFacts) if field.name != "serial")
+    values = {name: _absolute(name, text) for name, text in read_flags("gear set", fields, context.args).items()}
+    before = card_for(output, serial)
+    card = with_changes(before, {**({} if before else {"serial": serial}), **values}, by, now_text())
+    if confirm:
+        card = with_confirmation(card, by, now_text())
+    save_card(output, card)
+    if json:
+        from rig.results import json_text
+
+        typer.echo(json_text(card.as_json()))
+        return
+    _print(card)
+
+
+@gear.command("confirm")
+def confirm_(serial: Serial, by: By, output: Folder = Path("runs"), json: Json = False) -> None:
+    """Confirm by name that a gear is mounted as its card says."""
+    from rig.gear_card import now_text, save_card, with_confirmation
+
+    card = with_confirmation(_card(output, serial), by, now_text())
+    save_card(output, card)
+    if json:
+        from rig.results import json_text
+
+        typer.echo(json_text(card.as_json()))
+        return
+    _print(card)
+
+
+def _card(folder: Path, serial: str) -> GearCard:
+    from rig.errors import ConfigurationError
+    from rig.gear_card import card_for, list_cards
+
+    card = card_for(folder, serial)
+    if card is None:
+        known = ", ".join(one.card.serial for one in list_cards(folder) if one.card)
+        raise ConfigurationError(
+            "there is no card of this gear", where=str(folder), value=serial, limit=known,
+            remedy="Write one with `rig gear set`.",
+        )  # fmt: skip
+    return card
+
+
+def _absolute(name: str, text: object) -> object:
+    """A parameter file by its whole path, so that the card does not depend on where it was written from."""
+    if name == "part" and isinstance(text, str) and text.lower().endswith(".toml"):
+        return str(Path(text).resolve())
+    return text
+
+
+def _print(card: GearCard) -> None:
+    import dataclasses
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from experiments.parameters import parameter_fields
+    from rig.gear_card import GearFacts, in_words, known
+
+    console = Console(highlight=False)
+    told = known(card.facts)
+    units = {field.name: field.unit for field in parameter_fields(GearFacts)}
+    table = Table(show_header=False, box=None, title=f"Gear {card.serial}", title_justify="left")
+    for field in dataclasses.fields(GearFacts):
+        value = told.get(field.name)
+        text = "not known" if value is None else f"{value:g} {units[field.name]}" if isinstance(value, float) else str(value)
+        table.add_row(in_words(field.name), text, style="dim" if value is None else None)
+    console.print(table)
+    for event in card.history:
+        names = ", ".join(in_words(name) for name in event.values)
+        console.print(f"{event.at}  {event.what} by {event.by}" + (f": {names}" if names else ""), markup=False)
+    last = card.confirmation
+    if card.is_confirmed and last is not None:
+        console.print(f"confirmed by {last.by}, {last.at}", style="green", markup=False)
+    else:
+        console.print(f"warning: {card.warning}", style="yellow", markup=False, soft_wrap=True)
+
+
+def _print_flags() -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from experiments.parameters import parameter_fields
+    from rig.gear_card import CHOICES, GearFacts
+
+    table = Table("flag", "unit", "allowed", "what", title="Facts of a gear", title_justify="left")
+    for field in parameter_fields(GearFacts):
+        if field.name != "serial":
+            table.add_row(field.flag, field.unit, ", ".join(CHOICES.get(field.name, ())) or field.limit, field.help)
+    Console(highlight=False).print(table)

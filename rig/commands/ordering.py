@@ -1,0 +1,81 @@
+"""From what was typed to what is to be run: gear, motor, limits and rates by flag, by the rig's configuration, or by default."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rig.run.dry_run import PlannedRun
+    from rig.run.start import RunRequest
+
+
+def request_of(
+    protocol: str,
+    values: Mapping[str, Any],
+    *,
+    backend: str = "sim",
+    config: Path | None = None,
+    parameters: Path | None = None,
+    mounting: str = "circular-spline-fixed",
+    sample_rate: float | None = None,
+    output: Path | None = None,
+    gear_serial: str = "unknown",
+    operator: str = "",
+    seed: int = 0,
+    block: int = 2000,
+    confirmation: str = "",
+) -> RunRequest:
+    """The request that flags make. A configuration that is named, or that a rig of hardware needs, gives what they leave open.
+
+    Raises `ConfigurationError`, `ParameterError`; nothing is connected.
+    """
+    from model.gear_file import load_gear, shipped_gear
+    from model.motor import shipped_motor
+    from rig.backends import HARDWARE
+    from rig.run.dry_run import DEFAULT_SAMPLE_RATE
+    from rig.run.start import RunRequest
+
+    if config is None and backend == HARDWARE:
+        from rig.config.load import DEFAULT_PATH
+
+        config = DEFAULT_PATH
+    gear, motor = shipped_gear(), shipped_motor()
+    limits: Mapping[str, float] = {}
+    rate, folder = DEFAULT_SAMPLE_RATE, Path("runs")
+    if config is not None:
+        from rig.config.apply import configured_rig
+
+        configured = configured_rig(config)
+        gear, motor, limits = configured.gear, configured.motor, configured.limits
+        rate, folder = configured.configuration.rig.sample_rate_hz, config.parent / configured.configuration.rig.output
+    if parameters is not None:
+        gear = load_gear(parameters)
+    return RunRequest(
+        protocol, gear, motor, output or folder, values, backend, mounting,  # type: ignore[arg-type]
+        gear_serial, operator, seed, sample_rate or rate, block, configuration=config, limits=limits,
+        confirmation=confirmation,
+    )  # fmt: skip
+
+
+def confirmed(request: RunRequest, planned: PlannedRun, asks: bool) -> RunRequest:
+    """The request of a run on hardware with what the operator typed; every other request as it is.
+
+    Asked is whoever sits at the terminal, once the plan and its margins have been shown; without a terminal the run stays
+    unconfirmed, and arming refuses it.
+    """
+    from rig.backends import HARDWARE
+
+    if request.backend != HARDWARE or request.confirmation or not asks or not sys.stdin.isatty():
+        return request
+    from rig.commands.run_tables import print_plan
+    from rig.run.start import arming_of
+
+    print_plan(planned)
+    expected = arming_of(request, planned).expected
+    sys.stderr.write(f"\nThis moves the rig. Guard closed, hands away, emergency stop within reach? Type {expected} to arm: ")
+    sys.stderr.flush()
+    return replace(request, confirmation=sys.stdin.readline().strip())

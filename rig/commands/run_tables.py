@@ -1,0 +1,133 @@
+"""What `rig plan` and `rig run` print: help with a protocol's flags, the plan with its margins, how a run ended."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from experiments.parameters import ParameterField
+    from rig.run.dry_run import PlannedRun
+    from rig.run.order import RunReport
+
+
+def print_help(context: typer.Context) -> None:
+    """The command's own help, then the protocols, or the flags of the one that is named."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from experiments import catalogue
+
+    text = context.get_help()
+    if text:
+        typer.echo(text)
+    console = Console(highlight=False)
+    named = next((word for word in context.args if word in catalogue.names()), "")
+    if not named:
+        table = Table("protocol", "what it measures", title="Protocols", title_justify="left", box=None)
+        for name in catalogue.names():
+            table.add_row(name, catalogue.entry(name).summary)
+        console.print(table)
+        console.print(f"\n'{context.command_path} PROTOCOL --help' shows the flags of one.")
+        return
+    from experiments.parameters import parameter_fields
+
+    experiment = catalogue.load(named)
+    table = Table(
+        "flag", "unit", "allowed", "default", "what", title=f"{named}: {experiment.title}", title_justify="left"
+    )
+    for field in parameter_fields(experiment.parameters):
+        table.add_row(field.flag, field.unit, field.limit, _default(field), field.help)
+    console.print(table)
+
+
+def _default(field: ParameterField) -> str:
+    value = field.default
+    if isinstance(value, tuple):
+        return " ".join(f"{number:g}" for number in value) or "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def print_plan(planned: PlannedRun) -> None:
+    """What a plan will do, and its margin to every limit."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from model.units import RPM
+    from rig.run.progress import in_words
+
+    console = Console(highlight=False)
+    turns = planned.input_revolutions
+    peak = max((abs(step.speed) for step in planned.steps), default=0.0) / RPM
+    title = f"{planned.experiment.name}: {planned.experiment.title}"
+    facts = Table(show_header=False, box=None, title=title, title_justify="left")
+    facts.add_row("gear", f"{planned.gear.name}, {planned.mounting}, ratio {planned.load.ratio:g}")
+    facts.add_row("steps", f"{len(planned.plan)}")
+    facts.add_row("duration", f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most")
+    out = f", {turns / planned.load.ratio:.2f} of the output" if planned.experiment.gear_mounted else ""
+    facts.add_row("revolutions", f"{turns:.1f} of the input{out}")
+    facts.add_row(
+        "samples", f"{planned.samples} at {planned.sample_rate:g} Hz, about {planned.file_size() / 1e6:.1f} MB"
+    )
+    facts.add_row("peak speed", f"{peak:.4g} r/min")
+    console.print(facts)
+    table = Table("limit on", "planned", "allowed", "margin", "where", "origin", title="Margins", title_justify="left")
+    for margin in planned.margins:
+        factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
+        origin = f"{margin.limit.tier}: {margin.limit.origin}"
+        if margin.limit.provenance in ("recalled", "assumed"):
+            origin += f" ({margin.limit.provenance})"
+        table.add_row(
+            margin.quantity.replace("_", " "), f"{margin.value / factor:.4g} {unit}", f"{margin.limit.value / factor:.4g} {unit}",
+            f"{100.0 * margin.margin:.0f} %", margin.where, origin,
+        )  # fmt: skip
+    console.print(table)
+
+
+def _print_alarm(console: Console, problem: str) -> None:
+    """A failed make-safe: the loudest thing on the screen, with the terminal's bell."""
+    from rich.panel import Panel
+
+    text = f"STANDSTILL WAS NOT VERIFIED\n\nPRESS THE EMERGENCY STOP. DO NOT TOUCH THE RIG.\n\n{problem}"
+    console.print(Panel(text, style="bold white on red", padding=(2, 6), expand=True), markup=False)
+    console.bell()
+
+
+def _print_margins(console: Console, report: RunReport) -> None:
+    """How near the run came to each limit, the nearest first."""
+    from rich.table import Table
+
+    table = Table("limit on", "peak", "limit", "margin", title="Margins of this run", title_justify="left", box=None)
+    for name, found in sorted(report.margins.items(), key=lambda item: item[1]["margin"]):
+        style = "red" if found["margin"] < 0.0 else "yellow" if found["margin"] < 0.1 else None
+        share = f"{100.0 * found['margin']:.0f} %"
+        table.add_row(name.replace("_", " "), f"{found['peak']:.4g}", f"{found['limit']:.4g}", share, style=style)
+    console.print(table)
+
+
+def print_report(report: RunReport) -> None:
+    """How a run ended: outcome, file, how it was made safe, what to do."""
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    styles = {"PASS": "green", "MARGINAL": "yellow", "ABORTED": "yellow"}
+    console.print(f"{report.outcome}  {report.run_id}", style=styles.get(report.outcome, "red"), markup=False)
+    console.print(f"{report.path}", markup=False, soft_wrap=True)
+    if report.make_safe is not None and not report.safe:
+        _print_alarm(console, report.make_safe.problem)
+    elif report.make_safe is not None:
+        seen = ", ".join(report.make_safe.verified_by)
+        console.print(f"made safe ({report.make_safe.action.value}), standstill verified by {seen}", soft_wrap=True)
+    if report.message:
+        console.print(report.message, markup=False, soft_wrap=True)
+    if report.margins:
+        _print_margins(console, report)
+    if report.trip is not None:
+        console.print(f"The trip is latched: rig acknowledge --operator NAME --output {report.path.parent}", soft_wrap=True)
+    for warning in dict.fromkeys(w for w in report.warnings if w != report.message):
+        console.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)

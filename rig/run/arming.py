@@ -1,0 +1,86 @@
+"""Arming a run on hardware: what must be true before a rig that can hurt somebody is allowed to move.
+
+    before it is connected   operator named, gear named, confirmation typed: the gear's serial number, letter for letter
+    while it is connected    guard closed (where the configuration names its input), limits written and read back
+
+Every rule is a row here; a rule that is not met refuses the run, and nothing has moved. The limits are written and compared by
+`rig.run.session`; the drive is switched on only after all of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from drivers.errors import DriverError
+from rig.errors import ConfigurationError
+from rig.run.preflight import Check
+
+WITHOUT_GEAR = "NO GEAR"
+"""What is typed to arm a run without a gear."""
+_UNNAMED = frozenset({"", "unknown", "none", "nobody", "?"})
+
+
+@dataclass(frozen=True)
+class Arming:
+    """Who arms which run: operator, serial number of the gear, what was typed, and whether a gear is mounted at all."""
+
+    operator: str
+    gear_serial: str
+    confirmation: str
+    gear_mounted: bool = True
+
+    @property
+    def expected(self) -> str:
+        """What has to be typed."""
+        return self.gear_serial.strip() if self.gear_mounted else WITHOUT_GEAR
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One rule: whether it is met, and what is said when it is not."""
+
+    is_met: Callable[[Arming], bool]
+    what: str
+    where: str
+    remedy: Callable[[Arming], str]
+
+
+RULES: tuple[Rule, ...] = (
+    Rule(
+        lambda a: a.operator.strip().lower() not in _UNNAMED, "a run on hardware needs a named operator", "--operator",
+        lambda a: "Say who answers for it.",
+    ),
+    Rule(
+        lambda a: not a.gear_mounted or a.gear_serial.strip().lower() not in _UNNAMED,
+        "a run on hardware needs the gear's serial number", "--gear", lambda a: "Read it from the gear that is mounted.",
+    ),
+    Rule(
+        lambda a: a.confirmation.strip() == a.expected, "the run was not confirmed", "--confirm",
+        lambda a: f"Look at the rig, then type {a.expected} letter for letter.",
+    ),
+)  # fmt: skip
+"""What must be true before the rig is connected."""
+
+
+def refuse_unarmed(arming: Arming) -> None:
+    """Raise `ConfigurationError` for the first rule that is not met."""
+    for rule in RULES:
+        if not rule.is_met(arming):
+            found = arming.confirmation if rule.where == "--confirm" else None
+            raise ConfigurationError(
+                rule.what, where=rule.where, value=None if found is None else repr(found), remedy=rule.remedy(arming)
+            )
+
+
+def guard_check(read: Callable[[], tuple[int, bool]] | None) -> Check:
+    """The guard's contact: `read` gives the input's value and whether that means closed; None: no input is configured."""
+    if read is None:
+        return Check("guard", "warning", "no guard input is configured: nobody looks whether the guard is closed")
+    try:
+        value, closed = read()
+    except DriverError as error:
+        return Check("guard", "failed", f"the guard input cannot be read: {error}", "Correct [guard] in the configuration.")
+    if closed:
+        return Check("guard", "ok", f"closed (input 0x{value:X})")
+    return Check("guard", "failed", f"open (input 0x{value:X})", "Close the guard, then start again.")

@@ -1,0 +1,44 @@
+"""What a run in real time asks of the computer: a place in the real-time class, and to stay in memory. Refusals are said."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+
+from rig.run.preflight import Check
+
+_MCL_CURRENT_AND_FUTURE = 3
+
+
+def claim_real_time(priority: int, lock_memory: bool) -> tuple[Check, ...]:
+    """Ask for SCHED_FIFO with this priority (0: do not ask) and for locked memory. What was refused is a warning."""
+    checks = []
+    if priority > 0:
+        checks.append(_claim_priority(priority))
+    if lock_memory:
+        checks.append(_lock_memory())
+    return tuple(checks)
+
+
+def _claim_priority(priority: int) -> Check:
+    remedy = "Allow it (ulimit -r, or CAP_SYS_NICE), or set real_time.scheduler_priority = 0."
+    if not hasattr(os, "sched_setscheduler"):
+        return Check("scheduler", "warning", f"{sys.platform} has no SCHED_FIFO: the loop is scheduled like any program")
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (OSError, ValueError) as error:
+        return Check("scheduler", "warning", f"SCHED_FIFO {priority} was refused: {error}", remedy)
+    return Check("scheduler", "ok", f"SCHED_FIFO with priority {priority}")
+
+
+def _lock_memory() -> Check:
+    try:
+        library = ctypes.CDLL(None, use_errno=True)
+        refused = library.mlockall(_MCL_CURRENT_AND_FUTURE)
+    except (OSError, AttributeError, TypeError) as error:
+        return Check("memory", "warning", f"memory cannot be locked on {sys.platform}: {error}")
+    if refused:
+        reason = os.strerror(ctypes.get_errno())
+        return Check("memory", "warning", f"memory was not locked: {reason}", "Raise `ulimit -l`, or set lock_memory = false.")
+    return Check("memory", "ok", "locked")

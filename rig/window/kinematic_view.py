@@ -1,0 +1,216 @@
+"""Kinematic error as it builds up: over the wave-generator angle, revolution by revolution, and over the output revolution.
+
+(15) ke = theta_o - theta_i/N, with both encoders and the mounted ratio. A live estimate: every input revolution counts from
+its own mean, so that what changes once per output revolution stands in the second plot and not in the first. After a
+change of set-point the first revolution and a half are left out, as the analysis leaves out the approach.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.phase_reference import phase_reference
+from experiments.recording import Recording, Segment
+from model.units import ARCMIN, REVOLUTION
+from rig.window.live_file import Block
+from rig.window.live_view import LiveContext
+from rig.window.plots import LabPlot
+from rig.window.session import WindowSession
+
+FloatArray = NDArray[np.float64]
+WAVE_BINS = 360
+OUTPUT_BINS = 720
+WIND_UP = 1.5 * REVOLUTION
+"""Input angle after a change of set-point that is not shown."""
+FASTEST = 400.0 * REVOLUTION / 60.0
+"""rad/s; above, the output's vibration hides the error (the protocol's own highest speed is 300 r/min)."""
+WAYS = ((1, "forward"), (-1, "reverse"))
+
+
+class SteadyRows:
+    """Which rows turn steadily: the set-point has not changed for `WIND_UP` of the input, and is not zero."""
+
+    def __init__(self) -> None:
+        self._target: float | None = None
+        self._changed_at = 0.0
+
+    def of(self, target: FloatArray, angle: FloatArray) -> NDArray[np.bool_]:
+        """A mask over rows in order."""
+        before = self._target if self._target is not None else target[0]
+        changes = np.diff(target, prepend=before) != 0.0
+        marks = np.where(changes, np.arange(len(target)), -1)
+        latest = np.maximum.accumulate(marks)
+        since = np.where(latest >= 0, angle[np.maximum(latest, 0)], self._changed_at if self._target is not None else angle[0])
+        self._target, self._changed_at = float(target[-1]), float(since[-1])
+        return (np.abs(angle - since) >= WIND_UP) & (target != 0.0) & (np.abs(target) <= FASTEST)
+
+
+class Revolutions:
+    """Means over angle bins of whole input revolutions, one after the other, added up per direction."""
+
+    def __init__(self) -> None:
+        self.total = {1: np.zeros(WAVE_BINS), -1: np.zeros(WAVE_BINS)}
+        self.low = {w: np.full(WAVE_BINS, np.inf) for w, _ in WAYS}
+        self.high = {w: np.full(WAVE_BINS, -np.inf) for w, _ in WAYS}
+        self.count = {1: 0, -1: 0}
+        self.latest: FloatArray | None = None
+        self._which: tuple[int, int] | None = None
+        self._sum, self._hits = np.zeros(WAVE_BINS), np.zeros(WAVE_BINS)
+
+    def add(self, angle: FloatArray, error: FloatArray, way: int) -> None:
+        """Rows of one direction in order."""
+        turn = np.floor(angle / REVOLUTION).astype(np.int64)
+        edges = np.flatnonzero(np.diff(turn)) + 1
+        for a, b in zip(np.split(angle, edges), np.split(error, edges), strict=True):
+            which = (int(np.floor(a[0] / REVOLUTION)), way)
+            if which != self._which:
+                self._finish()
+                self._which = which
+            bins = np.minimum((np.mod(a, REVOLUTION) / REVOLUTION * WAVE_BINS).astype(np.int64), WAVE_BINS - 1)
+            self._sum += np.bincount(bins, b, WAVE_BINS)
+            self._hits += np.bincount(bins, minlength=WAVE_BINS)
+
+    def cut(self) -> None:
+        """The turning was interrupted: a revolution that is not whole does not count."""
+        self._finish()
+        self._which = None
+
+    def current(self) -> FloatArray:
+        """The revolution that is under way, about its own mean; NaN where it has not been."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            mean = np.where(self._hits > 0, self._sum / self._hits, np.nan)
+        return mean - np.nanmean(mean) if self._hits.any() else mean
+
+    def mean(self, way: int) -> FloatArray | None:
+        """The mean of all whole revolutions in one direction."""
+        return self.total[way] / self.count[way] if self.count[way] else None
+
+    def _finish(self) -> None:
+        if self._which is not None and np.count_nonzero(self._hits) >= 0.9 * WAVE_BINS:
+            centres = np.arange(WAVE_BINS)
+            filled = self._hits > 0
+            curve = np.interp(centres, centres[filled], self._sum[filled] / self._hits[filled], period=WAVE_BINS)
+            curve -= curve.mean()
+            way = self._which[1]
+            self.total[way] += curve
+            self.low[way], self.high[way] = np.minimum(self.low[way], curve), np.maximum(self.high[way], curve)
+            self.count[way] += 1
+            self.latest = curve
+        self._sum[:], self._hits[:] = 0.0, 0.0
+
+
+class _ErrorRows:
+    """The kinematic error of the steady rows of a run, block by block."""
+
+    def __init__(self, context: LiveContext) -> None:
+        metadata = context.recording.metadata
+        self.ratio, self._sense = metadata.ratio, metadata.output_sense
+        self._context = context
+        self._steady = SteadyRows()
+        self.reference: float | None = None
+        self.reference_name = ""
+
+    def of(self, block: Block) -> tuple[FloatArray, FloatArray, FloatArray, int] | None:
+        """Input angle from the reference, output angle, error [rad] and direction of the steady rows; None without any."""
+        if not {"input_angle", "output_angle", "target_speed"} <= block.si.keys() or not block.good.any():
+            return None
+        inner, target = block.si["input_angle"][block.good], block.si["target_speed"][block.good]
+        steady = self._steady.of(target, inner)
+        if not steady.any():
+            return None
+        if self.reference is None:
+            found = phase_reference(self._context.recording)
+            self.reference, self.reference_name = found.input_angle, found.what
+        outer = self._sense * block.si["output_angle"][block.good][steady]
+        inner, target = inner[steady], target[steady]
+        way = 1 if target[-1] > 0.0 else -1
+        same = np.sign(target) == way
+        inner, outer = inner[same] - self.reference, outer[same]
+        return inner, outer, outer - inner / self.ratio, way
+
+
+class WaveView:
+    """Kinematic error over the wave-generator angle: the revolution under way, and the mean of those before, each direction."""
+
+    wanted = ("input_angle", "output_angle", "target_speed")
+
+    def __init__(self, session: WindowSession, context: LiveContext) -> None:
+        self.plot = LabPlot(
+            session, "Kinematic error per input revolution", "wave-generator angle [deg]", "kinematic error [arcmin]"
+        )
+        self.plot.item.setXRange(0.0, 360.0, padding=0.0)
+        self._rows, self.revolutions = _ErrorRows(context), Revolutions()
+        self._mean = {way: self.plot.curve(f"mean, {name}", k) for k, (way, name) in enumerate(WAYS)}
+        self._current = self.plot.curve("this revolution", 2, "dashed")
+        self._degrees = (np.arange(WAVE_BINS) + 0.5) * 360.0 / WAVE_BINS
+
+    def take(self, block: Block) -> None:
+        """New rows."""
+        found = self._rows.of(block)
+        if found is None:
+            self.revolutions.cut()
+        else:
+            inner, _, error, way = found
+            self.revolutions.add(inner, error, way)
+
+    def ended(self, segment: Segment, recording: Recording) -> None:
+        """Nothing: it is the rows that are drawn."""
+
+    def draw(self, recent: bool) -> None:
+        """Bring the curves up to date."""
+        for way, curve in self._mean.items():
+            mean = self.revolutions.mean(way)
+            if mean is not None:
+                curve.item.setData(self._degrees, mean / ARCMIN)
+        self._current.item.setData(self._degrees, self.revolutions.current() / ARCMIN)
+        done = " + ".join(f"{self.revolutions.count[w]} {name}" for w, name in WAYS if self.revolutions.count[w])
+        text = f"Kinematic error, {done} revolutions" if done else "Kinematic error per input revolution"
+        self.plot.set_title(text)
+        if self._rows.reference_name:
+            where = "index mark" if "ind" in self._rows.reference_name else "start of the run"
+            self.plot.item.setLabel("bottom", f"wave-generator angle from the {where} [deg]")
+
+
+class OutputView:
+    """Kinematic error over the output revolution: its whole height is what transmission accuracy is taken from."""
+
+    wanted = WaveView.wanted
+
+    def __init__(self, session: WindowSession, context: LiveContext) -> None:
+        self.plot = LabPlot(
+            session, "Kinematic error over the output", "output angle from the start of the run [deg]",
+            "kinematic error [arcmin]",
+        )  # fmt: skip
+        self.plot.item.setXRange(0.0, 360.0, padding=0.0)
+        self._rows = _ErrorRows(context)
+        self._low = {way: np.full(OUTPUT_BINS, np.nan) for way, _ in WAYS}
+        self._high = {way: np.full(OUTPUT_BINS, np.nan) for way, _ in WAYS}
+        self._curves = {way: self.plot.curve(name, k) for k, (way, name) in enumerate(WAYS)}
+        self._origin: float | None = None
+
+    def take(self, block: Block) -> None:
+        """New rows."""
+        found = self._rows.of(block)
+        if found is None:
+            return
+        _, outer, error, way = found
+        if self._origin is None:
+            self._origin = float(outer[0])
+        angle = np.mod((outer - self._origin) / REVOLUTION, 1.0)
+        bins = np.minimum((angle * OUTPUT_BINS).astype(np.int64), OUTPUT_BINS - 1)
+        edges = np.flatnonzero(np.diff(bins, prepend=-1))
+        for store, ufunc in ((self._low[way], np.fmin), (self._high[way], np.fmax)):
+            ufunc.at(store, bins[edges], ufunc.reduceat(error, edges))
+
+    def ended(self, segment: Segment, recording: Recording) -> None:
+        """Nothing: it is the rows that are drawn."""
+
+    def draw(self, recent: bool) -> None:
+        """Bring the curves up to date."""
+        degrees = np.repeat((np.arange(OUTPUT_BINS) + 0.5) * 360.0 / OUTPUT_BINS, 2)
+        for way, curve in self._curves.items():
+            both = np.column_stack([self._low[way], self._high[way]]).ravel()
+            known = np.isfinite(both)
+            if known.any():
+                curve.item.setData(degrees[known], (both[known] - 0.5 * (both[known].min() + both[known].max())) / ARCMIN)

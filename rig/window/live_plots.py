@@ -1,0 +1,211 @@
+"""The board of live plots of one run: which plots a protocol shows, and the beat at which they read and draw."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from rig.errors import RunFileError
+from rig.runfile.header import ORIGIN_WORDS
+from rig.window.kinematic_view import OutputView, WaveView
+from rig.window.live_file import Block, LiveFile, open_live
+from rig.window.live_view import RECENT, LiveContext, LiveView, SpeedView, temperature_view, torque_view
+from rig.window.plots import LabPlot
+from rig.window.points_view import StartingPoints, TorquePoints
+from rig.window.session import WindowSession
+from rig.window.steps_view import StepView
+
+BEAT_MS = 25
+"""ms between two looks at the file: forty a second."""
+READING_ALLOWED = 0.010
+"""s of a beat that reading may take while it catches up."""
+
+Maker = Callable[[WindowSession, LiveContext], LiveView]
+BOARDS: dict[str, tuple[Maker, ...]] = {
+    "kinematic-error": (SpeedView, WaveView, torque_view, OutputView),
+    "friction": (SpeedView, TorquePoints, torque_view),
+    "motor-tare": (SpeedView, TorquePoints, torque_view),
+    "velocity-steps": (SpeedView, StepView, torque_view),
+    "warm-up": (SpeedView, temperature_view, torque_view),
+    "starting-torque": (SpeedView, StartingPoints, torque_view),
+}
+"""What each protocol shows besides speed (top left) and torque (bottom left): in the order of the grid, row by row. A board
+of three gives the second plot the whole height of its column."""
+OTHERS: tuple[Maker, ...] = (SpeedView, WaveView, torque_view, temperature_view)
+"""The board of everything else."""
+
+
+class LivePlots(QWidget):
+    """Draws one growing run. `open` begins, `finish` reads what is left."""
+
+    drawn = Signal()
+    """A beat has brought new rows to the screen."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self.live: LiveFile | None = None
+        self.views: list[LiveView] = []
+        self.plots: list[LabPlot] = []
+        self.mark = ""
+        self.protocol = ""
+        self._waiting_for: Path | None = None
+        self._context: tuple[Any, Any] = (None, None)
+        self._grid_holder = QWidget()
+        self._hint = QLabel("No run yet. Prepare one, then its plots appear here.")
+        self._hint.setProperty("part", "muted")
+        self._hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._recent = QPushButton(f"latest {RECENT:g} s")
+        self._recent.setCheckable(True)
+        self._recent.setToolTip("Show the latest seconds instead of the whole run (Ctrl+L)")
+        self._recent.setShortcut("Ctrl+L")
+        self._recent.toggled.connect(lambda _: self._draw())
+        self._rows = QLabel()
+        self._rows.setProperty("part", "muted")
+        foot = QHBoxLayout()
+        foot.addWidget(self._recent)
+        foot.addStretch(1)
+        foot.addWidget(self._rows)
+        self._column = QVBoxLayout(self)
+        self._column.setContentsMargins(0, 0, 0, 0)
+        self._column.setSpacing(4)
+        self._column.addWidget(self._hint, 1)
+        self._column.addLayout(foot)
+        self._recent.setVisible(False)
+        self._timer = QTimer(self)
+        self._timer.setInterval(BEAT_MS)
+        self._timer.timeout.connect(self.beat)
+        session.theme_changed.connect(lambda _: self._draw())
+
+    @property
+    def rows_read(self) -> int:
+        """Rows of the run that were drawn."""
+        return self.live.rows_read if self.live is not None else 0
+
+    def expect(self, planned: Any = None, prediction: Any = None) -> None:
+        """A run is about to begin: forget the one before."""
+        self.close_file()
+        self._context = planned, prediction
+
+    def open(self, path: Path) -> None:
+        """Follow this file as soon as it can be opened."""
+        if self.live is None and self._waiting_for is None:
+            self._waiting_for = path
+            self._timer.start()
+            self.beat()
+
+    def beat(self) -> None:
+        """One look: read within the time allowed, draw if there is something new."""
+        if self.live is None:
+            self._begin()
+        if self.live is None:
+            return
+        try:
+            self.live.look()
+            fresh = self.live.read(READING_ALLOWED, self._take)
+            ended = self._tell_segments(READING_ALLOWED)
+        except RunFileError as error:
+            self._session.message.emit(str(error))
+            self._timer.stop()
+            return
+        if fresh or ended:
+            self._draw()
+            self.drawn.emit()
+
+    def finish(self, path: Path) -> None:
+        """The run is sealed at `path`: read what is left, from there, and stop looking."""
+        self._timer.stop()
+        if self.live is None:
+            self._waiting_for = self._waiting_for or path
+            self._begin()
+        if self.live is None:
+            return
+        try:
+            self.live.continue_in(path)
+            self.live.look()
+            self.live.read(float("inf"), self._take)
+            self._tell_segments(float("inf"))
+        except RunFileError as error:
+            self._session.message.emit(str(error))
+        self._draw()
+        self.drawn.emit()
+
+    def release(self) -> None:
+        """Let go of the file before its writer renames it, where an open file cannot be renamed (Windows)."""
+        if os.name == "nt" and self.live is not None:
+            self._timer.stop()
+            self.live.close()
+
+    def close_file(self) -> None:
+        """Forget the run."""
+        self._timer.stop()
+        if self.live is not None:
+            self.live.close()
+        self.live, self._waiting_for = None, None
+
+    def _begin(self) -> None:
+        if self._waiting_for is None:
+            return
+        live = open_live(self._waiting_for)
+        if live is None or not live.rows:
+            if live is not None:
+                live.close()
+            return
+        self._waiting_for, self.live = None, live
+        metadata = live.recording.metadata
+        self.protocol, self.mark = metadata.experiment, ORIGIN_WORDS[metadata.origin]
+        context = LiveContext(live.recording, *self._context)
+        self._lay_out([make(self._session, context) for make in BOARDS.get(self.protocol, OTHERS)])
+        live.want({name for view in self.views for name in view.wanted})
+
+    def _lay_out(self, views: Sequence[LiveView]) -> None:
+        """Two columns: speed and torque on the left, what the protocol is about on the right."""
+        self._hint.setVisible(False)
+        self._recent.setVisible(True)
+        self._column.removeWidget(self._grid_holder)
+        self._grid_holder.deleteLater()
+        self._grid_holder = QWidget()
+        grid = QGridLayout(self._grid_holder)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setSpacing(6)
+        self.views, places = list(views), [(0, 0), (0, 1), (1, 0), (1, 1)]
+        self.plots = [view.plot for view in views]
+        if isinstance(views[1], StepView):
+            self.plots.append(views[1].residual.plot)
+        for plot, (row, column) in zip(self.plots, places, strict=False):
+            spans = 2 if len(self.plots) == 3 and column == 1 else 1
+            grid.addWidget(plot, row, column, spans, 1)
+        for index in (0, 1):
+            grid.setRowStretch(index, 1)
+            grid.setColumnStretch(index, 1)
+        for plot in self.plots:
+            plot.set_mark(self.mark)
+        self._column.insertWidget(0, self._grid_holder, 1)
+
+    def _take(self, block: Block) -> None:
+        for view in self.views:
+            view.take(block)
+
+    def _tell_segments(self, allowed: float) -> int:
+        assert self.live is not None
+        begin, told = time.monotonic(), 0
+        while time.monotonic() - begin < allowed or not told:
+            segment = self.live.next_segment()
+            if segment is None:
+                break
+            told += 1
+            for view in self.views:
+                view.ended(segment, self.live.recording)
+        return told
+
+    def _draw(self) -> None:
+        for view in self.views:
+            view.draw(self._recent.isChecked())
+        if self.live is not None:
+            self._rows.setText(f"{self.live.rows_read:,} of {self.live.rows:,} cycles read".replace(",", "\u202f"))

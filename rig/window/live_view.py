@@ -1,0 +1,146 @@
+"""What every live plot is: it takes new rows, hears of segments that have ended, and draws when it is asked to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from experiments.recording import Recording, Segment
+from rig.window.live_file import Block, Envelope, RollingEnvelope, SlidingSpeed
+from rig.window.palette import Palette
+from rig.window.plots import LabPlot
+from rig.window.session import WindowSession
+
+RUN_TIME = "time since the start of the run [s]"
+RECENT = 20.0
+"""s that "latest" shows."""
+MILLI = 1e-3
+
+
+@dataclass(frozen=True)
+class LiveContext:
+    """What the views know of a run when it begins: its file, and what was planned and predicted where the window started it."""
+
+    recording: Recording
+    planned: Any = None
+    prediction: Any = None
+
+    @property
+    def period(self) -> float:
+        """s from one cycle to the next."""
+        rate = self.recording.metadata.sample_rate
+        return 1.0 / rate if rate > 0.0 else 1e-3
+
+
+class LiveView(Protocol):
+    """One live plot."""
+
+    plot: LabPlot
+    wanted: tuple[str, ...]
+    """Channels that it draws from."""
+
+    def take(self, block: Block) -> None:
+        """New rows."""
+        ...
+
+    def ended(self, segment: Segment, recording: Recording) -> None:
+        """A segment has ended."""
+        ...
+
+    def draw(self, recent: bool) -> None:
+        """Bring the curves up to date; `recent`: only the latest seconds, where the plot runs over time."""
+        ...
+
+
+class Trace:
+    """One signal over the time of the run: as a whole, and its latest seconds."""
+
+    def __init__(self) -> None:
+        self._whole, self._recent = Envelope(), RollingEnvelope(RECENT)
+
+    def add(self, time: Any, values: Any) -> None:
+        """Take in rows."""
+        self._whole.add(time, values)
+        self._recent.add(time, values)
+
+    def curve(self, recent: bool) -> tuple[Any, Any]:
+        """What to draw."""
+        return (self._recent if recent else self._whole).curve()
+
+
+class TraceView:
+    """Signals over time: (channel, name in the legend, factor from SI, style)."""
+
+    def __init__(
+        self, session: WindowSession, title: str, y_label: str, signals: Sequence[tuple[str, str, float, Any]]
+    ) -> None:
+        self.plot = LabPlot(session, title, RUN_TIME, y_label)
+        self.wanted = tuple(signal[0] for signal in signals)
+        self._signals = [(name, factor, Trace(), self.plot.curve(label, k, style))
+                         for k, (name, label, factor, style) in enumerate(signals)]  # fmt: skip
+
+    def take(self, block: Block) -> None:
+        """New rows; incomplete cycles are left out."""
+        for name, factor, trace, _ in self._signals:
+            if name in block.si:
+                trace.add(block.time[block.good], block.si[name][block.good] / factor)
+
+    def ended(self, segment: Segment, recording: Recording) -> None:
+        """Nothing: it is the rows that are drawn."""
+
+    def draw(self, recent: bool) -> None:
+        """Bring the curves up to date."""
+        for _, _, trace, curve in self._signals:
+            curve.item.setData(*trace.curve(recent))
+
+
+class SpeedView:
+    """Input speed over time: what was asked for and what the encoder says."""
+
+    wanted = ("input_angle", "target_speed")
+
+    def __init__(self, session: WindowSession, context: LiveContext) -> None:
+        self.plot = LabPlot(session, "Input speed", RUN_TIME, "input speed [r/min]")
+        self._speed = SlidingSpeed(context.period)
+        self._measured, self._target = Trace(), Trace()
+        self._curves = self.plot.curve("measured", 0), self.plot.curve("set-point", 1, "dashed")
+
+    def take(self, block: Block) -> None:
+        """New rows."""
+        from model.units import RPM
+
+        if "input_angle" in block.si:
+            time, speed = self._speed.of(block, "input_angle")
+            self._measured.add(time, speed / RPM)
+        if "target_speed" in block.si:
+            self._target.add(block.time[block.good], block.si["target_speed"][block.good] / RPM)
+
+    def ended(self, segment: Segment, recording: Recording) -> None:
+        """Nothing: it is the rows that are drawn."""
+
+    def draw(self, recent: bool) -> None:
+        """Bring the curves up to date."""
+        measured, target = self._curves
+        measured.item.setData(*self._measured.curve(recent))
+        target.item.setData(*self._target.curve(recent))
+
+
+def torque_view(session: WindowSession, context: LiveContext) -> TraceView:
+    """Motor torque over time, from the monitor port where the rig has one."""
+    name = "torque" if context.recording.has("torque") else "drive_torque"
+    label = "monitor port" if name == "torque" else "reported by the drive"
+    return TraceView(session, "Motor torque", "motor torque [mN m]", [(name, label, MILLI, "line")])
+
+
+def temperature_view(session: WindowSession, context: LiveContext) -> TraceView:
+    """Housing and room temperature over time."""
+    signals = [("housing_temperature", "gear housing", 1.0, "line"), ("ambient_temperature", "room", 1.0, "dashed")]
+    there = [signal for signal in signals if context.recording.has(signal[0])]
+    return TraceView(session, "Temperature", "temperature [degC]", there)
+
+
+def restyled(views: Sequence[LiveView], palette: Palette) -> None:
+    """Draw every plot in the colours of a theme."""
+    for view in views:
+        view.plot.restyle(palette)

@@ -1,0 +1,182 @@
+"""The main window: Prepare, Run, Review, in that order of a day on the rig, and the application around it."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+import pyqtgraph as pg
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
+from PySide6.QtWidgets import (
+    QApplication,
+    QButtonGroup,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QMainWindow,
+    QPushButton,
+    QStackedWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from rig.window.prepared import PreparedRun
+from rig.window.running import RunPage
+from rig.window.session import WindowSession
+from rig.window.theme import apply_theme, theme_named
+
+PAGES = ("prepare", "run", "review")
+"""The pages in the order of the navigation; Ctrl+1, Ctrl+2, Ctrl+3."""
+SMALLEST = (1120, 640)
+"""Logical pixels that the window needs at least."""
+
+
+class MainWindow(QMainWindow):
+    """The window of one rig and one folder of runs."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self.session = session
+        self.setWindowTitle("harmonic-rig")
+        self.setMinimumSize(*SMALLEST)
+        self.stack = QStackedWidget()
+        self.prepare = _page("rig.window.prepare", "PreparePage", session)
+        self.run = RunPage(session)
+        self.review = _page("rig.window.review", "ReviewPage", session)
+        self._buttons = QButtonGroup(self)
+        whole = QWidget()
+        column = QVBoxLayout(whole)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addWidget(self._navigation())
+        column.addWidget(self.stack, 1)
+        self.setCentralWidget(whole)
+        for page in (self.prepare, self.run, self.review):
+            self.stack.addWidget(page)
+        self.statusBar().setSizeGripEnabled(False)
+        session.message.connect(lambda text: self.statusBar().showMessage(text, 15_000))
+        session.theme_changed.connect(lambda _: self._apply_theme())
+        if hasattr(self.prepare, "start_requested"):
+            self.prepare.start_requested.connect(self.start)
+        self.run.review_requested.connect(self.show_review)
+        self.run.state_changed.connect(self._show_state)
+        self.run.closed_safely.connect(self.close)
+        self.show_page("prepare")
+
+    def _navigation(self) -> QFrame:
+        bar = QFrame()
+        bar.setProperty("part", "bar")
+        row = QHBoxLayout(bar)
+        row.setContentsMargins(8, 0, 12, 0)
+        row.setSpacing(0)
+        for index, name in enumerate(PAGES):
+            button = QPushButton(name.capitalize())
+            button.setCheckable(True)
+            button.setProperty("part", "nav")
+            button.setToolTip(f"{name.capitalize()} (Ctrl+{index + 1})")
+            button.clicked.connect(lambda _, name=name: self.show_page(name))
+            self._buttons.addButton(button, index)
+            row.addWidget(button)
+            shortcut = QShortcut(QKeySequence(f"Ctrl+{index + 1}"), self)
+            shortcut.activated.connect(lambda name=name: self.show_page(name))
+        row.addStretch(1)
+        self._where = QLabel()
+        self._where.setProperty("part", "muted")
+        row.addWidget(self._where)
+        theme = QPushButton("◐")
+        theme.setProperty("part", "nav")
+        theme.setToolTip("Light or dark (Ctrl+T)")
+        theme.setAccessibleName("Light or dark")
+        theme.setShortcut(QKeySequence("Ctrl+T"))
+        theme.clicked.connect(self.switch_theme)
+        row.addWidget(theme)
+        self._where.setText(f"rig: {self.session.backend}   runs: {self.session.folder}")
+        return bar
+
+    def show_page(self, name: str) -> None:
+        """Bring a page to the front."""
+        index = PAGES.index(name)
+        self.stack.setCurrentIndex(index)
+        self._buttons.button(index).setChecked(True)
+
+    def start(self, prepared: PreparedRun) -> None:
+        """Start a prepared run and watch it."""
+        if self.run.is_active:
+            self.session.message.emit("A run is going on: stop it or wait for its end before the next.")
+            return
+        self.show_page("run")
+        self.run.start(prepared)
+
+    def show_review(self, path: Path) -> None:
+        """Open a run on the Review page."""
+        self.show_page("review")
+        if hasattr(self.review, "show_run"):
+            self.review.show_run(path)  # type: ignore[attr-defined]
+
+    def switch_theme(self) -> None:
+        """Light to dark and back."""
+        self.session.set_theme("light" if self.session.theme == "dark" else "dark")
+        self.session.remember("theme", self.session.theme)
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        """During a run: ask, and only close once the rig stands."""
+        if self.run.may_close():
+            event.accept()
+        else:
+            event.ignore()
+
+    def _apply_theme(self) -> None:
+        application = QApplication.instance()
+        if isinstance(application, QApplication):
+            apply_theme(application, self.session.theme)
+
+    def _show_state(self, state: str) -> None:
+        self._buttons.button(1).setText("Run" if state == "idle" else f"Run · {state}")
+
+
+def _page(module: str, name: str, session: WindowSession) -> Any:
+    """A page of the window; a plain page that says so where it is not part of this installation."""
+    try:
+        made = getattr(importlib.import_module(module), name)
+    except ModuleNotFoundError as error:
+        if error.name != module:
+            raise
+        missing = QLabel(f"{name.removesuffix('Page')} is not part of this installation.")
+        missing.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        return missing
+    return made(session)
+
+
+def open_window(
+    folder: Path,
+    backend: str = "sim",
+    configuration: Path | None = None,
+    theme: str = "system",
+    page: str = "prepare",
+) -> int:
+    """Open the window and stay until it is closed; the exit code."""
+    application = QApplication.instance() or QApplication(sys.argv[:1])
+    assert isinstance(application, QApplication)
+    application.setApplicationName("harmonic-rig")
+    pg.setConfigOptions(antialias=True)
+    session = WindowSession(folder, backend, configuration)
+    # A theme that was asked for by name wins over the remembered one, and that over the desktop's.
+    session.set_theme(theme_named(str(session.recall("theme", "system")) if theme == "system" else theme))
+    apply_theme(application, session.theme)
+    window = MainWindow(session)
+    window.show_page(page)
+    window.show()
+    QTimer.singleShot(0, lambda: _fit_to_screen(window))
+    return application.exec()
+
+
+def _fit_to_screen(window: MainWindow) -> None:
+    """Fill a small screen; leave air on a large one."""
+    room = window.screen().availableGeometry()
+    if room.width() <= 1440 or room.height() <= 800:
+        window.showMaximized()
+    else:
+        window.resize(round(room.width() * 0.85), round(room.height() * 0.85))

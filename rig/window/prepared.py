@@ -1,0 +1,23 @@
+"""What the Prepare page hands to the Run page: a run that is planned, checked and signed off, and not yet started."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rig.run.dry_run import PlannedRun
+from rig.run.start import RunRequest
+
+
+@dataclass(frozen=True)
+class PreparedRun:
+    """A run that may be started.
+
+    `arguments` is everything after `python -m rig`: it begins with "run" and ends with "--events --stdin-control".
+    `prediction` is what the Prepare page drew of torque and output in advance (None: nothing was predicted).
+    """
+
+    request: RunRequest
+    planned: PlannedRun
+    arguments: list[str]
+    prediction: object | None = None
+    title: str = ""

@@ -1,0 +1,128 @@
+"""What a run is doing, in one word: a pure function of what the run tells, without any widget.
+
+    idle -> armed -> running -> stopping -> finished
+                        |           |
+                        +-> tripped +-> tripped, and "lost" when the process is gone without a report
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Any
+
+from experiments.recording import Event
+from rig.run.order import Progress
+from rig.run.trips import rule_of
+
+MAKING_SAFE = "making safe"
+"""What progress says while the rig is brought to standstill."""
+MADE_SAFE, NOT_SAFE = "made-safe", "make-safe-failed"
+
+
+class State(Enum):
+    """The states of the banner."""
+
+    IDLE = "idle"
+    ARMED = "armed"
+    RUNNING = "running"
+    STOPPING = "stopping"
+    TRIPPED = "tripped"
+    FINISHED = "finished"
+    REFUSED = "refused"
+    LOST = "lost"
+
+    @property
+    def active(self) -> bool:
+        """Whether a process may be turning the rig."""
+        return self in (State.ARMED, State.RUNNING, State.STOPPING)
+
+
+@dataclass(frozen=True)
+class RunState:
+    """The state with what belongs to it: outcome, what happened, what to do next, and whether standstill was verified."""
+
+    state: State = State.IDLE
+    outcome: str = ""
+    what: str = ""
+    remedy: str = ""
+    cause: str = ""
+    safe: bool | None = None
+    moved: bool = False
+    ended: bool = False
+    """Whether the process has ended."""
+
+    @property
+    def active(self) -> bool:
+        """Whether a process may be turning the rig."""
+        return self.state is not State.IDLE and not self.ended
+
+    def armed(self) -> RunState:
+        """The process was started: it looks whether the rig is fit."""
+        return RunState(State.ARMED, what="looking whether the rig is fit to run")
+
+    def told(self, event: Event) -> RunState:
+        """After an event."""
+        if event.code == MADE_SAFE:
+            return replace(self, safe=True)
+        if event.code == NOT_SAFE:
+            return replace(self, state=State.TRIPPED, safe=False, cause=self.cause or event.code, what=event.text,
+                           remedy=rule_of("make_safe_failed").remedy)  # fmt: skip
+        if event.source == "session" and event.text.startswith("TRIPPED") and not self.cause:
+            rule = rule_of(event.code)
+            return replace(self, state=State.TRIPPED, cause=event.code, what=rule.what, remedy=rule.remedy)
+        if event.source == "session" and event.code in ("STOP", "ABORT"):
+            return replace(self, state=State.STOPPING, what=event.text) if self.state is not State.TRIPPED else self
+        return self
+
+    def went_on(self, progress: Progress) -> RunState:
+        """After a line of progress."""
+        if self.state is State.TRIPPED or self.ended:
+            return self
+        if progress.what == MAKING_SAFE:
+            return replace(self, state=State.STOPPING, moved=True, what="bringing the rig to a verified standstill")
+        state = State.STOPPING if self.state is State.STOPPING else State.RUNNING
+        what = self.what if state is State.STOPPING else progress.what
+        return replace(self, state=state, moved=True, what=what)
+
+    def pressed(self, word: str) -> RunState:
+        """After the operator's STOP or ABORT, before the run says that it obeys."""
+        if not self.active or self.state is State.TRIPPED:
+            return self
+        return replace(self, state=State.STOPPING, what=f"{word} sent")
+
+    def reported(self, report: dict[str, Any]) -> RunState:
+        """After the report: the outcome, and what it means."""
+        outcome = str(report.get("outcome", ""))
+        made_safe = report.get("make_safe") or {}
+        trip = report.get("trip") or {}
+        safe = bool(made_safe.get("safe"))
+        cause = str(trip.get("cause", "")) or ("" if outcome != "TRIPPED" else self.cause)
+        state = State.TRIPPED if outcome == "TRIPPED" or not safe else State.FINISHED
+        message = str(report.get("message", ""))
+        remedy = rule_of(cause).remedy if cause else self.remedy
+        if not safe:
+            message = message or "Standstill was not verified."
+            remedy = rule_of("make_safe_failed").remedy
+        return replace(self, state=state, outcome=outcome, cause=cause, safe=safe, what=message, remedy=remedy)
+
+    def gone(self, reported: bool, complaint: str, killed: bool = False) -> RunState:
+        """After the end of the process. Without a report: refused before anything moved, or lost."""
+        if reported:
+            return replace(self, ended=True)
+        if not self.moved and not killed:
+            return RunState(State.REFUSED, what=complaint or "The run gave no reason.", ended=True,
+                            remedy="Nothing has moved. Correct what is named and start again.")  # fmt: skip
+        if self.safe:
+            return replace(self, state=State.LOST, ended=True, what=complaint or "The run ended without its report.",
+                           remedy=STOOD)  # fmt: skip
+        return replace(self, state=State.LOST, safe=None, ended=True, remedy=LOST,
+                       what="The acquisition is gone: the process that turned the rig has ended without a report."
+                            + (f" It said: {complaint}" if complaint else ""))  # fmt: skip
+
+
+STOOD = "The rig was made safe before. Recover the file with `rig recover`, then look at its events."
+LOST = (
+    "Nobody knows whether the rig stands. Press the emergency stop and look at the rig. "
+    "Then recover what was recorded with `rig recover`."
+)

@@ -1,0 +1,128 @@
+"""Velocity steps as they end: the output's speed over the model's prediction, and what is left between them.
+
+The prediction is equation 2 with the measured input and the parameter set of the run, nothing fitted: what `rig compare`
+scores. Its kinematic error is the set's where that was identified, else it comes from the run's own slow steps so far.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from experiments.errors import ExperimentError
+from experiments.phase_reference import phase_reference
+from experiments.quality import rotary_ratio
+from experiments.recording import Recording, Segment
+from experiments.speeds import first_resonances
+from experiments.step_data import SLOW, carries, recorded_steps, simulated_output
+from model.errors import ModelError
+from model.gear import HarmonicDrive
+from model.identify.step_data import StepScore, score_step
+from model.units import REVOLUTION, RPM
+from rig.window.live_file import Block
+from rig.window.live_view import LiveContext
+from rig.window.plots import LabPlot
+from rig.window.session import WindowSession
+
+SHOWN = 0.6
+"""s of a step that are shown at least: the rise and the ring-down."""
+SHOWN_REVOLUTIONS = 3.0
+
+
+class StepView:
+    """The latest step: output speed measured, predicted, and of a rigid gear. Feeds the residual's plot as well."""
+
+    wanted = ("input_angle", "output_angle")
+
+    def __init__(self, session: WindowSession, context: LiveContext) -> None:
+        self.plot = LabPlot(session, "Step response", "time since the step [s]", "output speed [r/min]")
+        self.residual = ResidualView(session)
+        self._measured = self.plot.curve("measured", 0, "points")
+        self._predicted = self.plot.curve("predicted by the parameter set", 1)
+        self._rigid = self.plot.curve("rigid gear", 2, "dashed")
+        self._slow: list[Segment] = []
+        self._rests: list[Segment] = []
+        self.steps = 0
+        self.problem = ""
+        self._latest: tuple[Segment, StepScore] | None = None
+
+    def take(self, block: Block) -> None:
+        """Nothing: a step is drawn when it has ended."""
+
+    def ended(self, segment: Segment, recording: Recording) -> None:
+        """A step has ended: predict its output from its measured input and score it."""
+        if segment.label == "rest":
+            self._rests.append(segment)
+        if segment.label != "step" or recording.metadata.gear is None:
+            return
+        self.steps += 1
+        try:
+            score = self._score(segment, recording, recording.metadata.gear)
+        except (ExperimentError, ModelError) as error:
+            self.problem = str(error)
+            return
+        if abs(segment.setpoint) <= SLOW:
+            self._slow.append(segment)
+        if score is not None:
+            self._latest = segment, score
+            self.residual.add(segment, score)
+
+    def _score(self, segment: Segment, recording: Recording, gear: HarmonicDrive) -> StepScore | None:
+        chosen = (*self._slow, *self._rests[-8:], segment)
+        one = dataclasses.replace(recording, segments=tuple(sorted(chosen, key=lambda s: s.start)))
+        reference = phase_reference(recording)
+        ratio = rotary_ratio(recording, gear.mounted_ratio(recording.metadata.mounting))
+        source = gear if carries(gear, reference) else None
+        steps, _, _ = recorded_steps(one, ratio, reference, None, source, first_resonances(gear)[-1])
+        found = next((step for step in steps if step.segment.index == segment.index), None)
+        if found is None:
+            return None
+        driven = dataclasses.replace(gear, kinematic_error=found.data.kinematic_error)
+        return score_step(found.data, simulated_output(found, driven))
+
+    def draw(self, recent: bool) -> None:
+        """Show the latest step."""
+        if self._latest is None:
+            return
+        (segment, score), self._latest = self._latest, None
+        shown = score.time <= max(SHOWN, SHOWN_REVOLUTIONS * REVOLUTION / max(abs(segment.setpoint), 1.0))
+        x = score.time[shown]
+        self._measured.item.setData(x, score.measured_speed[shown] / RPM)
+        self._predicted.item.setData(x, score.predicted_speed[shown] / RPM)
+        self._rigid.item.setData(x, score.rigid_speed[shown] / RPM)
+        way = "forward" if segment.setpoint > 0.0 else "reverse"
+        speed = abs(segment.setpoint) / RPM
+        self.plot.set_title(f"Step {self.steps}: {speed:.4g} r/min {way}, skill {score.metrics['skill_speed']:.2f}")
+        self.residual.show(segment, score, shown)
+
+
+class ResidualView:
+    """What the prediction of the latest step leaves: measured minus predicted output speed."""
+
+    wanted = StepView.wanted
+
+    def __init__(self, session: WindowSession) -> None:
+        self.plot = LabPlot(session, "Residual of the step", "time since the step [s]", "measured - predicted [r/min]")
+        self._residual = self.plot.curve("output speed", 0)
+        self._rigid = self.plot.curve("of a rigid gear", 2, "dashed")
+        self.skills: list[tuple[float, float]] = []
+
+    def add(self, segment: Segment, score: StepScore) -> None:
+        """Keep the skill of a step."""
+        self.skills.append((segment.setpoint, score.metrics["skill_speed"]))
+
+    def show(self, segment: Segment, score: StepScore, shown: np.ndarray) -> None:
+        """Draw the residual of a step."""
+        x = score.time[shown]
+        self._residual.item.setData(x, (score.measured_speed - score.predicted_speed)[shown] / RPM)
+        self._rigid.item.setData(x, (score.measured_speed - score.rigid_speed)[shown] / RPM)
+
+    def take(self, block: Block) -> None:
+        """Nothing: a step is drawn when it has ended."""
+
+    def ended(self, segment: Segment, recording: Recording) -> None:
+        """Nothing: the step's view scores it."""
+
+    def draw(self, recent: bool) -> None:
+        """Nothing: drawn with the step."""
