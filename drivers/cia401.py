@@ -128,7 +128,7 @@ class AnalogModule:
         device.produce_heartbeat(self.config.heartbeat_ms)
         for analog in self.config.inputs:
             self._enable(analog)
-        device.write_checked(GLOBAL_INTERRUPT, 1, "inputs are transmitted by SYNC all the same")
+        device.write_wished(GLOBAL_INTERRUPT, 1, "inputs are transmitted by SYNC all the same")
         return identity
 
     def _enable(self, analog: AnalogInput) -> None:
@@ -142,9 +142,9 @@ class AnalogModule:
             ) from error  # fmt: skip
         subindex = analog.source.subindex
         trigger = ObjectRef(TRIGGER, subindex, U8, "interrupt trigger selection")
-        self.device.write_checked(trigger, 7, "SYNC triggers all the same")
+        self.device.write_wished(trigger, 7, "SYNC triggers all the same")
         delta = REAL32 if analog.source.data_type.is_float else U32
-        self.device.write_checked(ObjectRef(DELTA, subindex, delta, "interrupt delta"), 0, "SYNC triggers all the same")
+        self.device.write_wished(ObjectRef(DELTA, subindex, delta, "interrupt delta"), 0, "SYNC triggers all the same")
 
 
 @dataclass(frozen=True)
@@ -178,36 +178,3 @@ def with_zero(analog: AnalogInput, zero: Zero) -> AnalogInput:
     """The input with a measured zero in place of its old one."""
     calibration = replace(analog.calibration, offset_uncertainty=zero.standard_error * analog.unit_per_volt)
     return replace(analog, zero_volts=zero.volts, calibration=calibration)
-
-
-@dataclass(frozen=True)
-class CrossCheck:
-    """The torque port against the drive's own 0x6077: slope (1 is agreement), offset and scatter [N m], worst cycle [N m]."""
-
-    slope: float
-    offset: float
-    scatter: float
-    worst: float
-    cycles: int
-
-    def disagrees(self, offset_limit: float, slope_limit: float) -> bool:
-        """Whether they differ by more than `offset_limit` [N m], or their scales by more than `slope_limit` (relative)."""
-        return abs(self.offset) > offset_limit or (math.isfinite(self.slope) and abs(self.slope - 1.0) > slope_limit)
-
-
-def cross_check(port_torque: NDArray[np.float64], drive_torque: NDArray[np.float64], usable: NDArray[np.bool_]) -> CrossCheck:
-    """Disagreement between the torque port (n,) and 0x6077 (n,), both in N m, over the usable cycles (n,).
-
-    The slope is NaN when the torque did not vary by more than its own scatter: then only the offset is judged.
-    """
-    keep = np.asarray(usable, dtype=bool) & np.isfinite(port_torque) & np.isfinite(drive_torque)
-    port, drive = np.asarray(port_torque)[keep], np.asarray(drive_torque)[keep]
-    if len(port) < 2:
-        return CrossCheck(math.nan, math.nan, math.nan, math.nan, len(port))
-    difference = port - drive
-    scatter = float(difference.std())
-    spread = float(drive.std())
-    slope = math.nan
-    if spread > 3.0 * scatter and spread > 0.0:
-        slope = float(np.dot(drive - drive.mean(), port - port.mean()) / np.dot(drive - drive.mean(), drive - drive.mean()))
-    return CrossCheck(slope, float(difference.mean()), scatter, float(np.abs(difference).max()), len(port))

@@ -7,14 +7,15 @@ configuration, else from 0x60A9, else from 0x6094. What the device does not offe
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from drivers import cia402_tables as obj
 from drivers import cia402_units as units
 from drivers.bus import PumpedBus
-from drivers.cia301 import U8, NmtState, ObjectRef, error_code_text
+from drivers.cia301 import NmtState, ObjectRef, error_code_text
+from drivers.cia402_settings import read_settings, write_interpolation_time
 from drivers.cia402_tables import OperationMode
 from drivers.device import Identity, Missing, RemoteDevice
 from drivers.drive_state import DriveState, drive_state
@@ -85,6 +86,7 @@ class ServoAmplifier:
         self.device = RemoteDevice(bus, config.node_id, config.description, config.sdo_timeout_ms * _MS)
         self._readings: DriveReadings | None = None
         self._mode_now: OperationMode | None = None
+        self._is_mode_unknown = False
         self.limits: DriveLimits | None = None
 
     @property
@@ -116,9 +118,10 @@ class ServoAmplifier:
             self.bus.emit("warning", "heartbeat", device.where, "a heartbeat was configured, but none was heard")
         counts = units.counts_per_revolution(device, config.counts_per_revolution)
         velocity_unit = units.velocity_unit(device, config.velocity_unit, counts)
-        settings = self._write_options() | self._read_settings()
-        self._write_interpolation_time(cycle_ns)
+        settings = self._write_options() | read_settings(device, config.gains)
+        write_interpolation_time(device, cycle_ns)
         supported = device.read_optional(obj.SUPPORTED_MODES, "whether a mode is supported shows only when it is chosen")
+        self._is_mode_unknown = supported is None
         self._readings = DriveReadings(
             identity, units.rated_torque(device, config.rated_torque), counts, velocity_unit,
             units.acceleration_unit(device, config.acceleration_unit, velocity_unit),
@@ -147,46 +150,6 @@ class ServoAmplifier:
             if done:
                 written[entry.name] = float(value)
         return written
-
-    def _read_settings(self) -> dict[str, float]:
-        """Electronic gear, factors and servo gains, as they stand."""
-        settings: dict[str, float] = {}
-        for entry in (
-            obj.GEAR_MOTOR, obj.GEAR_SHAFT, obj.POSITION_FACTOR, obj.POSITION_DIVISOR, obj.VELOCITY_FACTOR,
-            obj.VELOCITY_DIVISOR, obj.FEED, obj.FEED_REVOLUTIONS, *self.config.gains,
-        ):  # fmt: skip
-            value = self.device.read_optional(entry, "not in the run file")
-            if value is not None:
-                settings[f"{entry}"] = float(value)
-        for index, name in obj.GAINS:
-            settings |= self._read_record(index, name)
-        return settings
-
-    def _read_record(self, index: int, name: str) -> dict[str, float]:
-        """All numbers of a record, their width taken from the answer where no EDS tells it."""
-        count = self.device.read_optional(ObjectRef(index, 0, U8, name), "servo gains are not in the run file")
-        found: dict[str, float] = {}
-        for subindex in range(1, min(int(count or 0), 16) + 1):
-            try:
-                data = self.device.sdo.upload(index, subindex)
-            except SdoAbortError:
-                continue
-            described = self.device.description.entry(index, subindex) if self.device.description else None
-            if described is not None and described.data_type.is_number and len(data) >= described.data_type.size:
-                found[f"0x{index:04X}:{subindex} {described.name or name}"] = float(described.data_type.decode(data))
-            elif 0 < len(data) <= 8:
-                found[f"0x{index:04X}:{subindex} {name}"] = float(int.from_bytes(data, "little"))
-        return found
-
-    def _write_interpolation_time(self, cycle_ns: int) -> None:
-        """Tell the drive the SYNC period (0x60C2) as value times 10^exponent seconds, where it fits a byte."""
-        for exponent in (-3, -4, -5, -6):
-            value = cycle_ns / 10 ** (9 + exponent)
-            if value == int(value) and 0 < value <= 255:
-                consequence = "cyclic modes interpolate with the drive's own period"
-                if self.device.write_checked(obj.INTERPOLATION_EXPONENT, exponent, consequence):
-                    self.device.write_checked(obj.INTERPOLATION_TIME, int(value), consequence)
-                return
 
     def _choose(self, preferred: tuple[int, ...], supported: int | float | None) -> OperationMode | None:
         for mode in preferred:
@@ -234,12 +197,14 @@ class ServoAmplifier:
 
     def enable(self, mode: Mode) -> None:
         """Operation enabled in the drive's speed or torque mode; set-points are zero. Raises `DriverError`."""
-        readings = self.readings
-        operation = readings.speed_mode if mode is Mode.SPEED else readings.torque_mode
+        readings, config = self.readings, self.config
+        operation, preferred = (
+            (readings.speed_mode, config.speed_modes) if mode is Mode.SPEED else (readings.torque_mode, config.torque_modes)
+        )
         if operation is None:
             raise DriverError(
                 f"the drive supports none of the modes for {mode.value}", where=f"{self.device.where}, 0x6502:0",
-                limit=", ".join(str(m) for m in (self.config.speed_modes if mode is Mode.SPEED else self.config.torque_modes)),
+                limit=", ".join(str(m) for m in preferred),
             )  # fmt: skip
         if mode is Mode.SPEED and not readings.velocity_unit > 0.0:
             raise _unknown_unit(self.device.where, "velocity_unit", "rad/s per count of 0x60FF")
@@ -254,13 +219,36 @@ class ServoAmplifier:
             self.device.write(obj.TARGET_TORQUE, 0)
         elif self.state() is not DriveState.ENABLED:
             self.device.write(obj.TARGET_VELOCITY, 0)
-        self.choose_mode(operation)
+        self._choose_one([OperationMode(m) for m in preferred] if self._is_mode_unknown else [operation])
         self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
+
+    def _choose_one(self, candidates: Sequence[OperationMode]) -> None:
+        """The first of the modes that the drive takes: one without 0x6502 shows by refusing what it does not have."""
+        for operation in candidates[:-1]:
+            try:
+                self._choose_anyhow(operation)
+            except (SdoAbortError, ReadbackError) as error:
+                self.bus.emit("warning", "mode", self.device.where, str(error))
+            else:
+                return
+        self._choose_anyhow(candidates[-1])
+
+    def _choose_anyhow(self, operation: OperationMode) -> None:
+        """Choose a mode; a drive that does not change it while it is enabled is disabled for the change (transition 5)."""
+        try:
+            self.choose_mode(operation)
+        except (SdoAbortError, ReadbackError):
+            if self.state() is not DriveState.ENABLED:
+                raise
+            self._control(obj.SWITCH_ON)
+            self._await(lambda state: state is not DriveState.ENABLED, "the end of operation enabled", 500)
+            self.choose_mode(operation)
 
     def choose_mode(self, operation: OperationMode) -> None:
         """Write 0x6060 and wait until 0x6061 shows it."""
         if operation is self._mode_now:
             return
+        self._mode_now = None
         self.device.write(obj.MODE, operation)
         shown: int | float | None = None
         for _ in range(250):
@@ -306,10 +294,13 @@ class ServoAmplifier:
                 sent_in = state
                 continue
             if self.bus.clock.monotonic_ns() >= deadline:
+                word = self.statusword()
+                remedy = "Is the main power on, the STO input closed, and the drive not locked by a panel?"
+                if not word & obj.REMOTE_BIT:
+                    remedy = "It says that it does not listen to the bus (remote, bit 9): release it from its panel or its tool."
                 raise DriverError(
-                    f"the drive does not reach {words}", where=self.device.where,
-                    value=f"{state.value} (0x{self.statusword():04X})", limit=f"within {self.config.state_timeout_ms} ms",
-                    remedy="Is the main power on, the STO input closed, and the drive not locked by a panel?",
+                    f"the drive does not reach {words}", where=self.device.where, value=f"{state.value} (0x{word:04X})",
+                    limit=f"within {self.config.state_timeout_ms} ms", remedy=remedy,
                 )  # fmt: skip
             self.bus.idle(_POLL_NS)
 

@@ -75,6 +75,9 @@ class OperationMode(IntEnum):
     CYCLIC_TORQUE = 10
 
 
+REMOTE_BIT: Final = 0x0200
+"""Statusword bit 9: the drive obeys the controlword; clear while a panel or a tool holds it."""
+
 SHUTDOWN, SWITCH_ON, ENABLE, DISABLE_VOLTAGE, QUICK_STOP, FAULT_RESET = 0x06, 0x07, 0x0F, 0x00, 0x02, 0x80
 
 TO_ENABLED: Final[Mapping[DriveState, int]] = {

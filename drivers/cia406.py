@@ -106,7 +106,7 @@ class Counter:
             ) from error  # fmt: skip
         if config.operating_parameters is not None:
             device.write_checked(OPERATING_PARAMETERS, config.operating_parameters, "its sense and scaling are its own")
-        device.write_checked(CYCLIC_TIMER, 0, "transmission is by SYNC all the same")
+        device.write_wished(CYCLIC_TIMER, 0, "transmission is by SYNC all the same")
         self._check_resolution()
         self.modulus = self._range()
         self._check_alarms()

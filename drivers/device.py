@@ -151,6 +151,14 @@ class RemoteDevice:
             )  # fmt: skip
         return True
 
+    def write_wished(self, entry: ObjectRef, value: float, consequence: str = "") -> bool:
+        """Write an entry that the rig can do without; False, and a warning, where the device keeps a value of its own."""
+        try:
+            return self.write_checked(entry, value, consequence)
+        except ReadbackError as error:
+            self.bus.emit("warning", "own-value", self.where, str(error))
+            return False
+
     def note_missing(self, entry: ObjectRef, consequence: str, error: SdoAbortError | None = None) -> None:
         """Remember that an entry is not offered."""
         if error is not None and not error.is_missing:
@@ -204,9 +212,16 @@ class RemoteDevice:
             )  # fmt: skip
 
     def produce_heartbeat(self, period_ms: int, lost_after: int = 3) -> bool:
-        """Let the device send a heartbeat and arm the loss detection after `lost_after` periods; False if it cannot."""
-        if not self.write_checked(HEARTBEAT_PRODUCER, period_ms, "the loss of this device shows only by its missing data"):
-            return False
+        """Let the device send a heartbeat and arm the loss detection after `lost_after` periods; False if it cannot.
+
+        A device that rounds the period, or has one of its own, is watched by what it says; one that says 0 sends none.
+        """
+        consequence = "the loss of this device shows only by its missing data"
+        if not self.write_wished(HEARTBEAT_PRODUCER, period_ms, consequence):
+            period_ms = int(self.read_optional(HEARTBEAT_PRODUCER, consequence) or 0)
+            if not period_ms:
+                self.note_missing(HEARTBEAT_PRODUCER, consequence)
+                return False
         self.bus.watch(self.node_id, timeout_ns=lost_after * period_ms * 1_000_000)
         return True
 
@@ -218,7 +233,16 @@ class RemoteDevice:
         if entry is None:
             self.note_missing(HEARTBEAT_CONSUMER, consequence)
             return False
-        return self.write_checked(entry, value, consequence)
+        try:
+            return self.write_checked(entry, value, consequence)
+        except ReadbackError:
+            found = self.read_integer(entry)
+            watched, waits = found >> 16 & 0x7F, found & 0xFFFF
+            if watched == self.bus.own_node_id and 0 < waits <= 2 * timeout_ms:
+                text = f"the drive waits {waits} ms for the computer, not {timeout_ms} ms"
+                self.bus.emit("warning", "own-value", self.where, text)
+                return True
+            raise
 
     def release_consumer(self) -> None:
         """Let the device stop watching the computer, before the computer goes away on purpose."""
@@ -262,7 +286,7 @@ class RemoteDevice:
         if cob_id is not None and int(cob_id) & 0x7FF != 0x080:
             self.write_checked(SYNC_COB, 0x080, "it follows another SYNC")
         overflow = self._sync_overflow()
-        self.write_checked(CYCLE_PERIOD, cycle_us, "the device does not supervise the SYNC period")
+        self.write_wished(CYCLE_PERIOD, cycle_us, "the device does not supervise the SYNC period")
         return overflow
 
     def _sync_overflow(self) -> int:

@@ -18,6 +18,10 @@ from drivers.sdo import SdoAbortError
 MOST_PDOS: Final = 8
 """PDO numbers that are tried; CiA 301 allows 512, of which the first four have pre-defined COB-IDs."""
 EVERY_SYNC: Final = 1
+LAST_SYNCHRONOUS: Final = 240
+"""RPDO types 0 to 240 act with the next SYNC after the frame; for a TPDO only type 1 answers every SYNC."""
+PREDEFINED_PDOS: Final = 4
+"""PDO numbers that have a COB-ID by the pre-defined connection set."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +121,8 @@ def read_pdo(device: RemoteDevice, number: int, *, is_transmit: bool) -> MappedP
         words = [int(device.sdo.read_as(mapping, sub, U32)) for sub in range(1, min(count, 64) + 1)]
     except SdoAbortError:
         return None
-    return MappedPdo(device.node_id, is_transmit, number, cob_id & 0x7FF, kind, tuple(_entry(device, w) for w in words))
+    entries = _whole_bytes(device, words)
+    return None if entries is None else MappedPdo(device.node_id, is_transmit, number, cob_id & 0x7FF, kind, entries)
 
 
 def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: list[ObjectRef]) -> MappedPdo | None:
@@ -125,7 +130,10 @@ def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: 
     communication, mapping = _indices(number, is_transmit)
     try:
         cob_id = int(device.sdo.read_as(communication, 1, U32))
-        identifier = cob_id & 0x7FF or (0x180 if is_transmit else 0x200) + 0x100 * ((number - 1) % 4) + device.node_id
+        if not cob_id & 0x7FF and number > PREDEFINED_PDOS:
+            # It has no COB-ID, and none that is surely free can be given to it.
+            return None
+        identifier = cob_id & 0x7FF or (0x180 if is_transmit else 0x200) + 0x100 * (number - 1) + device.node_id
         keep = cob_id & 0x40000000
         _try_download(device, communication, 1, U32.encode(COB_ID_INVALID_BIT | keep | identifier))
         device.sdo.download(mapping, 0, U8.encode(0))
@@ -134,6 +142,8 @@ def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: 
         return None
     written = _write_entries(device, mapping, frame)
     if not written:
+        _restore_entries(device, mapping)
+        _restore(device, communication)
         return None
     by_sync = _try_download(device, communication, 2, U8.encode(EVERY_SYNC))
     if is_transmit:
@@ -142,10 +152,9 @@ def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: 
     pdo = read_pdo(device, number, is_transmit=is_transmit)
     expected = tuple(entry.mapping for entry in written)
     if pdo is not None and not is_transmit and not by_sync:
-        device.bus.emit(
-            "warning", "rpdo-type", device.where,
-            f"RPDO{number} keeps transmission type {pdo.transmission_type}: set-points act before SYNC, not with it",
-        )  # fmt: skip
+        _tell_type(device, pdo)
+    if pdo is not None and is_transmit and pdo.transmission_type != EVERY_SYNC:
+        raise _not_by_sync(device, communication, pdo)
     is_timed = pdo is not None and (pdo.transmission_type == EVERY_SYNC or not (is_transmit or by_sync))
     if pdo is None or not is_timed or tuple(e.mapping for e in pdo.entries) != expected:
         raise ReadbackError(
@@ -198,18 +207,34 @@ def _as_found(device: RemoteDevice, is_transmit: bool, wanted: list[ObjectRef], 
             continue
         if pdo.transmission_type != EVERY_SYNC:
             communication, _ = _indices(number, is_transmit)
-            try:
-                device.sdo.download(communication, 2, U8.encode(EVERY_SYNC))
-            except SdoAbortError as error:
-                raise DriverError(
-                    "a PDO with fixed mapping cannot be tied to SYNC", where=f"{device.where}, {object_text(communication, 2)}",
-                    value=pdo.transmission_type, limit=str(EVERY_SYNC),
-                ) from error  # fmt: skip
+            _try_download(device, communication, 2, U8.encode(EVERY_SYNC))
             pdo = read_pdo(device, number, is_transmit=is_transmit) or pdo
+            if is_transmit and pdo.transmission_type != EVERY_SYNC:
+                raise _not_by_sync(device, communication, pdo)
+            if not is_transmit:
+                _tell_type(device, pdo)
         typed = {e.key: e for e in wanted}
         entries = tuple(typed.get(e.key, e) if typed.get(e.key, e).mapping == e.mapping else e for e in pdo.entries)
         found.append(MappedPdo(device.node_id, is_transmit, number, pdo.cob_id, pdo.transmission_type, entries))
     return found
+
+
+def _tell_type(device: RemoteDevice, pdo: MappedPdo) -> None:
+    """Say that set-points act with their frame, where a device does not keep them for the SYNC."""
+    if pdo.transmission_type > LAST_SYNCHRONOUS:
+        device.bus.emit(
+            "warning", "rpdo-type", device.where,
+            f"RPDO{pdo.number} keeps transmission type {pdo.transmission_type}: set-points act before SYNC, not with it",
+        )  # fmt: skip
+
+
+def _not_by_sync(device: RemoteDevice, communication: int, pdo: MappedPdo) -> DriverError:
+    """A TPDO that is not sent with every SYNC cannot be paired: on change, by timer, or on request only."""
+    return DriverError(
+        "a TPDO cannot be tied to every SYNC", where=f"{device.where}, {object_text(communication, 2)}",
+        value=f"transmission type {pdo.transmission_type}", limit=str(EVERY_SYNC),
+        remedy="Set transmission type 1 with the vendor's tool, or use another TPDO or device for this signal.",
+    )  # fmt: skip
 
 
 def _silence_others(device: RemoteDevice, used: set[int]) -> None:
@@ -236,6 +261,20 @@ def _quieten(device: RemoteDevice, communication: int) -> None:
             continue
 
 
+def _restore_entries(device: RemoteDevice, mapping: int) -> None:
+    """Give a PDO whose entries turned out to be fixed its number of entries back."""
+    count = 0
+    while count < 64:
+        try:
+            if not device.sdo.read_as(mapping, count + 1, U32):
+                break
+        except SdoAbortError:
+            break
+        count += 1
+    if count:
+        _try_download(device, mapping, 0, U8.encode(count))
+
+
 def _restore(device: RemoteDevice, communication: int) -> None:
     """Make a PDO valid again whose mapping turned out to be fixed."""
     try:
@@ -249,6 +288,21 @@ def _restore(device: RemoteDevice, communication: int) -> None:
 def _indices(number: int, is_transmit: bool) -> tuple[int, int]:
     first = 0x1800 if is_transmit else 0x1400
     return first + number - 1, first + 0x200 + number - 1
+
+
+def _whole_bytes(device: RemoteDevice, words: Sequence[int]) -> tuple[ObjectRef, ...] | None:
+    """Mapping words as entries of whole bytes: neighbouring bits are one filler; None where an entry starts within a byte."""
+    entries: list[ObjectRef] = []
+    bits = 0
+    for word in words:
+        if word & 0x07 or bits:
+            bits += word & 0xFF
+            if bits % 8 == 0:
+                entries.append(ObjectRef(0, 0, DataType(0x0F, f"{bits} bits", bits // 8), f"{bits} bits"))
+                bits = 0
+            continue
+        entries.append(_entry(device, word))
+    return None if bits else tuple(entries)
 
 
 def _entry(device: RemoteDevice, word: int) -> ObjectRef:

@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.errors import AnalysisError
 from experiments.recording import Recording, Segment
+from model.units import ARCSEC
 
 BAD_CYCLE = 1 | 8 | 16 | 32
 """Flags of a cycle whose values cannot be used: incomplete, short frame, jumped, device says not valid."""
 SATURATED = 64
 """Flag of a cycle in which the analogue input was at the end of its range."""
+
+MARK_REPEATABILITY = 2
+"""Counts by which an index mark may come back elsewhere without saying anything."""
+
+WHOLE_CYCLE = 0.5
+"""SYNC cycles of skew from which on a channel's process data are those of another cycle, not just latched later."""
 
 TRUE_TIME = ("hardware", "device", "virtual")
 """Time bases in which every cycle carries its own stamp from SYNC or device."""
@@ -45,23 +54,25 @@ def check_recording(recording: Recording, purpose: str, maximum_missed_share: fl
             limit=f">= {least_rows} cycles",
             remedy="Record longer.",
         )
-    missed = saturated = 0
+    missed = unrecorded = _unrecorded(recording)
+    saturated = 0
     for rows in recording.blocks(size=1 << 20):
         flags = recording.flags(rows)
         missed += int(np.count_nonzero(flags & BAD_CYCLE))
         saturated += int(np.count_nonzero(flags & SATURATED))
-    share = missed / recording.rows
+    cycles = recording.rows + unrecorded
+    share = missed / cycles
     if share > maximum_missed_share:
         raise AnalysisError(
             "too many cycles were missed for a result that can be trusted",
             where=where,
-            value=f"{missed} of {recording.rows} ({100.0 * share:.3g} %)",
+            value=f"{missed} of {cycles} ({100.0 * share:.3g} %)",
             limit=f"<= {100.0 * maximum_missed_share:g} %",
-            remedy="Repair the acquisition and repeat the run.",
+            remedy="Repair the acquisition and repeat the run, or allow more with --largest-missed-share.",
         )
     warnings = []
     if missed:
-        warnings.append(f"{missed} of {recording.rows} cycles are incomplete and were left out.")
+        warnings.append(f"{missed} of {cycles} cycles are incomplete and were left out.")
     if saturated:
         warnings.append(
             f"The torque input was at the end of its range in {saturated} cycles: torques are too small there."
@@ -70,7 +81,62 @@ def check_recording(recording: Recording, purpose: str, maximum_missed_share: fl
         warnings.append(
             f"The run ended as {recording.metadata.outcome}: only what was recorded until then is analysed."
         )
-    return Checked(recording.rows, missed, tuple(warnings))
+    warnings += index_remarks(recording) + skew_remark(recording)
+    return Checked(cycles, missed, tuple(warnings))
+
+
+def _unrecorded(recording: Recording) -> int:
+    """SYNC cycles that never became a row, where the source knows the cycle of each row."""
+    cycles = getattr(recording.source, "cycles", None)
+    if cycles is None:
+        return 0
+    first, last = cycles(0, 1), cycles(recording.rows - 1, recording.rows)
+    return max(0, int(last[0]) - int(first[0]) + 1 - recording.rows)
+
+
+def _acquisition(recording: Recording, name: str) -> Mapping[str, Any]:
+    """A group of the figures that the run file keeps of its acquisition; empty where it keeps none."""
+    figures = recording.metadata.process.get("acquisition", {})
+    found = figures.get(name, {}) if isinstance(figures, Mapping) else {}
+    return found if isinstance(found, Mapping) else {}
+
+
+def index_remarks(recording: Recording) -> list[str]:
+    """Encoders whose index marks did not come back to their place while the run was recorded: counts were lost or added."""
+    remarks = []
+    for name, found in _acquisition(recording, "index_marks").items():
+        worst = found.get("worst_excess", 0) if isinstance(found, Mapping) else 0
+        if isinstance(worst, (int, float)) and abs(worst) > MARK_REPEATABILITY:
+            remarks.append(
+                f"{name}: counts between index marks were off by up to {abs(worst):g}: its angle has lost or gained counts."
+            )
+    return remarks
+
+
+def skew_remark(recording: Recording) -> list[str]:
+    """What the skew between the encoders makes of the fastest set-point, where it is more than a count of the output encoder."""
+    skew = _acquisition(recording, "skew").get("encoder_skew", {})
+    value = skew.get("value") if isinstance(skew, Mapping) else None
+    output = recording.signals.get("output_angle")
+    if not isinstance(value, (int, float)) or output is None or not output.quantum > 0.0:
+        return []
+    period = 1.0 / recording.metadata.sample_rate if recording.metadata.sample_rate > 0.0 else math.inf
+    if abs(value) > WHOLE_CYCLE * period:
+        later, earlier = ("output", "input") if value > 0.0 else ("input", "output")
+        return [
+            f"The {later} angle is {1e6 * abs(value):.0f} us behind the {earlier} angle, {abs(value) / period:.2f} SYNC cycles: "
+            f"its process data are of an earlier cycle. Set the device to transmit what it latched at the same SYNC."
+        ]
+    ratio = rotary_ratio(recording, math.inf)
+    # Set-points of segments in torque mode are torques: far below any speed.
+    fastest = max((abs(segment.setpoint) for segment in recording.segments), default=0.0) / ratio
+    angle = abs(value) * fastest
+    if not angle > output.quantum:
+        return []
+    return [
+        f"The output is latched {1e6 * value:.1f} us after the input (skew and viscous wind-up together): "
+        f"{angle / ARCSEC:.2g} arcsec at the fastest set-point, in opposite senses in the two directions."
+    ]
 
 
 def require_time_base(recording: Recording, purpose: str) -> None:
@@ -88,10 +154,18 @@ def require_time_base(recording: Recording, purpose: str) -> None:
 
 
 def time_base_remark(recording: Recording) -> list[str]:
-    """What to say of mean speeds taken from a time axis that is not stamped by device or hardware."""
+    """What to say of mean speeds taken from a time axis that is not stamped by device or hardware.
+
+    Raises `AnalysisError` for a recording without any time: then there is no speed at all.
+    """
     found = recording.metadata.time_base
     if found in TRUE_TIME:
         return []
+    if found == "none":
+        raise AnalysisError(
+            "a recording without time has no speeds", where=recording.metadata.run_id, value='time base "none"',
+            limit="stamps, or at least a known rate", remedy="Import it again with its time column or its rate.",
+        )  # fmt: skip
     return [f'The time base is "{found}": speeds are means over whole stretches and rest on its average rate.']
 
 

@@ -81,6 +81,8 @@ class _Revolutions:
     tail: tuple[FloatArray, FloatArray, FloatArray] = field(
         default_factory=lambda: (np.empty(0), np.empty(0), np.empty(0))
     )
+    entered: float = math.nan
+    """When the revolution that waits in the tail was entered [s]."""
 
     def add(self, time: FloatArray, inner: FloatArray, outer: FloatArray) -> None:
         """Take usable samples that follow those of the last call; the revolution that is not over waits for the next."""
@@ -89,20 +91,25 @@ class _Revolutions:
             return
         turn = np.floor(inner / REVOLUTION).astype(np.int64)
         begins = np.flatnonzero(np.diff(turn, prepend=turn[0] - 1))
-        self._keep(time, inner, outer, turn, begins)
+        crossed = self._crossed(time, inner, turn, begins)
+        if len(begins) > 1:
+            counts = np.diff(begins)
+            offset = np.add.reduceat(outer - inner / self.ratio, begins)[:-1] / counts
+            angle = np.add.reduceat(outer, begins)[:-1] / counts
+            columns = (turn[begins[:-1]], crossed[:-1], crossed[1:], offset, angle)
+            self.rows += list(zip(*(column.tolist() for column in columns), strict=True))
         last = int(begins[-1])
-        self.tail = (time[last:], inner[last:], outer[last:])
+        self.tail, self.entered = (time[last:], inner[last:], outer[last:]), float(crossed[-1])
 
-    def _keep(
-        self, time: FloatArray, inner: FloatArray, outer: FloatArray, turn: NDArray[np.int64], begins: NDArray[np.int64]
-    ) -> None:
-        if len(begins) < 2:
-            return
-        counts = np.diff(begins)
-        offset = np.add.reduceat(outer - inner / self.ratio, begins)[:-1] / counts
-        angle = np.add.reduceat(outer, begins)[:-1] / counts
-        for k, (start, stop) in enumerate(zip(begins[:-1].tolist(), begins[1:].tolist(), strict=True)):
-            self.rows.append((int(turn[start]), float(time[start]), float(time[stop]), float(offset[k]), float(angle[k])))
+    def _crossed(
+        self, time: FloatArray, inner: FloatArray, turn: NDArray[np.int64], begins: NDArray[np.int64]
+    ) -> FloatArray:
+        """When each revolution was entered, between the samples: a fast one has few of them."""
+        after, before = begins[1:], begins[1:] - 1
+        edge = np.maximum(turn[after], turn[before]) * REVOLUTION
+        share = (edge - inner[before]) / (inner[after] - inner[before])
+        first = float(time[0]) if math.isnan(self.entered) else self.entered
+        return np.concatenate([[first], time[before] + share * (time[after] - time[before])])
 
 
 def revolution_means(recording: Recording, ratio: float) -> RevolutionMeans:

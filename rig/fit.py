@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from rig.errors import RigError
 
 if TYPE_CHECKING:
+    from experiments.contract import Evidence
     from experiments.recording import Recording
     from experiments.result import Result
     from model.gear import HarmonicDrive
@@ -39,6 +40,13 @@ class Fit:
     settings: Mapping[str, Any] = field(default_factory=dict)
     stored: str = ""
     gear_known: bool = True
+    largest_missed_share: float | None = None
+    """Share of missed cycles that was allowed; None: the analyses' own limit."""
+
+    @property
+    def evidence(self) -> Evidence:
+        """What its analysis leaned on."""
+        return _evidence(self.gear, self.tare, self.settings, self.largest_missed_share)
 
 
 def kind_of(recording: Recording, kind: str = "") -> str:
@@ -68,14 +76,14 @@ def fit_recording(
     tare: Fit | None = None,
     settings: Mapping[str, Any] | None = None,
     path: Path | None = None,
+    largest_missed_share: float | None = None,
 ) -> Fit:
     """Analyse one recording.
 
-    `gear` is the parameter set to compare with; without it the run's own, and the shipped one as the last resort, which
+    `largest_missed_share` is the share of missed cycles above which the run is refused (None: the analyses' own). `gear` is the parameter set to compare with; without it the run's own, and the shipped one as the last resort, which
     the result then says. Raises the errors of the analysis, and `RigError` for a tare that does not belong to this rig.
     """
     from experiments import catalogue
-    from experiments.contract import Evidence
     from model.gear_file import shipped_gear
 
     experiment = catalogue.load(kind_of(recording, kind))
@@ -90,25 +98,37 @@ def fit_recording(
         )
     if tare is not None:
         check_tare(recording, tare)
-    evidence = Evidence(known, tare.result if tare else None, settings=dict(settings or {}))
+    evidence = _evidence(known, tare, settings or {}, largest_missed_share)
     result = experiment.analyse(recording, evidence)
     options = dict(result.options)
     options.setdefault("parameter_set", known.name)
     options["tare_run"] = tare.recording.metadata.run_id if tare else "none"
+    if largest_missed_share is not None:
+        options["largest_missed_share"] = largest_missed_share
     result = dataclasses.replace(result, warnings=(*result.warnings, *remarks), options=options)
-    return Fit(recording, known, result, path, tare, dict(settings or {}), gear_known=gear_known)
+    return Fit(
+        recording, known, result, path, tare, dict(settings or {}), gear_known=gear_known,
+        largest_missed_share=largest_missed_share,
+    )  # fmt: skip
+
+
+def _evidence(
+    gear: HarmonicDrive, tare: Fit | None, settings: Mapping[str, Any], largest_missed_share: float | None
+) -> Evidence:
+    from experiments.contract import Evidence
+
+    made = Evidence(gear, tare.result if tare else None, settings=dict(settings))
+    return made if largest_missed_share is None else dataclasses.replace(made, maximum_missed_share=largest_missed_share)
 
 
 def score(fit: Fit) -> Result:
     """How well the parameter set of a fit predicts its run, nothing fitted; the fit's own result where a kind has no score."""
     from experiments import catalogue
-    from experiments.contract import Evidence
 
     compare = catalogue.load(fit.result.kind).compare
     if compare is None:
         return fit.result
-    evidence = Evidence(fit.gear, fit.tare.result if fit.tare else None, settings=dict(fit.settings))
-    return compare(fit.recording, fit.gear, evidence)
+    return compare(fit.recording, fit.gear, fit.evidence)
 
 
 def check_tare(recording: Recording, tare: Fit) -> None:
@@ -145,16 +165,23 @@ def fit_files(
     gear: HarmonicDrive | None = None,
     tare: str | Path | None = None,
     settings: Mapping[str, Any] | None = None,
+    largest_missed_share: float | None = None,
 ) -> tuple[Fit, ...]:
     """Open and analyse run files, all with the same tare and parameter set."""
     from rig.runfile.read import open_run
 
     taken = None
     if tare is not None:
-        taken = fit_recording(open_run(Path(tare)), TARE, gear=gear, path=Path(tare))
+        taken = fit_recording(
+            open_run(Path(tare)), TARE, gear=gear, path=Path(tare), largest_missed_share=largest_missed_share
+        )
     return tuple(
-        fit_recording(open_run(Path(p)), kind, gear=gear, tare=taken, settings=settings, path=Path(p)) for p in paths
-    )
+        fit_recording(
+            open_run(Path(p)), kind, gear=gear, tare=taken, settings=settings, path=Path(p),
+            largest_missed_share=largest_missed_share,
+        )
+        for p in paths
+    )  # fmt: skip
 
 
 def store(fit: Fit, created: str) -> Fit:

@@ -266,7 +266,7 @@ def card_checks(card: GearCard | None, serial: str) -> tuple[Check, ...]:
 
 def in_words(name: str) -> str:
     """The name of a field as people read it: "load_inertia_kg_m2" is "load inertia"."""
-    for ending in ("_kg_m2", "_um", "_rpm"):
+    for ending in ("_kg_m2", "_um", "_rpm", "_deg"):
         name = name.removesuffix(ending)
     return name.replace("runout", "run-out").replace("_", " ")
 
@@ -385,11 +385,11 @@ def _toml(value: Any, quote: Callable[[str], str]) -> str:
 
 
 def _event(entry: Any, index: int, where: str) -> CardEvent:
-    values = entry.get("values", {}) if isinstance(entry, dict) else None
-    texts = [entry.get(name) for name in ("at", "by", "what")] if isinstance(entry, dict) else []
-    if not isinstance(values, dict) or not texts or not all(isinstance(text, str) for text in texts):
+    found = entry if isinstance(entry, dict) else {}
+    at, by, what, values = (found.get(name) for name in ("at", "by", "what", "values"))
+    values = {} if values is None else values
+    if not (isinstance(at, str) and isinstance(by, str) and isinstance(values, dict)):
         raise ConfigurationError("is no line of a history", where=f"{where}: history[{index}]", limit="at, by, what, values")
-    at, by, what = texts
     if what not in ("changed", "confirmed"):
         raise ConfigurationError(
             "is none of the words there are", where=f"{where}: history[{index}].what", value=repr(what),

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from rig import exits
-from rig.commands import analysis, configuring, drilling, files, gears, modelling, reporting, running
+from rig.commands import analysis, configuring, doctoring, drilling, files, gears, modelling, reporting, running, simulating, window
 
 app = typer.Typer(
     name="rig",
@@ -26,7 +26,7 @@ app = typer.Typer(
 )
 
 PANELS = {
-    "At the rig": (running.plan, running.run, reporting.demo, configuring.config, gears.gear),
+    "At the rig": (running.plan, doctoring.doctor, running.run, window.live, reporting.demo, configuring.config, gears.gear, simulating.sim),
     "Fit and compare": (analysis.fit, analysis.compare, reporting.report, modelling.model),
     "Safety": (drilling.drill, drilling.acknowledge),
     "Run files": (files.runs, files.show, files.import_, files.export, files.recover, files.verify),

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from drivers import channel as names
 from drivers.clock import VirtualClock
-from drivers.port import RigPort
 from model.motor import ServoMotor
 from rig.backends.bench import Bench, BenchRequest
 
 if TYPE_CHECKING:
+    from drivers.cyclic import CanRig, CanRigConfig
     from sim_backend.wire.bench import WireBench
 
 VOLTS_PER_INCREMENT = 0.3125e-3
@@ -54,13 +54,23 @@ def on_the_wire(request: BenchRequest) -> Bench:
     return Bench("wire", wire_port(bench, made["motor"]), bench.clock)
 
 
-def wire_port(bench: WireBench, motor: ServoMotor) -> RigPort:
-    """The real drivers in front of a simulated bench, on its pumped bus in virtual time."""
+def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None = None) -> CanRig:
+    """The real drivers in front of a simulated bench, on its pumped bus in virtual time; `config` where it is not the usual."""
+    from drivers.cyclic import CanRig
+
+    return CanRig(
+        config or wire_config(bench, motor), bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated",
+        truth=bench.truth,
+    )  # fmt: skip
+
+
+def wire_config(bench: WireBench, motor: ServoMotor) -> CanRigConfig:
+    """What the drivers are told of a simulated bench."""
     from drivers.cia301 import I16, I32, U8, U32, ObjectRef
     from drivers.cia401 import AnalogInput, AnalogModuleConfig, torque_input
     from drivers.cia402 import DriveConfig
     from drivers.cia406 import CounterConfig
-    from drivers.cyclic import CanRig, CanRigConfig
+    from drivers.cyclic import CanRigConfig
     from drivers.rig_nodes import MotorEncoder
     from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE
 
@@ -70,7 +80,7 @@ def wire_port(bench: WireBench, motor: ServoMotor) -> RigPort:
         AnalogInput(name, "degC", ObjectRef(0x6401, sub, I16, name.replace("_", " ")), VOLTS_PER_INCREMENT, 32.0)
         for sub, name in ((3, names.HOUSING_TEMPERATURE), (4, names.AMBIENT_TEMPERATURE))
     )
-    config = CanRigConfig(
+    return CanRigConfig(
         cycle_ns=bench.cycle_ns,
         drive=DriveConfig(DRIVE_NODE),
         motor_encoder=MotorEncoder(inner.lines, inner.multiplication, largest_speed=1.5 * motor.maximum_speed),
@@ -84,9 +94,6 @@ def wire_port(bench: WireBench, motor: ServoMotor) -> RigPort:
         modules=(AnalogModuleConfig(ANALOG_INPUT_NODE, (torque_input(motor.rated_torque), *thermometers)),),
         title=bench.title,
     )  # fmt: skip
-    return CanRig(
-        config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated", truth=bench.truth
-    )
 
 
 def _mixed(seed: int, name: str) -> int:

@@ -26,6 +26,13 @@ Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A setting of the analysis, for instance channel=torque."),
 ]
+MissedShare = Annotated[
+    float | None,
+    typer.Option(
+        "--largest-missed-share", min=0.0, max=1.0, metavar="SHARE",
+        help="Share of missed cycles above which a run is refused (0.001 unless given).",
+    ),
+]  # fmt: skip
 
 
 def fit(
@@ -38,6 +45,7 @@ def fit(
         Path | None, typer.Option(metavar="FILE", help="Write the parameter set with what was identified (TOML).")
     ] = None,
     setting: Settings = None,
+    largest_missed_share: MissedShare = None,
     json: Json = False,
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
@@ -50,7 +58,9 @@ def fit(
     from rig.fit import fit_files
 
     kind, runs = split_kind(words)
-    fits = fit_files(runs, kind, gear=_gear(parameters), tare=tare, settings=_settings(setting))
+    fits = fit_files(
+        runs, kind, gear=_gear(parameters), tare=tare, settings=_settings(setting), largest_missed_share=largest_missed_share
+    )
     notes = _keep(fits)
     if parameters_out is not None:
         from model.gear_file import save_gear
@@ -76,6 +86,7 @@ def compare(
     kind: Annotated[str, typer.Option(help="Kind of fit, where the run's protocol does not say it.")] = "",
     tare: Tare = None,
     setting: Settings = None,
+    largest_missed_share: MissedShare = None,
     json: Json = False,
 ) -> None:
     """Hold a parameter set against a run: what it predicts, what was measured, and how far apart they are."""
@@ -84,7 +95,9 @@ def compare(
 
     gear = _gear(parameters)
     assert gear is not None
-    found = fit_files([run], kind, gear=gear, tare=tare, settings=_settings(setting))[0]
+    found = fit_files(
+        [run], kind, gear=gear, tare=tare, settings=_settings(setting), largest_missed_share=largest_missed_share
+    )[0]
     rows = compare_with(gear, found.result)
     scored = score(found)
     if json:

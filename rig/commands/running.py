@@ -6,9 +6,9 @@ Flags of a protocol are made from its parameter model when it is named, so that 
 from __future__ import annotations
 
 import difflib
+import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from rig.run.dry_run import PlannedRun
     from rig.run.order import RunReport
     from rig.run.start import RunRequest
-    from rig.run.stop import StopRequest
 
 Command = TypeVar("Command", bound=Callable[..., None])
 
@@ -228,11 +227,11 @@ def _nearest(found: str, known: Sequence[str]) -> str:
 def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> RunReport:
     from rig.run.progress import progress_line
     from rig.run.start import run_request
-    from rig.run.stop import StopRequest
+    from rig.run.stop import StopRequest, pressed_by_signals
 
     stop = StopRequest()
     title = f"{request.protocol} {request.gear_serial}"
-    with _signals(stop), progress_line(title, planned.nominal, quiet) as (on_progress, on_event):
+    with pressed_by_signals(stop), progress_line(title, planned.nominal, quiet) as (on_progress, on_event):
         return run_request(request, planned, stop=stop, ask=_ask, on_progress=on_progress, on_event=on_event)
 
 
@@ -241,44 +240,29 @@ def _run_for_a_program(request: RunRequest, planned: PlannedRun, events: bool, s
     from drivers.clock import WallClock
     from rig.run.remote import RemoteOperator, lines_of
     from rig.run.start import run_request
-    from rig.run.stop import StopRequest
+    from rig.run.stop import StopRequest, pressed_by_signals
 
     def write(line: str) -> None:
-        if events:
+        if not events:
+            return
+        try:
             sys.stdout.write(line + "\n")
             sys.stdout.flush()
+        except BrokenPipeError:
+            # Nobody listens any more. The end of standard input says so too: that stops the rig, and this must not crash it.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
     stop = StopRequest()
     remote = RemoteOperator(stop, write, WallClock())
     if stdin_control:
         remote.listen_in_background(lines_of(sys.stdin.fileno()))
-    with _signals(stop):
+    with pressed_by_signals(stop):
         report = run_request(
             request, planned, stop=stop, ask=remote.ask if stdin_control else _ask, on_progress=remote.on_progress,
             on_event=remote.on_event,
         )  # fmt: skip
     remote.report(report)
     return report
-
-
-@contextmanager
-def _signals(stop: StopRequest) -> Iterator[None]:
-    """Ctrl-C presses STOP, then ABORT; a termination request is a STOP. The handlers before are put back."""
-    import signal
-
-    def press(number: int, frame: object) -> None:
-        stop.press()
-        word = "STOP" if stop.level == 1 else "ABORT"
-        sys.stderr.write(
-            f"\n{word}: {'controlled ramp; Ctrl-C again is a quick stop' if stop.level == 1 else 'quick stop'}\n"
-        )
-
-    before = {number: signal.signal(number, press) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _ask(prompt: Prompt) -> str:

@@ -52,6 +52,11 @@ class Watch:
     torque_difference: float = 0.25
     torque_difference_window: float = 0.25
     torque_difference_windows: int = 2
+    index_repeatability: int = 2
+    """Counts by which an index mark may lie elsewhere than before."""
+    index_lost_counts: int = 20
+    """Counts too many or lost at an index mark, at `index_marks` of them in a row, that are a trip."""
+    index_marks: int = 2
     thermal_time: float = 30.0
     smallest_free_space: int = 100_000_000
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import Any, Protocol, runtime_checkable
 
-from drivers.errors import DriverError
 from drivers.port import RigPort
 from rig.run.logbook import Logbook
 
@@ -71,15 +69,3 @@ class DeviceListener:
                 if event.level == "error":
                     self.told = f"{event.source}: {event.text}"
                 self._logbook.event(event.level, event.code, event.source, event.text, event.time_ns)
-
-    def keep_acquisition(self) -> dict[str, float]:
-        """How well the rig kept time, where it says so: an event for the file; returned as metrics for the report."""
-        if not isinstance(self._port, TellsAcquisition):
-            return {}
-        try:
-            told = asdict(self._port.acquisition())
-        except DriverError as error:
-            self._logbook.event("warning", "acquisition", "port", str(error))
-            return {}
-        self._logbook.event("info", "acquisition", "port", ", ".join(f"{name} {value:.6g}" for name, value in told.items()))
-        return {f"acquisition_{name}": float(value) for name, value in told.items()}

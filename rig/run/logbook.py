@@ -6,9 +6,10 @@ An error of the recorder is remembered and ends the run, but never the making sa
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from drivers.samples import SampleBlock
 from experiments.recording import Event, Segment
@@ -64,12 +65,15 @@ class Logbook:
         with self._recording():
             self.run.flush()
 
-    def close(self, outcome: str) -> tuple[Path, bool]:
-        """Seal the run: its path, and whether that worked. A file that cannot be sealed is left to be recovered."""
+    def close(self, outcome: str, acquisition: Mapping[str, Any] | None = None) -> tuple[Path, bool]:
+        """Seal the run with the figures of its acquisition: its path, and whether that worked.
+
+        A file that cannot be sealed is left to be recovered.
+        """
         recorder = self.run.recorder
         if self.error is None:
             try:
-                return recorder.close(outcome, iso_time(self._epoch + self._stamp)), True
+                return recorder.close(outcome, iso_time(self._epoch + self._stamp), acquisition), True
             except RigError as error:
                 self._remember(error)
         recorder.abandon()

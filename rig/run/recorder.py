@@ -8,8 +8,9 @@ run with an error; nothing is ever dropped in silence.
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -47,8 +48,8 @@ class Recorder(Protocol):
         """Note something that happened."""
         ...
 
-    def close(self, outcome: str, end_time: str = "") -> Path:
-        """Write what is left, seal the run, and return its path."""
+    def close(self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None) -> Path:
+        """Write what is left and the figures of the acquisition, seal the run, and return its path."""
         ...
 
     def abandon(self) -> None:
@@ -80,8 +81,8 @@ class InlineRecorder:
         self._writer.event(event)
         self._beat.flush_when_due()
 
-    def close(self, outcome: str, end_time: str = "") -> Path:
-        return self._writer.seal(outcome, end_time)
+    def close(self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None) -> Path:
+        return self._writer.seal(outcome, end_time, acquisition)
 
     def abandon(self) -> None:
         self._writer.abandon()
@@ -163,11 +164,11 @@ class ThreadedRecorder:
                 self._error = self._no_answer()
             self._raise_error()
 
-    def close(self, outcome: str, end_time: str = "") -> Path:
+    def close(self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None) -> Path:
         self._stop()
         with self._condition:
             self._raise_error()
-        return self._writer.seal(outcome, end_time)
+        return self._writer.seal(outcome, end_time, acquisition)
 
     def abandon(self) -> None:
         self._stop()

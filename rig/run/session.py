@@ -30,6 +30,7 @@ from experiments.recording import Event
 from model.errors import ModelError
 from rig import limits as lim
 from rig.errors import LimitError, RigError
+from rig.run.acquisition import AcquisitionLog
 from rig.run.bounds import Geometry
 from rig.run.devices import DeviceListener
 from rig.run.direct_line import direct_line
@@ -127,6 +128,7 @@ class Session:
         self._make_safe: MakeSafe | None = None
         self._outcome = self._message = ""
         self._devices = DeviceListener(port, logbook)
+        self._acquisition = AcquisitionLog(port, logbook)
         self._silent = 0
         self._step_index, self._step_rows = -1, 0
         self._space_rows = 0
@@ -214,6 +216,7 @@ class Session:
     def _keep(self, block: SampleBlock, turn: Turn) -> None:
         """Record first, then take notice."""
         self._logbook.put(block)
+        self._acquisition.put(block)
         self._machine.accept(block, turn)
         self._devices.keep_events()
 
@@ -381,10 +384,11 @@ class Session:
             numbers = f"peak {margin['peak']:.4g}, limit {margin['limit']:.4g}, margin {100 * margin['margin']:.0f} %"
             logbook.event("info", "margin", "supervisor", f"{name}: {numbers}")
         metrics["missed_share"] = supervisor.state.missed_share
-        metrics.update(self._devices.keep_acquisition())
+        counted, figures = self._acquisition.kept(supervisor.acquisition())
+        metrics.update(counted)
         if trip is not None:
             self._latch_trip(trip)
-        path, readable = logbook.close(self._outcome)
+        path, readable = logbook.close(self._outcome, figures)
         if not readable:
             self._outcome = self._outcome if self._outcome in ("TRIPPED", "ABORTED") else "ERROR"
             self._message = self._message or str(logbook.error)

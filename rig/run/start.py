@@ -24,7 +24,7 @@ from rig.run.engine import Ask
 from rig.run.judge import judge_by
 from rig.run.latch import TripLatch
 from rig.run.opening import begin_inline_run, begin_threaded_run
-from rig.run.order import Progress, RunOrder, RunReport
+from rig.run.order import Judge, Progress, RunOrder, RunReport
 from rig.run.preflight import Check
 from rig.run.realtime import block_cycles, execute_in_real_time, watchdog_deadline
 from rig.run.session import execute
@@ -108,12 +108,25 @@ def run_request(
 ) -> RunReport:
     """Plan (unless `planned` is given), open the rig, run, make safe, judge, seal. Raises only before anything moves."""
     planned = planned or plan_request(request)
-    latch = TripLatch(request.output)
     # Before anything is connected: a rig that tripped is left alone until somebody has looked.
-    latch.refuse()
+    TripLatch(request.output).refuse()
     if request.backend == HARDWARE:
         refuse_unarmed(arming_of(request, planned))
     bench = bench_for(request, planned)
+    return run_on(bench, request, planned, stop, ask, judge_by(planned) if judged else None, on_progress, on_event)
+
+
+def run_on(
+    bench: Bench,
+    request: RunRequest,
+    planned: PlannedRun,
+    stop: StopRequest | None = None,
+    ask: Ask = lambda prompt: "",
+    judge: Judge | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    on_event: Callable[[Event], None] | None = None,
+) -> RunReport:
+    """Run what was planned on a rig that is put together and not opened. Whether it may is the caller's business."""
     cycles = request.block_cycles
     if bench.real_time:
         cycles = block_cycles(request.sample_rate, cycles, bench.reaction)
@@ -129,11 +142,10 @@ def run_request(
         block_cycles=cycles,
         conditions=dict(request.conditions),
         free_space=lambda: shutil.disk_usage(request.output).free,
-        latch=latch,
+        latch=TripLatch(request.output),
         watchdog=watchdog_of(bench, cycles) if bench.real_time else None,
         arm=(lambda: arm(bench)) if bench.real_time else None,
     )
-    judge = judge_by(planned) if judged else None
     run, begin = (execute_in_real_time, begin_threaded_run) if bench.real_time else (execute, begin_inline_run)
     return run(order, begin, stop=stop, ask=ask, judge=judge, on_progress=on_progress, on_event=on_event)
 

@@ -5,7 +5,10 @@ The object is handed in, so that a signal handler, a window or a test can press 
 
 from __future__ import annotations
 
+import sys
 from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class StopRequest:
@@ -45,3 +48,23 @@ class StopRequest:
         while self._notes:
             taken.append(self._notes.popleft())
         return taken
+
+
+@contextmanager
+def pressed_by_signals(stop: StopRequest) -> Iterator[None]:
+    """Ctrl-C presses STOP, then ABORT; a termination request is a STOP. The handlers before are put back."""
+    import signal
+
+    def press(number: int, frame: object) -> None:
+        stop.press()
+        word = "STOP" if stop.level == 1 else "ABORT"
+        sys.stderr.write(
+            f"\n{word}: {'controlled ramp; Ctrl-C again is a quick stop' if stop.level == 1 else 'quick stop'}\n"
+        )
+
+    before = {number: signal.signal(number, press) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -31,6 +31,7 @@ from model.units import RPM
 from rig import limits as lim
 from rig.limits import Limits
 from rig.run.bounds import BoundMaker, Geometry, Watch
+from rig.run.index_review import NO_MARKS, IndexReview, IndexState
 from rig.run.margins import DIFFERENCE, FOLLOWING, MISSED, MarginWatch, Peaks
 from rig.run.phases import Turn
 from rig.run.torque_review import TorqueReview, TorqueState
@@ -76,6 +77,7 @@ class WatchState:
     has_stamps: bool = False
     """Whether some cycle so far carried a stamp of the hardware or the device."""
     torque: TorqueState = field(default_factory=TorqueState)
+    index: IndexState = NO_MARKS
     notes: tuple[tuple[str, str], ...] = ()
     """What the latest review found worth an event: code and text."""
     peaks: Peaks = field(default_factory=Peaks)
@@ -112,6 +114,7 @@ class Supervisor:
         self._enabled: tuple[Bound, ...] = ()
         self._margins = self._margin_watch(())
         self._torque_review = TorqueReview(self.watch, limits.value(lim.RMS_TORQUE), self._period)
+        self._index_review = IndexReview(self.watch, self._channels, self._column)
 
     def begin(self, reference: NDArray[np.int64], rows: int = 0) -> None:
         """Take the position at standstill with the servo off (counts of all channels) as untwisted, and set up the guard."""
@@ -166,6 +169,8 @@ class Supervisor:
         trips += found
         state, found = self._torques(state, block, start)
         trips += found
+        index, found, notes = self._index_review.reviewed(state.index, block, start)
+        state, trips = replace(state, index=index, notes=(*state.notes, *notes)), trips + found
         peaks = self._margins.after(state.peaks, block).with_values(self._shares(state))
         state = replace(state, peaks=peaks, rows=start + len(block))
         if state.trip is None and trips:
@@ -326,6 +331,15 @@ class Supervisor:
             compared, found, notes = self._torque_review.compared(state.torque, torque[good], drive, start)
             state, trips = replace(state, torque=compared, notes=(*state.notes, *notes)), trips + found
         return state, trips
+
+    def acquisition(self) -> dict[str, object]:
+        """What the review found of the acquisition: counts at the index marks, and torque port against drive."""
+        found: dict[str, object] = {}
+        if index := self._index_review.figures(self.state.index):
+            found["index_marks"] = index
+        if agreement := self.state.torque.agreement.figures():
+            found["torque_port_against_drive"] = agreement
+        return found
 
     def margins(self) -> dict[str, dict[str, float]]:
         """Peak, limit and what was left of it (share) for every quantity that was watched."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,38 @@ HEAT_PIECE = 4096
 
 
 @dataclass(frozen=True)
+class Agreement:
+    """Torque port against what the drive reports, over the complete cycles of a run: so many of them, their sums of port, drive,
+    drive^2, port drive, port^2, and the largest difference."""
+
+    cycles: int = 0
+    sums: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    worst: float = 0.0
+
+    def after(self, port: FloatArray, drive: FloatArray) -> Agreement:
+        """The same with further cycles (n,)."""
+        if not len(port):
+            return self
+        more = (port.sum(), drive.sum(), drive @ drive, port @ drive, port @ port)
+        sums = tuple(before + float(found) for before, found in zip(self.sums, more, strict=True))
+        return Agreement(self.cycles + len(port), sums, max(self.worst, float(np.abs(port - drive).max())))
+
+    def figures(self) -> dict[str, float]:
+        """Mean and standard deviation of port - drive, the worst cycle [N m], and the slope of port over drive (1 is agreement).
+
+        The slope is left out where the torque varied by less than its own scatter: then only the mean says something.
+        """
+        n = self.cycles
+        if n < 2:
+            return {}
+        port, drive, squares, products, port_squares = (s / n for s in self.sums)
+        spread, common = squares - drive**2, products - port * drive
+        scatter = max((port_squares - port**2) - 2.0 * common + spread, 0.0)
+        found = {"cycles": float(n), "offset": port - drive, "scatter": math.sqrt(scatter), "worst": self.worst}
+        return {**found, "slope": common / spread} if spread > 9.0 * scatter and spread > 0.0 else found
+
+
+@dataclass(frozen=True)
 class TorqueState:
     """What is carried from block to block: the i2t integral (1 is the rating) and its largest, and an open window of the
     comparison: rows, sums of (port - drive)^2, drive^2, port, drive; share of the allowed difference; windows in a row."""
@@ -28,6 +60,7 @@ class TorqueState:
     sums: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     share: float = 0.0
     windows: int = 0
+    agreement: Agreement = field(default_factory=Agreement)
 
 
 Found = tuple[TorqueState, list[Trip], tuple[tuple[str, str], ...]]
@@ -56,6 +89,7 @@ class TorqueReview:
         """Port against drive (n,), r.m.s. over a window (an open line hums about zero): first an event, then a trip."""
         if not len(port):
             return state, [], ()
+        state = replace(state, agreement=state.agreement.after(port, drive))
         rows = state.rows + len(port)
         found = (float(np.square(port - drive).sum()), float(np.square(drive).sum()), float(port.sum()), float(drive.sum()))
         sums = tuple(before + more for before, more in zip(state.sums, found, strict=True))

@@ -22,6 +22,7 @@ FOLLOWING_ERROR = "following_error"
 MISSED_CYCLES = "missed_cycles"
 SIGNAL_ERROR = "signal_error"
 COUNT_JUMP = "count_jump"
+LOST_COUNTS = "lost_counts"
 TORQUE_PORT = "torque_port"
 TORQUE_DISAGREEMENT = "torque_disagreement"
 TIME_BASE = "time_base"
@@ -101,6 +102,10 @@ TRIPS: dict[str, TripRule] = {
     COUNT_JUMP: TripRule(
         "an encoder count moved further than the gear can turn in a cycle", Action.QUICK_STOP,
         "Check shielding and wrap modulus of that counter.",
+    ),
+    LOST_COUNTS: TripRule(
+        "an encoder has lost counts: its index mark lies elsewhere", Action.QUICK_STOP,
+        "Check encoder signals, shielding, lines and multiplication; the angles of this run cannot be used.",
     ),
     TORQUE_PORT: TripRule(
         "the torque port is saturated or open", Action.QUICK_STOP, "Check the cable of the monitor port and its range."

@@ -62,7 +62,8 @@ def write_closing(file: h5py.File, closing: Closing) -> None:
 def read_closing(file: h5py.File) -> Closing:
     """How the run ended. Raises `RunFileError` for words that were changed; a writer at work is taken as running."""
     entry = _entry(file)
-    found = Closing(*(layout.read_text(entry, name) for name in _LENGTHS), layout.read_text(_process(file), ACQUISITION))
+    words = (layout.read_text(entry, name) for name in _LENGTHS)
+    found = Closing(*words, acquisition=layout.read_text(_process(file), ACQUISITION))
     checksum = file.get(_CHECKSUM)
     if not isinstance(checksum, h5py.Dataset) or checksum.shape != (1,):
         raise RunFileError("the checksum of outcome and end time is missing", where=_CHECKSUM)
@@ -78,7 +79,7 @@ def acquisition_text(figures: Mapping[str, object]) -> str:
     """The figures of the acquisition as JSON; groups of figures that would not fit are left out and named."""
     kept = dict(figures)
     left: list[str] = []
-    while len(text := layout.to_json({**kept, **({"left_out": left} if left else {})})) > LONGEST_ACQUISITION // 4:
+    while len((text := layout.to_json({**kept, **({"left_out": left} if left else {})})).encode()) > LONGEST_ACQUISITION:
         left.append(max(kept, key=lambda name: len(layout.to_json(kept[name]))))
         del kept[left[-1]]
     return text if figures else ""

@@ -20,7 +20,7 @@ from model.gear import HarmonicDrive, Mounting
 from model.gear_file import gear_from_mapping, gear_to_mapping, gear_to_toml
 from rig.errors import RunFileError
 from rig.runfile import layout
-from rig.runfile.closing import Closing, create_closing, read_closing
+from rig.runfile.closing import ACQUISITION, Closing, create_closing, read_closing
 from rig.runfile.layout import Column
 
 ORIGIN_WORDS = {"simulated": "SIMULATED", "replay": "REPLAY", "imported": "IMPORTED", "hardware": ""}
@@ -138,7 +138,8 @@ def read_columns(file: h5py.File) -> tuple[Column, ...]:
 
 
 def read_metadata(file: h5py.File, sha256: str = "") -> RunMetadata:
-    """Who, what, when and on what; the truth of a simulated rig, if there is one, stands in `process["truth"]`."""
+    """Who, what, when and on what; the truth of a simulated rig, if there is one, stands in `process["truth"]`, the figures of
+    the acquisition, known at the end of a run, in `process["acquisition"]`."""
     entry, user = _group(file, layout.ENTRY), _group(file, layout.USER)
     sample, process = _group(file, layout.SAMPLE), _group(file, layout.PROCESS)
     origin, time_base = layout.read_text(process, "origin"), layout.read_text(process, "time_base")
@@ -153,6 +154,8 @@ def read_metadata(file: h5py.File, sha256: str = "") -> RunMetadata:
     details = _mapping(process, "details")
     if "truth" in process:
         details["truth"] = _mapping(process, "truth")
+    if closing.acquisition:
+        details[ACQUISITION] = _mapping(process, ACQUISITION)
     return RunMetadata(
         run_id=layout.read_text(entry, "run_id"), experiment=layout.read_text(process, "experiment"),
         origin=cast(Origin, origin), title=layout.read_text(entry, "title"),
@@ -171,7 +174,7 @@ def read_header(file: h5py.File) -> RunHeader:
     """The header that a run was begun with: for a copy, and for replaying it."""
     process = _group(file, layout.PROCESS)
     metadata = read_metadata(file)
-    details = {name: value for name, value in metadata.process.items() if name != "truth"}
+    details = {name: value for name, value in metadata.process.items() if name not in ("truth", ACQUISITION)}
     return RunHeader(
         dataclasses.replace(metadata, process=details), read_columns(file), _mapping(process, "limits"),
         _mapping(_group(file, layout.INSTRUMENT), "devices"),

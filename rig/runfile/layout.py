@@ -7,7 +7,7 @@ NeXus-like groups with HDF5 dimension scales and CF attributes, so that general 
       sample       NXsample      gear, its parameter set (JSON and TOML), ratio, mounting, conditions
       user         NXuser        operator
       instrument   NXinstrument  one group per channel: device, lines, calibration
-      process      NXprocess     experiment, parameters, limits, backend, seed, truth; rows written and dropped; CRC of the end
+      process      NXprocess     experiment, parameters, limits, backend, seed, truth; acquisition (JSON); rows written and dropped; CRC of the end
       data         NXdata        time, cycle, flags and one column of raw counts per channel
       segments     table         labelled intervals of rows
       events       table         what happened, in fixed-length bytes

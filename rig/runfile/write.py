@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from drivers.samples import SampleBlock
 from experiments.recording import Event, Segment
 from rig.errors import RigError, RunFileError
 from rig.runfile import layout
-from rig.runfile.closing import Closing, write_closing
+from rig.runfile.closing import Closing, acquisition_text, write_closing
 from rig.runfile.damage import close_without_writing, reason
 from rig.runfile.header import RunHeader, write_header
 from rig.runfile.layout import CYCLE, FLAGS, TIME
@@ -180,13 +180,16 @@ class RunWriter:
             if here.st_ino and (here.st_ino, here.st_dev) != (there.st_ino, there.st_dev):
                 raise FileNotFoundError("it was replaced by another file")
 
-    def seal(self, outcome: str, end_time: str = "") -> Path:
-        """Write outcome and end time, close, hash, rename and protect the file; returns its final path."""
+    def seal(self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None) -> Path:
+        """Write outcome, end time and the figures of the acquisition, close, hash, rename and protect the file.
+
+        Returns its final path.
+        """
         if outcome not in OUTCOMES:
             raise RunFileError("is no outcome of a run", where="outcome", value=outcome, limit=", ".join(OUTCOMES[:-1]))
         self.flush()
         with self._disk("cannot be completed"):
-            write_closing(self._file, Closing(end_time, outcome, layout.COMPLETE))
+            write_closing(self._file, Closing(end_time, outcome, layout.COMPLETE, acquisition_text(acquisition or {})))
             self._file.flush()
             if not self.part.exists():
                 raise FileNotFoundError("it was removed")

@@ -51,7 +51,7 @@ class RunProcess(QObject):
     `arguments` is everything after `program`; by default the program is this Python with `-m rig`.
     """
 
-    event = Signal(object)
+    event_told = Signal(object)
     """An `Event` of the run."""
     progress = Signal(object)
     """A `Progress`, about ten times a second."""
@@ -94,18 +94,20 @@ class RunProcess(QObject):
         """Start the process. One that cannot be started is told as `failed` and `finished`."""
         # Texts are UTF-8 on every system; what is printed is on the line at once.
         environment = {**os.environ, "PYTHONUTF8": "1", "PYTHONUNBUFFERED": "1"}
-        own_group: dict[str, Any] = {"start_new_session": True}
+        flags = 0
         if sys.platform == "win32":
-            own_group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.CREATE_NO_WINDOW}
+            flags = subprocess.CREATE_NEW_PROCESS_GROUP | subprocess.CREATE_NO_WINDOW
         pipe = subprocess.PIPE
         try:
-            self._process = subprocess.Popen(
-                self._command, stdin=pipe, stdout=pipe, stderr=pipe, env=environment, **own_group
-            )
+            process = subprocess.Popen(
+                self._command, stdin=pipe, stdout=pipe, stderr=pipe, env=environment, creationflags=flags,
+                start_new_session=sys.platform != "win32",
+            )  # fmt: skip
         except OSError as error:
             self._end(Ending(0, False, f"The run could not be started: {error.strerror or error}"))
             return
-        threading.Thread(target=self._listen, args=(self._process,), name="run's lines", daemon=True).start()
+        self._process = process
+        threading.Thread(target=self._listen, args=(process,), name="run's lines", daemon=True).start()
 
     def stop(self) -> None:
         """Controlled ramp to standstill."""
@@ -142,7 +144,8 @@ class RunProcess(QObject):
     def _listen(self, process: subprocess.Popen[bytes]) -> None:
         """In a thread: every line of the process as a signal, and its end."""
         complaint: list[str] = []
-        assert process.stdout is not None and process.stderr is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
         aside = threading.Thread(target=_collect, args=(process.stderr, complaint), daemon=True)
         aside.start()
         # The window may be gone before the run: its signals cannot be sent any more, and nobody misses them.
@@ -166,7 +169,7 @@ class RunProcess(QObject):
             return
         kind = told.pop("kind", "")
         if kind == "event":
-            self.event.emit(_made(Event, told))
+            self.event_told.emit(_made(Event, told))
         elif kind == "progress":
             self.progress.emit(_made(Progress, told))
         elif kind == "prompt":

@@ -19,6 +19,8 @@ from experiments.recording import Event
 from rig.window.session import WindowSession
 
 SIGNS = {"info": "·", "warning": "⚠", "error": "✖"}
+LONGEST = 150
+"""Characters of an event in the list; the whole of it is in the tip and in the file."""
 MOST = 2000
 """Events that are listed; older ones stay in the file."""
 
@@ -35,13 +37,11 @@ class EventsView(QWidget):
         self.table = QTableWidget(0, 3)
         self.table.setHorizontalHeaderLabels(["time [s]", "", "event"])
         self.table.verticalHeader().setVisible(False)
-        self.table.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         self.table.verticalHeader().setDefaultSectionSize(22)
         self.table.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
         self.table.setSelectionBehavior(QTableWidget.SelectionBehavior.SelectRows)
         self.table.setShowGrid(False)
         self.table.setTabKeyNavigation(False)
-        self.table.setWordWrap(False)
         header = self.table.horizontalHeader()
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Fixed)
         header.setSectionResizeMode(1, QHeaderView.ResizeMode.Fixed)
@@ -70,7 +70,12 @@ class EventsView(QWidget):
     @property
     def texts(self) -> list[str]:
         """What is listed, in order."""
-        return [self.table.item(row, 2).text() for row in range(self.table.rowCount())]
+        return [self._item(row, 2).text() for row in range(self.table.rowCount())]
+
+    @property
+    def clocks(self) -> list[str]:
+        """The times that are listed, in order [s]."""
+        return [self._item(row, 0).text() for row in range(self.table.rowCount())]
 
     def clear(self) -> None:
         """Begin a new run."""
@@ -82,11 +87,13 @@ class EventsView(QWidget):
         if self._first_ns is None:
             self._first_ns = first_ns
             for row in range(self.table.rowCount()):
-                item = self.table.item(row, 0)
+                item = self._item(row, 0)
                 item.setText(self._clock(int(item.data(Qt.ItemDataRole.UserRole))))
 
     def add(self, event: Event) -> None:
-        """List an event."""
+        """List an event; margins at the end of a run stand in their own bars."""
+        if event.code == "margin":
+            return
         if self.table.rowCount() >= MOST:
             self.table.removeRow(0)
         row = self.table.rowCount()
@@ -96,11 +103,13 @@ class EventsView(QWidget):
         when.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         sign = QTableWidgetItem("✎" if event.source == "operator" else SIGNS.get(event.level, "·"))
         sign.setData(Qt.ItemDataRole.UserRole, event.level)
-        text = QTableWidgetItem(event.text)
+        words = event.text if len(event.text) <= LONGEST else event.text[:LONGEST].rstrip() + " …"
+        text = QTableWidgetItem(words)
         text.setToolTip(f"{event.level}, {event.source}, {event.code}\n{event.text}")
         for column, item in enumerate((when, sign, text)):
             self.table.setItem(row, column, item)
         self._colour(row)
+        self.table.resizeRowToContents(row)
         self.table.scrollToBottom()
 
     def set_active(self, active: bool) -> None:
@@ -114,15 +123,20 @@ class EventsView(QWidget):
             self.note_written.emit(text)
             self.note.clear()
 
+    def _item(self, row: int, column: int) -> QTableWidgetItem:
+        found = self.table.item(row, column)
+        assert found is not None
+        return found
+
     def _clock(self, time_ns: int) -> str:
         return "" if self._first_ns is None else f"{(time_ns - self._first_ns) * 1e-9:.2f}"
 
     def _colour(self, row: int) -> None:
         palette = self._session.palette
-        level = self.table.item(row, 1).data(Qt.ItemDataRole.UserRole)
+        level = self._item(row, 1).data(Qt.ItemDataRole.UserRole)
         colour = {"warning": palette.warning, "error": palette.bad}.get(level, palette.text)
         for column in range(3):
-            self.table.item(row, column).setForeground(QBrush(QColor(palette.muted if column == 0 else colour)))
+            self._item(row, column).setForeground(QBrush(QColor(palette.muted if column == 0 else colour)))
 
     def _recolour(self) -> None:
         for row in range(self.table.rowCount()):

@@ -10,12 +10,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.phase_reference import phase_reference
+from experiments.phase_reference import PhaseReference, phase_reference
 from experiments.recording import Recording, Segment
-from model.units import ARCMIN, REVOLUTION
+from experiments.step_data import carries
+from model.units import ARCMIN, DEGREE, REVOLUTION
 from rig.window.live_file import Block
 from rig.window.live_view import LiveContext
-from rig.window.plots import LabPlot
+from rig.window.plots import CurveStyle, LabPlot
 from rig.window.session import WindowSession
 
 FloatArray = NDArray[np.float64]
@@ -80,11 +81,12 @@ class Revolutions:
         """The revolution that is under way, about its own mean; NaN where it has not been."""
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.where(self._hits > 0, self._sum / self._hits, np.nan)
-        return mean - np.nanmean(mean) if self._hits.any() else mean
+        return np.asarray(mean - np.nanmean(mean) if self._hits.any() else mean, dtype=np.float64)
 
     def mean(self, way: int) -> FloatArray | None:
         """The mean of all whole revolutions in one direction."""
-        return self.total[way] / self.count[way] if self.count[way] else None
+        count = self.count[way]
+        return np.asarray(self.total[way] / float(count), dtype=np.float64) if count else None
 
     def _finish(self) -> None:
         if self._which is not None and np.count_nonzero(self._hits) >= 0.9 * WAVE_BINS:
@@ -108,8 +110,7 @@ class _ErrorRows:
         self.ratio, self._sense = metadata.ratio, metadata.output_sense
         self._context = context
         self._steady = SteadyRows()
-        self.reference: float | None = None
-        self.reference_name = ""
+        self.reference: PhaseReference | None = None
 
     def of(self, block: Block) -> tuple[FloatArray, FloatArray, FloatArray, int] | None:
         """Input angle from the reference, output angle, error [rad] and direction of the steady rows; None without any."""
@@ -120,13 +121,12 @@ class _ErrorRows:
         if not steady.any():
             return None
         if self.reference is None:
-            found = phase_reference(self._context.recording)
-            self.reference, self.reference_name = found.input_angle, found.what
+            self.reference = phase_reference(self._context.recording)
         outer = self._sense * block.si["output_angle"][block.good][steady]
         inner, target = inner[steady], target[steady]
         way = 1 if target[-1] > 0.0 else -1
         same = np.sign(target) == way
-        inner, outer = inner[same] - self.reference, outer[same]
+        inner, outer = inner[same] - self.reference.input_angle, outer[same]
         return inner, outer, outer - inner / self.ratio, way
 
 
@@ -137,12 +137,14 @@ class WaveView:
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(
-            session, "Kinematic error per input revolution", "wave-generator angle [deg]", "kinematic error [arcmin]"
+            session, "Kinematic error", "wave-generator angle [deg]", "kinematic error [arcmin]"
         )
         self.plot.item.setXRange(0.0, 360.0, padding=0.0)
+        self._context, self._predicted = context, False
         self._rows, self.revolutions = _ErrorRows(context), Revolutions()
-        self._mean = {way: self.plot.curve(f"mean, {name}", k) for k, (way, name) in enumerate(WAYS)}
-        self._current = self.plot.curve("this revolution", 2, "dashed")
+        styles: tuple[CurveStyle, CurveStyle] = ("line", "dashed")
+        self._current = self.plot.curve("this revolution", 2)
+        self._mean = {way: self.plot.curve(name, k, styles[k]) for k, (way, name) in enumerate(WAYS)}
         self._degrees = (np.arange(WAVE_BINS) + 0.5) * 360.0 / WAVE_BINS
 
     def take(self, block: Block) -> None:
@@ -163,30 +165,43 @@ class WaveView:
             mean = self.revolutions.mean(way)
             if mean is not None:
                 curve.item.setData(self._degrees, mean / ARCMIN)
+                self.plot.rename(curve, f"{dict(WAYS)[way]} ({self.revolutions.count[way]})")
         self._current.item.setData(self._degrees, self.revolutions.current() / ARCMIN)
-        done = " + ".join(f"{self.revolutions.count[w]} {name}" for w, name in WAYS if self.revolutions.count[w])
-        text = f"Kinematic error, {done} revolutions" if done else "Kinematic error per input revolution"
-        self.plot.set_title(text)
-        if self._rows.reference_name:
-            where = "index mark" if "ind" in self._rows.reference_name else "start of the run"
+        if self._rows.reference is not None:
+            where = "index mark" if self._rows.reference.carries else "start of the run"
+            self._draw_prediction(self._rows.reference)
             self.plot.item.setLabel("bottom", f"wave-generator angle from the {where} [deg]")
 
 
+    def _draw_prediction(self, reference: PhaseReference) -> None:
+        """The error of the parameter set, where it was identified against the index marks that this run has seen as well."""
+        seen, gear = self._context.prediction, self._context.recording.metadata.gear
+        if self._predicted or seen is None or seen.error is None or gear is None or not carries(gear, reference):
+            return
+        self._predicted = True
+        error = seen.error.value - seen.error.value.mean()
+        self.plot.curve("predicted", 3, "dotted").item.setData(seen.error.angle / DEGREE, error / ARCMIN)
+
+
 class OutputView:
-    """Kinematic error over the output revolution: its whole height is what transmission accuracy is taken from."""
+    """Kinematic error over the output revolution, each direction: the smallest and the largest error of every input
+    revolution. The whole height is what transmission accuracy is taken from."""
 
     wanted = WaveView.wanted
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(
-            session, "Kinematic error over the output", "output angle from the start of the run [deg]",
-            "kinematic error [arcmin]",
-        )  # fmt: skip
+            session, "Over the output revolution", "output angle from the start of the run [deg]", "kinematic error [arcmin]"
+        )
         self.plot.item.setXRange(0.0, 360.0, padding=0.0)
         self._rows = _ErrorRows(context)
-        self._low = {way: np.full(OUTPUT_BINS, np.nan) for way, _ in WAYS}
-        self._high = {way: np.full(OUTPUT_BINS, np.nan) for way, _ in WAYS}
-        self._curves = {way: self.plot.curve(name, k) for k, (way, name) in enumerate(WAYS)}
+        self._bins = max(12, min(round(abs(self._rows.ratio)), 720)) if np.isfinite(self._rows.ratio) else 120
+        self._low = {way: np.full(self._bins, np.nan) for way, _ in WAYS}
+        self._high = {way: np.full(self._bins, np.nan) for way, _ in WAYS}
+        styles: tuple[CurveStyle, CurveStyle] = ("line", "dashed")
+        self._curves = {
+            way: (self.plot.curve(name, k, styles[k]), self.plot.curve("", k, styles[k])) for k, (way, name) in enumerate(WAYS)
+        }
         self._origin: float | None = None
 
     def take(self, block: Block) -> None:
@@ -198,7 +213,7 @@ class OutputView:
         if self._origin is None:
             self._origin = float(outer[0])
         angle = np.mod((outer - self._origin) / REVOLUTION, 1.0)
-        bins = np.minimum((angle * OUTPUT_BINS).astype(np.int64), OUTPUT_BINS - 1)
+        bins = np.minimum((angle * self._bins).astype(np.int64), self._bins - 1)
         edges = np.flatnonzero(np.diff(bins, prepend=-1))
         for store, ufunc in ((self._low[way], np.fmin), (self._high[way], np.fmax)):
             ufunc.at(store, bins[edges], ufunc.reduceat(error, edges))
@@ -207,10 +222,12 @@ class OutputView:
         """Nothing: it is the rows that are drawn."""
 
     def draw(self, recent: bool) -> None:
-        """Bring the curves up to date."""
-        degrees = np.repeat((np.arange(OUTPUT_BINS) + 0.5) * 360.0 / OUTPUT_BINS, 2)
-        for way, curve in self._curves.items():
-            both = np.column_stack([self._low[way], self._high[way]]).ravel()
-            known = np.isfinite(both)
+        """Bring the curves up to date, about the middle of what there is in each direction."""
+        degrees = (np.arange(self._bins) + 0.5) * 360.0 / self._bins
+        for way, curves in self._curves.items():
+            low, high = self._low[way], self._high[way]
+            known = np.isfinite(low)
             if known.any():
-                curve.item.setData(degrees[known], (both[known] - 0.5 * (both[known].min() + both[known].max())) / ARCMIN)
+                middle = 0.5 * (float(low[known].min()) + float(high[known].max()))
+                for curve, edge in zip(curves, (low, high), strict=True):
+                    curve.item.setData(degrees[known], (edge[known] - middle) / ARCMIN)

@@ -117,7 +117,7 @@ class LiveFile:
             self._origin_ns = int(stamps[0])
         good = (recording.flags(rows) & CycleFlag.INCOMPLETE) == 0
         channels = {name: recording.si(name, rows) for name in self._names}
-        return Block(start, (stamps - self._origin_ns) * 1e-9, channels, good)
+        return Block(start, np.asarray((stamps - self._origin_ns) * 1e-9, dtype=np.float64), channels, good)
 
 
 class Envelope:
@@ -210,7 +210,7 @@ class RollingEnvelope:
         along = np.empty(2 * len(index))
         along[0::2], along[1::2] = self._low[where], self._high[where]
         keep = np.isfinite(along)
-        return np.repeat(index * self._width, 2)[keep], along[keep]
+        return np.asarray(np.repeat(index * self._width, 2)[keep], dtype=np.float64), along[keep]
 
 
 class SlidingSpeed:

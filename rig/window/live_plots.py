@@ -6,12 +6,13 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from rig.errors import RunFileError
+from rig.preview.preview import PlanPreview
+from rig.run.dry_run import PlannedRun
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.kinematic_view import OutputView, WaveView
 from rig.window.live_file import Block, LiveFile, open_live
@@ -56,7 +57,7 @@ class LivePlots(QWidget):
         self.mark = ""
         self.protocol = ""
         self._waiting_for: Path | None = None
-        self._context: tuple[Any, Any] = (None, None)
+        self._context: tuple[PlannedRun | None, PlanPreview | None] = (None, None)
         self._grid_holder = QWidget()
         self._hint = QLabel("No run yet. Prepare one, then its plots appear here.")
         self._hint.setProperty("part", "muted")
@@ -88,7 +89,7 @@ class LivePlots(QWidget):
         """Rows of the run that were drawn."""
         return self.live.rows_read if self.live is not None else 0
 
-    def expect(self, planned: Any = None, prediction: Any = None) -> None:
+    def expect(self, planned: PlannedRun | None = None, prediction: PlanPreview | None = None) -> None:
         """A run is about to begin: forget the one before."""
         self.close_file()
         self._context = planned, prediction

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from experiments.recording import Recording, Segment
+from rig.preview.preview import PlanPreview
+from rig.run.dry_run import PlannedRun
 from rig.window.live_file import Block, Envelope, RollingEnvelope, SlidingSpeed
 from rig.window.palette import Palette
 from rig.window.plots import LabPlot
@@ -20,11 +22,11 @@ MILLI = 1e-3
 
 @dataclass(frozen=True)
 class LiveContext:
-    """What the views know of a run when it begins: its file, and what was planned and predicted where the window started it."""
+    """What the views know of a run when it begins: its file; the plan and its preview where this window started it."""
 
     recording: Recording
-    planned: Any = None
-    prediction: Any = None
+    planned: PlannedRun | None = None
+    prediction: PlanPreview | None = None
 
     @property
     def period(self) -> float:
@@ -36,9 +38,15 @@ class LiveContext:
 class LiveView(Protocol):
     """One live plot."""
 
-    plot: LabPlot
-    wanted: tuple[str, ...]
-    """Channels that it draws from."""
+    @property
+    def plot(self) -> LabPlot:
+        """The plot to be laid out."""
+        ...
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """Channels that it draws from."""
+        ...
 
     def take(self, block: Block) -> None:
         """New rows."""
@@ -104,7 +112,8 @@ class SpeedView:
         self.plot = LabPlot(session, "Input speed", RUN_TIME, "input speed [r/min]")
         self._speed = SlidingSpeed(context.period)
         self._measured, self._target = Trace(), Trace()
-        self._curves = self.plot.curve("measured", 0), self.plot.curve("set-point", 1, "dashed")
+        target = self.plot.curve("set-point", 1)
+        self._curves = self.plot.curve("measured", 0), target
 
     def take(self, block: Block) -> None:
         """New rows."""
@@ -130,7 +139,14 @@ def torque_view(session: WindowSession, context: LiveContext) -> TraceView:
     """Motor torque over time, from the monitor port where the rig has one."""
     name = "torque" if context.recording.has("torque") else "drive_torque"
     label = "monitor port" if name == "torque" else "reported by the drive"
-    return TraceView(session, "Motor torque", "motor torque [mN m]", [(name, label, MILLI, "line")])
+    view = TraceView(session, "Motor torque", "motor torque [mN m]", [(name, label, MILLI, "line")])
+    seen = context.prediction
+    if seen is not None:
+        # Drawn in advance over the nominal times of the plan: steps that wait for something shift it.
+        low, high = seen.torque.low / MILLI, seen.torque.high / MILLI
+        curve = view.plot.add_series("predicted", seen.time, seen.torque.value / MILLI, "band", 3, low, high)
+        curve.item.setZValue(-5)
+    return view
 
 
 def temperature_view(session: WindowSession, context: LiveContext) -> TraceView:

@@ -64,6 +64,12 @@ class MainWindow(QMainWindow):
         self.run.review_requested.connect(self.show_review)
         self.run.state_changed.connect(self._show_state)
         self.run.closed_safely.connect(self.close)
+        # Stopping works from every page: whoever looks at another one must not look for the button first.
+        for keys, action in (("Esc", self.run.stop), ("Shift+Esc", self.run.abort)):
+            shortcut = QShortcut(QKeySequence(keys), self)
+            shortcut.setAutoRepeat(False)
+            shortcut.activated.connect(action)
+        self.stack.currentChanged.connect(lambda _: self._show_stop())
         self.show_page("prepare")
 
     def _navigation(self) -> QFrame:
@@ -76,6 +82,8 @@ class MainWindow(QMainWindow):
             button = QPushButton(name.capitalize())
             button.setCheckable(True)
             button.setProperty("part", "nav")
+            if name == "run":
+                button.setStyleSheet("min-width: 210px;")
             button.setToolTip(f"{name.capitalize()} (Ctrl+{index + 1})")
             button.clicked.connect(lambda _, name=name: self.show_page(name))
             self._buttons.addButton(button, index)
@@ -83,11 +91,18 @@ class MainWindow(QMainWindow):
             shortcut = QShortcut(QKeySequence(f"Ctrl+{index + 1}"), self)
             shortcut.activated.connect(lambda name=name: self.show_page(name))
         row.addStretch(1)
+        self.stop = QPushButton("STOP")
+        self.stop.setObjectName("small-stop")
+        self.stop.setToolTip("Controlled ramp to standstill (Esc)")
+        self.stop.pressed.connect(self.run.stop)
+        self.stop.hide()
+        row.addWidget(self.stop)
         self._where = QLabel()
         self._where.setProperty("part", "muted")
         row.addWidget(self._where)
         theme = QPushButton("◐")
         theme.setProperty("part", "nav")
+        theme.setStyleSheet("min-width: 24px;")
         theme.setToolTip("Light or dark (Ctrl+T)")
         theme.setAccessibleName("Light or dark")
         theme.setShortcut(QKeySequence("Ctrl+T"))
@@ -135,6 +150,11 @@ class MainWindow(QMainWindow):
 
     def _show_state(self, state: str) -> None:
         self._buttons.button(1).setText("Run" if state == "idle" else f"Run · {state}")
+        self._show_stop()
+
+    def _show_stop(self) -> None:
+        """A STOP in the navigation while a run goes on and another page is in front."""
+        self.stop.setVisible(self.run.is_active and self.stack.currentWidget() is not self.run)
 
 
 def _page(module: str, name: str, session: WindowSession) -> Any:

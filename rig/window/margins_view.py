@@ -36,6 +36,11 @@ def worded(quantity: str) -> tuple[str, str, float]:
     return (name, "r/min", RPM) if unit == "rad/s" else (name, {"degC": "°C"}.get(unit, unit), 1.0)
 
 
+def number(value: float) -> str:
+    """Three digits, or all those before the point."""
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
+
+
 class MarginBars(QWidget):
     """One bar per limited quantity: filled as far as the peak came, with peak, limit and unit in words."""
 
@@ -63,11 +68,11 @@ class MarginBars(QWidget):
             self.updateGeometry()
         self.update()
 
-    def sizeHint(self) -> QSize:  # noqa: N802  Qt's name
+    def sizeHint(self) -> QSize:
         """As high as its bars."""
         return QSize(280, ROW * max(len(self._margins), 1))
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802  Qt's name
+    def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the bars."""
         palette = self._session.palette
         painter = QPainter(self)
@@ -85,7 +90,7 @@ class MarginBars(QWidget):
     def _paint_bar(self, painter: QPainter, index: int, entry: tuple[str, float, float, float]) -> None:
         palette, (name, _, _, margin) = self._session.palette, entry
         near = margin < (0.0 if name == TRAVEL else NEAR)
-        top, width = index * ROW, self.width()
+        top, width = index * ROW, self.width() - 8
         painter.setPen(QColor(palette.warning if near else palette.text))
         label, numbers = self._label(entry), self._numbers(entry)
         wide = painter.fontMetrics().horizontalAdvance(numbers)
@@ -106,7 +111,7 @@ class MarginBars(QWidget):
 
     def _numbers(self, entry: tuple[str, float, float, float]) -> str:
         _, unit, factor = worded(entry[0])
-        return f"{entry[1] / factor:.3g} of {entry[2] / factor:.3g} {unit}"
+        return f"{number(entry[1] / factor)} of {number(entry[2] / factor)} {unit}"
 
     def _text(self, entry: tuple[str, float, float, float]) -> str:
         return f"{self._label(entry)} {self._numbers(entry)}"

@@ -14,12 +14,15 @@ import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QGridLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
 from experiments.result import Plot
 from rig.window.palette import Palette
 from rig.window.session import WindowSession
 
+MARK_HEIGHT = 16
+"""Pixels of the row in which the mark stands."""
 CurveStyle = Literal["line", "dashed", "dotted", "points", "steps", "band", "bars"]
 _DASHES = {"dashed": [6.0, 4.0], "dotted": [1.5, 3.0]}
 _SYMBOLS = ("o", "t", "s", "d", "t1", "p", "h", "star")
@@ -43,6 +46,8 @@ class LabPlot(QWidget):
         self, session: WindowSession, title: str = "", x_label: str = "", y_label: str = "", *, mark: str = ""
     ) -> None:
         super().__init__()
+        self.setObjectName("plot")
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         self._session, self._curves, self._extras = session, [], []
         self._title, self._legend = QLabel(title), QLabel()
         self._title.setProperty("part", "heading")
@@ -51,22 +56,25 @@ class LabPlot(QWidget):
         self._legend.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.canvas = pg.PlotWidget()
         self.canvas.setMinimumSize(180, 110)
-        head = QHBoxLayout()
+        head = QGridLayout()
         head.setContentsMargins(8, 2, 8, 0)
-        head.addWidget(self._title)
-        head.addWidget(self._legend, 1)
+        head.setVerticalSpacing(0)
+        head.addWidget(self._title, 0, 0)
+        head.addWidget(self._legend, 0, 1)
+        head.setColumnStretch(1, 1)
+        self._head, self._legend_below = head, False
         column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
+        column.setContentsMargins(1, 1, 1, 3)
         column.setSpacing(0)
         column.addLayout(head)
         column.addWidget(self.canvas, 1)
         item = self.item
         item.hideButtons()
+        item.layout.setContentsMargins(4, 0, 14, 4)
         item.setMenuEnabled(True)
         for side in ("left", "bottom"):
             item.getAxis(side).enableAutoSIPrefix(False)
-        self._mark = pg.LabelItem("", justify="right")
-        self._mark.setParentItem(item.getViewBox())
+        self._mark = item.titleLabel
         self._mark_text = mark
         self.set_labels(title, x_label, y_label)
         self.restyle(session.palette)
@@ -94,10 +102,17 @@ class LabPlot(QWidget):
         self.item.setLabel("left", y_label)
         self.canvas.setAccessibleName(title)
 
+    def rename(self, curve: Curve, name: str) -> None:
+        """Give a curve another name in the legend."""
+        if name != curve.name:
+            curve.name = name
+            self._draw_legend(self._session.palette)
+
     def set_title(self, title: str) -> None:
         """Change the title alone."""
         if title != self._title.text():
             self._title.setText(title)
+            self._place_legend()
 
     def set_mark(self, mark: str) -> None:
         """Say what the data are when they are not from hardware."""
@@ -106,7 +121,7 @@ class LabPlot(QWidget):
 
     def curve(self, name: str, group: int = 0, style: CurveStyle = "line") -> Curve:
         """A new empty curve; give it data with `curve.item.setData(x, y)`."""
-        item = pg.PlotDataItem(connect="finite")
+        item = pg.PlotDataItem(connect="finite", stepMode="left" if style == "steps" else None)
         self.item.addItem(item)
         made = Curve(item, name, group, style)
         self._curves.append(made)
@@ -193,7 +208,7 @@ class LabPlot(QWidget):
     ) -> None:  # fmt: skip
         edges = []
         for values in (low, high):
-            edge = pg.PlotDataItem(np.asarray(x, dtype=float), np.asarray(values, dtype=float), pen=None)
+            edge = pg.PlotDataItem(np.asarray(x, dtype=float), np.asarray(values, dtype=float), pen=pg.mkPen(None))
             edge.setLogMode(*logs)
             self.item.addItem(edge)
             edges.append(edge)
@@ -227,17 +242,37 @@ class LabPlot(QWidget):
         for curve in self._curves:
             if curve.name:
                 sign = _LEGEND_SIGNS.get(curve.style, "━━")
-                parts.append(
-                    f'<span style="color:{palette.series_colour(curve.group)}">{sign}</span>&nbsp;{curve.name}'.replace(" m", "&nbsp;m")
-                )
+                name = curve.name.replace(" ", "&nbsp;")
+                parts.append(f'<span style="color:{palette.series_colour(curve.group)}">{sign}</span>&nbsp;{name}')
         self._legend.setText("&nbsp;&nbsp; ".join(parts))
+        self._place_legend()
+
+    def _place_legend(self) -> None:
+        """Beside the title where there is room, below it where there is not."""
+        room = self.width() - 30 - self._title.sizeHint().width()
+        below = bool(self._legend.text()) and self._legend.sizeHint().width() > room and self.width() > 100
+        if below == self._legend_below:
+            return
+        self._legend_below = below
+        self._head.removeWidget(self._legend)
+        if below:
+            self._head.addWidget(self._legend, 1, 0, 1, 2)
+        else:
+            self._head.addWidget(self._legend, 0, 1)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Place the legend anew."""
+        super().resizeEvent(event)
+        self._place_legend()
 
     def _draw_mark(self, palette: Palette) -> None:
-        colour = pg.mkColor(palette.warning)
-        self._mark.setText(self._mark_text, color=colour, size="11pt", bold=True)
-        self._mark.setOpacity(0.75)
-        self._mark.setVisible(bool(self._mark_text))
-        self._mark.anchor(itemPos=(1, 0), parentPos=(1, 0), offset=(-6, 2))
+        # In a row of its own above the data: part of the picture, and never over a curve.
+        self.item.setTitle(self._mark_text or None, color=palette.warning, size="8pt", bold=True, justify="right")
+        if self._mark_text:
+            self._mark.setMaximumHeight(MARK_HEIGHT)
+            self.item.layout.setRowFixedHeight(0, MARK_HEIGHT)
+        else:
+            self.item.layout.setRowFixedHeight(0, 6)
 
 
 def shade(colour: str, alpha: int) -> Any:

@@ -23,6 +23,7 @@ from rig.window.plots import LabPlot
 from rig.window.session import WindowSession
 
 COUNTED = ("hold", "bracket")
+PREDICTED = "predicted"
 WAYS = ((1, "forward"), (-1, "reverse"))
 
 
@@ -35,7 +36,7 @@ class TorquePoints:
         mounted = context.recording.metadata.gear_mounted
         subject = "motor + gear" if mounted else "motor alone"
         self.plot = LabPlot(
-            session, "Running torque over speed", "input speed [r/min]", f"running torque, {subject} [mN m]"
+            session, "Running torque", "input speed [r/min]", f"running torque, {subject} [mN m]"
         )
         self.plot.item.setLogMode(x=True)
         self._channel = "torque" if context.recording.has("torque") else "drive_torque"
@@ -52,7 +53,13 @@ class TorquePoints:
 
     def _predict(self, context: LiveContext, mounted: bool) -> None:
         """The curve of the parameter sets of gear and motor, drawn in advance over the speeds that are planned."""
-        planned = context.planned
+        seen, planned = context.prediction, context.planned
+        if seen is not None and len(seen.curve_speed):
+            low, high = seen.curve.low / MILLI, seen.curve.high / MILLI
+            self.plot.add_series(
+                PREDICTED, seen.curve_speed / RPM, seen.curve.value / MILLI, "band", 3, low, high, logs=(True, False)
+            )  # fmt: skip
+            return
         if planned is None:
             return
         planned_speeds = [abs(step.speed) for step in planned.steps if step.speed]
@@ -62,7 +69,7 @@ class TorquePoints:
         torque = planned.motor.coulomb_friction + planned.motor.viscous_friction * speed
         if mounted:
             torque = torque + friction_torque(planned.gear, speed)
-        self.plot.curve("predicted by the parameter set", 3, "dashed").item.setData(speed / RPM, torque / MILLI)
+        self.plot.curve(PREDICTED, 3, "dashed").item.setData(speed / RPM, torque / MILLI)
 
     def take(self, block: Block) -> None:
         """Nothing: points come from whole segments."""
@@ -99,7 +106,7 @@ class TorquePoints:
         if len(shared) > 1:
             mean = np.array([0.5 * (both[0][speed] + both[1][speed]) for speed in shared])
             self._mean.item.setData(np.array(shared) / RPM, mean / MILLI)
-        self.plot.set_title(f"Running torque over speed, {self.points} points")
+        self.plot.set_title(f"Running torque, {self.points} points")
 
 
 class StartingPoints:
@@ -109,7 +116,7 @@ class StartingPoints:
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(
-            session, "Starting torque over position", "wave-generator angle [deg]", "starting torque, motor + gear [mN m]"
+            session, "Starting torque", "wave-generator angle [deg]", "starting torque, motor + gear [mN m]"
         )
         self.plot.item.setXRange(0.0, 360.0)
         self._channel = "torque" if context.recording.has("torque") else "drive_torque"

@@ -13,7 +13,7 @@ class PreparedRun:
     """A run that may be started.
 
     `arguments` is everything after `python -m rig`: it begins with "run" and ends with "--events --stdin-control".
-    `prediction` is what the Prepare page drew of torque and output in advance (None: nothing was predicted).
+    `prediction` is the `PlanPreview` that the Prepare page drew in advance (None: nothing was predicted).
     """
 
     request: RunRequest

@@ -38,9 +38,9 @@ class StepView:
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(session, "Step response", "time since the step [s]", "output speed [r/min]")
         self.residual = ResidualView(session)
-        self._measured = self.plot.curve("measured", 0, "points")
-        self._predicted = self.plot.curve("predicted by the parameter set", 1)
-        self._rigid = self.plot.curve("rigid gear", 2, "dashed")
+        self._rigid = self.plot.curve("rigid gear", 2, "dotted")
+        self._measured = self.plot.curve("measured", 0)
+        self._predicted = self.plot.curve("predicted", 1, "dashed")
         self._slow: list[Segment] = []
         self._rests: list[Segment] = []
         self.steps = 0
@@ -103,9 +103,9 @@ class ResidualView:
     wanted = StepView.wanted
 
     def __init__(self, session: WindowSession) -> None:
-        self.plot = LabPlot(session, "Residual of the step", "time since the step [s]", "measured - predicted [r/min]")
-        self._residual = self.plot.curve("output speed", 0)
-        self._rigid = self.plot.curve("of a rigid gear", 2, "dashed")
+        self.plot = LabPlot(session, "Residual of the step", "time since the step [s]", "residual [r/min]")
+        self._rigid = self.plot.curve("of a rigid gear", 2, "dotted")
+        self._residual = self.plot.curve("measured - predicted", 0)
         self.skills: list[tuple[float, float]] = []
 
     def add(self, segment: Segment, score: StepScore) -> None:

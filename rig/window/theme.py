@@ -57,6 +57,7 @@ def style_sheet(p: Palette) -> str:
     QLabel[part="warning"] {{ color: {p.warning}; font-weight: 600; }}
     QLabel[part="bad"] {{ color: {p.bad}; font-weight: 600; }}
     QLabel[part="mark"] {{ color: {p.warning}; font-weight: 700; letter-spacing: 1px; }}
+    #plot {{ background: {p.surface}; border: 1px solid {p.line}; border-radius: 6px; }}
     QFrame[part="card"] {{ background: {p.surface}; border: 1px solid {p.line}; border-radius: 6px; }}
     QPushButton {{ background: {p.raised}; border: 1px solid {p.line}; border-radius: 5px; padding: 5px 12px;
                    color: {p.text}; }}
@@ -73,14 +74,24 @@ def style_sheet(p: Palette) -> str:
     QPushButton[part="stop"]:disabled {{ background: {p.raised}; color: {p.muted}; border-color: {p.line}; }}
     QPushButton[part="abort"] {{ color: {p.bad}; border: 2px solid {p.bad}; font-weight: 700; }}
     QPushButton[part="abort"]:disabled {{ color: {p.muted}; border-color: {p.line}; }}
+    QPushButton#small-stop {{ background: {p.stop}; color: {p.stop_text}; font-weight: 800; padding: 5px 26px;
+                             margin: 3px 16px; border: none; letter-spacing: 2px; }}
     QPushButton[part="nav"] {{ background: transparent; border: none; border-radius: 0px; padding: 8px 18px;
-                               font-size: 11pt; color: {p.muted}; border-bottom: 3px solid transparent; }}
+                               min-width: 90px; font-size: 11pt; color: {p.muted}; border-bottom: 3px solid transparent; }}
     QPushButton[part="nav"]:checked {{ color: {p.text}; font-weight: 600; border-bottom: 3px solid {p.accent}; }}
     QPushButton[part="nav"]:focus {{ color: {p.text}; background: {p.raised}; }}
     QFrame[part="bar"] {{ background: {p.surface}; border-bottom: 1px solid {p.line}; }}
     QLineEdit, QPlainTextEdit, QComboBox, QSpinBox, QDoubleSpinBox {{ background: {p.surface}; color: {p.text};
         border: 1px solid {p.line}; border-radius: 4px; padding: 3px 6px; selection-background-color: {p.accent};
         selection-color: {p.accent_text}; }}
+    QCheckBox::indicator {{ width: 13px; height: 13px; border: 1px solid {p.muted}; border-radius: 3px;
+        background: {p.surface}; }}
+    QCheckBox::indicator:checked {{ background: {p.accent}; border-color: {p.accent}; }}
+    QCheckBox::indicator:disabled {{ border-color: {p.line}; background: {p.raised}; }}
+    QCheckBox::indicator:focus {{ border: 2px solid {p.accent}; }}
+    QComboBox::drop-down {{ border: none; width: 20px; }}
+    QComboBox::down-arrow {{ width: 0px; height: 0px; border-left: 4px solid {p.surface}; border-right: 4px solid {p.surface};
+        border-top: 5px solid {p.muted}; }}
     QLineEdit:focus, QPlainTextEdit:focus, QComboBox:focus, QSpinBox:focus, QDoubleSpinBox:focus {{
         border-color: {p.accent}; }}
     QLineEdit[invalid="true"] {{ border: 2px solid {p.bad}; }}

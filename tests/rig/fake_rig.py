@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -219,6 +219,7 @@ class ListRun:
     events: list[Event] = field(default_factory=list)
     outcome: str | None = None
     abandoned: bool = False
+    acquisition: dict[str, Any] = field(default_factory=dict)
     fail_after: float = math.inf
 
     @property
@@ -249,8 +250,9 @@ class ListRun:
     def flush(self) -> None:
         pass
 
-    def close(self, outcome: str, end_time: str = "") -> Path:
+    def close(self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None) -> Path:
         self.outcome = outcome
+        self.acquisition = dict(acquisition or {})
         return self.part
 
     def abandon(self) -> None:

@@ -1,0 +1,212 @@
+"""The reference pages that are made from the program: protocols, commands, configuration, exit codes, limits.
+
+Nothing here is written twice: protocols come from their parameter models, commands from the command line's own tables, words
+of the configuration from its schema.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+import types
+import typing
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import typer
+from pydantic import BaseModel
+
+
+def write(folder: Path) -> None:
+    """Write every page, and leave alone what has not changed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, lines in PAGES.items():
+        text = "\n".join(lines()) + "\n"
+        path = folder / f"{name}.md"
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def protocols() -> Iterable[str]:
+    """Every protocol and analysis with its parameters: flag, unit, allowed range, default, meaning."""
+    from experiments import catalogue
+    from experiments.parameters import parameter_fields
+
+    yield "# Protocols and analyses"
+    yield ""
+    yield "Every protocol's parameters: the same model makes the flags, the window's form and this page."
+    for entry in catalogue.ENTRIES:
+        experiment = catalogue.load(entry.name)
+        yield f"\n## {entry.name}\n"
+        yield f"{entry.summary[0].upper()}{entry.summary[1:]}."
+        if not entry.has_plan:
+            yield "An analysis of any recording; it moves nothing."
+        if experiment.needs:
+            yield f"\nNeeds the channels {', '.join(f'`{name}`' for name in experiment.needs)}."
+        fields = parameter_fields(experiment.parameters)
+        if fields:
+            yield "\n| flag | unit | allowed | default | what |\n|---|---|---|---|---|"
+            for f in fields:
+                yield f"| `{f.flag}` | {f.unit} | {cell(f.limit)} | {cell(default_text(f.default))} | {cell(f.help)} |"
+
+
+def commands() -> Iterable[str]:
+    """Every command with its arguments and options."""
+    from rig.main import app
+
+    yield "# Commands"
+    yield ""
+    yield "`rig COMMAND --help` shows the same. `rig run PROTOCOL --help` adds the flags of a protocol."
+    top = typer.main.get_command(app)
+    for name, command in subcommands(top):
+        yield from _command(f"rig {name}", command)
+
+
+def _command(path: str, command: Any) -> Iterable[str]:
+    yield f"\n## {path}\n"
+    yield plain(inspect.cleandoc(command.help or ""))
+    inner = subcommands(command)
+    for name, sub in inner:
+        yield from _command(f"{path} {name}", sub)
+    if inner:
+        return
+    shown = [p for p in command.params if "--help" not in p.opts]
+    if shown:
+        yield "\n| option | default | what |\n|---|---|---|"
+    for parameter in shown:
+        names = " ".join(f"`{name}`" for name in (*parameter.opts, *parameter.secondary_opts))
+        if parameter.param_type_name == "argument":
+            names = f"`{(parameter.metavar or parameter.name).strip('[]').upper()}`"
+        default = parameter.default
+        if callable(default) or default is None or repr(default).startswith("Sentinel"):
+            default = ""
+        text = getattr(parameter, "help", "") or ""
+        yield f"| {names} | {cell(default_text(default))} | {cell(plain(text))} |"
+
+
+def subcommands(command: Any) -> list[tuple[str, Any]]:
+    """The commands of a group, none of a command."""
+    return list(getattr(command, "commands", {}).items())
+
+
+def configuration() -> Iterable[str]:
+    """Every word of rig.toml with its kind, default and meaning."""
+    from rig.config.schema import RigConfiguration
+
+    yield "# Words of rig.toml"
+    yield ""
+    yield "`rig config init` writes a file with every word explained; this page lists them with their kinds and defaults."
+    for path, model in _tables("", RigConfiguration):
+        yield f"\n## {path or 'top level'}\n"
+        yield plain(inspect.cleandoc(model.__doc__ or ""))
+        yield "\n| word | kind | default |\n|---|---|---|"
+        for name, field in model.model_fields.items():
+            default = "required" if field.is_required() else default_text(field.default)
+            yield f"| `{field.alias or name}` | {cell(kind_text(field.annotation))} | {cell(default)} |"
+
+
+def _tables(path: str, model: type[BaseModel]) -> Iterable[tuple[str, type[BaseModel]]]:
+    yield path, model
+    for name, field in model.model_fields.items():
+        for kind in arms(field.annotation):
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                word = f"{path}.{field.alias or name}" if path else field.alias or name
+                is_list = typing.get_origin(field.annotation) is tuple
+                yield from _tables(f"{word}[]" if is_list else word, kind)
+
+
+def exit_codes() -> Iterable[str]:
+    """What an ending means to a script."""
+    from rig import exits
+
+    yield "# Exit codes"
+    yield ""
+    yield (exits.__doc__ or "").partition("\n\n")[2].strip()
+    yield "\n| error | code | said as |\n|---|---:|---|"
+    for kind, code, sentence in exits.CODE_OF_ERROR:
+        yield f"| `{kind.__name__}` | {code} | {sentence} |"
+
+
+def limits() -> Iterable[str]:
+    """What is limited and watched, what a trip does, what it may come from."""
+    from rig import limits as lim
+    from rig.run import trips
+
+    yield "# Limits and trips"
+    yield "\n## Limited quantities\n"
+    yield "The tightest of the three tiers (drive, rig, protocol) holds; `rig plan` shows the margin to each."
+    yield "\n| quantity | unit |\n|---|---|"
+    for quantity, unit in lim.UNITS.items():
+        yield f"| {quantity.replace('_', ' ')} | {unit} |"
+    yield "\n## Trips\n"
+    yield "The first cause is latched until `rig acknowledge` takes it away by name.\n"
+    yield "| cause | what is done first | said as | what to do |\n|---|---|---|---|"
+    for cause, row in trips.TRIPS.items():
+        yield f"| `{cause}` | {row.action.value} | {cell(row.what)} | {cell(row.remedy)} |"
+
+
+def arms(annotation: Any) -> Iterable[Any]:
+    """The kinds that an annotation is made of."""
+    if typing.get_origin(annotation) in (tuple, typing.Union, types.UnionType, typing.Annotated):
+        for part in typing.get_args(annotation):
+            yield from arms(part)
+    else:
+        yield annotation
+
+
+def kind_text(annotation: Any) -> str:
+    """An annotation as people say it."""
+    if typing.get_origin(annotation) is typing.Literal:
+        return " or ".join(repr(value) for value in typing.get_args(annotation))
+    if typing.get_origin(annotation) is dict:
+        return "table"
+    words = {
+        int: "whole number", float: "number", str: "text", bool: "true or false", type(None): "", Ellipsis: "",
+    }  # fmt: skip
+    found = []
+    for kind in arms(annotation):
+        if typing.get_origin(kind) is not None:
+            found.append(kind_text(kind))
+        elif isinstance(kind, type) and issubclass(kind, BaseModel):
+            found.append("table")
+        else:
+            found.append(words.get(kind, getattr(kind, "__name__", str(kind))))
+    text = " or ".join(dict.fromkeys(word for word in found if word))
+    return f"list of {text}" if typing.get_origin(annotation) is tuple else text
+
+
+def default_text(value: Any) -> str:
+    """A default as it would be typed."""
+    if value is None or value == "" or isinstance(value, BaseModel):
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, tuple | list):
+        return " ".join(f"{v:g}" if isinstance(v, float) else str(v) for v in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def cell(text: str) -> str:
+    """Text that does not break a table: angle brackets and bars are escaped."""
+    return re.sub(r"([|<>])", r"\\\1", text.replace("\n", " "))
+
+
+def plain(text: str) -> str:
+    """Help text without the markup of the terminal; words in capitals within brackets stay text."""
+    text = re.sub(r"\[/?(bold|italic|dim)\]", "", text)
+    return re.sub(r"\[([^\]]*)\](?!\()", r"\\[\1\\]", text).strip()
+
+
+PAGES = {
+    "protocols": protocols,
+    "commands": commands,
+    "configuration": configuration,
+    "exit-codes": exit_codes,
+    "limits": limits,
+}
+"""Every page that is made, by its name."""
+
+if __name__ == "__main__":
+    write(Path(sys.argv[1]))

@@ -1,0 +1,111 @@
+"""`rig doctor`: the rig looked over, every line with its evidence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from drivers.nd287 import ReadoutConfig
+    from rig.doctor.examine import Examination
+    from rig.run.start import RunRequest
+
+STYLE = {"ok": "green", "warning": "yellow", "failed": "bold red", "skipped": "dim"}
+MARK = {"ok": "ok", "warning": "WARNING", "failed": "FAILED", "skipped": "not looked at"}
+
+
+def doctor(
+    backend: Annotated[str, typer.Option(help="Which rig: sim, wire, or hardware (see --config).")] = "sim",
+    config: Annotated[
+        Path | None, typer.Option("--config", metavar="FILE", help="The rig's configuration (rig.toml).")
+    ] = None,
+    gear_serial: Annotated[str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")] = "unknown",
+    mounting: Annotated[
+        str, typer.Option(help="circular-spline-fixed (ratio N) or flexspline-fixed (ratio N + 1).")
+    ] = "circular-spline-fixed",
+    parameters: Annotated[Path | None, typer.Option(metavar="FILE", help="Parameter set of the gear (TOML).")] = None,
+    sample_rate: Annotated[
+        float | None, typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz].")
+    ] = None,
+    output: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of the runs: where the disk is looked at.")] = None,
+    operator: Annotated[str, typer.Option(metavar="NAME", help="Who does it; needed where hardware is to move.")] = "",
+    confirm: Annotated[
+        str, typer.Option(metavar="SERIAL", help="Arms motion on hardware: the gear's serial number once more.")
+    ] = "",
+    move: Annotated[
+        bool | None, typer.Option("--move/--no-move", help="Whether the rig may turn; without it only a simulated one does.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of a simulated rig.")] = 0,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")] = False,
+) -> None:
+    """Look a rig over and print a checklist with evidence; exit code 6 when a line of it failed.
+
+    Standing: nodes, identities, firmware, states, heartbeats, missing objects, limits, zero and noise, rate and jitter,
+    calibrations, disk, clock, readout. In motion: a degree of creep, a turn of the input, a turn of the output: which way
+    both encoders count, and whether the ratio is the one that was described. Motion on hardware is armed as a run is.
+    """
+    from rig import exits
+    from rig.backends import HARDWARE
+    from rig.commands.ordering import request_of
+    from rig.doctor.examine import examine, plan_of
+    from rig.run.arming import refuse_unarmed
+    from rig.run.latch import TripLatch
+    from rig.run.start import arming_of, bench_for
+    from rig.run.stop import StopRequest, pressed_by_signals
+
+    request = request_of(
+        "doctor", {}, backend=backend, config=config, parameters=parameters, mounting=mounting, sample_rate=sample_rate,
+        output=output, gear_serial=gear_serial, operator=operator, seed=seed, confirmation=confirm,
+    )  # fmt: skip
+    planned = plan_of(request)
+    moves = move if move is not None else backend != HARDWARE
+    if moves:
+        TripLatch(request.output).refuse()
+        if backend == HARDWARE:
+            refuse_unarmed(arming_of(request, planned))
+    stop = StopRequest()
+    with pressed_by_signals(stop):
+        found = examine(
+            lambda: bench_for(request, planned), request, moves=moves, why_not="asked not to move; --move lets it",
+            readout_config=_readout(request), stop=stop,
+            on_stage=lambda stage: None if json else typer.echo(f"{stage} ...", err=True),
+        )  # fmt: skip
+    if json:
+        from rig.results import json_text
+
+        typer.echo(json_text(found.as_json()))
+    else:
+        _print(found)
+    raise typer.Exit(exits.DONE if found.is_fine else exits.ERROR)
+
+
+def _readout(request: RunRequest) -> ReadoutConfig | None:
+    from rig.backends.hardware import readout_config
+    from rig.config import load_configuration
+
+    return None if request.configuration is None else readout_config(load_configuration(request.configuration))
+
+
+def _print(found: Examination) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False)
+    table = Table("what", "", "evidence", title=f"rig doctor: {found.backend}", title_justify="left", box=None)
+    group = ""
+    for finding in found.findings:
+        if finding.group != group:
+            group = finding.group
+            table.add_section()
+            table.add_row(f"[bold]{group}[/bold]")
+        table.add_row(f"  {finding.name}", MARK[finding.result], finding.evidence, style=STYLE[finding.result])
+    console.print(table)
+    for result in ("warning", "failed"):
+        for finding in (f for f in found.findings if f.result == result and f.remedy):
+            text = f"{MARK[result]}  {finding.group}, {finding.name}: {finding.remedy}"
+            console.print(text, style=STYLE[result], markup=False, soft_wrap=True)
+    failed = sum(finding.result == "failed" for finding in found.findings)
+    warned = sum(finding.result == "warning" for finding in found.findings)
+    console.print(f"{len(found.findings)} lines, {failed} failed, {warned} warnings")

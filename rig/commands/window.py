@@ -1,0 +1,53 @@
+"""`rig live`: the window in which a technician prepares, runs and reviews."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+THEMES = ("system", "light", "dark")
+PAGES = ("prepare", "run", "review")
+SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
+"""Environment variables of which one names where Qt may draw."""
+
+
+def live(
+    folder: Annotated[Path, typer.Option("--folder", metavar="DIR", help="Folder of the run files.")] = Path("runs"),
+    backend: Annotated[
+        str, typer.Option(help="Which rig: sim, wire, hardware or replay:RUN.h5, as for rig run.")
+    ] = "sim",
+    config: Annotated[
+        Path | None, typer.Option("--config", metavar="FILE", help="The file that describes the rig (TOML).")
+    ] = None,
+    theme: Annotated[str, typer.Option(help=f"Colours: {', '.join(THEMES)}.")] = "system",
+    page: Annotated[str, typer.Option(help=f"The page to begin with: {', '.join(PAGES)}.")] = "prepare",
+) -> None:
+    """Open the window: prepare a run, watch it, review what came of it.
+
+    It needs the extra "window" (PySide6 and pyqtgraph). The run is a process of its own: closing the window during a run
+    asks, and makes the rig safe.
+    """
+    for name, value, known in (("--theme", theme, THEMES), ("--page", page, PAGES)):
+        if value not in known:
+            raise typer.BadParameter(f"{value!r} is none of {', '.join(known)}", param_hint=name)
+    from rig.errors import ConfigurationError
+
+    try:
+        from rig.window.main import open_window
+    except ImportError as error:
+        raise ConfigurationError(
+            "the window cannot be opened: a library is missing", where=str(error.name or error),
+            remedy="Install it with: pip install 'harmonic-rig[window]'. Every part also works on the command line.",
+        ) from error  # fmt: skip
+    if sys.platform == "linux" and not any(name in os.environ for name in SCREENS):
+        raise ConfigurationError(
+            "there is no screen for a window", where=", ".join(SCREENS), value="none is set",
+            remedy="Open it on a desktop. Every part also works on the command line.",
+        )  # fmt: skip
+    if config is not None and not config.is_file():
+        raise ConfigurationError("there is no such file", where="--config", value=str(config))
+    raise typer.Exit(open_window(folder, backend, config, theme, page))

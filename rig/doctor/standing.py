@@ -1,0 +1,139 @@
+"""What the channels show while the rig stands with the servo off: zero, noise, agreement, time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import channel as names
+from drivers.channel import Channel
+from drivers.samples import CycleFlag
+from model.units import ARCSEC
+from rig.doctor.finding import Finding, judged
+
+LARGEST_ZERO = 0.1
+"""Share of the rated torque that the torque port may show with the servo off."""
+LARGEST_TORQUE_NOISE = 0.02
+"""Share of the rated torque that its noise may have (r.m.s.)."""
+FLICKER = 3
+"""Counts by which an encoder at standstill may flicker."""
+DISAGREEMENT = 0.1
+"""Share of the rated torque by which port and drive may differ at rest."""
+LARGEST_MISSED = 0.001
+ROOM_TEMPERATURES = (-10.0, 60.0)
+SLOWEST_RATE = 0.99
+"""Share of the nominal rate that has to be achieved."""
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Cycles with the servo off: channels, counts (n, channels), flags (n,), time stamps (n,) [ns], rated torque [N m]."""
+
+    channels: Sequence[Channel]
+    counts: NDArray[np.int64]
+    flags: NDArray[np.uint16]
+    time_ns: NDArray[np.int64]
+    cycle_ns: int
+    time_base: str
+    rated_torque: float
+
+    def si(self, name: str) -> NDArray[np.float64] | None:
+        """A channel in SI over the complete cycles; None where the rig has no such channel."""
+        for column, channel in enumerate(self.channels):
+            if channel.name == name:
+                return channel.to_si(self.counts[(self.flags & CycleFlag.INCOMPLETE) == 0, column])
+        return None
+
+
+def inspect_stand(stand: Stand) -> Iterable[Finding]:
+    """Every line that needs data and no motion."""
+    yield _complete(stand)
+    yield from _time(stand)
+    yield from _torque(stand)
+    for name in (names.INPUT_ANGLE, names.OUTPUT_ANGLE):
+        yield _encoder(stand, name)
+    yield from _temperatures(stand)
+
+
+def _complete(stand: Stand) -> Finding:
+    wrong = CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | CycleFlag.SHORT
+    missed = float(np.mean((stand.flags & wrong) != 0)) if len(stand.flags) else 1.0
+    return judged(
+        "acquisition", "cycles", missed <= LARGEST_MISSED,
+        f"{100.0 * missed:.2f} % of {len(stand.flags)} cycles incomplete, late or doubled", value=missed, unit="1",
+        limit=f"<= {LARGEST_MISSED:g}", remedy="Lower the SYNC rate, look at the bus load, the cable and the termination.",
+    )  # fmt: skip
+
+
+def _time(stand: Stand) -> Iterable[Finding]:
+    steps = np.diff(stand.time_ns).astype(np.float64)
+    if not len(steps):
+        yield Finding("acquisition", "rate", "failed", "no cycle came back")
+        return
+    rate, nominal = 1e9 / steps.mean(), 1e9 / stand.cycle_ns
+    jitter, largest = float(steps.std()) * 1e-3, float(np.abs(steps - stand.cycle_ns).max()) * 1e-3
+    yield judged(
+        "acquisition", "rate", rate >= SLOWEST_RATE * nominal,
+        f"{rate:.1f} Hz of {nominal:g} Hz, jitter {jitter:.0f} us r.m.s., {largest:.0f} us at most", value=rate, unit="Hz",
+        limit=f">= {SLOWEST_RATE * nominal:g} Hz", otherwise="warning", remedy="A lower SYNC rate, a quieter computer.",
+    )  # fmt: skip
+    yield judged(
+        "acquisition", "time base", stand.time_base != "host", f"time stamps are those of: {stand.time_base}",
+        otherwise="warning", remedy="Analyses of speed need stamps of the adapter or the devices: pcan, kvaser, gs_usb.",
+    )  # fmt: skip
+    backwards = int(np.sum(steps <= 0.0))
+    yield judged("acquisition", "clock", not backwards, f"{backwards} of {len(steps)} steps of the time stamps go backwards")
+
+
+def _torque(stand: Stand) -> Iterable[Finding]:
+    port, drive = stand.si(names.TORQUE), stand.si(names.DRIVE_TORQUE)
+    if port is None or not len(port):
+        yield Finding("torque", "port", "warning", "no torque port: 0x6077 is all there is", remedy="Map the analogue input.")
+    else:
+        zero, noise, rated = float(port.mean()), float(port.std()), stand.rated_torque
+        yield judged(
+            "torque", "zero", abs(zero) <= LARGEST_ZERO * rated, f"{1e3 * zero:.2f} mN m with the servo off", value=zero,
+            unit="N m", limit=f"+-{LARGEST_ZERO * rated:.3g} N m", remedy="Trim the monitor's offset, check its cable.",
+        )  # fmt: skip
+        yield judged(
+            "torque", "noise", noise <= LARGEST_TORQUE_NOISE * rated, f"{1e3 * noise:.3f} mN m r.m.s.", value=noise, unit="N m",
+            limit=f"<= {LARGEST_TORQUE_NOISE * rated:.3g} N m", otherwise="warning", remedy="Check shield and ground.",
+        )  # fmt: skip
+    if port is not None and drive is not None and len(port):
+        differs = float(abs(port.mean() - drive.mean()))
+        yield judged(
+            "torque", "cross-check", differs <= DISAGREEMENT * stand.rated_torque,
+            f"port and drive differ by {1e3 * differs:.2f} mN m at rest", value=differs, unit="N m",
+            limit=f"<= {DISAGREEMENT * stand.rated_torque:.3g} N m", remedy="Check scale, direction and zero of the port.",
+        )  # fmt: skip
+
+
+def _encoder(stand: Stand, name: str) -> Finding:
+    title = name.replace("_", " ")
+    for column, channel in enumerate(stand.channels):
+        if channel.name == name:
+            counts = stand.counts[(stand.flags & CycleFlag.INCOMPLETE) == 0, column]
+            flicker = int(np.ptp(counts)) if len(counts) else 0
+            size = channel.scale / ARCSEC
+            text = f"moves by {flicker} counts in {len(counts)} cycles; one count is {size:.3g} arcsec"
+            remedy = "Something turns, or the signal is disturbed."
+            return judged(
+                "encoders", title, flicker <= FLICKER and bool(len(counts)), text, value=float(flicker), unit="counts",
+                limit=f"<= {FLICKER}", remedy=remedy,
+            )  # fmt: skip
+    return Finding("encoders", title, "warning", "there is none", remedy="Map it in the configuration.")
+
+
+def _temperatures(stand: Stand) -> Iterable[Finding]:
+    low, high = ROOM_TEMPERATURES
+    for name in (names.HOUSING_TEMPERATURE, names.AMBIENT_TEMPERATURE):
+        found = stand.si(name)
+        if found is not None and len(found):
+            mean = float(found.mean())
+            yield judged(
+                "temperature", name.replace("_", " "), low <= mean <= high, f"{mean:.1f} degC", value=mean, unit="degC",
+                limit=f"{low:g} to {high:g} degC", otherwise="warning", remedy="Is a sensor connected to this input?",
+            )  # fmt: skip

@@ -1,0 +1,91 @@
+"""How well a run was acquired, in figures for its file: rate, jitter, missed cycles, index marks, torques, skew.
+
+Ports that count for themselves (on the bus) are asked; for every other one the blocks are counted as they come. What is known
+only from the whole recording, the skew between the channels, is estimated from the file before it is sealed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers.acquisition_statistics import AcquisitionStatistics
+from drivers.errors import DriverError
+from drivers.port import RigPort
+from drivers.samples import SampleBlock
+from experiments.errors import ExperimentError
+from model.errors import ModelError
+from rig.errors import RigError
+from rig.run.devices import TellsAcquisition
+from rig.run.logbook import Logbook
+
+
+class AcquisitionLog:
+    """Counts the blocks of one run, and says at its end how well it was acquired."""
+
+    def __init__(self, port: RigPort, logbook: Logbook) -> None:
+        self._port, self._logbook = port, logbook
+        self._statistics = AcquisitionStatistics(port.cycle_ns)
+
+    def put(self, block: SampleBlock) -> None:
+        """Count a block."""
+        self._statistics.add(block.time_ns, np.zeros(len(block), dtype=np.int64), block.flags)
+
+    def kept(self, reviewed: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
+        """Metrics for the report and figures for the file; `reviewed` is what the supervisor found. An event tells them too."""
+        counted = self._counted()
+        line = ", ".join(f"{name} {value:.6g}" for name, value in counted.items())
+        self._logbook.event("info", "acquisition", "port", line)
+        skews = self._skews()
+        metrics = {f"acquisition_{name}": value for name, value in counted.items()}
+        return metrics, {**counted, **reviewed, **({"skew": skews} if skews else {})}
+
+    def _counted(self) -> dict[str, float]:
+        port = self._port
+        report = None
+        if isinstance(port, TellsAcquisition):
+            try:
+                report = port.acquisition()
+            except DriverError as error:
+                self._logbook.event("warning", "acquisition", "port", str(error))
+        own = self._statistics.report()
+        told = asdict(own if report is None else report)
+        if report is None:
+            # How long a cycle took on the computer is known to the port alone.
+            told = {name: value for name, value in told.items() if not name.startswith("latency")}
+        return {name: float(value) for name, value in told.items()} | {"missed_share": own.missed_share}
+
+    def _skews(self) -> dict[str, Any]:
+        """The skew between the channels, from the file as it stands; an estimate that fails must not cost the data."""
+        logbook = self._logbook
+        if logbook.error is not None:
+            return {}
+        logbook.flush()
+        try:
+            skews, remarks = skews_of(logbook.run.part)
+            for text in remarks:
+                logbook.event("warning", "skew", "acquisition", text)
+            return skews
+        except (RigError, ExperimentError, ModelError) as error:
+            logbook.event("info", "skew", "acquisition", f"no skew was estimated: {error}")
+            return {}
+
+
+def skews_of(part: Path) -> tuple[dict[str, Any], list[str]]:
+    """Skew between the channels of a run file that is still open, as the file keeps it, and what has to be said of it."""
+    from experiments.quality import skew_remark
+    from experiments.skew import skews
+    from rig.runfile.read import close_recording, open_run
+
+    recording = open_run(part, digest=False)
+    try:
+        found = {name: estimate.as_json() for name, estimate in skews(recording).items()}
+        process = {**recording.metadata.process, "acquisition": {"skew": found}}
+        told = replace(recording, metadata=replace(recording.metadata, process=process))
+        return found, skew_remark(told)
+    finally:
+        close_recording(recording)

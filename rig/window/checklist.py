@@ -1,0 +1,109 @@
+"""The pre-flight checklist: every item with its result, its evidence and a box that the operator ticks.
+
+A failed item cannot be ticked, it has to be put right. A tick belongs to its evidence: when that changes, it is gone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QLabel, QSizePolicy, QWidget
+
+from rig.run.preflight import Check
+
+SIGNS = {"ok": ("✓ ok", "good"), "warning": ("! warning", "warning"), "failed": ("✗ failed", "bad")}
+"""Result of a check: how it is shown, and the part of the style sheet that colours it."""
+
+
+class Checklist(QWidget):
+    """The items of a checklist. `changed` tells that one was ticked, or that the items are others."""
+
+    changed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._checks: tuple[Check, ...] = ()
+        self._ticked: set[Check] = set()
+        self.boxes: list[QCheckBox] = []
+        self._grid = QGridLayout(self)
+        self._grid.setContentsMargins(0, 0, 0, 0)
+        self._grid.setHorizontalSpacing(10)
+        self._grid.setVerticalSpacing(3)
+        self._grid.setColumnStretch(3, 1)
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """The items."""
+        return self._checks
+
+    @property
+    def failed(self) -> tuple[Check, ...]:
+        """Items that have to be put right."""
+        return tuple(check for check in self._checks if check.result == "failed")
+
+    @property
+    def open(self) -> tuple[Check, ...]:
+        """Items that are neither failed nor ticked."""
+        return tuple(c for c in self._checks if c.result != "failed" and c not in self._ticked)
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether there are items, none failed, all ticked."""
+        return bool(self._checks) and not self.failed and not self.open
+
+    def set_checks(self, checks: Sequence[Check]) -> None:
+        """Show other items; ticks stay on those whose result and evidence are the same."""
+        fresh = tuple(dict.fromkeys(checks))
+        if fresh == self._checks:
+            return
+        focused = next((i for i, box in enumerate(self.boxes) if box.hasFocus()), None)
+        self._checks = fresh
+        self._ticked &= set(fresh)
+        while (item := self._grid.takeAt(0)) is not None:
+            if (widget := item.widget()) is not None:
+                widget.hide()
+                widget.deleteLater()
+        for row in range(self._grid.rowCount()):
+            self._grid.setRowStretch(row, 0)
+        self.boxes = [self._add(row, check) for row, check in enumerate(fresh)]
+        self._grid.setRowStretch(len(fresh), 1)
+        if focused is not None and focused < len(self.boxes):
+            self.boxes[focused].setFocus()
+        self.changed.emit()
+
+    def tick_all(self) -> None:
+        """Tick everything that is not failed."""
+        for box in self.boxes:
+            if box.isEnabled():
+                box.setChecked(True)
+
+    def clear_ticks(self) -> None:
+        """Take every tick away: the next run is another run."""
+        for box in self.boxes:
+            box.setChecked(False)
+
+    def _add(self, row: int, check: Check) -> QCheckBox:
+        box = QCheckBox()
+        box.setEnabled(check.result != "failed")
+        box.setChecked(check in self._ticked)
+        box.setAccessibleName(f"{check.name}: {check.evidence}")
+        box.setToolTip("Seen and accepted" if box.isEnabled() else "Has to be put right first")
+        box.toggled.connect(lambda on, check=check: self._tick(check, on))
+        words, part = SIGNS[check.result]
+        sign = QLabel(words)
+        sign.setProperty("part", part)
+        text = QLabel(check.evidence + (f"\n→ {check.remedy}" if check.remedy and check.result != "ok" else ""))
+        text.setWordWrap(True)
+        text.setTextFormat(Qt.TextFormat.PlainText)
+        text.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        text.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        text.setMinimumSize(1, 1)
+        for column, widget in enumerate((box, sign, QLabel(check.name))):
+            self._grid.addWidget(widget, row, column, Qt.AlignmentFlag.AlignTop)
+        self._grid.addWidget(text, row, 3, Qt.AlignmentFlag.AlignTop)
+        return box
+
+    def _tick(self, check: Check, on: bool) -> None:
+        (self._ticked.add if on else self._ticked.discard)(check)
+        self.changed.emit()

@@ -1,0 +1,101 @@
+"""The simulated rig as a process of its own: another CANopen stack joins, the readout answers, it ends when it is told to."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import can
+import canopen
+import pytest
+import serial
+
+from drivers.eds import load_eds
+from drivers.nd287 import LINE_LENGTH, STX, parse_line
+from rig import main
+from rig.backends.bench import BenchRequest
+from rig.backends.serving import Served, description_of
+from rig.config import load_configuration
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
+    folder = tmp_path_factory.mktemp("served")
+    options = ["--port", "0", "--readout", "socket", "--json", "--eds", str(folder / "eds"), "--lifetime", "60"]
+    command = [sys.executable, "-m", "rig", "sim", "serve", *options, "--config-out", str(folder / "rig.toml")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stdout is not None
+        yield {**json.loads(process.stdout.readline()), "folder": folder}
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(10.0) == 0
+
+
+def test_another_stack_joins_and_reads_the_identity(served: dict[str, Any]) -> None:
+    bus = can.Bus(
+        interface="socketcand", host=served["host"], port=served["port"], channel=served["channel"], tcp_tune=True
+    )  # fmt: skip
+    network = canopen.Network()
+    network.bus = bus
+    network.notifier = can.Notifier(bus, network.listeners, 0.1)
+    try:
+        for name, node_id in served["nodes"].items():
+            sheet = served["folder"] / "eds" / f"simulated-{name.replace('_', '-')}.eds"
+            node = network.add_node(canopen.RemoteNode(node_id, str(sheet)))
+            profile = {"drive": 402, "counter": 406, "analog_input": 401}[name]
+            assert node.sdo[0x1000].raw & 0xFFFF == profile
+            assert node.sdo[0x1009].raw == "simulated"
+    finally:
+        network.notifier.stop()
+        bus.shutdown()
+
+
+def test_the_sheets_are_read_without_a_defect(served: dict[str, Any]) -> None:
+    sheets = sorted((served["folder"] / "eds").glob("*.eds"))
+    assert len(sheets) == 3
+    for sheet in sheets:
+        assert not load_eds(sheet).defects
+
+
+def test_the_readout_answers_a_value(served: dict[str, Any]) -> None:
+    with serial.serial_for_url(served["readout"], timeout=5.0) as port:
+        port.write(STX)
+        assert parse_line(port.read(LINE_LENGTH)).unit == "rad"
+
+
+def test_the_description_that_it_writes_is_a_configuration(served: dict[str, Any]) -> None:
+    found = load_configuration(served["folder"] / "rig.toml")
+    assert found.bus.arguments["port"] == served["port"]
+    assert found.readout is not None
+    assert found.guard is not None
+
+
+def test_a_description_without_a_readout_is_one_too(tmp_path: Path) -> None:
+    from model.gear_file import shipped_gear
+    from model.motor import shipped_motor
+
+    path = tmp_path / "rig.toml"
+    served = Served("127.0.0.1", 1, "can0", "", {}, "")
+    path.write_text(description_of(served, BenchRequest(shipped_gear(), shipped_motor(), sample_rate=250.0)), encoding="utf-8")
+    assert load_configuration(path).rig.sample_rate_hz == 250.0
+
+
+@pytest.mark.parametrize("words", [["--host", "0.0.0.0"], ["--mounting", "upside-down"], ["--port", "70000"]])
+def test_what_cannot_be_served_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as refused:
+        main.run(["sim", "serve", "--lifetime", "0", *words])
+    assert refused.value.code == 2
+    assert words[0] in capsys.readouterr().err
+
+
+def test_a_port_that_is_taken_is_said(served: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as refused:
+        main.run(["sim", "serve", "--port", str(served["port"]), "--lifetime", "0"])
+    assert refused.value.code == 6
+    assert str(served["port"]) in capsys.readouterr().err

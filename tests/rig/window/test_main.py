@@ -1,0 +1,99 @@
+"""The main window: pages by keyboard, themes, what is remembered; and that no run ever loads Qt."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from pytestqt.qtbot import QtBot
+from typer.testing import CliRunner
+
+from experiments.result import Plot, Series
+from rig.main import app
+from rig.window.main import PAGES, MainWindow
+from rig.window.palette import palette_of
+from rig.window.plots import LabPlot
+from rig.window.session import REMEMBERED_FILE, WindowSession
+from rig.window.theme import theme_named
+
+
+def test_pages_by_keyboard(window: MainWindow, qtbot: QtBot) -> None:
+    window.activateWindow()
+    qtbot.waitUntil(window.isActiveWindow)
+    for index in (2, 0, 1):
+        qtbot.keyClick(window, getattr(Qt.Key, f"Key_{index + 1}"), Qt.KeyboardModifier.ControlModifier)
+        assert window.stack.currentIndex() == index, PAGES[index]
+
+
+def test_light_and_dark_reach_every_plot_and_are_remembered(window: MainWindow, session: WindowSession) -> None:
+    plot = LabPlot(session, "t", "x [s]", "y [N m]", mark="SIMULATED")
+    plot.curve("measured").item.setData([0.0, 1.0], [0.0, 1.0])
+    assert session.theme == "light"
+    window.switch_theme()
+    assert session.theme == "dark"
+    assert plot.canvas.backgroundBrush().color().name() == palette_of("dark").surface
+    assert json.loads((session.folder / REMEMBERED_FILE).read_text())["theme"] == "dark"
+    assert WindowSession(session.folder).recall("theme") == "dark"
+    assert plot.mark == "SIMULATED"
+    window.switch_theme()
+
+
+def test_what_is_remembered_survives_damage(tmp_path: Path, qtbot: QtBot) -> None:
+    folder = tmp_path / "runs"
+    session = WindowSession(folder)
+    session.remember("operator", "A. Example")
+    assert WindowSession(folder).operator == "A. Example"
+    (folder / REMEMBERED_FILE).write_text("{ half")
+    assert WindowSession(folder).operator == ""
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    unwritable = WindowSession(blocked / "runs")
+    with qtbot.waitSignal(unwritable.message) as said:
+        unwritable.remember("operator", "B")
+    assert "cannot be written" in said.args[0]
+
+
+def test_a_figure_of_a_result_is_drawn_with_its_units(session: WindowSession, qtbot: QtBot) -> None:
+    import numpy as np
+
+    plot = LabPlot(session)
+    qtbot.addWidget(plot)
+    x, y = np.array([1.0, 10.0, 100.0]), np.array([60.0, 50.0, 90.0])
+    series = (
+        Series("measured", x, y, "points", y - 1.0, y + 1.0), Series("fit", x, y, "line", y - 2.0, y + 2.0, 1),
+        Series("amplitude", x, y, "bars", group=2), Series("steps", x, y, "steps", group=3),
+    )  # fmt: skip
+    plot.show_data(Plot("friction", "Friction", "input speed [r/min]", "torque [mN m]", series, x_scale="log"))
+    assert [curve.name for curve in plot.curves] == ["measured", "fit", "amplitude", "steps"]
+    assert plot.item.getAxis("left").labelText == "torque [mN m]"
+    assert not plot.item.getAxis("left").autoSIPrefix
+    plot.clear_data()
+    assert plot.curves == ()
+
+
+def test_the_theme_that_was_asked_for(qapp: object) -> None:
+    assert theme_named("dark") == "dark"
+    assert theme_named("light") == "light"
+    assert theme_named("system") in ("light", "dark")
+
+
+@pytest.mark.parametrize("arguments", [["--theme", "pink"], ["--page", "four"], ["--config", "nowhere.toml"]])
+def test_arguments_of_the_window_are_checked(arguments: list[str]) -> None:
+    done = CliRunner().invoke(app, ["live", *arguments])
+    assert done.exit_code != 0
+    assert not isinstance(done.exception, AssertionError)
+
+
+def test_a_run_never_loads_qt(tmp_path: Path) -> None:
+    """Everything that `rig run` imports, in a process of its own: no window, no Qt, no figures."""
+    program = (
+        "import sys\n"
+        "import rig.main, rig.commands.running, rig.run.start, rig.run.realtime, rig.run.remote, rig.runfile.write\n"
+        "print([name for name in ('PySide6', 'pyqtgraph', 'matplotlib', 'rig.window') if name in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert done.stdout.strip() == "[]"
