@@ -116,6 +116,10 @@ def open_raw_bus(config: BusConfig) -> RawBus:
         # Without it the small frames wait for each other's acknowledgement: 40 ms instead of 0.3 ms.
         extra.setdefault("tcp_tune", True)
     try:
+        if config.interface == "socketcand":
+            from drivers.socketcand import SocketcandBus
+
+            return SocketcandBus(str(config.channel), **extra)  # type: ignore[arg-type, return-value]
         return can.Bus(interface=config.interface, channel=config.channel, bitrate=config.bitrate, **extra)  # type: ignore[arg-type, return-value]
     except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError, AttributeError) as error:
         raise BusLostError(

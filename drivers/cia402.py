@@ -107,11 +107,7 @@ class ServoAmplifier:
         if identity.profile != 402:
             self.bus.emit("warning", "profile", device.where, f"device type says profile {identity.profile}, expected 402")
         device.listen_to_emergencies(obj.ERROR_CODES)
-        if device.follow_sync(cycle_ns // 1000):
-            raise DriverError(
-                "the drive insists on a SYNC with counter", where=f"{device.where}, 0x1019:0", limit="0",
-                remedy="Set the synchronous counter overflow value to 0 with the vendor's tool.",
-            )  # fmt: skip
+        device.follow_sync(cycle_ns // 1000)
         if device.produce_heartbeat(config.heartbeat_ms) and not self.bus.wait_for(
             lambda: device.watch.state is not NmtState.UNKNOWN, 10 * config.heartbeat_ms * _MS
         ):

@@ -86,7 +86,7 @@ def index_intervals(
     steps = np.diff(np.asarray(latched, dtype=np.int64))
     intervals = []
     for step in steps[steps != 0]:
-        turns = round(int(step) / spacing)
+        turns = (2 * int(step) + spacing) // (2 * spacing)
         intervals.append(IndexInterval(int(step), turns, int(step) - turns * spacing))
     return intervals
 

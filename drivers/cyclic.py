@@ -150,7 +150,9 @@ class CanRig:
         speeds, torques = set_point_counts(command, cycles, self.channels)
         self._judge.adopt(guard)
         self._enter(command.mode)
-        frames = command_frames(nodes.commands, _CONTROLWORD[command.mode], speeds, torques)
+        if self._kept_is_old:
+            self._kept, self._kept_is_old = nodes.kept_values(), False
+        frames = command_frames(nodes.commands, _CONTROLWORD[command.mode], speeds, torques, self._kept)
         is_judged = bool(guard.bounds) or guard.stale_cycles > 0
         self._store.begin_block(cycles)
         times: list[int] = []
@@ -163,7 +165,7 @@ class CanRig:
                 latencies.append(latency)
                 if is_judged:
                     counts = self._decoder.row(self._store.last_record, int(speeds[row]), int(torques[row]), flags)
-                    broken = self._judge.judge(counts, flags, row)
+                    broken = self._judge.judge(counts, flags, row, stamp)
                 broken = broken or self._trouble(bus, command.mode, flags, row)
                 if broken is not None:
                     break
@@ -270,7 +272,7 @@ class CanRig:
         """Everything that one opening of the rig needs anew."""
         self._store = CycleStore(nodes.layout)
         self._decoder = ColumnDecoder(nodes.layout, nodes.columns, nodes.validities)
-        self._judge = CycleJudge([column.channel for column in nodes.columns])
+        self._judge = CycleJudge([column.channel for column in nodes.columns], self._config.cycle_ns)
         self._statistics = AcquisitionStatistics(self._config.cycle_ns)
         self._mode = Mode.OFF
         self._first_cycle = 0
@@ -280,6 +282,8 @@ class CanRig:
         self._was_enabled = False
         self._statusword = self._statusword_bytes(nodes)
         self._pause_pending = False
+        self._kept: dict[tuple[int, int], int] = {}
+        self._kept_is_old = True
         self._lost = None
         bus.sample_time_ns = self._event_time
         bus.subscribe(SYNC_COB_ID, self._on_sync)
@@ -333,7 +337,8 @@ class CanRig:
         return ", ".join(f"node {layout.pdos[s].node_id} (0x{layout.pdos[s].cob_id:03X})" for s in slots) or "bus"
 
     def _pause(self) -> None:
-        self._pause_pending = True
+        """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
+        self._pause_pending = self._kept_is_old = True
 
     def _cycle(self, bus: PumpedBus, commands: list[bytes], row: int) -> tuple[int, int, int]:
         """One SYNC cycle: (stamp, latency, flags)."""
@@ -425,7 +430,7 @@ class CanRig:
         time_ns = np.array(times, dtype=np.int64)
         self._statistics.add(time_ns, np.array(latencies, dtype=np.int64), flags)
         if not is_judged:
-            self._judge.remember(counts, flags)
+            self._judge.remember(counts, flags, time_ns)
         first, self._first_cycle = self._first_cycle, self._first_cycle + rows
         return SampleBlock(first, time_ns, counts, flags, broken)
 

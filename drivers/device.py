@@ -277,17 +277,21 @@ class RemoteDevice:
         elif int(cob_id) & 0x7FF != EMCY_BASE + self.node_id:
             self.bus.subscribe(int(cob_id) & 0x7FF, lambda data, stamp_ns: self.bus.on_emergency(self.node_id, data))
 
-    def follow_sync(self, cycle_us: int) -> int:
-        """Make the device a consumer of our SYNC on 0x080 without counter; the counter overflow it insists on, else 0."""
+    def follow_sync(self, cycle_us: int) -> None:
+        """Make the device a consumer of our SYNC on 0x080 without counter. Raises `DriverError` if it insists on a counter."""
         cob_id = self.read_optional(SYNC_COB, "whether the device follows SYNC 0x080 cannot be checked")
         if cob_id is not None and int(cob_id) & SYNC_GENERATE_BIT:
             # The identifier may change only while the device produces no SYNC.
             self.write_checked(SYNC_COB, int(cob_id) & ~SYNC_GENERATE_BIT, "it would produce SYNC itself")
         if cob_id is not None and int(cob_id) & 0x7FF != 0x080:
             self.write_checked(SYNC_COB, 0x080, "it follows another SYNC")
-        overflow = self._sync_overflow()
+        if overflow := self._sync_overflow():
+            raise DriverError(
+                "the device insists on a SYNC with counter", where=f"{self.where}, {object_text(*SYNC_OVERFLOW.key)}",
+                value=overflow, limit="0",
+                remedy="Set the synchronous counter overflow value to 0 with the vendor's tool: without it the device is deaf.",
+            )  # fmt: skip
         self.write_wished(CYCLE_PERIOD, cycle_us, "the device does not supervise the SYNC period")
-        return overflow
 
     def _sync_overflow(self) -> int:
         overflow = int(self.read_optional(SYNC_OVERFLOW, "SYNC without counter") or 0)

@@ -9,21 +9,32 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from drivers.cia301 import DATA_TYPES, DataType, ObjectRef, object_text
+from drivers.cia301 import DATA_TYPES, DataType, ObjectRef, data_type_named, object_text
 from drivers.errors import DecodeError, DriverError
 
-_OBJECT = re.compile(r"^([0-9a-f]{1,4})(?:sub([0-9a-f]{1,2}))?$")
-_COMPACT = re.compile(r"^([0-9a-f]{1,4})(name|value)$")
-_NUMBER = re.compile(r"^([+-]?)(0x[0-9a-f]+|[0-9a-f]+h|[0-9]+)$")
+_OBJECT = re.compile(r"^(?:0x)?([0-9a-f]{1,4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?$")
+_COMPACT = re.compile(r"^(?:0x)?([0-9a-f]{1,4})(name|value)$")
+_NUMBER = re.compile(r"^([+-]?)(0x[0-9a-f]+|[0-9a-f]+h|[0-9]+)(?:\.0*|u?l{0,2})$")
+_TERM = re.compile(r"([+-]?)([^+-]+)")
+_NODE_ID = re.compile(r"\$?node_?id", re.IGNORECASE)
+_OBJECT_TYPES: Final = {"domain": 2, "deftype": 5, "defstruct": 6, "var": 7, "array": 8, "record": 9}
+_YES: Final = {"yes": 1, "true": 1, "no": 0, "false": 0}
+_ACCESS: Final = {
+    "ro": "ro", "wo": "wo", "rw": "rw", "rwr": "rwr", "rww": "rww", "const": "const", "r": "ro", "w": "wo", "r/w": "rw",
+    "constant": "const", "read": "ro", "readonly": "ro", "read only": "ro", "writeonly": "wo", "write only": "wo",
+    "readwrite": "rw", "read/write": "rw", "wr": "rw",
+}  # fmt: skip
+"""Access types, and how they are spelled elsewhere."""
 _LONGEST_FILE: Final = 32 << 20
 _MOST_COMPACT: Final = 254
 _DEFECTS_KEPT: Final = 1000
 _DOMAIN: Final = 0x0F
+_WHAT_IT_IS: Final = "Is this an EDS or DCF file (text with sections like [1000])?"
 
 Section = dict[str, str]
 
@@ -83,26 +94,24 @@ def parse_eds(data: bytes | str, node_id: int | None = None, *, where: str = "ED
     defects: list[str] = []
     sections = _sections(data if isinstance(data, str) else _text(data, defects), defects)
     if node_id is None:
-        node_id = _integer(sections.get("devicecomissioning", {}).get("nodeid", ""))
+        # The standard spells it with one m, not every tool does.
+        commissioning = sections.get("devicecomissioning") or sections.get("devicecommissioning") or {}
+        node_id = _integer(commissioning.get("nodeid", ""))
     entries: dict[tuple[int, int], EdsEntry] = {}
     matches = [(match, section) for name, section in sections.items() if (match := _OBJECT.match(name))]
-    parents = {int(match[1], 16) for match, _ in matches if match[2] is None}
-    families = {int(match[1], 16) for match, _ in matches if match[2] is not None}
+    # Objects before their sub-objects, which say more, wherever they stand.
+    matches.sort(key=lambda found: found[0][2] is not None)
+    _check_families(matches, defects)
     for match, section in matches:
-        index = int(match[1], 16)
-        if match[2] is not None and index not in parents:
-            defects.append(f"0x{index:04X}:{int(match[2], 16)}: a sub-object without its object")
-        is_bare = match[2] is None and index not in families and not _integer(section.get("compactsubobj", ""))
-        if is_bare and _integer(section.get("objecttype", "7")) in (8, 9):
-            defects.append(f"0x{index:04X}: an array or record without sub-objects")
-        _take_object(index, match[2], section, sections, node_id, entries, defects)
+        _take_object(int(match[1], 16), match[2], section, node_id, entries, defects)
     for name, section in sections.items():
-        if (match := _COMPACT.match(name)) and match[2] == "name":
-            _rename_compact(int(match[1], 16), section, entries)
+        if match := _COMPACT.match(name):
+            rename_or_fill = _rename_compact if match[2] == "name" else _fill_compact
+            rename_or_fill(int(match[1], 16), section, entries, node_id)
     if not entries:
-        raise DecodeError(
-            "no object is described in it", where=where, remedy="Is this an EDS or DCF file (text with sections like [1000])?"
-        )
+        is_xml = (data.encode("utf-8", "replace") if isinstance(data, str) else data).lstrip(b"\xef\xbb\xbf \r\n")[:1] == b"<"
+        remedy = "This is XML (XDD, CiA 311): ask for the EDS of the device." if is_xml else _WHAT_IT_IS
+        raise DecodeError("no object is described in it", where=where, remedy=remedy)
     _check_lists(sections, entries, defects)
     info = sections.get("deviceinfo", {})
     if not info:
@@ -111,8 +120,8 @@ def parse_eds(data: bytes | str, node_id: int | None = None, *, where: str = "ED
         if key in info and _integer(info[key]) is None:
             defects.append(f"[DeviceInfo] {key} is {info[key]!r}, not a number")
     return DeviceDescription(
-        vendor_name=info.get("vendorname", ""), vendor_number=_integer(info.get("vendornumber", "")),
-        product_name=info.get("productname", ""), product_number=_integer(info.get("productnumber", "")),
+        vendor_name=_unquoted(info.get("vendorname", "")), vendor_number=_integer(info.get("vendornumber", "")),
+        product_name=_unquoted(info.get("productname", "")), product_number=_integer(info.get("productnumber", "")),
         revision_number=_integer(info.get("revisionnumber", "")),
         bit_rates=tuple(r * 1000 for r in (10, 20, 50, 125, 250, 500, 800, 1000) if _integer(info.get(f"baudrate_{r}", ""))),
         entries=entries, defects=tuple(defects[:_DEFECTS_KEPT]),
@@ -137,7 +146,7 @@ def _sections(text: str, defects: list[str]) -> dict[str, Section]:
     current: Section | None = None
     for number, raw in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
         line = raw.strip(" \t\0\f\v\ufeff\x1a")
-        if not line or line[0] in ";#":
+        if not line or line[0] in ";#" or line.startswith("//"):
             continue
         if line[0] == "[":
             name = line[1:].split("]")[0].strip().lower()
@@ -152,21 +161,46 @@ def _sections(text: str, defects: list[str]) -> dict[str, Section]:
     return sections
 
 
+def _check_families(matches: Sequence[tuple[re.Match[str], Section]], defects: list[str]) -> None:
+    """Note sub-objects without their object, and objects whose sub-objects are not those that they count."""
+    families: dict[int, set[int]] = {}
+    for match, _ in matches:
+        subs = families.setdefault(int(match[1], 16), set())
+        if match[2] is not None:
+            subs.add(int(match[2], 16))
+    parents = {int(match[1], 16): section for match, section in matches if match[2] is None}
+    for index, subs in families.items():
+        section = parents.get(index)
+        if section is None:
+            defects += [f"{object_text(index, sub)}: a sub-object without its object" for sub in sorted(subs)]
+            continue
+        if _object_type(section.get("objecttype", "7")) not in (8, 9) or _integer(section.get("compactsubobj", "")):
+            continue
+        counted = _integer(section.get("subnumber", ""))
+        if not subs:
+            defects.append(f"0x{index:04X}: an array or record without sub-objects")
+        elif 0 not in subs:
+            defects.append(f"0x{index:04X}: its sub-index 0 is not described")
+        elif counted is not None and counted != len(subs):
+            defects.append(f"0x{index:04X}: counts {counted} sub-objects, describes {len(subs)}")
+
+
 def _take_object(
-    index: int, sub: str | None, section: Section, sections: Mapping[str, Section], node_id: int | None,
+    index: int, sub: str | None, section: Section, node_id: int | None,
     entries: dict[tuple[int, int], EdsEntry], defects: list[str],
 ) -> None:  # fmt: skip
     """Take an object's or a sub-object's section into `entries`."""
     subindex = int(sub, 16) if sub is not None else 0
     where = object_text(index, subindex)
     if sub is None:
-        object_type = _number_or(section, "objecttype", 7, where, defects)
+        object_type = _object_type(section.get("objecttype", "7"))
+        if object_type is None:
+            defects.append(f"{where}: objecttype is {section['objecttype']!r}; taken as VAR")
         if compact := _number_or(section, "compactsubobj", 0, where, defects):
             count = max(0, min(int(compact), _MOST_COMPACT))
             entries[index, 0] = EdsEntry(index, 0, "Number of entries", DATA_TYPES[0x05], "ro", False, default=count)
             for number in range(1, count + 1):
                 entries[index, number] = _entry(index, number, section, node_id, defects)
-            _fill_compact(index, sections.get(f"{index:x}value", {}), entries, node_id)
             return
         if object_type in (8, 9):
             return
@@ -175,26 +209,48 @@ def _take_object(
 
 def _entry(index: int, subindex: int, section: Section, node_id: int | None, defects: list[str]) -> EdsEntry:
     where = object_text(index, subindex)
-    code = _integer(section.get("datatype", ""))
-    if code not in DATA_TYPES:
-        if code != _DOMAIN and _integer(section.get("objecttype", "7")) != 2:
+    data_type = _data_type(section.get("datatype", ""))
+    if data_type is None:
+        if _object_type(section.get("objecttype", "7")) != 2:
             defects.append(f"{where}: data type {section.get('datatype', 'missing')!r} is not known; taken as DOMAIN")
-        code = _DOMAIN
-    data_type = DATA_TYPES[code if code is not None else _DOMAIN]
-    access = section.get("accesstype", "").split(";")[0].strip().lower()
-    if access not in ("ro", "wo", "rw", "rwr", "rww", "const"):
-        defects.append(f"{where}: access type {access!r}; taken as rw")
-        access = "rw"
+        data_type = DATA_TYPES[_DOMAIN]
+    spelled = " ".join(_bare(section.get("accesstype", "")).lower().split())
+    access = _ACCESS.get(spelled, "rw")
+    if access != spelled:
+        defects.append(f"{where}: access type {spelled!r}; taken as {access}")
+    low, high = (_limit(section.get(key), data_type, node_id) for key in ("lowlimit", "highlimit"))
+    if low is not None and high is not None and low > high:
+        defects.append(f"{where}: its lowest value {low} is above its highest {high}; both left out")
+        low = high = None
     return EdsEntry(
-        index, subindex, section.get("parametername", ""), data_type, access,
+        index, subindex, _unquoted(section.get("parametername", "")), data_type, access,
         bool(_number_or(section, "pdomapping", 0, where, defects)),
         default=_value(section.get("defaultvalue"), data_type, node_id),
         configured=_value(section.get("parametervalue"), data_type, node_id),
-        low=_limit(section.get("lowlimit"), data_type, node_id), high=_limit(section.get("highlimit"), data_type, node_id),
+        low=low, high=high,
     )  # fmt: skip
 
 
-def _rename_compact(index: int, section: Section, entries: dict[tuple[int, int], EdsEntry]) -> None:
+def _data_type(text: str) -> DataType | None:
+    """The data type by its code, or by its name as some tools write it."""
+    code = _integer(text)
+    if code is not None:
+        return DATA_TYPES.get(code)
+    try:
+        return data_type_named(_bare(text))
+    except DriverError:
+        return None
+
+
+def _object_type(text: str) -> int | None:
+    """The kind of object by its code, or by its name as some tools write it."""
+    number = _integer(text)
+    return number if number is not None else _OBJECT_TYPES.get(_bare(text).lower())
+
+
+def _rename_compact(
+    index: int, section: Section, entries: dict[tuple[int, int], EdsEntry], node_id: int | None
+) -> None:  # fmt: skip
     """Give the sub-objects of a compact array the names of its [xxxxName] section."""
     for key, name in section.items():
         subindex = _integer(key)
@@ -250,8 +306,10 @@ def _number_or(section: Section, key: str, fallback: int, where: str, defects: l
 
 
 def _integer(text: str) -> int | None:
-    """A number as vendors write it (0x1F, 1Fh, 31, 037 octal, 08 decimal after all), or None."""
-    token = text.split(";")[0].strip().replace(" ", "").replace("_", "").lower()
+    """A number as vendors write it (0x1F, 1Fh, 31, 31UL, 31.0, 037 octal, 08 decimal after all, yes), or None."""
+    token = _bare(text).replace(" ", "").replace("_", "").lower()
+    if token in _YES:
+        return _YES[token]
     match = _NUMBER.match(token) if len(token) <= 64 else None
     if match is None:
         return None
@@ -272,31 +330,50 @@ def _value(text: str | None, data_type: DataType, node_id: int | None) -> int | 
     if text is None or text == "":
         return None
     if not data_type.is_number:
-        return text
+        return _unquoted(text)
     return _limit(text, data_type, node_id)
+
+
+def _bare(text: str) -> str:
+    """A value without what vendors put around it: comments and quotes."""
+    for mark in (";", "//", "#"):
+        text = text.split(mark)[0]
+    return _unquoted(text.strip())
+
+
+def _unquoted(text: str) -> str:
+    """A text without the quotes around it."""
+    return text[1:-1] if len(text) >= 2 and text[0] == text[-1] and text[0] in "\"'" else text
 
 
 def _limit(text: str | None, data_type: DataType, node_id: int | None) -> int | float | None:
     """A number of the entry's type: $NODEID resolved, hexadecimal negatives in two's complement, IEEE floats as hex."""
     if text is None:
         return None
-    spelled = text.split(";")[0].strip()
+    spelled = _bare(text)
     if data_type.is_float:
         return _real(spelled, data_type)
-    offset = 0
-    if "$nodeid" in spelled.lower():
-        if node_id is None:
-            return None
-        offset = node_id
-        spelled = re.sub(r"\+?\s*\$nodeid\s*\+?", "", spelled, flags=re.IGNORECASE) or "0"
-    number = _integer(spelled)
+    number = _sum(spelled, node_id)
     if number is None:
         return None
-    number += offset
     bits = data_type.size * 8
     if data_type.signed and bits and (1 << (bits - 1)) <= number < (1 << bits):
         number -= 1 << bits
     return number
+
+
+def _sum(spelled: str, node_id: int | None) -> int | None:
+    """A number, or a sum of numbers and of the node-ID: $NODEID+0x180, 0x80000180 + $NodeId, NODEID+384."""
+    terms = _NODE_ID.sub("n", spelled).replace(" ", "").replace("|", "+")
+    if len(terms) > 64 or not terms:
+        return None
+    total = 0
+    for sign, term in _TERM.findall(terms):
+        value = node_id if term == "n" else _integer(term)
+        if value is None:
+            return None
+        total += -value if sign == "-" else value
+    return total
 
 
 def _real(spelled: str, data_type: DataType) -> float | None:

@@ -8,9 +8,10 @@ is that of the request plus t1/2, never that of the arrival. One string names th
 
 from __future__ import annotations
 
+import errno
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import serial
@@ -140,10 +141,16 @@ class ReadoutConfig:
 def open_port(config: ReadoutConfig) -> SerialPort:
     """Open the line. Raises `BusLostError` when it is not there, `DriverError` for settings that cannot be."""
     try:
-        return serial.serial_for_url(
-            config.url, baudrate=config.baud, bytesize=config.data_bits, parity=config.parity, stopbits=config.stop_bits,
-            xonxoff=config.xon_xoff, timeout=0.01, write_timeout=1.0,
-        )  # fmt: skip
+        try:
+            return _opened(config)
+        except _LINE_ERRORS as error:
+            if error.args[:1] != (errno.EINVAL,):
+                raise
+            # A pseudo-terminal keeps neither parity nor data bits, and refuses settings of which nothing else is new, as when
+            # it is opened a second time: with other stop bits in between there is something new.
+            other = serial.STOPBITS_ONE if config.stop_bits != serial.STOPBITS_ONE else serial.STOPBITS_TWO
+            _opened(replace(config, data_bits=8, parity="N", stop_bits=other)).close()
+            return _opened(config)
     except ValueError as error:
         raise DriverError(f"the serial line cannot be set so: {error}", where=config.url) from error
     except _LINE_ERRORS as error:
@@ -151,6 +158,13 @@ def open_port(config: ReadoutConfig) -> SerialPort:
             f"the serial line cannot be opened: {error}", where=config.url,
             remedy="Check the device's name, its permissions, and that no other program has it open.",
         ) from error  # fmt: skip
+
+
+def _opened(config: ReadoutConfig) -> SerialPort:
+    return serial.serial_for_url(
+        config.url, baudrate=config.baud, bytesize=config.data_bits, parity=config.parity, stopbits=config.stop_bits,
+        xonxoff=config.xon_xoff, timeout=0.01, write_timeout=1.0,
+    )  # fmt: skip
 
 
 class Readout:

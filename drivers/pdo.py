@@ -291,7 +291,12 @@ def _indices(number: int, is_transmit: bool) -> tuple[int, int]:
 
 
 def _whole_bytes(device: RemoteDevice, words: Sequence[int]) -> tuple[ObjectRef, ...] | None:
-    """Mapping words as entries of whole bytes: neighbouring bits are one filler; None where an entry starts within a byte."""
+    """Mapping words as entries of whole bytes: neighbouring bits are one filler, an entry without bits is none.
+
+    None where an entry starts within a byte, or where they are more than a frame holds.
+    """
+    if sum(word & 0xFF for word in words) > 64:
+        return None
     entries: list[ObjectRef] = []
     bits = 0
     for word in words:
@@ -301,7 +306,8 @@ def _whole_bytes(device: RemoteDevice, words: Sequence[int]) -> tuple[ObjectRef,
                 entries.append(ObjectRef(0, 0, DataType(0x0F, f"{bits} bits", bits // 8), f"{bits} bits"))
                 bits = 0
             continue
-        entries.append(_entry(device, word))
+        if word & 0xFF:
+            entries.append(_entry(device, word))
     return None if bits else tuple(entries)
 
 

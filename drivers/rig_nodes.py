@@ -19,6 +19,7 @@ from drivers.device import Identity, Missing, RemoteDevice
 from drivers.errors import BusLostError, DriverError
 from drivers.frames import Field, FrameLayout
 from drivers.pdo import MappedPdo, map_objects
+from drivers.set_points import COMMANDED
 
 _ORDER = (
     names.INPUT_ANGLE, names.OUTPUT_ANGLE, names.TORQUE, names.DRIVE_TORQUE, names.TARGET_SPEED, names.TARGET_TORQUE,
@@ -290,6 +291,15 @@ class RigNodes:
         for device in self.devices:
             device.start()
         self.drive.arm_heartbeat()
+
+    def kept_values(self) -> dict[tuple[int, int], int]:
+        """What the entries of a fixed RPDO mapping hold that no cycle sets: the mode, a limit. They must be sent as they are.
+
+        Dummy entries (below 0x1000) take anything.
+        """
+        others = [e for pdo in self.commands for e in pdo.entries if e.key not in COMMANDED and e.index >= 0x1000]
+        values = {e.key: self.drive.device.read_optional(e, "it is sent as 0 in a fixed RPDO") for e in others}
+        return {key: int(value) for key, value in values.items() if value is not None}
 
     def ask(self, channels: Sequence[str]) -> dict[str, int]:
         """Raw counts of channels by SDO, from the devices that still answer; the others are left out."""

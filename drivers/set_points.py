@@ -56,17 +56,23 @@ def set_point_counts(
     return (whole, none) if command.mode is Mode.SPEED else (none, whole)
 
 
+COMMANDED: Final = frozenset({obj.CONTROLWORD.key, obj.TARGET_VELOCITY.key, obj.TARGET_TORQUE.key})
+"""Entries of the RPDOs that every cycle sets."""
+
+
 def command_frames(
-    pdos: Sequence[MappedPdo], controlword: int, speeds: NDArray[np.int64], torques: NDArray[np.int64]
-) -> list[list[bytes]]:
-    """The bytes of every RPDO (outer) for every cycle (inner)."""
+    pdos: Sequence[MappedPdo], controlword: int, speeds: NDArray[np.int64], torques: NDArray[np.int64],
+    kept: Mapping[tuple[int, int], int] | None = None,
+) -> list[list[bytes]]:  # fmt: skip
+    """The bytes of every RPDO (outer) for every cycle (inner); `kept` are the values of a fixed mapping's other entries."""
     words = np.full(len(speeds), controlword)
-    values = {obj.CONTROLWORD.key: words, obj.TARGET_VELOCITY.key: speeds, obj.TARGET_TORQUE.key: torques}
+    values = {key: np.full(len(speeds), value) for key, value in (kept or {}).items()}
+    values |= {obj.CONTROLWORD.key: words, obj.TARGET_VELOCITY.key: speeds, obj.TARGET_TORQUE.key: torques}
     return [_pack(pdo, values, len(speeds)) for pdo in pdos]
 
 
 def _pack(pdo: MappedPdo, values: Mapping[tuple[int, int], NDArray[np.int64]], rows: int) -> list[bytes]:
-    """One RPDO's bytes for every cycle: little-endian fields side by side; entries that are not ours stay 0."""
+    """One RPDO's bytes for every cycle: little-endian fields side by side; entries without a value are 0."""
     table = np.zeros((rows, pdo.length), dtype=np.uint8)
     offset = 0
     for entry in pdo.entries:

@@ -9,6 +9,7 @@ from annotated_types (`Ge`, `Gt`, `Le`, `Lt`), the unit and the explanation from
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import types
 import typing
@@ -65,6 +66,7 @@ _COMPARE = {
 }
 
 
+@functools.cache
 def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
     """The fields of a parameter model in the order they are declared."""
     hints = typing.get_type_hints(model, include_extras=True)

@@ -44,15 +44,15 @@ def skews(recording: Recording, gear: HarmonicDrive | None = None) -> dict[str, 
     gear = gear or recording.metadata.gear
     found: dict[str, Estimate] = {}
     ratio = rotary_ratio(recording, gear.mounted_ratio(recording.metadata.mounting) if gear else math.nan)
-    if recording.has("input_angle", "output_angle") and recording.metadata.gear_mounted and ratio > 0.0:
+    encoders = [recording.signals[name] for name in ("input_angle", "output_angle") if recording.has(name)]
+    rotary = len(encoders) == 2 and all(signal.unit == "rad" for signal in encoders)
+    if rotary and recording.metadata.gear_mounted and ratio > 0.0:
         means = revolution_means(recording, ratio)
         doubt = viscous_windup(gear, means.speed, ratio) if gear is not None else 0.0
         found["encoder_skew"] = encoder_skew(means, needed, doubt)
     if recording.has("torque", "drive_torque"):
         found["torque_skew"] = _torque_skew(recording, 1.0 / rate, needed)
     return found
-
-
 
 
 def viscous_windup(gear: HarmonicDrive, speed: FloatArray, ratio: float) -> float:

@@ -80,8 +80,9 @@ def fit_recording(
 ) -> Fit:
     """Analyse one recording.
 
-    `largest_missed_share` is the share of missed cycles above which the run is refused (None: the analyses' own). `gear` is the parameter set to compare with; without it the run's own, and the shipped one as the last resort, which
-    the result then says. Raises the errors of the analysis, and `RigError` for a tare that does not belong to this rig.
+    `gear` is the parameter set to compare with; without it the run's own, and the shipped one as the last resort, which
+    the result then says. `largest_missed_share` is the share of missed cycles above which the run is refused (None: the
+    analyses' own). Raises the errors of the analysis, and `RigError` for a tare that does not belong to this rig.
     """
     from experiments import catalogue
     from model.gear_file import shipped_gear

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 from urllib.parse import quote as in_file_name
 
 from annotated_types import Ge, Gt, Le
@@ -28,7 +28,9 @@ from rig.errors import ConfigurationError, RigError
 if TYPE_CHECKING:
     from model.gear import HarmonicDrive
     from rig.run.preflight import Check
+    from rig.run.start import RunRequest
 
+Request = TypeVar("Request", bound="RunRequest")
 FORMAT = "gear-card-1"
 """The value of `format` in the files that this program reads and writes."""
 FOLDER = ".gears"
@@ -231,6 +233,16 @@ def gear_of(facts: GearFacts, otherwise: HarmonicDrive) -> HarmonicDrive:
         return gear
     origin = Origin("measured", f"gear card of {facts.serial}", facts.load_inertia_uncertainty_kg_m2)
     return gear.with_values({"inertia.output": facts.load_inertia_kg_m2}, origin)
+
+
+def with_card(request: Request, card: GearCard, *, parameters_given: bool = False) -> Request:
+    """A run request with what the gear's card tells: part (unless a parameter file was named), load inertia, mounting,
+    conditions. Done twice it changes nothing more. Raises `ParameterError` for a part that cannot be read."""
+    facts = dataclasses.replace(card.facts, part="") if parameters_given else card.facts
+    return dataclasses.replace(
+        request, gear=gear_of(facts, request.gear), mounting=card.facts.mounting or request.mounting,
+        conditions={**conditions_of(card), **request.conditions},
+    )  # fmt: skip
 
 
 def conditions_of(card: GearCard) -> dict[str, Any]:

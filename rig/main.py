@@ -12,7 +12,21 @@ from typing import Annotated
 import typer
 
 from rig import exits
-from rig.commands import analysis, configuring, doctoring, drilling, files, gears, modelling, reporting, running, simulating, window
+from rig.commands import (
+    analysis,
+    configuring,
+    doctoring,
+    drilling,
+    files,
+    gears,
+    library,
+    modelling,
+    previewing,
+    reporting,
+    running,
+    simulating,
+    window,
+)
 
 app = typer.Typer(
     name="rig",
@@ -26,11 +40,16 @@ app = typer.Typer(
 )
 
 PANELS = {
-    "At the rig": (running.plan, doctoring.doctor, running.run, window.live, reporting.demo, configuring.config, gears.gear, simulating.sim),
+    "At the rig": (
+        running.plan, previewing.preview, doctoring.doctor, running.run, window.live, reporting.demo, configuring.config,
+        gears.gear, simulating.sim,
+    ),
     "Fit and compare": (analysis.fit, analysis.compare, reporting.report, modelling.model),
     "Safety": (drilling.drill, drilling.acknowledge),
-    "Run files": (files.runs, files.show, files.import_, files.export, files.recover, files.verify),
-}
+    "Run files": (
+        files.runs, library.passport, library.diff, files.show, files.import_, files.export, files.recover, files.verify,
+    ),
+}  # fmt: skip
 """The commands in the order and under the headings of `rig --help`."""
 
 for _panel, _commands in PANELS.items():

@@ -46,6 +46,10 @@ def fit(
     ] = None,
     setting: Settings = None,
     largest_missed_share: MissedShare = None,
+    plots: Annotated[bool, typer.Option("--plots", help="With --json: figures and tables as data too.")] = False,
+    keep: Annotated[
+        bool, typer.Option("--keep/--no-keep", help="Append the analysis to the store beside the run, or leave no trace.")
+    ] = True,
     json: Json = False,
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
@@ -61,7 +65,7 @@ def fit(
     fits = fit_files(
         runs, kind, gear=_gear(parameters), tare=tare, settings=_settings(setting), largest_missed_share=largest_missed_share
     )
-    notes = _keep(fits)
+    notes = _keep(fits) if keep else []
     if parameters_out is not None:
         from model.gear_file import save_gear
         from rig.adopt import adopt
@@ -72,7 +76,7 @@ def fit(
     if json:
         from rig.results import json_text
 
-        typer.echo(json_text(_as_object(fits)))
+        typer.echo(json_text(_as_object(fits, plots=plots)))
     else:
         _print_fits(fits, notes)
     raise typer.Exit(max((code_of_outcome(f.result.outcome) for f in fits), key=_severity))
@@ -188,13 +192,22 @@ def _keep(fits: tuple[Fit, ...]) -> list[str]:
     return notes
 
 
-def _as_object(fits: tuple[Fit, ...]) -> dict[str, Any]:
+def _as_object(fits: tuple[Fit, ...], *, plots: bool = False) -> dict[str, Any]:
     if len(fits) == 1:
-        return fits[0].result.as_json()
+        return _with_drawings(fits[0].result, wanted=plots)
     from rig.adopt import pooled
 
     spread = pooled([f.result for f in fits])
-    return {"fits": [f.result.as_json() for f in fits], "pooled": {p.key: p.as_json() for p in spread}}
+    return {"fits": [_with_drawings(f.result, wanted=plots) for f in fits], "pooled": {p.key: p.as_json() for p in spread}}
+
+
+def _with_drawings(result: Result, *, wanted: bool) -> dict[str, Any]:
+    if not wanted:
+        return result.as_json()
+    from rig.result_data import plot_to_mapping, table_to_mapping
+
+    tables = [table_to_mapping(table) for table in result.tables]
+    return {**result.as_json(), "plots": [plot_to_mapping(plot) for plot in result.plots], "tables": tables}
 
 
 def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.commands.running import MountedHow
+
 if TYPE_CHECKING:
     from drivers.nd287 import ReadoutConfig
     from rig.doctor.examine import Examination
@@ -22,9 +24,7 @@ def doctor(
         Path | None, typer.Option("--config", metavar="FILE", help="The rig's configuration (rig.toml).")
     ] = None,
     gear_serial: Annotated[str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")] = "unknown",
-    mounting: Annotated[
-        str, typer.Option(help="circular-spline-fixed (ratio N) or flexspline-fixed (ratio N + 1).")
-    ] = "circular-spline-fixed",
+    mounting: MountedHow = None,
     parameters: Annotated[Path | None, typer.Option(metavar="FILE", help="Parameter set of the gear (TOML).")] = None,
     sample_rate: Annotated[
         float | None, typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz].")
@@ -40,7 +40,7 @@ def doctor(
     seed: Annotated[int, typer.Option(min=0, help="Seed of a simulated rig.")] = 0,
     json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")] = False,
 ) -> None:
-    """Look a rig over and print a checklist with evidence; exit code 6 when a line of it failed.
+    """Look a rig over and print a checklist with evidence; exit code 6 when a line of it failed, 4 when it was stopped.
 
     Standing: nodes, identities, firmware, states, heartbeats, missing objects, limits, zero and noise, rate and jitter,
     calibrations, disk, clock, readout. In motion: a degree of creep, a turn of the input, a turn of the output: which way
@@ -48,13 +48,14 @@ def doctor(
     """
     from rig import exits
     from rig.backends import HARDWARE
-    from rig.commands.ordering import request_of
+    from rig.commands.ordering import confirmed, request_of
     from rig.doctor.examine import examine, plan_of
     from rig.run.arming import refuse_unarmed
     from rig.run.latch import TripLatch
     from rig.run.start import arming_of, bench_for
     from rig.run.stop import StopRequest, pressed_by_signals
 
+    _refuse_a_replay(backend)
     request = request_of(
         "doctor", {}, backend=backend, config=config, parameters=parameters, mounting=mounting, sample_rate=sample_rate,
         output=output, gear_serial=gear_serial, operator=operator, seed=seed, confirmation=confirm,
@@ -63,6 +64,7 @@ def doctor(
     moves = move if move is not None else backend != HARDWARE
     if moves:
         TripLatch(request.output).refuse()
+        request = confirmed(request, planned, asks=not json)
         if backend == HARDWARE:
             refuse_unarmed(arming_of(request, planned))
     stop = StopRequest()
@@ -78,7 +80,18 @@ def doctor(
         typer.echo(json_text(found.as_json()))
     else:
         _print(found)
-    raise typer.Exit(exits.DONE if found.is_fine else exits.ERROR)
+    raise typer.Exit(exits.ABORTED if found.was_stopped else exits.DONE if found.is_fine else exits.ERROR)
+
+
+def _refuse_a_replay(backend: str) -> None:
+    from rig.backends import REPLAY
+    from rig.errors import ConfigurationError
+
+    if backend.startswith(REPLAY):
+        raise ConfigurationError(
+            "a recorded run is no rig that could be looked over", where="--backend", value=backend, limit="sim, wire, hardware",
+            remedy="What was recorded is told by `rig show`.",
+        )  # fmt: skip
 
 
 def _readout(request: RunRequest) -> ReadoutConfig | None:
@@ -91,21 +104,25 @@ def _readout(request: RunRequest) -> ReadoutConfig | None:
 def _print(found: Examination) -> None:
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     console = Console(highlight=False)
     table = Table("what", "", "evidence", title=f"rig doctor: {found.backend}", title_justify="left", box=None)
-    group = ""
-    for finding in found.findings:
-        if finding.group != group:
-            group = finding.group
-            table.add_section()
-            table.add_row(f"[bold]{group}[/bold]")
-        table.add_row(f"  {finding.name}", MARK[finding.result], finding.evidence, style=STYLE[finding.result])
+    # Each heading once, in the order in which the groups came up.
+    for group in dict.fromkeys(finding.group for finding in found.findings):
+        table.add_section()
+        table.add_row(Text(group, style="bold"))
+        for finding in (f for f in found.findings if f.group == group):
+            row = (Text(f"  {finding.name}"), MARK[finding.result], Text(finding.evidence))
+            table.add_row(*row, style=STYLE[finding.result])
     console.print(table)
     for result in ("warning", "failed"):
-        for finding in (f for f in found.findings if f.result == result and f.remedy):
-            text = f"{MARK[result]}  {finding.group}, {finding.name}: {finding.remedy}"
-            console.print(text, style=STYLE[result], markup=False, soft_wrap=True)
-    failed = sum(finding.result == "failed" for finding in found.findings)
-    warned = sum(finding.result == "warning" for finding in found.findings)
-    console.print(f"{len(found.findings)} lines, {failed} failed, {warned} warnings")
+        for finding in (f for f in found.findings if f.result == result):
+            words = f"{finding.remedy}" if finding.remedy else finding.evidence
+            console.print(
+                f"{MARK[result]}  {finding.group}, {finding.name}: {words}", style=STYLE[result], markup=False, soft_wrap=True
+            )
+    count = {result: sum(f.result == result for f in found.findings) for result in MARK}
+    console.print(
+        f"{len(found.findings)} lines, {count['failed']} failed, {count['warning']} warnings, {count['skipped']} not looked at"
+    )

@@ -14,50 +14,40 @@ from rich.text import Text
 
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
-from rig.library import ListedRun
+from rig.library import IndexedRun
+from rig.run_words import acquisition_facts, duration_text
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.verify import Finding
 
 SHOWN_SEGMENTS = 24
 SHOWN_EVENTS = 20
 _COLOURS = {"error": "bold red", "warning": "yellow", "ok": "green", "info": ""}
-_OUTCOME_COLOURS = {"PASS": "green", "MARGINAL": "yellow"}
+_OUTCOME_COLOURS = {"PASS": "green", "MARGINAL": "yellow", "being written": "cyan", "-": ""}
+_STATE_WORDS = {"being written": "being written", "left behind": "unfinished, left behind: rig recover", "sealed": "-"}
 
 
-def print_runs(folder: Path, listed: Sequence[ListedRun]) -> None:
-    """The list of a folder."""
+def print_runs(folder: Path, found: Sequence[IndexedRun]) -> None:
+    """The list of a folder, or what a search found in it."""
     console = Console()
-    if not listed:
+    if not found:
         console.print(f"No runs in {folder}.")
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
     for heading in ("run", "started", "protocol", "gear", "time", "rows", "outcome", "origin"):
         right = heading in ("time", "rows")
         table.add_column(heading, overflow="fold", no_wrap=heading == "run", justify="right" if right else "left")
-    for run in listed:
-        m = run.metadata
-        if m is None:
+    for run in found:
+        if run.problem:
             table.add_row(run.path.name, Text("unreadable: " + run.problem, style="bold red"))
             continue
-        outcome = "unfinished" if run.unfinished and not m.outcome else m.outcome or "-"
-        style = _OUTCOME_COLOURS.get(outcome, "bold red" if outcome not in ("-", "unfinished") else "")
+        outcome = run.outcome or _STATE_WORDS[run.state]
+        style = _OUTCOME_COLOURS.get(outcome, "bold red")
+        mark = ORIGIN_WORDS.get(run.origin, run.origin) or "hardware"
         table.add_row(
-            run.path.name, m.start_time[:16] or "-", m.experiment or "-", _gear_text(run_gear(m.gear), m.gear_serial),
-            duration_text(run.duration), str(run.rows), Text(outcome, style=style), ORIGIN_WORDS[m.origin] or "hardware",
+            run.path.name, run.start[:16] or "-", run.protocol or "-", _gear_text(run.gear, run.gear_serial),
+            duration_text(run.duration), str(run.rows), Text(outcome, style=style), mark,
         )  # fmt: skip
     console.print(table)
-
-
-def listed_as_json(run: ListedRun) -> dict[str, Any]:
-    """One run of the list."""
-    m = run.metadata
-    if m is None:
-        return {"file": str(run.path), "problem": run.problem}
-    return {
-        "file": str(run.path), "run": m.run_id, "protocol": m.experiment, "origin": m.origin, "outcome": m.outcome,
-        "unfinished": run.unfinished, "started": m.start_time, "operator": m.operator, "gear": run_gear(m.gear),
-        "gear_serial": m.gear_serial, "rows": run.rows, "duration_s": run.duration, "problem": run.problem,
-    }  # fmt: skip
 
 
 def print_recording(recording: Recording, path: Path) -> None:
@@ -133,17 +123,6 @@ def channel_ranges(recording: Recording) -> dict[str, tuple[float, float]]:
     return ranges
 
 
-def duration_text(seconds: float) -> str:
-    """A duration as people say it."""
-    if not math.isfinite(seconds):
-        return "-"
-    if seconds < 60.0:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
-
-
 def run_gear(gear: Any) -> str:
     """The part number of a gear, "" without one."""
     return gear.name if gear is not None else ""
@@ -175,42 +154,6 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
         ("SHA-256", m.sha256 or "not sealed"),
     ]  # fmt: skip
     return [(name, text) for name, text in facts if text]
-
-
-def acquisition_facts(figures: object) -> list[tuple[str, str]]:
-    """How well a run was acquired, line by line: rate and jitter, what was missed, index marks, torques, skew."""
-    if not isinstance(figures, Mapping):
-        return []
-    rate = _numbers(figures, {"achieved_rate": ("{:.6g} Hz achieved", 1.0), "jitter_rms": ("jitter {:.3g} µs r.m.s.", 1e6),
-                              "jitter_max": ("{:.3g} µs at most", 1e6), "missed_share": ("{:.3g} % missed", 100.0)})  # fmt: skip
-    facts = [("acquisition", rate)]
-    for name, found in _groups(figures.get("index_marks")):
-        text = _numbers(found, {"marks": ("{:.0f} marks", 1.0), "worst_excess": ("at worst {:+.0f} counts off", 1.0)})
-        facts.append(("index marks", f"{name}: {text}"))
-    torque = figures.get("torque_port_against_drive")
-    if isinstance(torque, Mapping):
-        facts.append(("torque port", _numbers(torque, {"slope": ("{:.4g} of what the drive reports", 1.0),
-                                                       "offset": ("{:+.3g} mN m apart on average", 1e3)})))  # fmt: skip
-    for name, found in _groups(figures.get("skew")):
-        value = _numbers(found, {"value": ("{:+.1f} µs", 1e6), "expanded_uncertainty": ("U {:.1f} µs", 1e6)})
-        verdict = f"identifiable: {found.get('identifiability', '?')}" + (f", {found['note']}" if found.get("note") else "")
-        facts.append((SKEWS.get(name, name), ", ".join(part for part in (value, verdict) if part)))
-    return facts
-
-
-SKEWS = {"encoder_skew": "skew, output after input", "torque_skew": "skew, torque port after drive"}
-
-
-def _groups(found: object) -> list[tuple[str, Mapping[str, Any]]]:
-    return [(n, f) for n, f in found.items() if isinstance(f, Mapping)] if isinstance(found, Mapping) else []
-
-
-def _numbers(found: Mapping[str, Any], forms: Mapping[str, tuple[str, float]]) -> str:
-    """The numbers that are there, each in its form after its factor."""
-    return ", ".join(
-        form.format(factor * found[name]) for name, (form, factor) in forms.items()
-        if isinstance(found.get(name), (int, float))
-    )  # fmt: skip
 
 
 def _flagged(recording: Recording) -> int:

@@ -38,21 +38,43 @@ class TimeBaseChoice(str, Enum):  # noqa: UP042
 
 def runs(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of runs.")] = Path("."),
+    text: Annotated[str, typer.Option(metavar="WORDS", help="Only runs in which every word is found somewhere.")] = "",
+    gear: Annotated[str, typer.Option(metavar="SERIAL", help="Only runs of this gear.")] = "",
+    protocol: Annotated[str, typer.Option(metavar="NAME", help="Only runs of this protocol.")] = "",
+    outcome: Annotated[str, typer.Option(metavar="WORD", help="Only runs that ended so: PASS, FAIL, TRIPPED, ...")] = "",
+    origin: Annotated[str, typer.Option(metavar="WORD", help="hardware, simulated, replay or imported.")] = "",
+    since: Annotated[str | None, typer.Option(metavar="DAY", help="Only runs from this day on (YYYY-MM-DD).")] = None,
+    until: Annotated[str | None, typer.Option(metavar="DAY", help="Only runs up to this day, itself included.")] = None,
     json: JsonFlag = False,
 ) -> None:
-    """List the runs of a folder: number, protocol, gear, when, how long, outcome; unreadable ones with their reason."""
-    from rig.library import list_runs
+    """List the runs of a folder: number, protocol, gear, when, how long, outcome; unreadable ones with their reason.
 
-    listed = list_runs(folder)
+    What the files say is kept in an index beside them, which is only a cache: a large folder is searched at once.
+    """
+    from rig.library import LibraryIndex
+
+    index = LibraryIndex(folder)
+    found = index.search(
+        text, gear=gear, protocol=protocol, outcome=outcome, since=_day(since, "--since"), until=_day(until, "--until"),
+        origin=origin,
+    )  # fmt: skip
     if json:
-        from rig.commands.file_tables import listed_as_json
         from rig.results import json_text
 
-        typer.echo(json_text({"folder": str(folder), "runs": [listed_as_json(run) for run in listed]}))
+        typer.echo(json_text({"folder": str(folder), "index": index.rebuilt, "runs": [run.as_json() for run in found]}))
         return
     from rig.commands.file_tables import print_runs
 
-    print_runs(folder, listed)
+    print_runs(folder, found)
+
+
+def _day(text: str | None, flag: str) -> str | None:
+    from datetime import datetime
+
+    try:
+        return None if text is None else (datetime.fromisoformat(text) and text)
+    except ValueError:
+        raise typer.BadParameter(f"{text!r} is no day; write YYYY-MM-DD", param_hint=flag) from None
 
 
 def show(run: RunArgument, json: JsonFlag = False) -> None:

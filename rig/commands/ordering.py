@@ -20,7 +20,7 @@ def request_of(
     backend: str = "sim",
     config: Path | None = None,
     parameters: Path | None = None,
-    mounting: str = "circular-spline-fixed",
+    mounting: str | None = None,
     sample_rate: float | None = None,
     output: Path | None = None,
     gear_serial: str = "unknown",
@@ -29,7 +29,8 @@ def request_of(
     block: int = 2000,
     confirmation: str = "",
 ) -> RunRequest:
-    """The request that flags make. A configuration that is named, or that a rig of hardware needs, gives what they leave open.
+    """The request that flags make. What they leave open comes from the gear's card in the folder of the runs, from the
+    configuration that is named (or that a rig of hardware needs), and by default.
 
     Raises `ConfigurationError`, `ParameterError`; nothing is connected.
     """
@@ -37,7 +38,7 @@ def request_of(
     from model.motor import shipped_motor
     from rig.backends import HARDWARE
     from rig.run.dry_run import DEFAULT_SAMPLE_RATE
-    from rig.run.start import RunRequest
+    from rig.run.start import MOUNTINGS, RunRequest
 
     if config is None and backend == HARDWARE:
         from rig.config.load import DEFAULT_PATH
@@ -54,11 +55,34 @@ def request_of(
         rate, folder = configured.configuration.rig.sample_rate_hz, config.parent / configured.configuration.rig.output
     if parameters is not None:
         gear = load_gear(parameters)
-    return RunRequest(
-        protocol, gear, motor, output or folder, values, backend, mounting,  # type: ignore[arg-type]
+    request = RunRequest(
+        protocol, gear, motor, output or folder, values, backend, mounting or MOUNTINGS[0],  # type: ignore[arg-type]
         gear_serial, operator, seed, sample_rate or rate, block, configuration=config, limits=limits,
         confirmation=confirmation,
     )  # fmt: skip
+    return carded(request, mounting, parameters is not None)
+
+
+def carded(request: RunRequest, mounting: str | None, parameters_given: bool) -> RunRequest:
+    """The request with what is known of its gear; a card that was not confirmed is said on standard error.
+
+    Raises `ConfigurationError` where the flags and the card contradict each other about the mounting.
+    """
+    from rig.errors import ConfigurationError
+    from rig.gear_card import card_for, with_card
+
+    card = card_for(request.output, request.gear_serial)
+    if card is None:
+        return request
+    known = card.facts.mounting
+    if mounting and known and mounting != known:
+        raise ConfigurationError(
+            "the gear's card says otherwise", where="--mounting", value=mounting, limit=known,
+            remedy=f"If it was mounted anew: rig gear set {card.serial} --mounting {mounting}.",
+        )  # fmt: skip
+    if card.warning:
+        sys.stderr.write(f"warning: {card.warning}\n")
+    return with_card(request, card, parameters_given=parameters_given)
 
 
 def confirmed(request: RunRequest, planned: PlannedRun, asks: bool) -> RunRequest:

@@ -40,7 +40,10 @@ Parameters = Annotated[
     Path | None, typer.Option("--parameters", metavar="FILE", help="Parameter set of the gear (TOML).")
 ]
 MountedHow = Annotated[
-    str, typer.Option("--mounting", help="circular-spline-fixed (ratio N) or flexspline-fixed (ratio N + 1).")
+    str | None,
+    typer.Option(
+        "--mounting", help="circular-spline-fixed (ratio N, the default) or flexspline-fixed (ratio N + 1); known gears: by card."
+    ),
 ]
 SampleRate = Annotated[
     float | None,
@@ -58,7 +61,7 @@ Config = Annotated[
 def plan(
     context: typer.Context,
     parameters: Parameters = None,
-    mounting: MountedHow = "circular-spline-fixed",
+    mounting: MountedHow = None,
     sample_rate: SampleRate = None,
     config: Config = None,
     json: Json = False,
@@ -107,7 +110,7 @@ def run(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of a simulated rig: another gear, another noise.")] = 0,
     parameters: Parameters = None,
-    mounting: MountedHow = "circular-spline-fixed",
+    mounting: MountedHow = None,
     sample_rate: SampleRate = None,
     config: Config = None,
     confirm: Annotated[

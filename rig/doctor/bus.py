@@ -1,4 +1,4 @@
-"""The nodes of a CAN bus: who is there, what each says of itself, its state and heartbeat, what it lacks, how it is set."""
+"""The nodes of a CAN bus: who is there, what each says of itself, its state and heartbeat, what it lacks, what it told."""
 
 from __future__ import annotations
 
@@ -6,19 +6,24 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from drivers.bus import NodeWatch, PumpedBus
 from drivers.cia301 import NmtState
 from drivers.cyclic import CanRig
-from drivers.device import Identity, RemoteDevice
-from drivers.drive_state import POWERED_STATES, DriveState
-from drivers.errors import DriverError
-from rig.doctor.finding import Finding, judged
+from drivers.device import Identity, Missing, RemoteDevice
+from rig.doctor.drive import inspect_drive
+from rig.doctor.finding import Finding, Verdict, judged
+from rig.run.devices import DeviceEvent
 
 PROFILES = {"servo amplifier": 402, "counter": 406, "analog module": 401}
 """The device profile that belongs to each kind of node."""
-HEARTBEAT_MS = 100.0
-"""Heartbeat that the drivers ask of every node."""
-SHOWN_MISSING = 4
-"""Missing objects that are listed by name."""
+LOST_AFTER = 3
+"""Heartbeats that may stay away before a node counts as lost: the drivers arm that much."""
+SLOW_HEARTBEAT = 1.5
+"""Periods that may pass from one heartbeat to the next."""
+GRAVE_EVENTS = frozenset({"counts-per-revolution"})
+"""What the drivers only warn of, and what makes every angle wrong."""
+_BETWEEN_NS = 1_000_000
+LEVELS: Mapping[str, Verdict] = {"error": "failed", "warning": "warning"}
 
 
 def inspect_bus(port: CanRig, heard: Mapping[int, Sequence[int]]) -> Iterable[Finding]:
@@ -29,9 +34,14 @@ def inspect_bus(port: CanRig, heard: Mapping[int, Sequence[int]]) -> Iterable[Fi
         yield _identity(group, name, identity)
         yield _firmware(group, identity)
         yield _state(group, device)
-        yield _heartbeat(group, device, heard.get(device.node_id, ()))
-        yield _missing(group, device)
-    yield from _drive(port)
+        yield _heartbeat(group, device.watch, heard.get(device.node_id, ()))
+        yield _missing(group, device.missing)
+    yield from inspect_drive(nodes.drive, nodes.drive.device.bus.own_node_id)
+
+
+def heartbeat_period_ns(watch: NodeWatch) -> int:
+    """The heartbeat period that a node was asked for, or told; 0 where it produces none."""
+    return watch.timeout_ns // LOST_AFTER
 
 
 def _identity(group: str, name: str, identity: Identity) -> Finding:
@@ -58,58 +68,79 @@ def _firmware(group: str, identity: Identity) -> Finding:
 def _state(group: str, device: RemoteDevice) -> Finding:
     watch = device.watch
     text = f"NMT {watch.state.name.replace('_', '-')}, {watch.boots} boot-up messages, {watch.emergencies} emergency messages"
-    fine = watch.state in (NmtState.OPERATIONAL, NmtState.UNKNOWN) and not watch.is_lost
-    finding = judged(group, "state", fine, text, limit="OPERATIONAL", remedy="Check supply, cable and termination.")
-    if fine and watch.emergencies:
-        return judged(group, "state", False, text, otherwise="warning", remedy="Look the emergency code up in the manual.")
-    return finding
-
-
-def _heartbeat(group: str, device: RemoteDevice, heard: Sequence[int]) -> Finding:
-    if len(heard) < 3:
-        text = f"{len(heard)} heartbeats heard: a node that dies is only seen by its missing data"
-        return judged(group, "heartbeat", False, text, otherwise="warning", remedy="Does the node have object 0x1017?")
-    period = float(np.median(np.diff(np.asarray(heard)))) * 1e-6
-    fine = period <= 1.5 * HEARTBEAT_MS
+    remedy = "Check supply, cable and termination."
+    if watch.is_lost:
+        text = f"lost: no heartbeat for more than {watch.timeout_ns * 1e-6:.0f} ms; before that {text}"
+        return Finding(group, "state", "failed", text, remedy=remedy)
+    if watch.state is NmtState.UNKNOWN:
+        return Finding(group, "state", "warning", "its NMT state was never heard", remedy=remedy)
+    if watch.state is not NmtState.OPERATIONAL:
+        return Finding(group, "state", "failed", text, limit="OPERATIONAL", remedy=remedy)
     return judged(
-        group, "heartbeat", fine, f"every {period:.0f} ms", value=period, unit="ms", limit=f"<= {1.5 * HEARTBEAT_MS:g} ms",
-        otherwise="warning", remedy="The node beats more slowly than it was asked to.",
+        group, "state", not watch.emergencies, text, limit="OPERATIONAL, no emergency", otherwise="warning",
+        remedy="Look the emergency code up in the manual.",
     )  # fmt: skip
 
 
-def _missing(group: str, device: RemoteDevice) -> Finding:
-    missing = device.missing
+def _heartbeat(group: str, watch: NodeWatch, heard: Sequence[int]) -> Finding:
+    asked = heartbeat_period_ns(watch) * 1e-6
+    remedy = "Does the node have object 0x1017?"
+    if not asked:
+        text = "none is produced: the loss of this node is only seen by its missing data"
+        return Finding(group, "heartbeat", "warning", text, remedy=remedy)
+    if len(heard) < 3:
+        text = f"{len(heard)} heard where one every {asked:g} ms was asked for"
+        return Finding(group, "heartbeat", "failed", text, unit="ms", limit=f"<= {SLOW_HEARTBEAT * asked:g} ms", remedy=remedy)
+    period = float(np.median(np.diff(np.asarray(heard)))) * 1e-6
+    text = f"every {period:.0f} ms over {len(heard)} of them, asked for every {asked:g} ms"
+    return judged(
+        group, "heartbeat", period <= SLOW_HEARTBEAT * asked, text, value=period, unit="ms",
+        limit=f"<= {SLOW_HEARTBEAT * asked:g} ms", otherwise="warning",
+        remedy="The node beats more slowly than it was asked to.",
+    )  # fmt: skip
+
+
+def _missing(group: str, missing: Sequence[Missing]) -> Finding:
     if not missing:
-        return Finding(group, "objects", "ok", "every object that is used is there")
-    named = [f"0x{m.index:04X}:{m.subindex} {m.name} ({m.consequence})" for m in missing[:SHOWN_MISSING]]
-    more = f" and {len(missing) - SHOWN_MISSING} more" if len(missing) > SHOWN_MISSING else ""
-    text = f"{len(missing)} are missing: {'; '.join(named)}{more}"
+        return Finding(group, "objects", "ok", "every object that is used is there", 0.0)
+    by_consequence: dict[str, list[str]] = {}
+    for entry in missing:
+        by_consequence.setdefault(entry.consequence or "nothing follows from it", []).append(
+            f"0x{entry.index:04X}:{entry.subindex} {entry.name}".rstrip()
+        )
+    told = "; ".join(f"{', '.join(entries)}: {consequence}" for consequence, entries in by_consequence.items())
+    text = f"{len(missing)} are missing. {told}"
     return Finding(group, "objects", "warning", text, float(len(missing)), "", "", "Decide whether the rig can do without.")
 
 
-def _drive(port: CanRig) -> Iterable[Finding]:
-    group, drive = "drive", port.nodes.drive
-    try:
-        state, word = drive.state(), drive.statusword()
-        text = f"statusword 0x{word:04X}, {state.value}"
-        if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
-            yield Finding(group, "state", "failed", f"{text}: {drive.error_text()}", remedy="Remove the cause, reset the fault.")
-        else:
-            yield judged(group, "state", state not in POWERED_STATES, text, remedy="The servo must be off here.")
-    except DriverError as error:
-        yield Finding(group, "state", "failed", str(error), remedy="Check the drive's supply.")
-    readings = drive.readings
-    modes = [mode.name.replace("_", " ").lower() for mode in (readings.speed_mode, readings.torque_mode) if mode is not None]
-    yield judged(
-        group, "modes", len(modes) == 2, ", ".join(modes) or "none", limit="one of speed, one of torque", otherwise="warning",
-        remedy="Protocols that need the missing mode cannot run.",
-    )  # fmt: skip
-    units = f"rated torque {readings.rated_torque:g} N m, speed unit {readings.velocity_unit:g} rad/s"
-    counts = f"{readings.counts_per_revolution:g} counts per revolution" if readings.counts_per_revolution else "counts not told"
-    known = readings.rated_torque > 0.0 and readings.velocity_unit > 0.0
-    yield judged(group, "units", known, f"{units}, {counts}", remedy="Give them in [drive] of the configuration.")
-    shown = ", ".join(f"{name} {value:g}" for name, value in readings.settings.items())
-    yield judged(
-        group, "settings", bool(readings.settings), shown or "none could be read", otherwise="warning",
-        remedy="Electronic gear, option codes and gains are not known: read them with the vendor's tool.",
-    )  # fmt: skip
+def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
+    """What the devices and the drivers told while they were brought up and watched; the same words once."""
+    told: dict[tuple[str, str, str], tuple[Verdict, int]] = {}
+    for event in events:
+        verdict = "failed" if event.code in GRAVE_EVENTS else LEVELS.get(event.level)
+        if verdict is not None:
+            key = (event.source, event.code, event.text)
+            told[key] = (verdict, told.get(key, (verdict, 0))[1] + 1)
+    for (source, code, text), (verdict, times) in told.items():
+        often = f" ({times} times)" if times > 1 else ""
+        yield Finding("told by the devices", code, verdict, f"{source}: {text}{often}", float(times))
+    if not told:
+        yield Finding("told by the devices", "events", "ok", "no warning and no error")
+
+
+def scan(bus: PumpedBus, patience_ns: int = 300_000_000) -> dict[int, int]:
+    """Who answers on the bus: node-ID to device profile, asked by SDO for object 0x1000 at all 127 node-IDs."""
+    found: dict[int, int] = {}
+
+    def hear(node_id: int, data: bytes) -> None:
+        if len(data) == 8:
+            is_number = data[0] & 0xE0 == 0x40
+            found[node_id] = int.from_bytes(data[4:6], "little") if is_number else 0
+
+    for node_id in range(1, 128):
+        bus.subscribe(0x580 + node_id, lambda data, stamp_ns, node_id=node_id: hear(node_id, data))
+        bus.send(0x600 + node_id, bytes([0x40, 0x00, 0x10, 0x00, 0, 0, 0, 0]))
+        # One frame at a time: the send buffer of an adapter is a few frames deep.
+        bus.idle(_BETWEEN_NS)
+    bus.idle(patience_ns)
+    return dict(sorted(found.items()))

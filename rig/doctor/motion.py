@@ -15,12 +15,14 @@ import numpy as np
 from drivers.channel import INDEX_SEEN, OUTPUT_INDEX
 from experiments import steps as s
 from experiments.contract import Evidence, Experiment
-from experiments.quality import usable
+from experiments.quality import BAD_CYCLE, usable
 from experiments.recording import Recording, Segment
 from experiments.result import Result
 from model.gear import HarmonicDrive
 from model.units import DEGREE, REVOLUTION, RPM
 from rig.doctor.finding import Finding, judged
+from rig.doctor.standing import LARGEST_MISSED
+from rig.limits import kinematic_error_margin, torsion_stiffness
 
 CREEP = DEGREE
 CREEP_SPEED = 1.0 * RPM
@@ -32,7 +34,11 @@ CREEP_TOLERANCE = 0.25
 LARGEST_DOUBT = 0.05
 """Share of the ratio above which what was measured says nothing about it."""
 LEAST_COUNTS = 8.0
-"""Counts that an angle must have before its sense is believed."""
+"""Counts that the output must have to turn by before its sense is believed; with half of them it moves at all."""
+LEAST_TORQUE = 0.01
+"""N m that the motion must cost before the sense of the torque is believed."""
+TORQUE_SCALE = 0.2
+"""Share by which port and drive may differ in what the motion costs."""
 
 
 @dataclass(frozen=True)
@@ -61,17 +67,24 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
 EXPERIMENT = Experiment(
     "doctor", "look over the rig", "direction of both encoders and the ratio", DoctorParameters, plan, analyse,
-    needs=("input_angle", "output_angle"),
+    needs=("input_angle",),
 )  # fmt: skip
 
 
 def inspect_motion(recording: Recording, gear: HarmonicDrive) -> Iterable[Finding]:
-    """Directions, ratio and index marks out of the recorded motion, also of one that was tripped on the way."""
+    """Directions, ratio, torque and index marks out of the recorded motion, also of one that was tripped on the way."""
     creep, turn, whole = (_last(recording, label) for label in ("creep", "turn", "output-turn"))
+    outward = _outward(recording)
     yield _creep(recording, creep)
-    # Of a motion that was tripped on the way, what there is of it.
-    yield _output_sense(recording, turn or _outward(recording))
-    yield _ratio(recording, whole or _outward(recording), gear)
+    if recording.has("output_angle"):
+        # Of a motion that was tripped on the way, what there is of it.
+        yield _output_sense(recording, turn or outward, gear)
+        yield _ratio(recording, whole or outward, gear)
+    else:
+        text = "no output encoder: which way the output turns and the ratio cannot be told"
+        yield Finding("motion", "output direction and ratio", "skipped", text)
+    yield from _torque(recording, turn or outward)
+    yield _missed(recording)
     yield _index(recording)
 
 
@@ -113,12 +126,14 @@ def _creep(recording: Recording, segment: Segment | None) -> Finding:
     )  # fmt: skip
 
 
-def _output_sense(recording: Recording, segment: Segment) -> Finding:
+def _output_sense(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Finding:
     inner, outer = _moved(recording, segment, output=False), _moved(recording, segment, output=True)
-    count = recording.signals["output_angle"].quantum
+    least = LEAST_COUNTS * recording.signals["output_angle"].quantum
     mounting = recording.metadata.mounting
     text = f"{outer / DEGREE:+.3f} deg at the output for {inner / DEGREE:+.1f} deg at the input, {mounting}"
-    if abs(outer) < LEAST_COUNTS * count:
+    if abs(inner) / gear.mounted_ratio(mounting) < least:
+        return Finding("motion", "output direction", "skipped", f"the motion was too short to tell it: {text}")
+    if abs(outer) < 0.5 * least:
         remedy = "Is the output encoder coupled, and its signal there?"
         return Finding("motion", "output direction", "failed", f"{text}: it does not move", outer / DEGREE, "deg", "", remedy)
     return judged(
@@ -130,7 +145,10 @@ def _output_sense(recording: Recording, segment: Segment) -> Finding:
 def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Finding:
     expected = gear.mounted_ratio(recording.metadata.mounting)
     inner, outer = _moved(recording, segment, output=False), _moved(recording, segment, output=True)
-    if not abs(outer) > LEAST_COUNTS * recording.signals["output_angle"].quantum:
+    least = LEAST_COUNTS * recording.signals["output_angle"].quantum
+    if abs(inner) / expected < least:
+        return Finding("motion", "ratio", "skipped", f"the motion was too short to tell it: {inner / DEGREE:+.1f} deg")
+    if abs(outer) < 0.5 * least:
         return Finding("motion", "ratio", "failed", "the output does not move", remedy="Is the output encoder coupled?")
     found = abs(inner / outer)
     doubt = found * angle_doubt(recording, gear) / abs(outer)
@@ -151,11 +169,47 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
 def angle_doubt(recording: Recording, gear: HarmonicDrive) -> float:
     """What two positions of the output may be wrong by [rad]: a count and the accuracy at each end, kinematic error between,
     and the wind-up by a friction that changes."""
-    from rig.limits import kinematic_error_margin, torsion_stiffness
-
     wind_up = gear.ratings.running_torque * gear.ratio / torsion_stiffness(gear)
     accuracy = recording.signals["output_angle"].accuracy
     return 2.0 * (recording.signals["output_angle"].quantum + accuracy) + kinematic_error_margin(gear) + wind_up
+
+
+def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
+    """What the motion costs, by the port and by the drive: the same sense, and about the same number."""
+    if not recording.has("torque", "drive_torque"):
+        yield Finding("motion", "torque direction", "skipped", "port and drive cannot be compared: one of them is not there")
+        return
+    zero, good = _last(recording, "zero-before"), usable(recording, segment)
+    means = []
+    for name in ("torque", "drive_torque"):
+        moving = recording.si(name, segment)[good]
+        at_rest = recording.si(name, zero) if zero is not None else moving[:0]
+        means.append((float(moving.mean()) if len(moving) else 0.0) - (float(at_rest.mean()) if len(at_rest) else 0.0))
+    port, drive = means
+    text = f"the motion costs {1e3 * port:+.1f} mN m by the port, {1e3 * drive:+.1f} mN m by the drive"
+    if abs(drive) < LEAST_TORQUE:
+        yield Finding("motion", "torque direction", "skipped", f"too little to tell it: {text}")
+        return
+    scale = port / drive
+    if scale < 0.5:
+        remedy = "Turn `direction` of the torque input or of the motor encoder; check that the port is connected."
+        yield Finding("motion", "torque direction", "failed", text, scale, "1", "the same sense", remedy)
+        return
+    yield Finding("motion", "torque direction", "ok", text, scale, "1", "the same sense")
+    yield judged(
+        "motion", "torque scale", abs(scale - 1.0) <= TORQUE_SCALE, f"{scale:.3f} by the port for 1 by the drive", value=scale,
+        unit="1", limit=f"1 +- {TORQUE_SCALE:g}", otherwise="warning",
+        remedy="Check volts per rated torque of the port and the rated torque (0x6076).",
+    )  # fmt: skip
+
+
+def _missed(recording: Recording) -> Finding:
+    share = float(np.mean((recording.flags() & BAD_CYCLE) != 0)) if recording.rows else 1.0
+    text = f"{100.0 * share:.2f} % of {recording.rows} cycles cannot be used"
+    return judged(
+        "motion", "cycles", share <= LARGEST_MISSED, text, value=share, unit="1", limit=f"<= {LARGEST_MISSED:g}",
+        otherwise="warning", remedy="Look at the bus load, the cable and the termination, and what disturbs them in motion.",
+    )  # fmt: skip
 
 
 def _index(recording: Recording) -> Finding:
@@ -168,4 +222,3 @@ def _index(recording: Recording) -> Finding:
         "motion", "index marks", seen & 3 == 3, text, otherwise="warning",
         remedy="The output may not have passed its mark: turn it further, or look at the cable.",
     )  # fmt: skip
-

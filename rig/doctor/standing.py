@@ -13,19 +13,23 @@ from drivers.channel import Channel
 from drivers.samples import CycleFlag
 from model.units import ARCSEC
 from rig.doctor.finding import Finding, judged
+from rig.run.preflight import LARGEST_ZERO, MISSED_SHARE, STANDING_COUNTS
 
-LARGEST_ZERO = 0.1
-"""Share of the rated torque that the torque port may show with the servo off."""
+SOUGHT_ZERO = 0.02
+"""Share of the rated torque that the torque port should not exceed with the servo off: 20 mV of a monitor of 1 V."""
 LARGEST_TORQUE_NOISE = 0.02
 """Share of the rated torque that its noise may have (r.m.s.)."""
-FLICKER = 3
-"""Counts by which an encoder at standstill may flicker."""
 DISAGREEMENT = 0.1
 """Share of the rated torque by which port and drive may differ at rest."""
 LARGEST_MISSED = 0.001
+"""Share of cycles that may be missed without a word."""
 ROOM_TEMPERATURES = (-10.0, 60.0)
-SLOWEST_RATE = 0.99
-"""Share of the nominal rate that has to be achieved."""
+SLOW_RATE, SLOWEST_RATE = 0.99, 0.9
+"""Shares of the nominal rate below which something is to be said, and below which it is not the rate that was asked for."""
+LARGEST_JITTER = 0.1
+"""Share of the SYNC period by which it may scatter (r.m.s.)."""
+LARGEST_STEP = 1e9
+"""ns from one time stamp to the next above which the clock has jumped."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,8 @@ def _complete(stand: Stand) -> Finding:
     return judged(
         "acquisition", "cycles", missed <= LARGEST_MISSED,
         f"{100.0 * missed:.2f} % of {len(stand.flags)} cycles incomplete, late or doubled", value=missed, unit="1",
-        limit=f"<= {LARGEST_MISSED:g}", remedy="Lower the SYNC rate, look at the bus load, the cable and the termination.",
+        limit=f"<= {LARGEST_MISSED:g}", otherwise="warning" if missed <= MISSED_SHARE else "failed",
+        remedy="Lower the SYNC rate, look at the bus load, the cable and the termination.",
     )  # fmt: skip
 
 
@@ -74,18 +79,27 @@ def _time(stand: Stand) -> Iterable[Finding]:
         yield Finding("acquisition", "rate", "failed", "no cycle came back")
         return
     rate, nominal = 1e9 / steps.mean(), 1e9 / stand.cycle_ns
-    jitter, largest = float(steps.std()) * 1e-3, float(np.abs(steps - stand.cycle_ns).max()) * 1e-3
     yield judged(
-        "acquisition", "rate", rate >= SLOWEST_RATE * nominal,
-        f"{rate:.1f} Hz of {nominal:g} Hz, jitter {jitter:.0f} us r.m.s., {largest:.0f} us at most", value=rate, unit="Hz",
-        limit=f">= {SLOWEST_RATE * nominal:g} Hz", otherwise="warning", remedy="A lower SYNC rate, a quieter computer.",
+        "acquisition", "rate", rate >= SLOW_RATE * nominal, f"{rate:.1f} Hz of {nominal:g} Hz", value=rate, unit="Hz",
+        limit=f">= {SLOW_RATE * nominal:g} Hz", otherwise="warning" if rate >= SLOWEST_RATE * nominal else "failed",
+        remedy="A lower SYNC rate, a quieter computer.",
+    )  # fmt: skip
+    jitter, largest = float(steps.std()) * 1e-3, float(np.abs(steps - stand.cycle_ns).max()) * 1e-3
+    allowed = LARGEST_JITTER * stand.cycle_ns * 1e-3
+    yield judged(
+        "acquisition", "jitter", jitter <= allowed, f"{jitter:.0f} us r.m.s., {largest:.0f} us at most", value=jitter, unit="us",
+        limit=f"<= {allowed:g} us r.m.s.", otherwise="warning",
+        remedy="An adapter with time stamps of its own, a lower SYNC rate, a quieter computer.",
     )  # fmt: skip
     yield judged(
         "acquisition", "time base", stand.time_base != "host", f"time stamps are those of: {stand.time_base}",
         otherwise="warning", remedy="Analyses of speed need stamps of the adapter or the devices: pcan, kvaser, gs_usb.",
     )  # fmt: skip
-    backwards = int(np.sum(steps <= 0.0))
-    yield judged("acquisition", "clock", not backwards, f"{backwards} of {len(steps)} steps of the time stamps go backwards")
+    wrong = int(np.sum((steps <= 0.0) | (steps > LARGEST_STEP)))
+    yield judged(
+        "acquisition", "clock", not wrong, f"{wrong} of {len(steps)} steps of the time stamps go backwards or jump",
+        value=float(wrong), limit="0", remedy="The adapter's clock jumps: another driver of it, or stamps of the host.",
+    )  # fmt: skip
 
 
 def _torque(stand: Stand) -> Iterable[Finding]:
@@ -95,8 +109,10 @@ def _torque(stand: Stand) -> Iterable[Finding]:
     else:
         zero, noise, rated = float(port.mean()), float(port.std()), stand.rated_torque
         yield judged(
-            "torque", "zero", abs(zero) <= LARGEST_ZERO * rated, f"{1e3 * zero:.2f} mN m with the servo off", value=zero,
-            unit="N m", limit=f"+-{LARGEST_ZERO * rated:.3g} N m", remedy="Trim the monitor's offset, check its cable.",
+            "torque", "zero", abs(zero) <= SOUGHT_ZERO * rated, f"{1e3 * zero:.2f} mN m with the servo off", value=zero,
+            unit="N m", limit=f"+-{SOUGHT_ZERO * rated:.3g} N m",
+            otherwise="warning" if abs(zero) <= LARGEST_ZERO * rated else "failed",
+            remedy="Trim the monitor's offset, check its cable.",
         )  # fmt: skip
         yield judged(
             "torque", "noise", noise <= LARGEST_TORQUE_NOISE * rated, f"{1e3 * noise:.3f} mN m r.m.s.", value=noise, unit="N m",
@@ -118,11 +134,12 @@ def _encoder(stand: Stand, name: str) -> Finding:
             counts = stand.counts[(stand.flags & CycleFlag.INCOMPLETE) == 0, column]
             flicker = int(np.ptp(counts)) if len(counts) else 0
             size = channel.scale / ARCSEC
-            text = f"moves by {flicker} counts in {len(counts)} cycles; one count is {size:.3g} arcsec"
+            noise = size * float(counts.std()) if len(counts) else 0.0
+            text = f"moves by {flicker} counts, {noise:.2g} arcsec r.m.s., in {len(counts)} cycles; a count is {size:.3g} arcsec"
             remedy = "Something turns, or the signal is disturbed."
             return judged(
-                "encoders", title, flicker <= FLICKER and bool(len(counts)), text, value=float(flicker), unit="counts",
-                limit=f"<= {FLICKER}", remedy=remedy,
+                "encoders", title, flicker <= STANDING_COUNTS and bool(len(counts)), text, value=float(flicker), unit="counts",
+                limit=f"<= {STANDING_COUNTS}", remedy=remedy,
             )  # fmt: skip
     return Finding("encoders", title, "warning", "there is none", remedy="Map it in the configuration.")
 

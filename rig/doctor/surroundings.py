@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterable, Sequence
-from datetime import date
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
 from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, TORQUE, Channel
@@ -16,8 +17,10 @@ from rig.doctor.finding import Finding, judged
 from rig.errors import LimitError
 from rig.run.preflight import Check, limits_check
 
-LEAST_SPACE = 1_000_000_000
-"""Bytes that an hour at 1 kHz and a margin take."""
+ENOUGH_SPACE, LEAST_SPACE = 1_000_000_000, 100_000_000
+"""Bytes that an hour at 1 kHz and a margin take; bytes below which no run should be begun."""
+SOON = timedelta(days=30)
+"""Time before its due date from which on a calibration is reminded of."""
 PLAUSIBLE_YEARS = (2024, 2100)
 CALIBRATED = (INPUT_ANGLE, OUTPUT_ANGLE, TORQUE)
 """Channels whose certificate matters to results."""
@@ -28,20 +31,22 @@ def disk(folder: Path) -> Finding:
     place = folder
     while not place.exists() and place != place.parent:
         place = place.parent
+    if not place.is_dir() or not os.access(place, os.W_OK):
+        what = f"{place} is no folder that can be written"
+        return Finding("computer", "disk", "failed", what, remedy="Name another folder with --output.")
     try:
         free = shutil.disk_usage(place).free
     except OSError as error:
         return Finding("computer", "disk", "failed", f"{place}: {error.strerror or error}", remedy="Name another folder.")
     return judged(
-        "computer", "disk", free >= LEAST_SPACE, f"{free / 1e9:.1f} GB free for {folder}", value=free / 1e9, unit="GB",
-        limit=f">= {LEAST_SPACE / 1e9:g} GB", otherwise="warning", remedy="Free space: a run stops when the disk is full.",
+        "computer", "disk", free >= ENOUGH_SPACE, f"{free / 1e9:.1f} GB free for {folder}", value=free / 1e9, unit="GB",
+        limit=f">= {ENOUGH_SPACE / 1e9:g} GB", otherwise="warning" if free >= LEAST_SPACE else "failed",
+        remedy="Free space: a run stops when the disk is full.",
     )  # fmt: skip
 
 
 def calendar(clock: Clock) -> Finding:
     """Whether the computer's calendar can be the right one."""
-    from datetime import UTC, datetime
-
     now = datetime.fromtimestamp(clock.calendar_ns() * 1e-9, UTC)
     low, high = PLAUSIBLE_YEARS
     return judged(
@@ -60,13 +65,25 @@ def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
             part for part in (found.certificate or "no certificate", f"of {found.date}" if found.date else "",
                               f"due {found.due}" if found.due else "no due date") if part
         )  # fmt: skip
-        if found.due and found.due[:10] < today.isoformat():
+        due = _date(found.due)
+        if due is not None and due < today:
             yield Finding("calibration", title, "failed", f"{text}: overdue", remedy="Have it calibrated; reports will say so.")
-            continue
-        yield judged(
-            "calibration", title, bool(found.certificate), text, otherwise="warning",
-            remedy="Results rest on a tolerance that nobody has checked.",
-        )  # fmt: skip
+        elif due is not None and due - today <= SOON:
+            text += f": in {(due - today).days} days"
+            yield Finding("calibration", title, "warning", text, remedy="Plan its calibration.")
+        else:
+            yield judged(
+                "calibration", title, bool(found.certificate) and (due is not None or not found.due), text,
+                otherwise="warning", remedy="Results rest on a tolerance that nobody has checked.",
+            )  # fmt: skip
+
+
+def _date(text: str) -> date | None:
+    """A date as YYYY-MM-DD; None where there is none that can be read."""
+    try:
+        return date.fromisoformat(text[:10])
+    except ValueError:
+        return None
 
 
 def guard(check: Check) -> Finding:

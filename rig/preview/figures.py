@@ -11,9 +11,12 @@ from experiments.result import Plot, Series
 from model.units import ARCMIN, DEGREE, RPM
 from rig import limits as lim
 from rig.preview.preview import PlanPreview
+from rig.report.decimate import peak_rows
 
 FloatArray = NDArray[np.float64]
 
+BINS = 1500
+"""Bins along a curve that keep their extremes: more than a screen has columns for."""
 LONG = 600.0
 """s above which a plan's time is shown in minutes."""
 NEAR = 2.5
@@ -37,7 +40,8 @@ def _axis(preview: PlanPreview) -> tuple[float, str]:
 def _speed(preview: PlanPreview) -> Plot:
     scale, label = _axis(preview)
     time, speed = preview.timeline.polyline()
-    series = [Series("set-point", scale * time, speed / RPM)]
+    rows = _thinned(speed)
+    series = [Series("set-point", scale * time[rows], speed[rows] / RPM)]
     limit, title = _limit(preview, lim.INPUT_SPEED, 1.0 / RPM, "r/min", speed / RPM)
     series += limit
     prompts = [mark for mark in preview.marks if mark.kind == "prompt"]
@@ -50,9 +54,13 @@ def _speed(preview: PlanPreview) -> Plot:
 def _torque(preview: PlanPreview) -> Plot:
     scale, label = _axis(preview)
     torque = preview.torque
+    rows = _thinned(torque.low, torque.high)
     series = [
-        Series("predicted, with 95 % band", scale * preview.time, torque.value, "band", low=torque.low, high=torque.high)
-    ]
+        Series(
+            "predicted, with 95 % band", scale * preview.time[rows], torque.value[rows], "band", low=torque.low[rows],
+            high=torque.high[rows],
+        )
+    ]  # fmt: skip
     time, setpoint = preview.timeline.torque_line()
     if len(time):
         series.append(Series("torque ramps", scale * time, setpoint, group=2))
@@ -62,10 +70,11 @@ def _torque(preview: PlanPreview) -> Plot:
 
 def _output(preview: PlanPreview) -> Plot:
     scale, label = _axis(preview)
-    speed, ripple = preview.output_speed / RPM, preview.output_ripple / RPM
+    rows = _thinned(preview.output_speed - preview.output_ripple, preview.output_speed + preview.output_ripple)
+    speed, ripple = preview.output_speed[rows] / RPM, preview.output_ripple[rows] / RPM
     series = Series(
-        "with the ripple of the kinematic error", scale * preview.time, speed, "band", low=speed - ripple, high=speed + ripple,
-        group=2,
+        "with the ripple of the kinematic error", scale * preview.time[rows], speed, "band", low=speed - ripple,
+        high=speed + ripple, group=2,
     )  # fmt: skip
     return Plot("preview-output", "Output speed", label, "speed [r/min]", (series,))
 
@@ -90,6 +99,11 @@ def _friction(preview: PlanPreview) -> Plot:
     )
     title = f"Running torque of {of} over speed"
     return Plot("preview-friction", title, "input speed [r/min]", "torque [N m]", (series,), x_scale="log")
+
+
+def _thinned(*curves: FloatArray) -> NDArray[np.intp]:
+    """Rows that must stay so that curves over the same instants look the same, peaks included."""
+    return np.unique(np.concatenate([peak_rows(curve, BINS) for curve in curves]))
 
 
 def _limit(

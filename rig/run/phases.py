@@ -116,10 +116,6 @@ class Machine:
         back = max(1, min(cycles, len(self._tail) - 1))
         return self.moved(name, back) / (back * self.period) if len(self._tail) > 1 else 0.0
 
-    def complete(self, cycles: int) -> bool:
-        """Whether none of the last `cycles` was incomplete."""
-        return not bool(np.any(self._tail_flags[-cycles:] & CycleFlag.INCOMPLETE))
-
     def is_heard(self, name: str, cycles: int) -> bool:
         """Whether a channel arrived in each of the last `cycles`, whatever else stayed away."""
         return not bool(np.any(is_stale(self._tail_flags[-cycles:], name)))

@@ -69,6 +69,7 @@ class WatchState:
     flagged: int = 0
     window_rows: int = 0
     window_missed: int = 0
+    tail_time: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     tail_angle: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     tail_target: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
     following_run: int = 0
@@ -284,17 +285,23 @@ class Supervisor:
         lag = max(1, round(self.watch.following_window / self._period))
         if not turn.enabled or turn.command.mode is not Mode.SPEED:
             return replace(
-                state, tail_angle=state.tail_angle[:0], tail_target=state.tail_target[:0], following_run=0
-            ), []
+                state, tail_angle=state.tail_angle[:0], tail_time=state.tail_time[:0], tail_target=state.tail_target[:0],
+                following_run=0,
+            ), []  # fmt: skip
         channel = self._channels[INPUT_ANGLE]
         angle = np.concatenate([state.tail_angle, block.counts[:, self._column[INPUT_ANGLE]]])
+        times = np.concatenate([state.tail_time, block.time_ns])
         sent = turn.command.target[: len(block)]
         received = self._si(block, TARGET_SPEED) if TARGET_SPEED in self._column else sent
         target = np.concatenate([state.tail_target, np.where(np.abs(sent) > np.abs(received), sent, received)])
-        carried = replace(state, tail_angle=angle[-lag - 1 :], tail_target=target[-lag - 1 :])
+        carried = replace(
+            state, tail_angle=angle[-lag - 1 :], tail_time=times[-lag - 1 :], tail_target=target[-lag - 1 :]
+        )
         if len(angle) <= lag:
             return carried, []
-        measured = (angle[lag:] - angle[:-lag]) * (channel.direction * channel.scale / (lag * self._period))
+        # A SYNC that came late has left the shaft more time: that of the stamps, the nominal one at least.
+        elapsed = np.maximum((times[lag:] - times[:-lag]) * 1e-9, lag * self._period)
+        measured = (angle[lag:] - angle[:-lag]) * (channel.direction * channel.scale) / elapsed
         total = np.concatenate([[0.0], np.cumsum(target)])
         wanted = (total[lag + 1 :] - total[1:-lag]) / lag
         allowed = self.watch.following_absolute + self.watch.following_share * np.abs(wanted)

@@ -49,7 +49,9 @@ def open_for_reading(path: Path) -> h5py.File:
             )  # fmt: skip
         if path.name.endswith(PART_SUFFIX):
             return _open_growing(path)
-        return h5py.File(path, "r")
+        # Another driver than that of a growing file: where one process holds a run open as growing and opens it again sealed,
+        # the library takes both for one file and hands out the wrong chunks, in silence.
+        return h5py.File(path, "r", driver="stdio")
     raise AssertionError
 
 

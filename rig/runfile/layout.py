@@ -7,7 +7,8 @@ NeXus-like groups with HDF5 dimension scales and CF attributes, so that general 
       sample       NXsample      gear, its parameter set (JSON and TOML), ratio, mounting, conditions
       user         NXuser        operator
       instrument   NXinstrument  one group per channel: device, lines, calibration
-      process      NXprocess     experiment, parameters, limits, backend, seed, truth; acquisition (JSON); rows written and dropped; CRC of the end
+      process      NXprocess     experiment, parameters, limits, backend, seed, truth; rows written and dropped; figures of the
+                                 acquisition; CRC of the end
       data         NXdata        time, cycle, flags and one column of raw counts per channel
       segments     table         labelled intervals of rows
       events       table         what happened, in fixed-length bytes
@@ -35,8 +36,11 @@ from experiments.recording import Signal
 from rig.errors import RunFileError
 
 FILE_FORMAT: Final = "harmonic-rig-run"
-FILE_FORMAT_VERSION: Final = "1.0"
-"""Major.minor: a reader refuses another major version and reads every minor one."""
+FILE_FORMAT_VERSION: Final = "1.1"
+"""Major.minor: a reader refuses another major version and reads every minor one.
+
+1.1: figures of the acquisition; flags that tell whose values of an incomplete cycle are old.
+"""
 
 PART_SUFFIX: Final = ".part"
 HASH_SUFFIX: Final = ".sha256"

@@ -31,6 +31,9 @@ OUTCOMES = ("PASS", "FAIL", "MARGINAL", "ABORTED", "TRIPPED", "ERROR", "INTERRUP
 """What a run can come to; "" where nothing was judged (a recording of another rig)."""
 
 CHUNK_ROWS = 8192
+CHUNK_CACHE = 256 * 1024
+"""Bytes of each column that stay in memory: a few chunks, all that an appending writer needs. The library's own 8 MB per
+column would grow for half an hour of every run."""
 _INT32 = np.iinfo(np.int32)
 
 
@@ -66,7 +69,7 @@ class RunWriter:
         if self.path.exists():
             raise RunFileError("there is a run of this name already", where=str(self.path), remedy="Take a new number.")
         with self._disk("cannot be created"):
-            file = h5py.File(self.part, "x", libver=layout.LIBRARY_VERSION)
+            file = h5py.File(self.part, "x", libver=layout.LIBRARY_VERSION, rdcc_nbytes=CHUNK_CACHE)
             try:
                 write_header(file, header)
                 made = layout.create_data(file, header.columns, self._chunk_rows, compress=self._compress)

@@ -94,7 +94,9 @@ class Banner(QFrame):
         self._symbol.setText(look.symbol)
         self._word.setText(look.word)
         self._title.setText(title)
-        self._what.setText(_short(state.what))
+        # Where somebody has to act at once, what to do stands here; elsewhere what the rig is doing.
+        words = state.remedy if state.state is State.LOST or state.safe is False else state.what
+        self._what.setText(_short(words))
         self._what.setToolTip(state.what)
         self.setAccessibleName(f"State of the rig: {look.word}")
         self.setStyleSheet(

@@ -100,6 +100,7 @@ class FieldRow(QObject):
             self.editor.setCurrentText(as_text(value))
         else:
             self.editor.setText(as_text(value))
+            self.editor.setCursorPosition(0)
 
     def set_problem(self, text: str) -> None:
         """Mark the field as wrong, in these words; "" shows its help and range again."""

@@ -134,16 +134,17 @@ class WaveView:
     """Kinematic error over the wave-generator angle: the revolution under way, and the mean of those before, each direction."""
 
     wanted = ("input_angle", "output_angle", "target_speed")
+    is_slow = True
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(
-            session, "Kinematic error", "wave-generator angle [deg]", "kinematic error [arcmin]"
+            session, "Kinematic error", "wave-generator angle [deg]", "error [arcmin]"
         )
         self.plot.item.setXRange(0.0, 360.0, padding=0.0)
         self._context, self._predicted = context, False
         self._rows, self.revolutions = _ErrorRows(context), Revolutions()
         styles: tuple[CurveStyle, CurveStyle] = ("line", "dashed")
-        self._current = self.plot.curve("this revolution", 2)
+        self._current = self.plot.curve("this revolution", 2, dense=True)
         self._mean = {way: self.plot.curve(name, k, styles[k]) for k, (way, name) in enumerate(WAYS)}
         self._degrees = (np.arange(WAVE_BINS) + 0.5) * 360.0 / WAVE_BINS
 
@@ -169,8 +170,8 @@ class WaveView:
         self._current.item.setData(self._degrees, self.revolutions.current() / ARCMIN)
         if self._rows.reference is not None:
             where = "index mark" if self._rows.reference.carries else "start of the run"
+            self.plot.set_x_label(f"wave-generator angle from the {where} [deg]")
             self._draw_prediction(self._rows.reference)
-            self.plot.item.setLabel("bottom", f"wave-generator angle from the {where} [deg]")
 
 
     def _draw_prediction(self, reference: PhaseReference) -> None:
@@ -188,10 +189,11 @@ class OutputView:
     revolution. The whole height is what transmission accuracy is taken from."""
 
     wanted = WaveView.wanted
+    is_slow = True
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(
-            session, "Over the output revolution", "output angle from the start of the run [deg]", "kinematic error [arcmin]"
+            session, "Kinematic error over the output", "output angle from the start of the run [deg]", "error [arcmin]"
         )
         self.plot.item.setXRange(0.0, 360.0, padding=0.0)
         self._rows = _ErrorRows(context)

@@ -51,6 +51,7 @@ class LiveFile:
         self.rows_read = 0
         self._names: tuple[str, ...] = ()
         self._segments_seen = 0
+        self._is_open = True
         self._looked = -TABLE_INTERVAL
         self._origin_ns: int | None = None
 
@@ -98,16 +99,21 @@ class LiveFile:
         return segments[self._segments_seen - 1]
 
     def continue_in(self, path: Path) -> None:
-        """Go on in the sealed file: the same rows under another name."""
-        if path == self.path:
+        """Go on in the sealed file: the same rows under another name.
+
+        The growing file is let go of first: a file that one process has open twice, once as growing and once as sealed, gives
+        the HDF5 library two names for one set of chunks, and it hands out the wrong ones.
+        """
+        if path == self.path and self._is_open:
             return
-        recording = open_run(path, digest=False)
         self.close()
-        self.path, self.recording = path, recording
+        self.path, self.recording = path, open_run(path, digest=False)
+        self._is_open = True
         self._looked = -TABLE_INTERVAL
 
     def close(self) -> None:
         """Let go of the file."""
+        self._is_open = False
         close_recording(self.recording)
 
     def _block(self, start: int, stop: int) -> Block:
@@ -123,7 +129,7 @@ class LiveFile:
 class Envelope:
     """Smallest and largest value of a signal per bin of rows, at most `bins` of them; two bins become one when it is full."""
 
-    def __init__(self, bins: int = 1024) -> None:
+    def __init__(self, bins: int = 768) -> None:
         self._bins, self._span = bins, 1
         self._time = np.empty(bins)
         self._low, self._high = np.empty(bins), np.empty(bins)
@@ -180,7 +186,7 @@ class Envelope:
 class RollingEnvelope:
     """Smallest and largest value per bin of time over the latest `span` seconds: a ring of fixed size."""
 
-    def __init__(self, span: float = 20.0, bins: int = 800) -> None:
+    def __init__(self, span: float = 20.0, bins: int = 600) -> None:
         self._width, self._bins = span / bins, bins
         self._low, self._high = np.full(bins, np.nan), np.full(bins, np.nan)
         self._last = -1

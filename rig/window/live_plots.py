@@ -24,6 +24,8 @@ from rig.window.steps_view import StepView
 
 BEAT_MS = 25
 """ms between two looks at the file: forty a second."""
+SLOW_BEATS = 3
+"""Beats between two drawings of a slow view."""
 READING_ALLOWED = 0.010
 """s of a beat that reading may take while it catches up."""
 
@@ -56,6 +58,7 @@ class LivePlots(QWidget):
         self.plots: list[LabPlot] = []
         self.mark = ""
         self.protocol = ""
+        self._beats = 0
         self._waiting_for: Path | None = None
         self._context: tuple[PlannedRun | None, PlanPreview | None] = (None, None)
         self._grid_holder = QWidget()
@@ -92,6 +95,12 @@ class LivePlots(QWidget):
     def expect(self, planned: PlannedRun | None = None, prediction: PlanPreview | None = None) -> None:
         """A run is about to begin: forget the one before."""
         self.close_file()
+        self.views, self.plots, self.mark, self.protocol = [], [], "", ""
+        self._grid_holder.hide()
+        self._recent.setVisible(False)
+        self._rows.clear()
+        self._hint.setText("The plots appear as soon as the run writes its file.")
+        self._hint.setVisible(True)
         self._context = planned, prediction
 
     def open(self, path: Path) -> None:
@@ -116,7 +125,8 @@ class LivePlots(QWidget):
             self._timer.stop()
             return
         if fresh or ended:
-            self._draw()
+            self._beats += 1
+            self._draw(every=bool(ended) or self._beats % SLOW_BEATS == 0)
             self.drawn.emit()
 
     def finish(self, path: Path) -> None:
@@ -205,8 +215,10 @@ class LivePlots(QWidget):
                 view.ended(segment, self.live.recording)
         return told
 
-    def _draw(self) -> None:
+    def _draw(self, every: bool = True) -> None:
+        """Draw; `every`: also what changes with a revolution and not with a row, which is drawn at every third beat only."""
         for view in self.views:
-            view.draw(self._recent.isChecked())
+            if every or not view.is_slow:
+                view.draw(self._recent.isChecked())
         if self.live is not None:
             self._rows.setText(f"{self.live.rows_read:,} of {self.live.rows:,} cycles read".replace(",", "\u202f"))

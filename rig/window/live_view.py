@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -17,6 +18,8 @@ from rig.window.session import WindowSession
 RUN_TIME = "time since the start of the run [s]"
 RECENT = 20.0
 """s that "latest" shows."""
+GROWTH = 1.2
+"""How far a time axis reaches beyond the run when it has to grow."""
 MILLI = 1e-3
 
 
@@ -27,6 +30,11 @@ class LiveContext:
     recording: Recording
     planned: PlannedRun | None = None
     prediction: PlanPreview | None = None
+
+    @property
+    def duration(self) -> float:
+        """Planned duration [s]; a few seconds where no plan is known."""
+        return 5.0 if self.planned is None else self.planned.nominal
 
     @property
     def period(self) -> float:
@@ -48,6 +56,11 @@ class LiveView(Protocol):
         """Channels that it draws from."""
         ...
 
+    @property
+    def is_slow(self) -> bool:
+        """Whether what it shows changes with a revolution or a segment, not with every row."""
+        ...
+
     def take(self, block: Block) -> None:
         """New rows."""
         ...
@@ -61,14 +74,49 @@ class LiveView(Protocol):
         ...
 
 
+class TimeAxis:
+    """The time axis of a live plot: it grows in steps, so that most frames need no new axis; a look that somebody chose with
+    the mouse stays until the whole or the latest is asked for again."""
+
+    def __init__(self, plot: LabPlot, least: float = 5.0) -> None:
+        self._plot, self._end, self._least = plot, 0.0, least
+        self._shown: tuple[float, float] | None = None
+        self._recent: bool | None = None
+        self._is_chosen = False
+        plot.item.enableAutoRange(x=False, y=True)
+        plot.item.getViewBox().sigRangeChangedManually.connect(self._leave)
+
+    def follow(self, now: float, recent: bool) -> None:
+        """Show the run up to now [s], or its latest seconds."""
+        if recent != self._recent:
+            self._recent, self._is_chosen, self._shown = recent, False, None
+            self._plot.item.enableAutoRange(x=False, y=True)
+        if recent:
+            end = math.ceil(now)
+            wanted = (end - RECENT, float(end))
+        else:
+            if now > self._end:
+                self._end = max(GROWTH * now, self._least)
+            wanted = (-0.02 * self._end, self._end)
+        if wanted != self._shown and not self._is_chosen:
+            self._shown = wanted
+            self._plot.item.setXRange(*wanted, padding=0.0)
+
+    def _leave(self, *_: object) -> None:
+        self._is_chosen = True
+
+
 class Trace:
     """One signal over the time of the run: as a whole, and its latest seconds."""
 
     def __init__(self) -> None:
         self._whole, self._recent = Envelope(), RollingEnvelope(RECENT)
+        self.latest = 0.0
 
     def add(self, time: Any, values: Any) -> None:
         """Take in rows."""
+        if len(time):
+            self.latest = float(time[-1])
         self._whole.add(time, values)
         self._recent.add(time, values)
 
@@ -80,12 +128,16 @@ class Trace:
 class TraceView:
     """Signals over time: (channel, name in the legend, factor from SI, style)."""
 
+    is_slow = False
+
     def __init__(
-        self, session: WindowSession, title: str, y_label: str, signals: Sequence[tuple[str, str, float, Any]]
-    ) -> None:
+        self, session: WindowSession, title: str, y_label: str, signals: Sequence[tuple[str, str, float, Any]],
+        duration: float = 0.0,
+    ) -> None:  # fmt: skip
         self.plot = LabPlot(session, title, RUN_TIME, y_label)
+        self._axis = TimeAxis(self.plot, duration)
         self.wanted = tuple(signal[0] for signal in signals)
-        self._signals = [(name, factor, Trace(), self.plot.curve(label, k, style))
+        self._signals = [(name, factor, Trace(), self.plot.curve(label, k, style, dense=True))
                          for k, (name, label, factor, style) in enumerate(signals)]  # fmt: skip
 
     def take(self, block: Block) -> None:
@@ -101,19 +153,22 @@ class TraceView:
         """Bring the curves up to date."""
         for _, _, trace, curve in self._signals:
             curve.item.setData(*trace.curve(recent))
+        self._axis.follow(max((trace.latest for _, _, trace, _ in self._signals), default=0.0), recent)
 
 
 class SpeedView:
     """Input speed over time: what was asked for and what the encoder says."""
 
     wanted = ("input_angle", "target_speed")
+    is_slow = False
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(session, "Input speed", RUN_TIME, "input speed [r/min]")
+        self._axis = TimeAxis(self.plot, context.duration)
         self._speed = SlidingSpeed(context.period)
         self._measured, self._target = Trace(), Trace()
-        target = self.plot.curve("set-point", 1)
-        self._curves = self.plot.curve("measured", 0), target
+        target = self.plot.curve("set-point", 1, dense=True)
+        self._curves = self.plot.curve("measured", 0, dense=True), target
 
     def take(self, block: Block) -> None:
         """New rows."""
@@ -133,13 +188,14 @@ class SpeedView:
         measured, target = self._curves
         measured.item.setData(*self._measured.curve(recent))
         target.item.setData(*self._target.curve(recent))
+        self._axis.follow(self._measured.latest, recent)
 
 
 def torque_view(session: WindowSession, context: LiveContext) -> TraceView:
     """Motor torque over time, from the monitor port where the rig has one."""
     name = "torque" if context.recording.has("torque") else "drive_torque"
     label = "monitor port" if name == "torque" else "reported by the drive"
-    view = TraceView(session, "Motor torque", "motor torque [mN m]", [(name, label, MILLI, "line")])
+    view = TraceView(session, "Motor torque", "motor torque [mN m]", [(name, label, MILLI, "line")], context.duration)
     seen = context.prediction
     if seen is not None:
         # Drawn in advance over the nominal times of the plan: steps that wait for something shift it.
@@ -153,7 +209,7 @@ def temperature_view(session: WindowSession, context: LiveContext) -> TraceView:
     """Housing and room temperature over time."""
     signals = [("housing_temperature", "gear housing", 1.0, "line"), ("ambient_temperature", "room", 1.0, "dashed")]
     there = [signal for signal in signals if context.recording.has(signal[0])]
-    return TraceView(session, "Temperature", "temperature [degC]", there)
+    return TraceView(session, "Temperature", "temperature [°C]", there, context.duration)
 
 
 def restyled(views: Sequence[LiveView], palette: Palette) -> None:

@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import importlib
+import signal
 import sys
+import tempfile
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import pyqtgraph as pg
@@ -190,7 +196,39 @@ def open_window(
     window.show_page(page)
     window.show()
     QTimer.singleShot(0, lambda: _fit_to_screen(window))
-    return application.exec()
+    with _python_awake(window), _defects_told(session):
+        return application.exec()
+
+
+@contextmanager
+def _python_awake(window: MainWindow) -> Iterator[None]:
+    """Ctrl-C in the terminal closes the window as its button does; Qt alone would never let Python see it."""
+    before = signal.signal(signal.SIGINT, lambda *_: window.close())
+    awake = QTimer(window)
+    awake.timeout.connect(lambda: None)
+    awake.start(250)
+    try:
+        yield
+    finally:
+        awake.stop()
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def _defects_told(session: WindowSession) -> Iterator[None]:
+    """What nobody expected goes into a log and into the status bar, and the window stays: a run may be going on."""
+
+    def tell(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        with tempfile.NamedTemporaryFile("w", prefix="harmonic-rig-", suffix=".log", delete=False) as log:
+            traceback.print_exception(kind, error, trace, file=log)
+        session.message.emit(f"A defect of the program: {kind.__name__}: {error}. Details for its report: {log.name}")
+
+    before = sys.excepthook
+    sys.excepthook = tell
+    try:
+        yield
+    finally:
+        sys.excepthook = before
 
 
 def _fit_to_screen(window: MainWindow) -> None:

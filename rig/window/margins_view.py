@@ -38,7 +38,7 @@ def worded(quantity: str) -> tuple[str, str, float]:
 
 def number(value: float) -> str:
     """Three digits, or all those before the point."""
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"
+    return f"{value:.0f}" if abs(value) >= 99.95 else f"{value:#.3g}"
 
 
 class MarginBars(QWidget):

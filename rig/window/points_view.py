@@ -31,6 +31,7 @@ class TorquePoints:
     """Running torque over input speed, one point per hold and direction, over the curve of the parameter set."""
 
     wanted = ("input_angle",)
+    is_slow = True
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         mounted = context.recording.metadata.gear_mounted
@@ -113,6 +114,7 @@ class StartingPoints:
     """No-load starting torque over the wave-generator position, one point per ramp: the torque at which it began to turn."""
 
     wanted = ("input_angle",)
+    is_slow = True
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(

@@ -44,11 +44,12 @@ from rig.window.prepare_request import (
     is_armed,
     look_ahead,
     obstacles,
+    sign_off_notes,
     title_of,
     write_parameters,
 )
 from rig.window.prepared import PreparedRun
-from rig.window.preview_plot import PreviewPlots, restyled, summary, summary_label
+from rig.window.preview_plot import PreviewPlots, restyled, short_name, summary, summary_label
 from rig.window.session import WindowSession
 
 TYPING_PAUSE = 250
@@ -66,8 +67,9 @@ class PreparePage(QWidget):
         super().__init__()
         self._session = session
         self.outlook: Outlook | None = None
-        self._wanted = 0
-        self._doctor_checks: tuple[Check, ...] = ()
+        self._wanted, self._answered = 0, 0
+        self.doctor_checks: tuple[Check, ...] = ()
+        """What the rig answered for this run."""
         self._timer = QTimer(self)
         self._timer.setSingleShot(True)
         self._timer.setInterval(TYPING_PAUSE)
@@ -118,7 +120,7 @@ class PreparePage(QWidget):
         for card in (_card("1  Operator", holder), self.gear_card, _card("3  Protocol", self.protocol)):
             left.addWidget(card)
         left.addStretch(1)
-        scroll = _scrolled(inner)
+        scroll = self._scroll = _scrolled(inner)
         scroll.setMinimumWidth(380)
         whole = QSplitter(Qt.Orientation.Horizontal)
         whole.setChildrenCollapsible(False)
@@ -186,7 +188,7 @@ class PreparePage(QWidget):
         self.training_button.clicked.connect(self.open_training)
         self.doctor_button.setToolTip("Connect and look: nodes, directions, torque zero, limits (rig doctor)")
         self.doctor_button.clicked.connect(self.ask_the_rig)
-        self._doctor.finished.connect(self._show_doctor)
+        self._doctor.finished.connect(self.show_doctor)
         self._session.runs_changed.connect(self._ask_for_outlook)
 
     @property
@@ -202,22 +204,24 @@ class PreparePage(QWidget):
     @property
     def obstacles(self) -> list[str]:
         """What Start is waiting for, the most important first; nothing when the run may begin."""
-        if self._is_stale:
+        if self.is_stale:
             return ["the plan is being worked out"]
         found = obstacles(self.intent, self.outlook)
         if not self.protocol.form.is_valid:
             found.insert(0, "a parameter of the protocol is refused")
-        if self._session.is_hardware and not self._doctor_checks:
+        if self._session.is_hardware and not self.doctor_checks:
             found.append("the rig has not been asked")
-        found += [f"{check.name}: {check.evidence}" for check in self._doctor_checks if check.result == "failed"]
+        found += [f"{check.name}: {check.evidence}" for check in self.doctor_checks if check.result == "failed"]
         left = len(self.checklist.open)
         if left:
             found.append(f"{left} {'item' if left == 1 else 'items'} of the checklist not signed")
         return found
 
     @property
-    def _is_stale(self) -> bool:
-        return self.outlook is None or self._timer.isActive() or self.outlook.intent != self.intent
+    def is_stale(self) -> bool:
+        """Whether the preview is not yet that of what the page says."""
+        under_way = self._timer.isActive() or self._answered != self._wanted
+        return self.outlook is None or under_way or self.outlook.intent != self.intent
 
     def start(self) -> None:
         """Hand the prepared run over, if nothing stands in the way."""
@@ -233,18 +237,23 @@ class PreparePage(QWidget):
         request = outlook.request
         self._remember(request.operator, request.protocol)
         prepared = PreparedRun(
-            request, outlook.planned, arguments_for(request, parameters), outlook.preview, title_of(request, outlook.planned)
-        )
+            request, outlook.planned, arguments_for(request, parameters), outlook.preview, title_of(request, outlook.planned),
+            sign_off_notes(self.checklist.checks, request.operator),
+        )  # fmt: skip
         # A signature and a confirmation are for one run.
         self.checklist.clear_ticks()
         self.confirmation.clear()
-        self._doctor_checks = ()
+        self.doctor_checks = ()
         self.start_requested.emit(prepared)
+
+    def scroll_to(self, widget: QWidget) -> None:
+        """Bring something of the left side into view."""
+        self._scroll.ensureWidgetVisible(widget)
 
     def ask_the_rig(self) -> None:
         """Run `rig doctor` on the rig of this window. A rig of hardware turns only once it is armed."""
         intent, request, parameters = self.intent, None, None
-        if self.outlook is not None and not self._is_stale and self.outlook.request is not None:
+        if self.outlook is not None and not self.is_stale and self.outlook.request is not None:
             request = self.outlook.request
             try:
                 parameters = write_parameters(request)
@@ -268,7 +277,7 @@ class PreparePage(QWidget):
     def showEvent(self, event: QShowEvent) -> None:
         """Coming back, look again: cards, latch and disk may have changed."""
         super().showEvent(event)
-        self.gear.refresh_choice()
+        self.gear.refresh()
         self._ask_for_outlook()
 
     def hideEvent(self, event: QHideEvent) -> None:
@@ -302,7 +311,7 @@ class PreparePage(QWidget):
     def _take_outlook(self, number: int, outlook: Outlook) -> None:
         if number != self._wanted:
             return
-        self.outlook = outlook
+        self.outlook, self._answered = outlook, number
         self._show_outlook(outlook)
         self._show_readiness()
 
@@ -319,13 +328,14 @@ class PreparePage(QWidget):
         self.refusal.setText("\n".join(lines))
         self.refusal.setVisible(bool(lines))
         restyled(self.refusal, "bad" if problem is not None else "warning")
-        self.checklist.set_checks((*outlook.checks, *self._doctor_checks))
+        self.checklist.set_checks((*outlook.checks, *self.doctor_checks))
 
-    def _show_doctor(self, found: Any, code: int, told: str) -> None:
+    def show_doctor(self, found: Any, code: int, told: str) -> None:
+        """Take over what `rig doctor` said: its JSON object, exit code, standard error."""
         self.doctor_button.setEnabled(True)
         self._name_doctor_button()
-        self._doctor_checks = checks_from(found, code, told)
-        self.checklist.set_checks((*(self.outlook.checks if self.outlook else ()), *self._doctor_checks))
+        self.doctor_checks = checks_from(found, code, told)
+        self.checklist.set_checks((*(self.outlook.checks if self.outlook else ()), *self.doctor_checks))
         self._show_readiness()
 
     def _name_doctor_button(self) -> None:
@@ -339,7 +349,7 @@ class PreparePage(QWidget):
         self._name_doctor_button()
         self.start_button.setEnabled(not reasons)
         name = self.operator.text().strip()
-        self.sign_button.setText(f"Sign &all as {name.replace('&', '&&')}" if name else "Sign &all")
+        self.sign_button.setText(f"Sign &all as {short_name(name)}" if name else "Sign &all")
         self.sign_button.setEnabled(bool(name) and bool(self.checklist.open))
         self.start_button.setToolTip("\n".join(reasons) or "Ctrl+2 shows the run")
         if reasons:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import resources
 from typing import Any
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from experiments.errors import PlanError
@@ -26,7 +26,7 @@ from rig.gear_card import (
     with_confirmation,
 )
 from rig.window.form import CalmComboBox, ParameterForm
-from rig.window.preview_plot import restyled
+from rig.window.preview_plot import restyled, short_name
 from rig.window.session import WindowSession
 
 NEW_GEAR = "another gear …"
@@ -47,8 +47,13 @@ class GearSection(QWidget):
         self.choice.activated.connect(lambda _: self.choose(self.choice.currentData() or ""))
         self.form = ParameterForm(parameter_fields(GearFacts), _check_fact, CHOICES, {"part": shipped_parts()})
         self.form.rows["serial"].editor.setAccessibleName("Serial number of the gear")
-        self.status = QLabel()
-        self.status.setWordWrap(True)
+        self.status, self.digest = QLabel(), QLabel()
+        for label in (self.status, self.digest):
+            label.setWordWrap(True)
+            label.setTextFormat(Qt.TextFormat.PlainText)
+        self.details_button = QPushButton("Card d&etails")
+        self.details_button.setCheckable(True)
+        self.details_button.toggled.connect(self._show_details)
         self.confirm_button = QPushButton("&Confirm this card")
         self.confirm_button.clicked.connect(self.confirm)
         self.revert_button = QPushButton("&Undo changes")
@@ -68,8 +73,10 @@ class GearSection(QWidget):
         label.setBuddy(self.choice)
         row.addWidget(label)
         row.addWidget(self.choice, 1)
+        row.addWidget(self.details_button)
         column.addLayout(row)
         column.addWidget(self.status)
+        column.addWidget(self.digest)
         column.addWidget(self.form)
         buttons = QHBoxLayout()
         buttons.addWidget(self.confirm_button)
@@ -111,6 +118,21 @@ class GearSection(QWidget):
             self._session.message.emit(str(error))
         self.choice.setCurrentIndex(max(self.choice.findData(serial if self._stored else ""), 0))
         self.form.set_values(known(self._stored.facts) if self._stored else {})
+        # A confirmed card needs no room; one that is not has to be looked at.
+        self.details_button.setChecked(not self.is_confirmed)
+        self._show_details(not self.is_confirmed)
+
+    def refresh(self) -> None:
+        """Look again which cards there are, and whether this one was changed elsewhere; what is being edited stays."""
+        self.refresh_choice()
+        stored = self._stored
+        if stored is None or self.facts != stored.facts:
+            return
+        try:
+            if card_for(self._session.folder, stored.serial) != stored:
+                self.choose(stored.serial)
+        except RigError as error:
+            self._session.message.emit(str(error))
 
     def refresh_choice(self) -> None:
         """Look again which cards there are."""
@@ -141,6 +163,11 @@ class GearSection(QWidget):
             values: dict[str, Any] = self.form.values()
             folder = self._session.folder
             before = card_for(folder, str(values["serial"]))
+            if before is not None and (self._stored is None or self._stored.serial != before.serial):
+                # Empty fields of a fresh form must not make the card forget what is known.
+                self.choose(before.serial)
+                self._session.message.emit(f"Gear {before.serial} is known: this is its card. Look at it, then confirm it.")
+                return
             card = with_changes(before, values, self._operator, now_text())
             self._stored = with_confirmation(card, self._operator, now_text())
             save_card(folder, self._stored)
@@ -156,11 +183,17 @@ class GearSection(QWidget):
         self.refresh_choice()
         self.choose(self._stored.serial)
 
+    def _show_details(self, shown: bool) -> None:
+        self.form.setVisible(shown)
+        self.digest.setVisible(not shown)
+        for button in (self.confirm_button, self.revert_button):
+            button.setVisible(shown)
+
     def _show_status(self) -> None:
         stored, shown = self._stored, self.facts
         edited = stored is None or shown != stored.facts
         self.revert_button.setEnabled(edited and stored is not None)
-        who = f"&Confirm as {self._operator.replace('&', '&&')}" if self._operator else "&Confirm this card"
+        who = f"&Confirm as {short_name(self._operator)}" if self._operator else "&Confirm this card"
         self.confirm_button.setText(who)
         self.confirm_button.setEnabled(bool(self._operator) and shown is not None)
         self.confirm_button.setToolTip("" if self._operator else "Name the operator first")
@@ -173,8 +206,21 @@ class GearSection(QWidget):
             text, part = f"✓ Confirmed by {last.by}, {_day(last.at)}", "good"
         else:
             text, part = f"Not confirmed: {stored.warning if stored else ''}.", "warning"
+        self.digest.setText(digest_of(stored.facts) if stored is not None else "")
         self.status.setText(text if part == "good" else f"! {text}")
         restyled(self.status, part)
+
+
+def digest_of(facts: GearFacts) -> str:
+    """A card in two lines."""
+    told = known(facts)
+    words = [str(told[name]) for name in ("part", "mounting", "lubricant") if name in told]
+    if facts.hours is not None:
+        words.append(f"{facts.hours:g} h")
+    if facts.load_inertia_kg_m2 is not None:
+        doubt = facts.load_inertia_uncertainty_kg_m2
+        words.append(f"load inertia {facts.load_inertia_kg_m2:g}" + (f" ± {doubt:g}" if doubt is not None else "") + " kg m²")
+    return " · ".join(words)
 
 
 def _check_fact(name: str, value: Any) -> None:

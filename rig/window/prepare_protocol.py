@@ -30,7 +30,7 @@ class ProtocolSection(QWidget):
         self.summary = QLabel()
         self.summary.setWordWrap(True)
         self.summary.setProperty("part", "muted")
-        self.defaults_button = QPushButton("Defa&ults")
+        self.defaults_button = QPushButton("&Defaults")
         self.defaults_button.setToolTip("Put every parameter back to its default")
         self.defaults_button.clicked.connect(lambda: self.form.set_values({}))
         self._place = QVBoxLayout()

@@ -305,6 +305,13 @@ def _as_text(value: Any) -> str:
     return str(value)
 
 
+def sign_off_notes(checks: Sequence[Check], name: str) -> tuple[str, ...]:
+    """What a run keeps of its signed checklist: the good items in one line, every accepted warning with its evidence."""
+    good = ", ".join(dict.fromkeys(check.name for check in checks if check.result == "ok"))
+    found = [f"checklist signed by {name}: {good}"] if good else []
+    return (*found, *(f"accepted by {name}: {c.name}: {c.evidence}" for c in checks if c.result == "warning"))
+
+
 def title_of(request: RunRequest, planned: PlannedRun) -> str:
     """How the run is called in the window."""
     gear = request.gear_serial if planned.experiment.gear_mounted else "no gear"

@@ -48,7 +48,7 @@ class TrainingDialog(QDialog):
         close = QPushButton("C&lose")
         close.clicked.connect(self.reject)
         self._process = SideProcess(self)
-        self._process.finished.connect(self._show)
+        self._process.finished.connect(self.show_verdict)
         column = QVBoxLayout(self)
         explained = QLabel(
             "Something goes wrong on a simulated rig of its own; the program has to notice, make the rig safe and keep the file. "
@@ -92,7 +92,8 @@ class TrainingDialog(QDialog):
         restyled(self.verdict, "muted")
         self.verdict.setText(f"{item.text()}: running on a simulated rig …")
 
-    def _show(self, found: Any, code: int, told: str) -> None:
+    def show_verdict(self, found: Any, code: int, told: str) -> None:
+        """What came of the drill."""
         self.run_button.setEnabled(True)
         rows = found.get("faults") if isinstance(found, dict) else None
         if not rows:

@@ -21,3 +21,5 @@ class PreparedRun:
     arguments: list[str]
     prediction: object | None = None
     title: str = ""
+    notes: tuple[str, ...] = ()
+    """What is written into the run at its start: who signed which items of the checklist."""

@@ -33,8 +33,10 @@ FIGURES = {
     "friction": ("Running torque", "input speed [r/min]", "torque [N m]"),
 }
 """The plots and what they are called while they are empty."""
-MARGIN_HEADINGS = ("limit on", "predicted", "limit", "margin", "least margin", "where", "the limit comes from")
+MARGIN_HEADINGS = ("limit on", "predicted", "limit", "margin", "least margin", "held by", "where")
 PREDICTION = "PREDICTION"
+LONGEST_NAME = 16
+"""Letters of a name on a button."""
 
 
 class PreviewPlots(QTabWidget):
@@ -59,8 +61,9 @@ class PreviewPlots(QTabWidget):
     def show_preview(self, preview: PlanPreview | None) -> None:
         """Draw a preview."""
         self._preview = preview
-        for plot in self.plots.values():
+        for name, plot in self.plots.items():
             plot.clear_data()
+            plot.set_labels(*FIGURES[name])
         self.margins.setRowCount(0)
         if preview is None:
             return
@@ -95,8 +98,8 @@ def _cells(margin: PredictedMargin) -> tuple[str, ...]:
     known = f" ({margin.limit.provenance})" if margin.limit.provenance in ("recalled", "assumed") else ""
     return (
         margin.quantity.replace("_", " "), f"{margin.value / factor:.4g}{doubt} {unit}",
-        f"{margin.limit.value / factor:.4g} {unit}", percent(margin.margin), least, margin.where,
-        f"{margin.limit.tier}: {margin.limit.origin}{known}",
+        f"{margin.limit.value / factor:.4g} {unit}", percent(margin.margin), least,
+        f"{margin.limit.tier}{known}", margin.where,
     )  # fmt: skip
 
 
@@ -153,6 +156,12 @@ def summary_label() -> QLabel:
     label = QLabel()
     label.setWordWrap(True)
     return label
+
+
+def short_name(name: str) -> str:
+    """A name as it fits on a button."""
+    text = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1].rstrip()}…"
+    return text.replace("&", "&&")
 
 
 def restyled(widget: QWidget, part: str) -> None:

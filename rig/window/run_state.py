@@ -117,12 +117,12 @@ class RunState:
             return replace(self, state=State.LOST, ended=True, what=complaint or "The run ended without its report.",
                            remedy=STOOD)  # fmt: skip
         return replace(self, state=State.LOST, safe=None, ended=True, remedy=LOST,
-                       what="The acquisition is gone: the process that turned the rig has ended without a report."
+                       what="The process that turned the rig has ended without a report."
                             + (f" It said: {complaint}" if complaint else ""))  # fmt: skip
 
 
-STOOD = "The rig was made safe before. Recover the file with `rig recover`, then look at its events."
+STOOD = "The rig was made safe before. Recover the file (rig recover), then look at its events."
 LOST = (
     "Nobody knows whether the rig stands. Press the emergency stop and look at the rig. "
-    "Then recover what was recorded with `rig recover`."
+    "Then recover what was recorded: rig recover"
 )

@@ -81,7 +81,10 @@ class RunPage(QWidget):
         self._title = prepared.title or f"{prepared.planned.experiment.title}, {gear}, {request.operator or 'no operator'}"
         self._protocol = request.protocol
         seen = prepared.prediction if isinstance(prepared.prediction, PlanPreview) else None
-        self._begin(self._start_process(list(prepared.arguments)), prepared.planned, seen)
+        process = self._start_process(list(prepared.arguments))
+        self._begin(process, prepared.planned, seen)
+        for note in prepared.notes:
+            process.note(note)
 
     def start_command(self, arguments: list[str], title: str = "", protocol: str = "") -> None:
         """Start `rig run` with these arguments and watch it, without a plan to compare with."""

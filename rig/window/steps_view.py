@@ -34,13 +34,14 @@ class StepView:
     """The latest step: output speed measured, predicted, and of a rigid gear. Feeds the residual's plot as well."""
 
     wanted = ("input_angle", "output_angle")
+    is_slow = True
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(session, "Step response", "time since the step [s]", "output speed [r/min]")
         self.residual = ResidualView(session)
-        self._rigid = self.plot.curve("rigid gear", 2, "dotted")
-        self._measured = self.plot.curve("measured", 0)
-        self._predicted = self.plot.curve("predicted", 1, "dashed")
+        self._rigid = self.plot.curve("rigid gear", 2, "dotted", dense=True)
+        self._measured = self.plot.curve("measured", 0, dense=True)
+        self._predicted = self.plot.curve("predicted", 1, "dashed", dense=True)
         self._slow: list[Segment] = []
         self._rests: list[Segment] = []
         self.steps = 0
@@ -101,11 +102,12 @@ class ResidualView:
     """What the prediction of the latest step leaves: measured minus predicted output speed."""
 
     wanted = StepView.wanted
+    is_slow = True
 
     def __init__(self, session: WindowSession) -> None:
         self.plot = LabPlot(session, "Residual of the step", "time since the step [s]", "residual [r/min]")
-        self._rigid = self.plot.curve("of a rigid gear", 2, "dotted")
-        self._residual = self.plot.curve("measured - predicted", 0)
+        self._rigid = self.plot.curve("of a rigid gear", 2, "dotted", dense=True)
+        self._residual = self.plot.curve("measured - predicted", 0, dense=True)
         self.skills: list[tuple[float, float]] = []
 
     def add(self, segment: Segment, score: StepScore) -> None:

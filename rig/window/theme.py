@@ -84,9 +84,9 @@ def style_sheet(p: Palette) -> str:
     QLineEdit, QPlainTextEdit, QComboBox, QSpinBox, QDoubleSpinBox {{ background: {p.surface}; color: {p.text};
         border: 1px solid {p.line}; border-radius: 4px; padding: 3px 6px; selection-background-color: {p.accent};
         selection-color: {p.accent_text}; }}
-    QCheckBox::indicator {{ width: 13px; height: 13px; border: 1px solid {p.muted}; border-radius: 3px;
+    QCheckBox::indicator, QListView::indicator {{ width: 13px; height: 13px; border: 1px solid {p.muted}; border-radius: 3px;
         background: {p.surface}; }}
-    QCheckBox::indicator:checked {{ background: {p.accent}; border-color: {p.accent}; }}
+    QCheckBox::indicator:checked, QListView::indicator:checked {{ background: {p.accent}; border-color: {p.accent}; }}
     QCheckBox::indicator:disabled {{ border-color: {p.line}; background: {p.raised}; }}
     QCheckBox::indicator:focus {{ border: 2px solid {p.accent}; }}
     QComboBox::drop-down {{ border: none; width: 20px; }}

@@ -119,4 +119,5 @@ def parse_send(message: str) -> Frame | None:
 def frame_line(cob_id: int, data: bytes, stamp_ns: int) -> bytes:
     """A `frame` message with the time of the simulated bus."""
     seconds, rest = divmod(stamp_ns, 1_000_000_000)
-    return f"< frame {cob_id:X} {seconds}.{rest // 1000:06d} {data.hex().upper()} >".encode("ascii")
+    # Three digits: clients tell an 11-bit identifier from a 29-bit one by that.
+    return f"< frame {cob_id:03X} {seconds}.{rest // 1000:06d} {data.hex().upper()} >".encode("ascii")

@@ -214,6 +214,52 @@ def serve(raw: ScriptedBus, dictionary: dict[tuple[int, int], tuple[int, int]], 
     raw.send = answered  # type: ignore[method-assign]
 
 
+def test_what_a_fixed_rpdo_carries_besides_set_points_keeps_its_value() -> None:
+    """A vendor's RPDO1: controlword, target velocity, mode; RPDO2: target torque, max torque. Zeros would undo both."""
+    made = setup()
+    fixed = {0x1600: [0x60400010, 0x60FF0020, 0x60600008], 0x1601: [0x60710010, 0x60720010, 0x00060010]}
+    for index, words in fixed.items():
+        made.drive.put(index, len(words), 1)
+        for sub, word in enumerate(words, 1):
+            made.drive.put(index, word, 4, sub)
+    for index in (0x1600, 0x1601, 0x1602, 0x1603):
+        refuses(made.drive, index, READ_ONLY)
+    dictionary = made.drive.node.object_dictionary
+    dictionary.add_object(_dummy())
+    with opened(made):
+        assert made.rig.write_limits(DriveLimits(0.5, 300.0, 1000.0, 1000.0, 2000.0)).torque == pytest.approx(0.5, rel=2e-3)
+        limit = made.drive.get(0x6072)
+        assert limit > 700
+        block = made.speed(477, 10)
+        assert (made.drive.get(0x6060), made.drive.get(0x6061), made.drive.state) == (9, 9, "ENABLED")
+        assert block.counts[-1, made.column("input_angle")] == 4770
+        made.rig.exchange(Command(Mode.TORQUE, _zeros(5)), 5, Guard())
+        assert (made.drive.get(0x6060), made.drive.get(0x6072)) == (10, limit)
+
+
+def _dummy() -> Any:
+    from canopen.objectdictionary import UNSIGNED16, ODVariable
+
+    variable = ODVariable("dummy", 0x0006, 0)
+    variable.data_type = UNSIGNED16
+    return variable
+
+
+@pytest.mark.parametrize("which", ["drive", "counter", "analog"])
+def test_a_slave_that_insists_on_a_sync_with_counter_is_refused_in_clear_words(which: str) -> None:
+    made = setup()
+    peer = getattr(made, which)
+    from canopen.objectdictionary import UNSIGNED8, ODVariable
+
+    variable = ODVariable("SYNC counter", 0x1019, 0)
+    variable.data_type = UNSIGNED8
+    peer.node.object_dictionary.add_object(variable)
+    peer.put(0x1019, 16, 1)
+    refuses(peer, 0x1019, READ_ONLY)
+    with pytest.raises(DriverError, match="insists on a SYNC with counter; value 16"), opened(made):
+        pass
+
+
 def test_entries_that_turn_out_fixed_are_put_back_and_used() -> None:
     raw = ScriptedBus()
     words = [0x65000010, 0x60040020]

@@ -134,6 +134,22 @@ def test_a_file_without_figures_is_read_and_a_dead_one_has_none(tmp_path: Path) 
     close_recording(recording)
 
 
+def test_a_file_of_the_format_before_is_read(tmp_path: Path) -> None:
+    import h5py
+
+    writer = RunWriter(tmp_path / "00001-friction-A1.h5", header(), chunk_rows=64)
+    writer.append(block(0, 100))
+    path = writer.seal("PASS")
+    path.chmod(0o600)
+    with h5py.File(path, "r+") as file:
+        del file["entry/process/acquisition"]
+        file.attrs["file_format_version"] = b"1.0"
+    recording = open_run(path, digest=False)
+    assert recording.metadata.outcome == "PASS"
+    assert "acquisition" not in recording.metadata.process
+    close_recording(recording)
+
+
 def test_figures_that_were_changed_are_seen(tmp_path: Path) -> None:
     import h5py
 

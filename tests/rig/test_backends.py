@@ -53,5 +53,5 @@ def test_a_recorded_run_goes_through_the_engine_again(direct: Recording, tmp_pat
 
 
 def test_an_unknown_rig_is_refused_with_what_there_is() -> None:
-    with pytest.raises(ConfigurationError, match=r"moon.*sim, wire, replay"):
+    with pytest.raises(ConfigurationError, match=r"moon.*sim, wire, hardware, replay"):
         make_port("moon", BenchRequest(shipped_gear(), shipped_motor()))

@@ -90,6 +90,13 @@ def test_where_nobody_hears_the_drive_stops_alone_and_the_report_is_loud(rows: d
         assert "Press the emergency stop" in row.message
 
 
+def test_standstill_is_verified_wherever_the_nodes_can_still_be_heard(rows: dict[str, DrillRow]) -> None:
+    unverified = {name for name, row in rows.items() if not row.verified}
+    assert unverified == {"bus off", "hub gone", "bus lost"}
+    # A drive that has lost its process data is switched off and asked by SDO.
+    assert rows["node reset in motion, drive"].action.endswith("servo off by SDO")
+
+
 def test_hardware_and_unknown_faults_are_refused() -> None:
     for backend in ("hardware", "replay:run.h5", ""):
         with pytest.raises(ConfigurationError, match="only drilled on simulated rigs"):

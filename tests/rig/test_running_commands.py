@@ -244,3 +244,20 @@ def test_ctrl_c_is_a_stop_and_the_file_is_sealed_as_aborted(tmp_path: Path) -> N
     assert report["make_safe"]["safe"]
     assert Path(report["path"]).suffix == ".h5"
     assert "STOP: controlled ramp" in err
+
+
+def test_the_card_of_a_gear_tells_a_run_its_mounting_and_its_conditions(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rig.commands.ordering import request_of
+    from rig.gear_card import now_text, save_card, with_changes
+
+    values = {"serial": "SN-7", "mounting": "flexspline-fixed", "lubricant": "SK-1A"}
+    save_card(tmp_path, with_changes(None, values, "A. Example", now_text()))
+    request = request_of("friction", {}, output=tmp_path, gear_serial="SN-7")
+    assert request.mounting == "flexspline-fixed"
+    assert request.conditions["lubricant"] == "SK-1A"
+    assert "never been confirmed" in capsys.readouterr().err
+    with pytest.raises(ConfigurationError, match="rig gear set"):
+        request_of("friction", {}, output=tmp_path, gear_serial="SN-7", mounting="circular-spline-fixed")
+    assert request_of("friction", {}, output=tmp_path, gear_serial="SN-8").mounting == "circular-spline-fixed"

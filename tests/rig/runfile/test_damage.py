@@ -139,7 +139,7 @@ def test_another_major_version_is_refused(tmp_path: Path) -> None:
     path.chmod(0o644)
     with h5py.File(path, "r+") as file:
         file.attrs["file_format_version"] = "2.0"
-    with pytest.raises(RunFileError, match=r"format version.*2\.0, allowed 1\.0"):
+    with pytest.raises(RunFileError, match=r"format version.*2\.0, allowed 1\.1"):
         open_run(path)
     with h5py.File(path, "r+") as file:
         file.attrs["file_format_version"] = "1.7"

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
 from model.gear_file import shipped_gear
@@ -41,8 +42,9 @@ def session(tmp_path: Path, qapp: Any) -> Iterator[WindowSession]:
 
 
 @pytest.fixture
-def window(session: WindowSession, qtbot: QtBot) -> Iterator[MainWindow]:
-    """A window on its Run page. At the end its run is let go, and has to make itself safe."""
+def window(session: WindowSession, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> Iterator[MainWindow]:
+    """A window on its Run page, the other pages left empty. At the end its run is let go, and has to make itself safe."""
+    monkeypatch.setattr("rig.window.main._page", lambda module, name, session: QWidget())
     made = MainWindow(session)
     qtbot.addWidget(made, before_close_func=_end_run)
     made.resize(1366, 768)

@@ -8,13 +8,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 from typer.testing import CliRunner
 
 from experiments.result import Plot, Series
 from rig.main import app
-from rig.window.main import PAGES, MainWindow
+from rig.window.main import PAGES, MainWindow, _defects_told, open_window
 from rig.window.palette import palette_of
 from rig.window.plots import LabPlot
 from rig.window.session import REMEMBERED_FILE, WindowSession
@@ -73,6 +74,34 @@ def test_a_figure_of_a_result_is_drawn_with_its_units(session: WindowSession, qt
     assert not plot.item.getAxis("left").autoSIPrefix
     plot.clear_data()
     assert plot.curves == ()
+
+
+def test_a_defect_is_told_and_the_window_stays(session: WindowSession, qtbot: QtBot) -> None:
+    with _defects_told(session), qtbot.waitSignal(session.message) as said:
+        sys.excepthook(KeyError, KeyError("x"), None)
+    assert "A defect of the program: KeyError" in said.args[0]
+    log = Path(said.args[0].rpartition(" ")[2])
+    assert "KeyError" in log.read_text()
+    log.unlink()
+
+
+def test_the_window_opens_and_closes(tmp_path: Path, qtbot: QtBot) -> None:
+    def close_it() -> None:
+        (shown,) = [w for w in QApplication.topLevelWidgets() if isinstance(w, MainWindow) and w.isVisible()]
+        assert shown.stack.currentIndex() == 2
+        shown.close()
+
+    QTimer.singleShot(50, close_it)
+    assert open_window(tmp_path, theme="dark", page="review") == 0
+
+
+def test_every_page_is_there(session: WindowSession, qtbot: QtBot) -> None:
+    window = MainWindow(session)
+    qtbot.addWidget(window)
+    assert [type(page).__name__ for page in (window.prepare, window.run, window.review)] == [
+        "PreparePage", "RunPage", "ReviewPage",
+    ]  # fmt: skip
+    assert window.run.may_close()
 
 
 def test_the_theme_that_was_asked_for(qapp: object) -> None:

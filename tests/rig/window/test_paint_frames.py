@@ -1,7 +1,8 @@
-"""A thousand painted frames leave the reference count of None where it was.
+"""A thousand painted frames take no reference away from None.
 
-A binding that takes one reference too many from None at each paint ends the interpreter after some minutes of a run
-("deallocating None"); PySide6 6.12.0 with pyqtgraph does. Python 3.12 and later cannot die of it, and count nothing.
+A binding that gives back one reference too many at each paint ends the interpreter after some minutes of a run ("deallocating
+None"); PySide6 6.12.0 with pyqtgraph on Python 3.11 does. References that are kept instead do no harm. Python 3.12 and later
+cannot die of it, and count nothing.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from rig.window.plots import LabPlot
 from rig.window.session import WindowSession
 
 FRAMES = 1000
-MOST_DRIFT = 200
-"""References that frames may leave or take in all; the defect takes several per frame."""
+MOST_LOST = 50
+"""References that may be missing after all frames; the defect loses several in each."""
 
 
 def watch_painting(item: Any, painted: list[int]) -> None:
@@ -35,21 +36,19 @@ def watch_painting(item: Any, painted: list[int]) -> None:
 def test_a_thousand_frames(session: WindowSession, qtbot: QtBot) -> None:
     plot = LabPlot(session, "Motor torque", "time [s]", "motor torque [mN m]", mark="SIMULATED")
     qtbot.addWidget(plot)
-    plot.resize(480, 240)
-    lines = [plot.curve(name, k, style) for k, (name, style) in enumerate((("a", "line"), ("b", "dashed"), ("c", "points")))]
-    x = np.linspace(0.0, 1.0, 100)
-    y = np.sin(20.0 * x)
+    plot.resize(240, 180)
+    line, points = plot.curve("measured"), plot.curve("points", 1, "points")
+    x = np.linspace(0.0, 1.0, 50)
     plot.show()
     qtbot.waitExposed(plot)
-    for line in lines:
-        line.item.setData(x, y)
-    painted = []
-    for line in lines:
-        watch_painting(line.item.curve if line.style != "points" else line.item.scatter, painted)
-    plot.grab()
+    for curve in (line, points):
+        curve.item.setData(x, x)
+    painted: list[int] = []
+    watch_painting(line.item.curve, painted)
+    plot.canvas.grab()
     before = sys.getrefcount(None)
     for frame in range(FRAMES):
-        lines[frame % 3].item.setData(x, y + 1e-3 * frame)
-        plot.grab()
-    assert abs(sys.getrefcount(None) - before) < MOST_DRIFT
-    assert len(painted) >= 3 * FRAMES, "every curve was painted in every frame"
+        (line, points)[frame % 2].item.setData(x, x + 1e-3 * frame)
+        plot.canvas.grab()
+    assert sys.getrefcount(None) - before > -MOST_LOST
+    assert len(painted) > FRAMES, "the curve was painted in every frame"

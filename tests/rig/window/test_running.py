@@ -70,7 +70,7 @@ def test_a_full_friction_run(window: MainWindow, prepared: MakePrepared, qtbot: 
     assert float(page.events.clocks[-1]) == pytest.approx(page.report["rows"] * 1e-3, abs=0.2)
     for size in SIZES:
         window.resize(*size)
-        check_layout(window)
+        qtbot.waitUntil(lambda: check_layout(window))
 
 
 def test_the_end_of_a_run_leads_to_results_review_and_report(
@@ -119,7 +119,9 @@ def test_abort_from_another_page(window: MainWindow, prepared: MakePrepared, qtb
     window.show_page("review")
     assert window.stop.isVisible()
     window.activateWindow()
-    window.run.abort()
+    qtbot.waitUntil(window.isActiveWindow)
+    qtbot.keyClick(window, Qt.Key.Key_Escape, Qt.KeyboardModifier.ShiftModifier)
+    assert window.run.banner.word == "STOPPING"
     wait_for_end(window, qtbot)
     assert not window.stop.isVisible()
     assert window.run.report["make_safe"]["action"] == "quick stop"
@@ -138,7 +140,7 @@ def test_a_trip_names_cause_and_remedy(window: MainWindow, qtbot: QtBot) -> None
     assert "rig acknowledge" in page.outcome.text.text()
     assert (window.session.folder / LATCH_NAME).exists()
     assert page.plots.rows_read == page.report["rows"]
-    check_layout(window)
+    qtbot.waitUntil(lambda: check_layout(window))
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
@@ -206,7 +208,7 @@ def test_a_question_of_the_run(window: MainWindow, qtbot: QtBot) -> None:
     page.start_command([], "asking")
     qtbot.waitUntil(lambda: page.prompt.isVisible(), timeout=LONGEST)
     assert "hand thermometer [°C]?" in page.prompt.question.text()
-    check_layout(window)
+    qtbot.waitUntil(lambda: check_layout(window))
     qtbot.keyClicks(page.prompt.field, "22.5")
     assert page.state.state is State.RUNNING
     qtbot.keyClick(page.prompt.field, Qt.Key.Key_Return)
@@ -224,7 +226,7 @@ def test_standstill_that_was_not_verified_is_the_loudest_thing(window: MainWindo
     assert page.banner.word == "TRIPPED"
     assert "press the emergency stop" in page.outcome.headline.text()
     assert "Press the emergency stop" in page.outcome.text.text()
-    check_layout(window)
+    qtbot.waitUntil(lambda: check_layout(window))
 
 
 def test_a_run_that_is_refused_says_why(window: MainWindow, qtbot: QtBot) -> None:
@@ -243,7 +245,8 @@ def button_of(box: Any, text: str) -> QAbstractButton:
 
 
 def check_layout(window: MainWindow) -> None:
-    """Nothing is cut off and nothing overlaps: every visible label has the room that it asks for, within the window."""
+    """Nothing is cut off and nothing overlaps: every visible label has the room that it asks for, within the window. To be waited
+    for: a layout follows its texts with the next turn of the event loop."""
     page = window.run
     rooms: list[tuple[QWidget, Any]] = []
     for widget in (page.banner, page.buttons.stop, page.buttons.abort, page.plots, page.margins.parentWidget(), page.events,

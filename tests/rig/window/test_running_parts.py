@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.recording import Event
+from experiments.recording import Event, RunMetadata, Segment
 from model.units import ARCMIN, REVOLUTION
 from rig.run.order import Progress
 from rig.run.trips import TRIPS
+from rig.runfile.header import RunHeader
+from rig.runfile.layout import Column
+from rig.runfile.write import RunWriter
 from rig.window.banner import LOOKS, look_of
 from rig.window.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows
-from rig.window.live_file import Block, Envelope, RollingEnvelope, SlidingSpeed
+from rig.window.live_file import Block, Envelope, LiveFile, RollingEnvelope, SlidingSpeed
 from rig.window.margins_view import number, worded
 from rig.window.outcome_view import result_lines
 from rig.window.palette import DARK, LIGHT, Palette
@@ -203,3 +208,43 @@ def test_margins_and_results_carry_their_units() -> None:
             '"expanded_uncertainty": 0.0025, "identifiability": "weakly"}}}')  # fmt: skip
     assert result_lines(told, "starting-torque") == ["starting torque 64.9 ± 2.5 mN m (weakly identifiable)"]
     assert result_lines("no JSON", "home") == []
+
+
+def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Path) -> None:
+    """Rows and segments as a writer brings them; let go before it is renamed, as where an open file cannot be."""
+    metadata = RunMetadata("00001-home", "home", "simulated", sample_rate=1000.0, ratio=100.0, gear_mounted=False)
+    columns = (Column("input_angle", "rad", scale=1e-3), Column("torque", "N m", scale=1e-4))
+    writer = RunWriter(tmp_path / "00001-home.h5", RunHeader(metadata, columns), compress=False, chunk_rows=64)
+    angle = np.arange(1000)
+    seen: list[Block] = []
+
+    def put(start: int, stop: int) -> None:
+        rows = angle[start:stop]
+        writer.append_rows(rows * 1_000_000, rows, np.zeros(len(rows), np.uint16), [rows, -rows])
+        writer.flush()
+
+    put(0, 300)
+    clock = iter(range(1000))
+    live = LiveFile(writer.part, clock=lambda: next(clock))
+    live.want({"torque", "no_such_channel"})
+    assert live.read(1.0, seen.append) == 300
+    assert live.next_segment() is None
+    writer.segment(Segment(0, "hold", 100, 350))
+    put(300, 400)
+    live.look()
+    assert (live.rows, live.behind) == (400, 100)
+    assert live.next_segment() is None, "its rows were not handed on yet"
+    live.read(1.0, seen.append)
+    found = live.next_segment()
+    assert found is not None
+    assert (found.label, live.next_segment()) == ("hold", None)
+    put(400, 1000)
+    live.close()
+    sealed = writer.seal("PASS")
+    live.continue_in(sealed)
+    live.look()
+    live.read(1.0, seen.append)
+    live.close()
+    assert [block.start for block in seen] == [0, 300, 400]
+    np.testing.assert_allclose(np.concatenate([block.si["torque"] for block in seen]), -1e-4 * angle)
+    np.testing.assert_allclose(np.concatenate([block.time for block in seen]), 1e-3 * angle, atol=1e-12)

@@ -41,7 +41,7 @@ def test_send_messages(message: str, frame: tuple[int, bytes] | None) -> None:
 
 def test_frame_messages_carry_the_stamp() -> None:
     assert frame_line(0x181, b"\x01\xab", 12_345_678_901_234) == b"< frame 181 12345.678901 01AB >"
-    assert frame_line(0x080, b"", 0) == b"< frame 80 0.000000  >"
+    assert frame_line(0x080, b"", 0) == b"< frame 080 0.000000  >"
 
 
 @given(st.text(max_size=80))
@@ -148,7 +148,10 @@ def test_canopen_reads_the_identity_and_gets_process_data(served: Served) -> Non
 def test_clients_hear_each_other_and_stamps_are_the_adapters(served: Served) -> None:
     with served.bus() as one, served.bus() as other:
         one.send(can.Message(arbitration_id=0x000, data=[1, 2], is_extended_id=False))
-        assert expect(other, 0x000).data == b"\x01\x02"
+        start = expect(other, 0x000)
+        assert start.data == b"\x01\x02"
+        # A small identifier is an 11-bit one like any other: NMT, SYNC and EMCY are heard.
+        assert not start.is_extended_id
         for k in range(3):
             one.send(can.Message(arbitration_id=0x080, is_extended_id=False))
             sync, data = expect(other, 0x080), expect(one, 0x182)

@@ -39,6 +39,8 @@ class ListedRun:
     rows: int = 0
     duration: float = float("nan")
     problem: str = ""
+    notes: str = ""
+    """What the operators noted, in one text."""
 
     @property
     def unfinished(self) -> bool:
@@ -75,15 +77,16 @@ def run_files(folder: str | Path) -> tuple[Path, ...]:
         raise RunFileError(
             f"is no folder of runs: {error.strerror or error}", where=str(folder), remedy="Name the folder with --output."
         ) from error
-    return tuple(sorted(found, key=lambda path: (_number(path.name), path.name)))
+    return tuple(sorted(found, key=lambda path: (run_number(path.name), path.name)))
 
 
 def list_runs(folder: str | Path) -> tuple[ListedRun, ...]:
     """What every run of a folder says of itself; a file that cannot be read is listed with its reason."""
-    return tuple(_listed(path) for path in run_files(folder))
+    return tuple(read_listed(path) for path in run_files(folder))
 
 
-def _listed(path: Path) -> ListedRun:
+def read_listed(path: Path) -> ListedRun:
+    """What one file says of itself."""
     from rig.runfile.read import close_recording, open_run
 
     try:
@@ -94,7 +97,8 @@ def _listed(path: Path) -> ListedRun:
         rows = recording.rows
         ends = recording.source.time_ns(0, 1), recording.source.time_ns(max(rows - 1, 0), rows)
         duration = float(ends[1][0] - ends[0][0]) * 1e-9 if rows else 0.0
-        return ListedRun(path, recording.metadata, rows, duration)
+        notes = "; ".join(event.text for event in recording.events if event.source == "operator" and event.code == "note")
+        return ListedRun(path, recording.metadata, rows, duration, notes=notes)
     except RigError as error:
         return ListedRun(path, recording.metadata, problem=str(error))
     finally:
@@ -104,10 +108,11 @@ def _listed(path: Path) -> ListedRun:
 def _highest_number(folder: Path) -> int:
     names = [path.name + "-" for path in (folder / NUMBERS_FOLDER).iterdir()]
     names += [path.name for path in folder.iterdir()]
-    return max((_number(name) for name in names), default=0)
+    return max((run_number(name) for name in names), default=0)
 
 
-def _number(name: str) -> int:
+def run_number(name: str) -> int:
+    """The number that a file or folder of a run bears; 0 for one that bears none."""
     found = _LEADING_NUMBER.match(name)
     return int(found.group(1)) if found else 0
 

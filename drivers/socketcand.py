@@ -1,0 +1,66 @@
+"""python-can's socketcand client with what it lacks: a hub that is not there, silent or gone is said at once.
+
+The client of python-can tries for ten seconds to reach a hub, waits for its answers without end, and takes the end of the
+connection for silence. A rig must not wait for any of it: a hub that dies in motion is a lost bus.
+"""
+
+from __future__ import annotations
+
+import logging
+import select
+import socket
+from typing import Any, Final
+
+import can
+from can.interfaces.socketcand import SocketCanDaemonBus
+
+GREETING: Final = b"< hi >"
+ANSWER_TIMEOUT: Final = 3.0
+"""Seconds that a hub has to greet, and to open the channel."""
+SEND_TIMEOUT: Final = 0.5
+"""Seconds that a frame may wait for a hub that takes nothing any more."""
+
+
+class SocketcandBus(SocketCanDaemonBus):
+    """A client of a socketcand hub. Raises `can.CanError` or `OSError` when it cannot connect, and when the hub is gone."""
+
+    def __init__(self, channel: str, host: str = "127.0.0.1", port: int = 29536, **options: Any) -> None:
+        # It logs each loss with a traceback and warns of every frame that TCP has cut in two; what matters is raised.
+        logging.getLogger("can.interfaces.socketcand").setLevel(logging.CRITICAL)
+        require_greeting(host, int(port))
+        try:
+            super().__init__(channel, host, int(port), **options)
+        except (can.CanError, OSError):
+            self._line.close()
+            self._is_shutdown = True
+            raise
+        self._line.settimeout(SEND_TIMEOUT)
+
+    @property
+    def _line(self) -> socket.socket:
+        # The parent's private name is the only way to its socket.
+        return self.__dict__["_SocketCanDaemonBus__socket"]
+
+    def _expect_msg(self, msg: str) -> None:
+        self._line.settimeout(ANSWER_TIMEOUT)
+        super()._expect_msg(msg)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        message, is_filtered = super()._recv_internal(timeout)
+        if message is None and self._has_ended():
+            raise can.CanOperationError("the hub has closed the connection")
+        return message, is_filtered
+
+    def _has_ended(self) -> bool:
+        ready, _, _ = select.select([self._line], [], [], 0.0)
+        return bool(ready) and not self._line.recv(1, socket.MSG_PEEK)
+
+
+def require_greeting(host: str, port: int) -> None:
+    """Connect once and hear the hub's greeting. Raises `OSError` saying what is there instead."""
+    with socket.create_connection((host, port), ANSWER_TIMEOUT) as line:
+        heard = b""
+        while len(heard) < len(GREETING) and (more := line.recv(len(GREETING) - len(heard))):
+            heard += more
+    if heard != GREETING:
+        raise OSError(f"what answers at {host}:{port} is no socketcand hub: it says {heard[:20]!r}")

@@ -1,0 +1,98 @@
+"""Two runs and a gear's passport on the terminal, in the units of a laboratory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from rig.difference import Change, Difference
+from rig.passport import Analysed, Passport, PassportSeries
+from rig.report.wording import number
+
+_STATE_COLOURS = {"in control": "green", "to be watched": "yellow", "out of control": "bold red"}
+
+
+def print_difference(found: Difference, *, everything: bool) -> None:
+    """What differs, group by group; with `everything` what does not as well."""
+    console = Console()
+    console.print(Text(found.first, style="bold") + Text("  against  ") + Text(found.second, style="bold"))
+    for group, looked_at in found.compared.items():
+        changes = found.of(group)
+        shown = [*changes, *(change for change in found.same if change.group == group and everything)]
+        title = f"{group}: {len(changes)} of {looked_at} differ" if looked_at else f"{group}: nothing to compare"
+        console.print(Text(title, style="bold" if changes else "dim"))
+        if shown:
+            console.print(_change_table(shown, results=group == "results"))
+    if not found.differs:
+        console.print("Nothing differs but number and time.")
+
+
+def _change_table(changes: Sequence[Change], *, results: bool) -> Table:
+    table = Table(box=None, header_style="dim", pad_edge=True)
+    headings = ("what", "first", "second", *(("difference", "significant", "remark") if results else ()))
+    for heading in headings:
+        table.add_column(heading, overflow="fold")
+    for change in changes:
+        row = [Text(change.name), Text(change.first or "-"), Text(change.second or "-")]
+        if results:
+            row += [Text(_difference_text(change)), _significance(change), Text(change.note)]
+        table.add_row(*row)
+    return table
+
+
+def _difference_text(change: Change) -> str:
+    if change.difference is None:
+        return ""
+    doubt = "" if change.uncertainty is None else f" ± {number(change.uncertainty, 2)}"
+    return f"{number(change.difference, 3)}{doubt} {change.unit}".removesuffix(" 1").rstrip()
+
+
+def _significance(change: Change) -> Text:
+    if change.significant is None:
+        return Text("")
+    return Text("yes", style="bold yellow") if change.significant else Text("no: within U_c", style="dim")
+
+
+def print_passport(made: Passport, analysed: Sequence[Analysed] = ()) -> None:
+    """The series of a gear, what their charts say, and what is missing."""
+    console = Console()
+    mark = Text(f"  {made.mark}", style="bold magenta") if made.mark else Text("")
+    console.print(Text(f"Gear {made.serial}", style="bold") + Text(f"  {made.gear}") + mark)
+    for one in analysed:
+        console.print(Text(f"fitted {one.run.run_id}: {one.stored or one.problem}", style="" if one.stored else "bold red"))
+    first, last = (made.runs[0].start[:10], made.runs[-1].start[:10]) if made.runs else ("-", "-")
+    console.print(f"{len(made.runs)} runs, {first} to {last}")
+    if made.series:
+        console.print(_series_table(made.series))
+    for series in made.series:
+        for point in series.points:
+            for signal in point.signals:
+                text = f"{series.title}, {point.run}: {made.rules[signal]}"
+                text += " (within the measuring uncertainty)" if point.within_uncertainty else ""
+                console.print(Text(text, style=_STATE_COLOURS["out of control" if signal in ("1", "MR") else "to be watched"]))
+    for heading, lines in (("Missing", made.missing), ("Runs that do not count", made.left_out)):
+        if lines:
+            console.print(Text(heading, style="bold"))
+        for line in lines:
+            remedy = f"  →  {line.remedy}" if line.remedy else ""
+            console.print(Text(f"  {line.run + ': ' if line.run else ''}{line.what}{remedy}"))
+
+
+def _series_table(series: Sequence[PassportSeries]) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for heading in ("quantity", "runs", "newest", "U (k = 2)", "unit", "centre", "control limits", "state"):
+        right = heading in ("runs", "newest", "U (k = 2)", "centre")
+        table.add_column(heading, overflow="fold", justify="right" if right else "left")
+    for one in series:
+        newest, control = one.points[-1], one.control
+        centre = "-" if control is None else number(control.centre / one.factor, 4)
+        limits = "-" if control is None else " … ".join(number(v / one.factor, 4) for v in (control.lower, control.upper))
+        table.add_row(
+            Text(one.title), str(len(one.points)), number(newest.value / one.factor, 4),
+            number(newest.expanded_uncertainty / one.factor, 2), one.display_unit, centre, limits,
+            Text(one.state, style=_STATE_COLOURS.get(one.state, "dim")),
+        )  # fmt: skip
+    return table

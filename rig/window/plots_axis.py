@@ -1,0 +1,62 @@
+"""An axis of a plot in the lab's manner: plain numbers, on logarithmic axes too (1, 2, 5, 10, 20 ...)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pyqtgraph as pg
+
+LABELLED, BARE = 1.0, 0.5
+"""What pyqtgraph calls the spacing of a level of ticks; here it says whether they carry numbers."""
+WIDE_DECADES, NARROW_DECADES = 3.0, 0.7
+"""From so many decades on only powers of ten are numbered; under so many the ticks are those of a linear axis."""
+
+
+class LabAxis(pg.AxisItem):
+    """The axis of a `LabPlot`."""
+
+    def logTickValues(
+        self, minVal: float, maxVal: float, size: float, stdTicks: Sequence[tuple[float, Sequence[float]]]
+    ) -> list[tuple[float, list[float]]]:
+        """Places (log10) of numbered and of bare ticks."""
+        numbered, bare = log_ticks(minVal, maxVal)
+        return [(LABELLED, numbered), (BARE, bare)]
+
+    def logTickStrings(self, values: Sequence[float], scale: float, spacing: float | None) -> list[str]:
+        """The numbers as people write them."""
+        if spacing == BARE:
+            return [""] * len(values)
+        return [plain(10.0**value * scale) for value in values]
+
+
+def log_ticks(low: float, high: float) -> tuple[list[float], list[float]]:
+    """Numbered and bare ticks between 10**low and 10**high, as log10."""
+    decades = high - low
+    if decades < NARROW_DECADES:
+        return _narrow(low, high), []
+    wanted = (1,) if decades > WIDE_DECADES else (1, 2, 5)
+    numbered, bare = [], []
+    for decade in range(math.floor(low), math.ceil(high) + 1):
+        for digit in range(1, 10):
+            place = decade + math.log10(digit)
+            if low - 1e-9 <= place <= high + 1e-9:
+                (numbered if digit in wanted else bare).append(place)
+    return numbered, bare
+
+
+def _narrow(low: float, high: float) -> list[float]:
+    begin, end = 10.0**low, 10.0**high
+    rough = (end - begin) / 5.0
+    if not rough > 0.0:
+        return []
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(power * factor for factor in (1.0, 2.0, 5.0, 10.0) if power * factor >= rough)
+    places = np.arange(math.ceil(begin / step - 1e-6), math.floor(end / step + 1e-6) + 1) * step
+    return [float(math.log10(place)) for place in places if place > 0.0]
+
+
+def plain(value: float) -> str:
+    """A tick's number: 0.001 and 100000, powers of ten only beyond."""
+    return f"{value:.4g}" if 1e-4 <= abs(value) < 1e5 else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")

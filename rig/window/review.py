@@ -1,0 +1,167 @@
+"""The Review page: the library of runs on the left; on the right a run, an overlay, a difference or a gear's passport."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from datetime import date
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QTimer, QUrl
+from PySide6.QtGui import QDesktopServices, QShowEvent
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QWidget
+
+from rig.library import IndexedRun
+from rig.window.background import BackgroundCommand
+from rig.window.library_table import LibraryTable
+from rig.window.overlay_view import OverlayView
+from rig.window.review_difference import DifferenceView
+from rig.window.review_fit import ResultCache, in_words
+from rig.window.review_passport import PassportView
+from rig.window.review_results import ChooseFile
+from rig.window.run_details import RunDetails
+from rig.window.session import WindowSession
+
+EMPTY = (
+    "Choose a run on the left: its results, figures, signals and files appear here.\n\n"
+    "Choose two or more to overlay their figures, two to see what differs. "
+    "Search with Ctrl+F; the arrow keys go through the list."
+)
+SIZES = (470, 880)
+"""Pixels of library and details at first."""
+
+
+class ReviewPage(QWidget):
+    """The page. `opener` opens a file on the desktop; `choose_file` asks for a parameter set; tests hand in their own."""
+
+    def __init__(
+        self, session: WindowSession, *, opener: Callable[[QUrl], object] = QDesktopServices.openUrl,
+        choose_file: ChooseFile | None = None, today: Callable[[], date] = date.today,
+    ) -> None:  # fmt: skip
+        super().__init__()
+        self._session, self._opener = session, opener
+        self._report: BackgroundCommand | None = None
+        cache: ResultCache = {}
+        self.library = LibraryTable(session, today)
+        self.details = RunDetails(session, cache, opener, choose_file)
+        self.overlay = OverlayView(session, cache)
+        self.difference = DifferenceView(session)
+        self.passport = PassportView(session)
+        self.empty = QLabel(EMPTY)
+        self.empty.setProperty("part", "muted")
+        self.empty.setWordWrap(True)
+        self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.empty.setMargin(40)
+        self.right = QStackedWidget()
+        for view in (self.empty, self.details, self.overlay, self.difference, self.passport):
+            self.right.addWidget(view)
+        both = QSplitter(Qt.Orientation.Horizontal)
+        both.setChildrenCollapsible(False)
+        both.addWidget(self.library)
+        both.addWidget(self.right)
+        both.setStretchFactor(1, 1)
+        both.setSizes(list(SIZES))
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.addWidget(both)
+        self._connect()
+
+    def _connect(self) -> None:
+        library = self.library
+        library.source.changed.connect(self._take_library)
+        library.chosen.connect(self._choose)
+        library.opened.connect(self.show_run)
+        library.overlay_requested.connect(self.show_overlay)
+        library.difference_requested.connect(lambda paths: self.show_difference(*paths))
+        library.passport_requested.connect(self.show_passport)
+        self.passport.run_chosen.connect(self.show_run)
+        library.report_requested.connect(self.make_report)
+        self.details.report_requested.connect(self.make_report)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """The folder is read when the page is looked at."""
+        super().showEvent(event)
+        QTimer.singleShot(0, self.library.source.look)
+
+    def refresh(self) -> None:
+        """Look at the folder and at the shown run again."""
+        self.library.source.look()
+        self.details.refresh()
+
+    def show_run(self, path: Path) -> None:
+        """Open a run and choose it in the library."""
+        path = Path(path)
+        if self.library.selected != [path]:
+            self.library.select(path)
+        self._open(path)
+        self.library.source.look()
+
+    def show_overlay(self, paths: Sequence[Path]) -> None:
+        """The figures of several runs over each other."""
+        runs = [run for path in paths if (run := self.library.run_of(path)) is not None]
+        self.right.setCurrentWidget(self.overlay)
+        self.overlay.show_runs(runs, {run.run_id: run.path for run in self.library.model.runs})
+
+    def show_difference(self, first: Path, second: Path) -> None:
+        """What differs between two runs."""
+        self.right.setCurrentWidget(self.difference)
+        self.difference.show_runs(first, second)
+
+    def show_passport(self, serial: str) -> None:
+        """The runs of a gear over time."""
+        self.right.setCurrentWidget(self.passport)
+        self.passport.show_gear(serial, self.library.model.runs)
+
+    def make_report(self, paths: Sequence[Path]) -> None:
+        """Write the report of runs in a process of its own, then open it."""
+        if self._report is not None:
+            self._session.message.emit("A report is being written already.")
+            return
+        page = report_path(paths)
+        self._report = BackgroundCommand(["report", *(str(path) for path in paths), "--output", str(page)], self)
+        self._report.done.connect(lambda code, out, aside: self._open_report(page, code, aside))
+        self._say_report(f"Writing the report {page.name} …", busy=True)
+        self._report.start()
+
+    def _open_report(self, page: Path, code: int, complaint: str) -> None:
+        self._report = None
+        if code in (2, 6) or not page.exists():
+            self._say_report(in_words(complaint), busy=False)
+            return
+        self._say_report(f"Report: {page}", busy=False)
+        self._opener(QUrl.fromLocalFile(str(page)))
+
+    def _say_report(self, text: str, *, busy: bool) -> None:
+        self.library.say(text)
+        self._session.message.emit(text)
+        self.details.header.report.setDisabled(busy)
+
+    def _choose(self, paths: Sequence[Path]) -> None:
+        """The selection has come to rest: one run is opened; several wait for what is to be done with them."""
+        if len(paths) == 1:
+            self._open(paths[0])
+
+    def _open(self, path: Path) -> None:
+        run = self.library.run_of(path)
+        state = run.state if run else "being written" if path.name.endswith(".part") else "sealed"
+        self.details.set_library(self.library.model.runs)
+        self.right.setCurrentWidget(self.details)
+        self.details.show_run(path, state)
+
+    def _take_library(self, runs: Sequence[IndexedRun]) -> None:
+        self.details.set_library(runs)
+        shown = self.details.path
+        if shown is None:
+            return
+        # The shown run may have been sealed, or recovered, since it was opened.
+        now = next(
+            (run for run in runs if run.path.name.removesuffix(".part") == shown.name.removesuffix(".part")), None
+        )
+        if now is not None and now.path.name != shown.name:
+            self.details.show_run(now.path, now.state)
+
+
+def report_path(paths: Sequence[Path]) -> Path:
+    """Where the report of runs is written: beside the first of them, by its name."""
+    first = paths[0]
+    more = f"-and-{len(paths) - 1}-more" if len(paths) > 1 else ""
+    return first.with_name(f"{first.name.removesuffix('.h5')}{more}.html")
