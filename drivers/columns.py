@@ -52,8 +52,12 @@ class Validity:
 class ColumnDecoder:
     """Decodes blocks and rows of one rig; keeps the unwrapping state between blocks."""
 
-    def __init__(self, layout: FrameLayout, columns: Sequence[Column], validities: Sequence[Validity] = ()) -> None:
+    def __init__(
+        self, layout: FrameLayout, columns: Sequence[Column], validities: Sequence[Validity] = (), cycle_ns: int = 0
+    ) -> None:
         self.layout, self.columns, self.validities = layout, tuple(columns), tuple(validities)
+        self._cycle_ns = cycle_ns
+        self._last_sent: int | None = None
         self._unwrappers = {i: Unwrapper(c.channel.modulus) for i, c in enumerate(columns) if c.kind == "count"}
         # Counter columns first: a latch is placed relative to its counter.
         self._order = sorted(range(len(columns)), key=lambda i: columns[i].kind != "count")
@@ -65,11 +69,12 @@ class ColumnDecoder:
 
     def block(
         self, raw: NDArray[np.int64], bad: NDArray[np.bool_], flags: NDArray[np.uint16], speeds: NDArray[np.int64],
-        torques: NDArray[np.int64], absent: NDArray[np.int64] | None = None,
+        torques: NDArray[np.int64], absent: NDArray[np.int64] | None = None, sent: NDArray[np.int64] | None = None,
     ) -> NDArray[np.int64]:  # fmt: skip
         """Counts (n, columns) of raw values (n, fields) and set-points (n,); sets what it finds in `flags` (n,).
 
-        `absent` (n,) are the slots without a frame, one bit each: their channels are marked stale.
+        `absent` (n,) are the slots without a frame, one bit each: their channels are marked stale. `sent` (n,) [ns] is when
+        the SYNCs went out: where one came late, the shaft had the time to turn further.
         """
         counts = np.zeros((len(raw), len(self.columns)), dtype=np.int64)
         paired = flags.copy()
@@ -92,12 +97,16 @@ class ColumnDecoder:
                 counts[:, i] = raw[:, column.field]
                 if column.analog is not None:
                     flags[column.analog.saturated(counts[:, i])] |= np.uint16(CycleFlag.SATURATED)
-        self._mark(raw, bad, counts, flags)
+        self._mark(raw, bad, counts, flags, self._elapsed(sent, len(raw)))
         if absent is not None and absent.any():
             for slot, mark in enumerate(self._stale_marks):
                 flags[(absent >> slot & 1) != 0] |= np.uint16(mark)
         self._remember(counts)
         return counts
+
+    def pause(self) -> None:
+        """The SYNC has stood while the shaft did: the time until the next one is nobody's chance to turn."""
+        self._last_sent = None
 
     def row(self, record: bytes, speed: int, torque: int, flags: int = 0) -> list[int]:
         """Counts of one record, that of the cycle after the last row or block; `flags` are those of its pairing."""
@@ -171,15 +180,16 @@ class ColumnDecoder:
         return count
 
     def _mark(
-        self, raw: NDArray[np.int64], bad: NDArray[np.bool_], counts: NDArray[np.int64], flags: NDArray[np.uint16]
-    ) -> None:
+        self, raw: NDArray[np.int64], bad: NDArray[np.bool_], counts: NDArray[np.int64], flags: NDArray[np.uint16],
+        elapsed: NDArray[np.int64],
+    ) -> None:  # fmt: skip
         """Signal errors and jumps."""
         flags[bad.any(axis=1)] |= np.uint16(CycleFlag.SIGNAL_ERROR)
         for validity in self.validities:
             flags[(raw[:, validity.field] & validity.mask) != 0] |= np.uint16(CycleFlag.SIGNAL_ERROR)
         if not len(counts):
             return
-        gaps = self._gaps((flags & CycleFlag.INCOMPLETE) != 0)
+        gaps = self._gaps((flags & CycleFlag.INCOMPLETE) != 0, elapsed)
         for i, column in enumerate(self.columns):
             if not column.largest_step:
                 continue
@@ -192,13 +202,22 @@ class ColumnDecoder:
                 jumped |= (gaps > 1) & (2 * allowed >= column.channel.modulus)
             flags[jumped] |= np.uint16(CycleFlag.JUMPED)
 
-    def _gaps(self, incomplete: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """For each cycle (n,): 1 + the number of incomplete cycles just before it."""
-        index = np.arange(len(incomplete))
-        latest_good = np.maximum.accumulate(np.where(incomplete, -1 - self._gap, index))
+    def _elapsed(self, sent: NDArray[np.int64] | None, rows: int) -> NDArray[np.int64]:
+        """For each cycle (rows,): how many periods after the one before it the SYNC went out, at least one."""
+        if sent is None or not len(sent) or not self._cycle_ns:
+            return np.ones(rows, dtype=np.int64)
+        before = sent[0] - self._cycle_ns if self._last_sent is None else self._last_sent
+        self._last_sent = int(sent[-1])
+        steps = np.diff(sent, prepend=before)
+        return np.maximum((steps + self._cycle_ns // 2) // self._cycle_ns, 1)
+
+    def _gaps(self, incomplete: NDArray[np.bool_], elapsed: NDArray[np.int64]) -> NDArray[np.int64]:
+        """For each cycle (n,): the periods since the latest complete one before it, `elapsed` (n,) since the one before."""
+        now = np.cumsum(elapsed) - 1
+        latest_good = np.maximum.accumulate(np.where(incomplete, -1 - self._gap, now))
         before = np.concatenate([[-1 - self._gap], latest_good[:-1]])
-        gaps = index - before
-        self._gap = int(len(incomplete) - 1 - latest_good[-1])
+        gaps = now - before
+        self._gap = int(now[-1] - latest_good[-1])
         return np.minimum(gaps, _FAR)
 
     def _remember(self, counts: NDArray[np.int64]) -> None:

@@ -155,6 +155,7 @@ class CanRig:
         frames = command_frames(nodes.commands, _CONTROLWORD[command.mode], speeds, torques, self._kept)
         is_judged = bool(guard.bounds) or guard.stale_cycles > 0
         self._store.begin_block(cycles)
+        self._sent: list[int] = []
         times: list[int] = []
         latencies: list[int] = []
         broken: Break | None = None
@@ -271,7 +272,7 @@ class CanRig:
     def _prepare(self, bus: PumpedBus, nodes: RigNodes) -> None:
         """Everything that one opening of the rig needs anew."""
         self._store = CycleStore(nodes.layout)
-        self._decoder = ColumnDecoder(nodes.layout, nodes.columns, nodes.validities)
+        self._decoder = ColumnDecoder(nodes.layout, nodes.columns, nodes.validities, self._config.cycle_ns)
         self._judge = CycleJudge([column.channel for column in nodes.columns], self._config.cycle_ns)
         self._statistics = AcquisitionStatistics(self._config.cycle_ns)
         self._mode = Mode.OFF
@@ -351,6 +352,7 @@ class CanRig:
         self._store.begin_cycle(bus.echoes)
         sent = self._clock.monotonic_ns()
         calendar = self._clock.calendar_ns()
+        self._sent.append(sent)
         bus.send(SYNC_COB_ID, b"")
         self._collect(bus, sent, patience)
         latency = self._clock.monotonic_ns() - sent
@@ -370,9 +372,12 @@ class CanRig:
             self._due_ns = now
         late = now - self._due_ns
         if late > self._config.cycle_ns // 2:
-            if row == 0 and (self._pause_pending or late > self._config.cycle_ns):
+            stands = self._mode not in _ACTIVE and late > self._config.cycle_ns
+            if row == 0 and (self._pause_pending or stands):
                 self._statistics.pause()
-            elif row:
+                self._decoder.pause()
+            else:
+                # A block that is begun late is late like any other cycle.
                 self._statistics.overruns += 1
             self._due_ns = now
         self._pause_pending = False
@@ -424,7 +429,8 @@ class CanRig:
         rows = len(times)
         raw, bad = self._store.decoded()
         flags = self._store.flags()
-        counts = self._decoder.block(raw, bad, flags, speeds[:rows], torques[:rows], self._store.absent())
+        sent = np.array(self._sent[:rows], dtype=np.int64)
+        counts = self._decoder.block(raw, bad, flags, speeds[:rows], torques[:rows], self._store.absent(), sent)
         host_rows = [row for row in self._host_rows if row < rows]
         flags[host_rows] |= np.uint16(CycleFlag.HOST_TIME)
         time_ns = np.array(times, dtype=np.int64)

@@ -20,6 +20,7 @@ from drivers.errors import DecodeError, DriverError
 _OBJECT = re.compile(r"^(?:0x)?([0-9a-f]{1,4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?$")
 _COMPACT = re.compile(r"^(?:0x)?([0-9a-f]{1,4})(name|value)$")
 _NUMBER = re.compile(r"^([+-]?)(0x[0-9a-f]+|[0-9a-f]+h|[0-9]+)(?:\.0*|u?l{0,2})$")
+_LOOSE: Final = str.maketrans("|", "+", " ()")
 _TERM = re.compile(r"([+-]?)([^+-]+)")
 _NODE_ID = re.compile(r"\$?node_?id", re.IGNORECASE)
 _OBJECT_TYPES: Final = {"domain": 2, "deftype": 5, "defstruct": 6, "var": 7, "array": 8, "record": 9}
@@ -364,7 +365,7 @@ def _limit(text: str | None, data_type: DataType, node_id: int | None) -> int | 
 
 def _sum(spelled: str, node_id: int | None) -> int | None:
     """A number, or a sum of numbers and of the node-ID: $NODEID+0x180, 0x80000180 + $NodeId, NODEID+384."""
-    terms = _NODE_ID.sub("n", spelled).replace(" ", "").replace("|", "+")
+    terms = _NODE_ID.sub("n", spelled).translate(_LOOSE)
     if len(terms) > 64 or not terms:
         return None
     total = 0

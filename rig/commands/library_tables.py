@@ -72,7 +72,7 @@ def print_passport(made: Passport, analysed: Sequence[Analysed] = ()) -> None:
             for signal in point.signals:
                 text = f"{series.title}, {point.run}: {made.rules[signal]}"
                 text += " (within the measuring uncertainty)" if point.within_uncertainty else ""
-                console.print(Text(text, style=_STATE_COLOURS["out of control" if signal in ("1", "MR") else "to be watched"]))
+                console.print(Text(text, style=_STATE_COLOURS["out of control" if signal == "1" else "to be watched"]))
     for heading, lines in (("Missing", made.missing), ("Runs that do not count", made.left_out)):
         if lines:
             console.print(Text(heading, style="bold"))

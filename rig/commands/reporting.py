@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 
+class ReportFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
+    """What is written."""
+
+    html = "html"
+    pdf = "pdf"
+    both = "both"
+
+
 def report(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run files of one gear, in any order.")],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="The page to write.")] = Path(
-        "report.html"
-    ),
+    runs: Annotated[
+        list[Path] | None, typer.Argument(metavar="[RUN...]", help="Run files of one gear, in any order.")
+    ] = None,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="What to write: .html or .pdf; a folder with --per-run.")
+    ] = Path("report.html"),
+    format_: Annotated[
+        ReportFormat | None, typer.Option("--format", help="Instead of the suffix of FILE; both writes the two side by side.")
+    ] = None,
+    per_run: Annotated[bool, typer.Option("--per-run", help="A report of its own for every run, into the folder FILE.")] = False,
+    gear: Annotated[
+        str, typer.Option("--gear", metavar="SERIAL", help="The report of a gear over its life, from the runs in --runs.")
+    ] = "",
+    folder: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs, for --gear.")] = Path("runs"),
     tare: Annotated[
         Path | None,
         typer.Option("--tare", metavar="RUN", help="Motor-tare run; one among RUN... is used without asking."),
@@ -20,13 +39,55 @@ def report(
     parameters: Annotated[
         Path | None, typer.Option("--parameters", metavar="FILE", help="Parameter set (TOML) instead of the run's own.")
     ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")] = False,
 ) -> None:
-    """Write one self-contained page: verdict, figures, parameters with intervals and budgets, conditions, provenance."""
-    from rig.report.build import report_on_files
+    """Write a self-contained report: verdict, figures, parameters with intervals and budgets, conditions, provenance.
 
-    made = report_on_files(runs, output, tare=tare, parameters=parameters)
-    for line in made.lines:
+    HTML or PDF, of all the runs together, of every run for itself, or of a gear over its life (its passport). Only runs from
+    hardware have room for a signature; all others are marked on every page.
+    """
+    from rig.report.build import report_on_files, report_on_gear
+
+    if bool(runs) == bool(gear):
+        raise typer.BadParameter("name either runs or --gear SERIAL", param_hint="RUN... or --gear")
+    suffixes = _suffixes(output, format_, per_run)
+    lines: list[str] = []
+    written: list[Path] = []
+    if gear:
+        made = [report_on_gear(folder, gear, [output.with_suffix(suffix) for suffix in suffixes])]
+    elif per_run:
+        named = [(run, [output / f"{run.name.split('.')[0]}{suffix}" for suffix in suffixes]) for run in runs or ()]
+        made = []
+        for number, (run, paths) in enumerate(named, 1):
+            if not json and len(named) > 1:
+                typer.echo(f"{number}/{len(named)} {run}", err=True)
+            made.append(report_on_files([run], paths, tare=tare, parameters=parameters))
+    else:
+        paths = [output.with_suffix(suffix) for suffix in suffixes]
+        made = [report_on_files(runs or [], paths, tare=tare, parameters=parameters)]
+    for one in made:
+        lines += one.lines
+        written += one.paths
+    if json:
+        from rig.results import json_text
+
+        typer.echo(json_text({"files": [str(path) for path in written], "lines": lines}))
+        return
+    for line in lines:
         typer.echo(line)
+
+
+def _suffixes(output: Path, format_: ReportFormat | None, per_run: bool) -> tuple[str, ...]:
+    """The suffixes of what is to be written. Raises `BadParameter` for one that no report has."""
+    if format_ is ReportFormat.both:
+        return (".html", ".pdf")
+    if format_ is not None:
+        return (f".{format_.value}",)
+    if per_run:
+        return (".html",)
+    if output.suffix.lower() not in (".html", ".htm", ".pdf"):
+        raise typer.BadParameter(f"{output}: a report is .html or .pdf", param_hint="--output")
+    return (output.suffix,)
 
 
 def demo(

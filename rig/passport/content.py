@@ -102,11 +102,14 @@ class PassportSeries:
 
     @property
     def state(self) -> State:
-        """What the chart says of the newest run."""
+        """What the chart says of the newest run: out of control beyond a limit, to be watched where another rule speaks.
+
+        A step alone is to be watched: the run after an outlier steps back, and is in its place again.
+        """
         if self.control is None:
             return "no control limits yet"
         newest = self.points[-1].signals
-        return "out of control" if {"1", "MR"} & set(newest) else "to be watched" if newest else "in control"
+        return "out of control" if "1" in newest else "to be watched" if newest else "in control"
 
     def as_json(self) -> dict[str, Any]:
         """One series of `rig passport --json`."""

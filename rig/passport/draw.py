@@ -30,24 +30,23 @@ def control_plot(
     u = np.array([point.expanded_uncertainty for point in points]) / quantity.factor
     u = np.where(np.isfinite(u), u, 0.0)
     across = np.array([0.5, max(len(points), 1) + 0.5])
-    series = [
-        Series("run, with U (k = 2)", x, y, "points", y - u, y + u, MEASURED),
-        Series("in order of time", x, y, "line", group=MEASURED),
-    ]
+    out = np.array([bool(point.signals) for point in points], dtype=bool)
+    series = [Series("in order of time", x, y, "line", group=MEASURED)]
+    for label, chosen, colour in (("run, with U (k = 2)", ~out, MEASURED), ("signals a change", out, SIGNALS)):
+        if chosen.any():
+            low, high = (y - u)[chosen], (y + u)[chosen]
+            series.append(Series(label, x[chosen], y[chosen], "points", low, high, colour))
     if control is not None:
         lines = {"centre line": control.centre, "upper control limit": control.upper, "lower control limit": control.lower}
         for label, value in lines.items():
             series.append(Series(label, across, np.full(2, value / quantity.factor), "line", group=CONTROL))
-        out = np.array([bool(point.signals) for point in points])
-        if out.any():
-            series.append(Series("signals a change", x[out], y[out], "points", group=SIGNALS))
     if limit is not None:
         label = f"limit ({limit.provenance})"
         series.append(Series(label, across, np.full(2, limit.value / quantity.factor), "line", group=CATALOGUE))
     days = f"run 1 is of {points[0].start[:10]}, run {len(points)} of {points[-1].start[:10]}" if points else ""
     note = ". ".join(text for text in (mark, days) if text)
     return Plot(
-        f"passport-{quantity.key}", title, "run of this series, in order of time", f"{quantity.title} [{quantity.display_unit}]",
+        f"passport-{quantity.key}", title, "run of this series, in order of time", f"{quantity.axis} [{quantity.display_unit}]",
         tuple(series), note=note,
     )  # fmt: skip
 

@@ -36,6 +36,8 @@ class Quantity:
     compared_by: tuple[str, ...]
     step: str
     """What is to be run where there is nothing of it."""
+    axis: str
+    """What stands at the axis of its chart, before the unit."""
 
 
 _COMPARED_ERROR = ("part", "mounting", "speed", "orders")
@@ -48,14 +50,17 @@ _ACCURACY = (
 
 def _accuracy(key: str, way: str) -> Quantity:
     title = f"Transmission accuracy, {way}"
-    return Quantity(key, "kinematic-error", title, _ACCURACY, ARCMIN, "arcmin", _COMPARED_ERROR, "rig run kinematic-error")
+    return Quantity(
+        key, "kinematic-error", title, _ACCURACY, ARCMIN, "arcmin", _COMPARED_ERROR, "rig run kinematic-error",
+        "transmission accuracy",
+    )  # fmt: skip
 
 
 def _running(rpm: int) -> Quantity:
     return Quantity(
         f"running_torque_{rpm}_rpm", "friction", f"No-load running torque at {rpm} r/min",
         "torque that keeps the input turning at this speed, nothing on the output", MILLI, "mN m", _COMPARED_TORQUE,
-        "rig run friction",
+        "rig run friction", "running torque",
     )  # fmt: skip
 
 
@@ -63,7 +68,7 @@ def _starting(key: str, way: str) -> Quantity:
     return Quantity(
         key, "starting-torque", f"No-load starting torque, {way}",
         "quasi-static torque at which the input begins to turn, nothing on the output; mean over wave-generator positions",
-        MILLI, "mN m", (*_COMPARED_TORQUE, "ramp"), "rig run starting-torque",
+        MILLI, "mN m", (*_COMPARED_TORQUE, "ramp"), "rig run starting-torque", "starting torque",
     )  # fmt: skip
 
 
@@ -72,7 +77,7 @@ def order_quantity(label: str) -> Quantity:
     return Quantity(
         f"amplitude_{label}", "kinematic-error", f"Kinematic error, amplitude of order {label}",
         "amplitude of this order of the kinematic error, cycles per input revolution; mean of both directions", ARCSEC,
-        "arcsec", _COMPARED_ERROR, "rig run kinematic-error",
+        "arcsec", _COMPARED_ERROR, "rig run kinematic-error", "amplitude",
     )  # fmt: skip
 
 

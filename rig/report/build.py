@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rig.errors import RigError, RunFileError
 
@@ -21,22 +21,27 @@ ERROR, STEPS = "kinematic-error", "velocity-steps"
 
 @dataclass(frozen=True)
 class Made:
-    """A written report: its file, the fits in it, and what to tell whoever asked for it."""
+    """A written report: its files, the fits in it, and what to tell whoever asked for it."""
 
-    path: Path
+    paths: tuple[Path, ...]
     fits: tuple[Fit, ...]
     lines: tuple[str, ...]
+
+    @property
+    def path(self) -> Path:
+        """The first file."""
+        return self.paths[0]
 
 
 def report_on_files(
     runs: Sequence[Path],
-    output: Path,
+    output: Path | Sequence[Path],
     *,
     tare: Path | None = None,
     parameters: Path | None = None,
     created: str | None = None,
 ) -> Made:
-    """Fit these run files and write the report of them.
+    """Fit these run files and write the report of them: one file, or several of the same content (HTML, PDF).
 
     A motor-tare run among them is subtracted from the others unless `tare` names another one; velocity steps are compared
     with the kinematic error that a run of the same gear among them identified. `created` is the calendar time of the
@@ -44,7 +49,7 @@ def report_on_files(
     """
     from model.gear_file import load_gear
     from rig.fit import TARE, fit_recording, store
-    from rig.report.page import write_report
+    from rig.report.page import report_context
     from rig.runfile.read import open_run
 
     if not runs:
@@ -69,10 +74,28 @@ def report_on_files(
         except RunFileError as error:
             kept.append(fit)
             lines.append(f"Not stored: {error}")
-    written = write_report(kept, output, created=_readable(created))
-    size = written.stat().st_size / 1e6
-    lines.append(f"{written}: {len(kept)} {'run' if len(kept) == 1 else 'runs'}, {size:.1f} MB")
-    return Made(written, tuple(kept), tuple(lines))
+    outputs = (output,) if isinstance(output, Path) else tuple(output)
+    count = f"{len(kept)} {'run' if len(kept) == 1 else 'runs'}"
+    lines += _written(report_context(kept, created=_readable(created)), outputs, count)
+    return Made(outputs, tuple(kept), tuple(lines))
+
+
+def report_on_gear(folder: Path, serial: str, outputs: Sequence[Path], *, created: str | None = None) -> Made:
+    """Write the report of a gear over its life, from the analyses that lie beside its runs in a folder."""
+    from rig.passport import passport
+    from rig.report.gear import gear_context
+
+    created = created or datetime.now().astimezone().isoformat(timespec="seconds")
+    found = passport(folder, serial)
+    context = gear_context(found, created=_readable(created))
+    return Made(tuple(outputs), (), tuple(_written(context, outputs, f"gear {serial}, {len(found.runs)} runs")))
+
+
+def _written(context: dict[str, Any], outputs: Sequence[Path], what: str) -> list[str]:
+    """Write every output; a line for each."""
+    from rig.report.page import write_context
+
+    return [f"{path}: {what}, {write_context(context, path).stat().st_size / 1e6:.1f} MB" for path in outputs]
 
 
 def _gear_for(recording: Recording, given: HarmonicDrive | None, fits: Sequence[Fit]) -> HarmonicDrive | None:

@@ -79,17 +79,27 @@ def write_report(
     truth: Sequence[tuple[str, TruthRow]] = (),
     note: str = "",
 ) -> Path:
-    """Write the report of these fits (of one gear) as one HTML file and return its path.
+    """Write the report of these fits (of one gear) as one file, HTML or PDF by its suffix, and return its path.
 
     `created` is the calendar time of the report (ISO 8601); `truth` kind of fit and what the simulator knows; `note` a
     sentence under the title. The same input gives the same bytes. Raises `RigError` for nothing to report or a file that
     cannot be written.
     """
+    return write_context(report_context(fits, created=created, truth=truth, note=note), path)
+
+
+def write_context(context: dict[str, Any], path: str | Path) -> Path:
+    """Write the content of a report as HTML or, by its suffix, as PDF. Raises `RigError` for a file that cannot be written."""
     path = Path(path)
-    text = render_report(fits, created=created, truth=truth, note=note)
+    if path.suffix.lower() == ".pdf":
+        from rig.report.pdf import render_pdf
+
+        content_bytes = render_pdf(context)
+    else:
+        content_bytes = render_page(context).encode("utf-8")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8", newline="\n")
+        path.write_bytes(content_bytes)
     except OSError as error:
         raise RigError(
             "the report cannot be written", where=str(path), value=error.strerror or str(error),
@@ -102,20 +112,29 @@ def render_report(
     fits: Sequence[Fit], *, created: str, truth: Sequence[tuple[str, TruthRow]] = (), note: str = ""
 ) -> str:
     """The text of the page; see `write_report`."""
+    return render_page(report_context(fits, created=created, truth=truth, note=note))
+
+
+def report_context(
+    fits: Sequence[Fit], *, created: str, truth: Sequence[tuple[str, TruthRow]] = (), note: str = ""
+) -> dict[str, Any]:
+    """Everything that a report shows, on screen and on paper: each number is worded once, here."""
+    if not fits:
+        raise RigError("there is nothing to report", remedy="Name at least one run.")
+    return {"created": created, "note": note, **_context(sorted(fits, key=_place), truth)}
+
+
+def render_page(context: dict[str, Any]) -> str:
+    """The HTML of a report's content."""
     import jinja2
     from markupsafe import Markup
 
-    if not fits:
-        raise RigError("there is nothing to report", remedy="Name at least one run.")
-    fits = sorted(fits, key=_place)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("rig", "report"), autoescape=True, undefined=jinja2.StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, finalize=_finalize,
     )  # fmt: skip
     style = environment.get_template(STYLE).render()
-    return environment.get_template(TEMPLATE).render(
-        style=Markup(style), created=created, note=note, **_context(fits, truth)
-    )
+    return environment.get_template(TEMPLATE).render(style=Markup(style), **context)
 
 
 def _finalize(value: Any) -> Any:
@@ -154,6 +173,7 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
         "long_tables": any(p.annex for p in parts),
         "parts": parts,
         "conditions": provenance.side_by_side([(p.title, p.provenance.conditions) for p in parts]),
+        "calibrations": provenance.side_by_side([(p.title, p.provenance.calibrations) for p in parts]),
         "identities": provenance.side_by_side([(p.title, p.provenance.rows) for p in parts], "Runs"),
         "conventions": provenance.side_by_side(
             [(p.title, p.provenance.options) for p in parts], "Conventions of the analyses"
@@ -165,6 +185,8 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
         "truth": content.truth_grid(truth) if truth else None,
         "covered": (sum(r.covered for _, r in truth), sum(r.within for _, r in truth), len(truth)),
         "paper_figures": _paper_figures(all_figures),
+        "run_word": "Run",
+        "annex_title": "parameter set with its sources",
         "parameter_sets": content.parameter_grids(fits),
         "definitions": definitions.definitions_for(r.kind for r in results),
         "not_measured": definitions.NOT_MEASURED,

@@ -23,6 +23,7 @@ class Provenance:
     conditions: tuple[tuple[str, str], ...] = ()
     settings: tuple[tuple[str, str], ...] = ()
     options: tuple[tuple[str, str], ...] = ()
+    calibrations: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,28 @@ def provenance_of(fit: Fit) -> Provenance:
         conditions_of(fit.recording, fit.gear if fit.gear_known and m.gear_mounted else None),
         settings,
         options,
+        calibrations_of(fit.recording),
     )
+
+
+def calibrations_of(recording: Recording) -> tuple[tuple[str, str], ...]:
+    """Certificate, date and due date of every calibrated channel, and loudly whether it had expired when the run began."""
+    columns = getattr(recording.source, "columns", ())
+    begun = recording.metadata.start_time[:10]
+    rows = []
+    for column in columns:
+        c = column.calibration
+        if not (c.certificate or c.date or c.due or column.name in CALIBRATED):
+            continue
+        told = [c.certificate or "no certificate", f"of {c.date}" if c.date else "", f"due {c.due}" if c.due else ""]
+        expired = bool(c.due and begun and c.due[:10] < begun)
+        text = ", ".join(part for part in told if part) + (": EXPIRED WHEN THE RUN BEGAN" if expired else "")
+        rows.append((readable(column.name).capitalize(), text))
+    return tuple(rows)
+
+
+CALIBRATED = frozenset({"input_angle", "output_angle", "torque"})
+"""Channels whose certificate is asked for even where there is none."""
 
 
 def _moment(text: str) -> str:

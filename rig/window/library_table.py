@@ -32,6 +32,7 @@ CHOSEN_PAUSE_MS = 120
 """ms that the selection must rest before the run is opened: arrow keys run through the table without waiting for each."""
 WIDTHS = {"#": 40, "started": 132, "protocol": 112, "gear": 86, "outcome": 106, "operator": 96, "time": 84, "origin": 92,
           "part": 96}  # fmt: skip
+HTML, PDF = ".html", ".pdf"
 PERIODS = ("any time", "today", "last 7 days", "last 30 days", "this year", "between …")
 
 
@@ -120,7 +121,8 @@ class LibraryTable(QWidget):
     overlay_requested = Signal(object)
     difference_requested = Signal(object)
     passport_requested = Signal(str)
-    report_requested = Signal(object)
+    report_requested = Signal(object, str)
+    """Carries the paths and the suffix of the report."""
 
     def __init__(self, session: WindowSession, today: Callable[[], date] = date.today) -> None:
         super().__init__()
@@ -151,7 +153,7 @@ class LibraryTable(QWidget):
         column.addLayout(self._actions())
         column.addWidget(self.count)
         column.addWidget(self.says)
-        self.setMinimumWidth(410)
+        self.setMinimumWidth(440)
         self._connect(session)
 
     def _connect(self, session: WindowSession) -> None:
@@ -174,13 +176,15 @@ class LibraryTable(QWidget):
             "overlay": _button("O&verlay", "Draw the figures of two or more chosen runs over each other"),
             "difference": _button("&Difference", "What differs between two chosen runs, and only that"),
             "passport": _button("Pass&port", "The chosen run's gear over time"),
-            "report": _button("Repor&t", "Write the report of the chosen runs and open it"),
+            "report": _button("Repor&t", "Write the report of the chosen runs as a web page (HTML) and open it"),
+            "pdf": _button("PD&F", "Write the report of the chosen runs for paper (PDF) and open it"),
         }
         acts: dict[str, Callable[[], None]] = {
             "overlay": lambda: self.overlay_requested.emit(self.selected),
             "difference": lambda: self.difference_requested.emit(self.selected),
             "passport": lambda: self.passport_requested.emit(self._serial()),
-            "report": lambda: self.report_requested.emit(self.selected),
+            "report": lambda: self.report_requested.emit(self.selected, HTML),
+            "pdf": lambda: self.report_requested.emit(self.selected, PDF),
         }
         for name, button in self.buttons.items():
             button.clicked.connect(lambda _=False, act=acts[name]: act())
@@ -260,7 +264,9 @@ class LibraryTable(QWidget):
         self.buttons["overlay"].setEnabled(len(selected) >= 2 and whole)
         self.buttons["difference"].setEnabled(len(selected) == 2 and whole)
         self.buttons["passport"].setEnabled(bool(self._serial()))
-        self.buttons["report"].setEnabled(bool(selected) and all(run.state == "sealed" for run in readable) and whole)
+        sealed = bool(selected) and whole and all(run.state == "sealed" for run in readable)
+        for name in ("report", "pdf"):
+            self.buttons[name].setEnabled(sealed)
         self._pause.start()
 
     def _into_table(self) -> None:

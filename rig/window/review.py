@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QW
 
 from rig.library import IndexedRun
 from rig.window.background import BackgroundCommand
-from rig.window.library_table import LibraryTable
+from rig.window.library_table import HTML, LibraryTable
 from rig.window.overlay_view import OverlayView
 from rig.window.review_difference import DifferenceView
 from rig.window.review_fit import ResultCache, in_words
@@ -111,12 +111,12 @@ class ReviewPage(QWidget):
         self.right.setCurrentWidget(self.passport)
         self.passport.show_gear(serial, self.library.model.runs)
 
-    def make_report(self, paths: Sequence[Path]) -> None:
+    def make_report(self, paths: Sequence[Path], suffix: str = HTML) -> None:
         """Write the report of runs in a process of its own, then open it."""
         if self._report is not None:
             self._session.message.emit("A report is being written already.")
             return
-        page = report_path(paths)
+        page = report_path(paths, suffix)
         self._report = BackgroundCommand(["report", *(str(path) for path in paths), "--output", str(page)], self)
         self._report.done.connect(lambda code, out, aside: self._open_report(page, code, aside))
         self._say_report(f"Writing the report {page.name} …", busy=True)
@@ -133,7 +133,7 @@ class ReviewPage(QWidget):
     def _say_report(self, text: str, *, busy: bool) -> None:
         self.library.say(text)
         self._session.message.emit(text)
-        self.details.header.report.setDisabled(busy)
+        self.details.header.allow_report(not busy)
 
     def _choose(self, paths: Sequence[Path]) -> None:
         """The selection has come to rest: one run is opened; several wait for what is to be done with them."""
@@ -160,8 +160,8 @@ class ReviewPage(QWidget):
             self.details.show_run(now.path, now.state)
 
 
-def report_path(paths: Sequence[Path]) -> Path:
+def report_path(paths: Sequence[Path], suffix: str = HTML) -> Path:
     """Where the report of runs is written: beside the first of them, by its name."""
     first = paths[0]
     more = f"-and-{len(paths) - 1}-more" if len(paths) > 1 else ""
-    return first.with_name(f"{first.name.removesuffix('.h5')}{more}.html")
+    return first.with_name(f"{first.name.removesuffix('.h5')}{more}{suffix}")

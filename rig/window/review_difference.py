@@ -13,8 +13,10 @@ from rig.window.review_errand import Errand
 from rig.window.review_grid import GridTable
 from rig.window.session import WindowSession
 
-COLUMNS = ("group", "what", "first", "second", "difference", "significance", "remark")
+COLUMNS = ("group", "what", "first", "second", "significance", "difference", "remark")
 EVERYTHING = "everything that differs"
+WIDEST = 170
+"""Pixels of a column at first, so that the significance of a result is in view."""
 
 
 class DifferenceView(QWidget):
@@ -32,7 +34,7 @@ class DifferenceView(QWidget):
         self.group.setAccessibleName("Which group")
         self.group.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.group.currentIndexChanged.connect(lambda _: self._fill())
-        self.table = GridTable(session, "Differences", judged=("significance",))
+        self.table = GridTable(session, "Differences", judged=("significance",), widest=WIDEST)
         self._errand = Errand(self)
         self._errand.done.connect(self._take)
         self._errand.failed.connect(self._refuse)
@@ -82,8 +84,9 @@ class DifferenceView(QWidget):
             return
         group = self.group.currentData()
         changes = self.difference.of(group) if group else self.difference.changes
-        rows = [change_row(change) for change in _results_first(changes)]
-        self.table.show_rows(COLUMNS, rows, (False, False, False, False, True, False, False))
+        kinds = {change.name.partition(": ")[0] for change in changes if change.group == "results"}
+        rows = [change_row(change, several_kinds=len(kinds) > 1) for change in _results_first(changes)]
+        self.table.show_rows(COLUMNS, rows, (False, False, False, False, False, True, False))
 
 
 def _results_first(changes: Sequence[Change]) -> list[Change]:
@@ -91,14 +94,14 @@ def _results_first(changes: Sequence[Change]) -> list[Change]:
     return sorted(changes, key=lambda change: change.group != "results")
 
 
-def change_row(change: Change) -> tuple[str, ...]:
-    """One line under `COLUMNS`, in the units of a laboratory."""
+def change_row(change: Change, *, several_kinds: bool = True) -> tuple[str, ...]:
+    """One line under `COLUMNS`; results name their kind of fit where there are several."""
     kind, _, name = change.name.partition(": ") if change.group == "results" else ("", "", change.name)
     words = readable(name) if name else kind
-    what = f"{kind}: {words}" if name and kind else words
+    what = f"{kind}: {words}" if name and kind and several_kinds else words
     if change.difference is None or change.uncertainty is None:
         return (change.group, what, change.first, change.second, "", "", change.note)
     # In the unit of the values beside it, which are SI as the analysis keeps them.
     shown = f"{number(change.difference, 3)} ± {number(change.uncertainty, 2)} {pretty(change.unit)}".rstrip(" 1")
     verdict = "" if change.significant is None else "significant" if change.significant else "within U"
-    return (change.group, what, change.first, change.second, shown, verdict, change.note)
+    return (change.group, what, change.first, change.second, verdict, shown, change.note)

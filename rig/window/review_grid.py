@@ -25,9 +25,9 @@ WIDEST = 320
 class GridTable(QTableWidget):
     """A table of text. `judged` names the columns whose words are coloured as verdicts."""
 
-    def __init__(self, session: WindowSession, name: str, judged: Sequence[str] = ()) -> None:
+    def __init__(self, session: WindowSession, name: str, judged: Sequence[str] = (), *, widest: int = WIDEST) -> None:
         super().__init__(0, 0)
-        self._session, self._judged = session, judged
+        self._session, self._judged, self._widest = session, judged, widest
         self._columns: tuple[str, ...] = ()
         self.setAccessibleName(name)
         self.verticalHeader().hide()
@@ -79,8 +79,8 @@ class GridTable(QTableWidget):
         header.setStretchLastSection(True)
         self.resizeColumnsToContents()
         for place in range(self.columnCount()):
-            if self.columnWidth(place) > WIDEST:
-                self.setColumnWidth(place, WIDEST)
+            if self.columnWidth(place) > self._widest:
+                self.setColumnWidth(place, self._widest)
 
     def _colour(self, palette: Palette) -> None:
         for place, name in enumerate(self._columns):

@@ -180,7 +180,7 @@ class ResultsView(QWidget):
         self._session = session
         self._shown: tuple[Result, HarmonicDrive | None] | None = None
         self.bar = bar
-        self.table = GridTable(session, "Results", judged=("identifiable", "verdict"))
+        self.table = GridTable(session, "Results", judged=("identifiable", "limit or catalogue"))
         self.page = QTextBrowser()
         self.page.setAccessibleName("Warnings, figures of merit, tables")
         self.page.setOpenLinks(False)

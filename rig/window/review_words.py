@@ -18,8 +18,7 @@ RESULT_COLUMNS = (
     "unit",
     "95 % interval",
     "identifiable",
-    "verdict",
-    "catalogue",
+    "limit or catalogue",
     "remark",
 )
 RATINGS = {"transmission_accuracy": "transmission_accuracy", "running_torque": "running_torque",
@@ -34,17 +33,19 @@ def result_rows(result: Result, gear: HarmonicDrive | None) -> list[tuple[str, .
     for name, estimate in result.estimates.items():
         s = show(estimate)
         verdict = verdicts.get(id(estimate))
-        rows.append((
-            readable(name), f"{s.value} ± {s.expanded or '?'}", s.unit, f"{s.low} … {s.high}", estimate.identifiable,
-            verdict_words(verdict) if verdict else "", catalogue_words(estimate, gear), estimate.note,
-        ))  # fmt: skip
+        limit = verdict_words(verdict) if verdict else catalogue_words(estimate, gear)
+        interval = f"{s.low} … {s.high}"
+        value = f"{s.value} ± {s.expanded or '?'}"
+        rows.append((readable(name), value, s.unit, interval, estimate.identifiable, limit, estimate.note))
     return rows
 
 
 def verdict_words(verdict: Verdict) -> str:
-    """The outcome and the limit that it was held against."""
+    """The outcome, the limit that it was held against, and where that is from and under which conditions it holds."""
     factor, unit = display_unit(verdict.estimate.name, verdict.estimate.unit, verdict.estimate.value)
-    return f"{verdict.outcome} (≤ {number(verdict.limit / factor)} {unit})".replace(" )", ")")
+    source = f"{verdict.limit_provenance}: {verdict.limit_source}".rstrip(": ")
+    limit = f"≤ {number(verdict.limit / factor)} {unit}".rstrip()
+    return f"{verdict.outcome} ({limit}, {source})"
 
 
 def catalogue_words(estimate: Estimate, gear: HarmonicDrive | None) -> str:
@@ -55,7 +56,7 @@ def catalogue_words(estimate: Estimate, gear: HarmonicDrive | None) -> str:
     value = gear.value(f"ratings.{rating}")
     factor, unit = display_unit(estimate.name, value.unit, estimate.value)
     source = f"{value.origin.provenance}: {value.origin.source}".rstrip(": ")
-    return f"{number(value.value / factor)} {unit} ({source})"
+    return f"catalogue {number(value.value / factor)} {unit} ({source})"
 
 
 def result_page(result: Result, palette: Palette) -> str:
@@ -66,12 +67,10 @@ def result_page(result: Result, palette: Palette) -> str:
         parts.append(f'<h4 style="color:{palette.warning}">To beware of</h4><ul>{lines}</ul>')
     for v in result.verdicts:
         colour = {"PASS": palette.good, "FAIL": palette.bad, "MARGINAL": palette.warning}.get(v.outcome, palette.muted)
-        source = f"{v.limit_provenance}: {v.limit_source}".rstrip(": ")
-        parts.append(
-            f'<p><b style="color:{colour}">{html.escape(v.outcome)}</b>&nbsp; {html.escape(v.name)}: '
-            f"{html.escape(show(v.estimate).with_uncertainty)}, {html.escape(verdict_words(v))}. "
-            f"{html.escape(v.definition[:1].upper() + v.definition[1:])}. Limit: {html.escape(source)}.</p>"
-        )
+        limit = verdict_words(v).removeprefix(v.outcome).strip()
+        definition = v.definition[:1].upper() + v.definition[1:]
+        words = html.escape(f"{v.name}: {show(v.estimate).with_uncertainty} {limit}. {definition}.")
+        parts.append(f'<p><b style="color:{colour}">{html.escape(v.outcome)}</b>&nbsp; {words}</p>')
     grids = [metric_grid(result), *(data_grid(table) for table in result.tables)]
     parts += [grid_html(grid, palette) for grid in grids if grid is not None]
     if result.options:

@@ -20,6 +20,7 @@ from rig.results import Analysis, read_analyses
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.read import follow, open_run
 from rig.window.background import BackgroundCommand
+from rig.window.library_table import HTML, PDF
 from rig.window.plots_result import PlotGallery
 from rig.window.review_errand import Errand
 from rig.window.review_fit import FitDesk, FitOrder, ResultCache, in_words, order_of
@@ -40,8 +41,8 @@ PAGES = ("Results", "Figures", "Signals", "Events && notes", "Conditions && cali
 class RunDetails(QWidget):
     """The details of one run. `show_run` opens a file; a file that cannot be read says why in its place."""
 
-    report_requested = Signal(object)
-    """Carries the list of the one path."""
+    report_requested = Signal(object, str)
+    """Carries the list of the one path, and the suffix of the report."""
 
     def __init__(
         self,
@@ -101,7 +102,8 @@ class RunDetails(QWidget):
         self.problem.hide()
 
     def _connect(self) -> None:
-        self.header.report.clicked.connect(lambda: self.report_requested.emit([self.path]))
+        self.header.report.clicked.connect(lambda: self.report_requested.emit([self.path], HTML))
+        self.header.pdf.clicked.connect(lambda: self.report_requested.emit([self.path], PDF))
         self.tabs.currentChanged.connect(lambda _: self._fill_page())
         self.bar.fit_requested.connect(self.fit)
         self.bar.compare_requested.connect(self.compare)

@@ -38,13 +38,16 @@ class RunHeaderView(QFrame):
             label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.report = QPushButton("Open &report")
-        self.report.setToolTip("Write the report of this run and open it")
+        self.report.setToolTip("Write the report of this run as a web page (HTML) and open it")
+        self.pdf = QPushButton("PDF")
+        self.pdf.setToolTip("Write the report of this run for paper (PDF) and open it")
         first = QHBoxLayout()
         first.setSpacing(14)
         first.addWidget(self.title, 1)
         first.addWidget(self.mark)
         first.addWidget(self.outcome)
         first.addWidget(self.report)
+        first.addWidget(self.pdf)
         grid = QGridLayout(self)
         grid.setContentsMargins(12, 7, 12, 7)
         grid.setVerticalSpacing(2)
@@ -58,7 +61,7 @@ class RunHeaderView(QFrame):
         self.title.setText(m.run_id or path.name)
         self.title.setToolTip(str(path))
         self.mark.setText(ORIGIN_WORDS[m.origin])
-        self.report.setEnabled(state == "sealed")
+        self.allow_report(state == "sealed")
         self._show_outcome(m.outcome or (state if state != "sealed" else ""))
         gear = " ".join(part for part in (m.gear.name if m.gear else "", m.gear_serial) if part) or "gear not stated"
         facts = [
@@ -72,11 +75,16 @@ class RunHeaderView(QFrame):
         self.file.setText(" · ".join(part for part in parts if part))
         self.file.setToolTip(recorded_sha256(path))
 
+    def allow_report(self, allowed: bool) -> None:
+        """Whether a report can be asked for."""
+        self.report.setEnabled(allowed)
+        self.pdf.setEnabled(allowed)
+
     def show_problem(self, path: Path) -> None:
         """A file that cannot be read."""
         self.title.setText(path.name)
         self.mark.clear()
-        self.report.setEnabled(False)
+        self.allow_report(False)
         self._show_outcome("unreadable")
         self.facts.setText(str(path))
         self.file.clear()

@@ -16,7 +16,7 @@ from experiments.contract import Evidence, Experiment
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive
-from model.units import RPM
+from model.units import REVOLUTION, RPM
 
 SPEED = 1013.0 * RPM
 """rad/s at the input, incommensurate with the SYNC."""
@@ -38,7 +38,9 @@ def plan(parameters: LongRunParameters, gear: HarmonicDrive, duration: float) ->
     while left > 0.0:
         yield s.Ramp(direction * SPEED, ACCELERATION)
         hold = min(HOLD, left)
-        yield s.HoldTime(hold, s.SegmentLabel("hold", direction * SPEED, direction))
+        # By revolutions, not by cycles: where SYNCs come late a hold of so many cycles would turn too far.
+        turns = hold * SPEED / REVOLUTION
+        yield s.HoldRevolutions(turns, 2.0 * hold + 5.0, s.SegmentLabel("hold", direction * SPEED, direction))
         left, direction = left - hold - 2.0 * SPEED / ACCELERATION, -direction
     yield s.Ramp(0.0, ACCELERATION)
     yield s.ServoOff(ZERO, s.SegmentLabel("torque-zero-after"))

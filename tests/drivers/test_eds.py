@@ -174,6 +174,147 @@ def test_negative_defaults_in_twos_complement_and_floats() -> None:
     assert [entries[i, 0].default for i in (0x2001, 0x2002, 0x2003)] == [-2, 1.0, 2.5]
 
 
+# What stands in files of real devices; each text here is our own and shows one of their ways.
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("$NODEID + 0x180", 0x183),
+        ("$NodeID +0x180", 0x183),
+        ("0x180+$NODEID", 0x183),
+        ("0x180 + $NODEID", 0x183),
+        ("$NODEID+384", 0x183),
+        ("$NODEID+0x80000180", 0x80000183),
+        ("$NODEID+0x180+0x40000000", 0x40000183),
+        ("NODEID+0x180", 0x183),
+        ("($NODEID+0x180)", 0x183),
+        ("$NODEID", 3),
+        ("$NODEID+", 3),
+        ("$NODEID+x", None),
+        ("0x183 ; first TPDO", 0x183),
+        ("0x183 // first TPDO", 0x183),
+        ("0x183 # first TPDO", 0x183),
+        ('"0x183"', 0x183),
+        ("387UL", 387),
+        ("0x183L", 387),
+        ("387.0", 387),
+        ("387.5", None),
+        ("0x0000018", 0x18),
+    ],
+)
+def test_cob_ids_as_vendors_write_them(text: str, value: int | None) -> None:
+    entry = parse_eds(GOOD.replace("$NODEID+0x40000180", text).encode(), 3).entry(0x1800, 1)
+    assert entry is not None
+    assert entry.default == value
+
+
+def test_a_cob_id_without_a_node_id_is_not_guessed() -> None:
+    for text in ("$NODEID+0x180", "0x180+$NODEID"):
+        entry = parse_eds(GOOD.replace("$NODEID+0x40000180", text).encode()).entry(0x1800, 1)
+        assert entry is not None
+        assert entry.default is None
+
+
+@pytest.mark.parametrize("name", ["DeviceComissioning", "DeviceCommissioning", "DEVICECOMISSIONING"])
+def test_the_node_id_of_a_dcf_in_either_spelling(name: str) -> None:
+    entry = parse_eds(f"{GOOD}[{name}]\nNodeId=0x11\nNodeName=x\n".encode()).entry(0x1800, 1)
+    assert entry is not None
+    assert entry.default == 0x40000191
+
+
+@pytest.mark.parametrize(
+    ("section", "sub"), [("[1800Sub1]", 1), ("[1800SUB01]", 1), ("[0x1800sub0x1]", 1), ("[1800 sub 1]", 1), ("[1800sub0A]", 10)]
+)
+def test_sections_as_vendors_head_them(section: str, sub: int) -> None:
+    entry = parse_eds(GOOD.replace("[1800sub1]", section).encode(), 3).entry(0x1800, sub)
+    assert entry is not None
+    assert entry.name == "COB-ID"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("DataType=0x0004", "DataType=4"),
+        ("DataType=0x0004", "DataType=INTEGER32"),
+        ("DataType=0x0004", "DataType=0x0004 ; INTEGER32"),
+        ("ObjectType=0x7\nDataType=0x0004", "ObjectType=VAR\nDataType=0x0004"),
+        ("ObjectType=0x7\nDataType=0x0004", "DataType=0x0004"),
+        ("AccessType=ro\nPDOMapping=1", "AccessType=RO\nPDOMapping=yes"),
+        ("AccessType=ro\nPDOMapping=1", 'AccessType="ro"\nPDOMapping=0x1'),
+        ("ParameterName=Position actual value", 'ParameterName="Position actual value"'),
+        ("LowLimit=0x80000000", "LowLimit=-2147483648"),
+        ("[6064]", "[6064]\n;StorageLocation=RAM\n;;ReadLevel=0\n// a remark\nUnit=counts"),
+    ],
+)
+def test_the_same_entry_in_other_words_is_the_same_and_no_defect(old: str, new: str) -> None:
+    assert old in GOOD
+    plain, other = parse_eds(GOOD.encode(), 3), parse_eds(GOOD.replace(old, new).encode(), 3)
+    assert other.entry(0x6064) == plain.entry(0x6064)
+    assert other.defects == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "defect"),
+    [
+        ("VendorNumber=0x0000021C", "VendorNumber=Maker", "vendornumber"),
+        ("SubNumber=2", "SubNumber=5", "0x1800: counts 5 sub-objects, describes 2"),
+        ("[1800sub0]\nParameterName=Number\nDataType=0x0005\nAccessType=ro\nDefaultValue=2\n", "", "its sub-index 0"),
+        ("AccessType=rw", "AccessType=read/write", "taken as rw"),
+        ("AccessType=ro\nPDOMapping=1", "AccessType=readonly\nPDOMapping=1", "taken as ro"),
+        ("HighLimit=0x7FFFFFFF", "HighLimit=0xFFFFFFF0\nLowLimit=5", "above its highest"),
+        ("ObjectType=0x7\nDataType=0x0004", "ObjectType=thing\nDataType=0x0004", "objecttype"),
+        ("[1800sub1]", "[1801sub1]", "0x1801:1: a sub-object without its object"),
+    ],
+)
+def test_more_defects_are_survived_and_listed(old: str, new: str, defect: str) -> None:
+    assert old in GOOD
+    description = parse_eds(GOOD.replace(old, new).encode(), 3)
+    position = description.entry(0x6064)
+    assert position is not None
+    assert position.data_type is I32
+    assert any(defect in line.lower() for line in description.defects), description.defects
+
+
+def test_quotes_around_texts() -> None:
+    text = GOOD.replace("VendorName=Maker", 'VendorName="Maker"') + (
+        '[1008]\nParameterName="Device name"\nObjectType=7\nDataType=9\nAccessType=const\nDefaultValue="Drive 1; large"\n'
+    )
+    description = parse_eds(text.encode())
+    name = description.entry(0x1008)
+    assert name is not None
+    assert (description.vendor_name, name.name, name.default) == ("Maker", "Device name", "Drive 1; large")
+
+
+def test_a_compact_array_and_sub_objects_that_say_more() -> None:
+    sub = "[1003sub0]\nParameterName=Number of errors\nDataType=5\nAccessType=rw\n"
+    compact = "[1003]\nParameterName=Error field\nObjectType=8\nDataType=7\nAccessType=ro\nCompactSubObj=254\n"
+    for text in (GOOD + sub + compact, GOOD + compact + sub):
+        description = parse_eds(text.encode())
+        count, last = description.entry(0x1003, 0), description.entry(0x1003, 254)
+        assert count is not None
+        assert last is not None
+        assert (count.access, count.name) == ("rw", "Number of errors")
+        assert (last.access, last.data_type) == ("ro", U32)
+
+
+def test_compact_values_of_a_short_index() -> None:
+    text = GOOD + "[0040]\nParameterName=a\nObjectType=8\nDataType=6\nAccessType=rw\nCompactSubObj=2\n[0040Value]\n1=17\n"
+    entry = parse_eds(text.encode()).entry(0x40, 1)
+    assert entry is not None
+    assert entry.configured == 17
+
+
+def test_sections_of_module_devices_are_left_alone() -> None:
+    text = GOOD + "[SupportedModules]\nNrOfEntries=1\n[M1FixedObjects]\nNrOfEntries=0\n[M1SubExt1027]\nDataType=6\n[M1Comments]\n"
+    assert parse_eds(text.encode(), 3) == parse_eds(GOOD.encode(), 3)
+
+
+def test_xml_is_said_to_be_xml() -> None:
+    with pytest.raises(DecodeError, match="XDD"):
+        parse_eds(b'\xef\xbb\xbf<?xml version="1.0"?>\n<ISO15745ProfileContainer/>')
+
+
 def test_what_is_no_eds_is_an_error_that_says_so(tmp_path: Path) -> None:
     for data in (b"", b"\x00" * 100, b"hello", b"[DeviceInfo]\nVendorName=x\n"):
         with pytest.raises(DecodeError, match="no object is described"):

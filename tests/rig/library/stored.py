@@ -10,12 +10,14 @@ from typing import Any
 from experiments.result import Result
 from model.identify.estimate import BudgetLine, Estimate
 from rig.results import Analysis, Basis, append_analysis
+from rig.runfile.layout import Column
 from rig.runfile.seal import recorded_sha256
 from rig.runfile.write import RunWriter
-from tests.rig.runfile.making import block, header
+from tests.rig.runfile.making import CHANNELS, block, header
 
 RUNNING = "running_torque_1000_rpm"
-TORQUE_SCALE = "torque scale"
+TORQUE = Column.of(CHANNELS[2])
+"""The only channel of these runs: more would only take longer to read."""
 
 
 def write(
@@ -26,10 +28,12 @@ def write(
     run_id = f"{number:05d}-{protocol}-{serial}"
     made = header(run_id)
     told = {"experiment": protocol, "gear_serial": serial, **metadata}
-    made = dataclasses.replace(made, metadata=dataclasses.replace(made.metadata, **told), **(changes or {}))
+    given = {"columns": (TORQUE,), **(changes or {})}
+    made = dataclasses.replace(made, metadata=dataclasses.replace(made.metadata, **told), **given)
     writer = RunWriter(folder / f"{run_id}.h5", made, chunk_rows=64)
     # The counts of no two runs are the same, and neither are their files.
-    writer.append(block(1000 * number, rows))
+    whole = block(1000 * number, rows)
+    writer.append(dataclasses.replace(whole, counts=whole.counts[:, 2:3]))
     if part:
         writer.flush()
         writer.abandon()
@@ -41,7 +45,7 @@ def estimate(name: str, value: float, unit: str = "N m", own: float = 1e-4, scal
     """An estimate with `own` standard uncertainty of type A and a relative one of the torque scale."""
     budget = [BudgetLine("points nearby", "A", own)]
     if scale:
-        budget.append(BudgetLine(TORQUE_SCALE, "B", scale * abs(value), "certificate"))
+        budget.append(BudgetLine("torque scale", "B", scale * abs(value), "certificate"))
     return Estimate(name, value, unit, value - 2 * own, value + 2 * own, budget=tuple(budget), **more)
 
 

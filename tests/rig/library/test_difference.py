@@ -15,8 +15,7 @@ from rig.difference import GROUPS, Change, Difference, difference
 from rig.errors import RunFileError
 from rig.results import json_text
 from rig.runfile.layout import Column
-from tests.rig.library.stored import RUNNING, analyse, estimate, write
-from tests.rig.runfile.making import CHANNELS
+from tests.rig.library.stored import RUNNING, TORQUE, analyse, estimate, write
 
 SIMULATED = {"backend": "sim", "seed": 3, "program_version": "0.1.0", "git_commit": "abc"}
 
@@ -49,11 +48,9 @@ def test_a_run_does_not_differ_from_itself(pair: tuple[Path, Path]) -> None:
 
 
 def calibrated(certificate: str, scale: float) -> tuple[Column, ...]:
-    columns = [Column.of(channel) for channel in CHANNELS]
-    columns[2] = dataclasses.replace(
-        columns[2], scale=scale, calibration=Calibration(certificate, "2026-01-01", "2028-01-01", 2e-3, 2e-4, 5e-6)
-    )
-    return tuple(columns)
+    """The torque channel after another calibration."""
+    calibration = Calibration(certificate, "2026-01-01", "2028-01-01", 2e-3, 2e-4, 5e-6)
+    return (dataclasses.replace(TORQUE, scale=scale, calibration=calibration),)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QDate, QPointF, Qt, QTimer, QUrl
+from PySide6.QtCore import QCoreApplication, QDate, QEvent, QPointF, Qt, QTimer, QUrl
+from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
 import rig.main
@@ -67,7 +68,6 @@ def opened(session: WindowSession, qtbot: QtBot) -> Iterator[Callable[..., Revie
     def make(**given: object) -> ReviewPage:
         page = ReviewPage(session, today=lambda: TODAY, **given)  # type: ignore[arg-type]
         pages.append(page)
-        qtbot.addWidget(page)
         page.resize(1366, 700)
         page.show()
         qtbot.waitUntil(lambda: page.library.source.runs is not None, timeout=LONGEST)
@@ -77,6 +77,14 @@ def opened(session: WindowSession, qtbot: QtBot) -> Iterator[Callable[..., Revie
     for page in pages:
         page.details.cancel()
         page.overlay.cancel()
+        destroy(page)
+
+
+def destroy(widget: QWidget) -> None:
+    """Delete a widget now: the next change of theme would style it again."""
+    widget.close()
+    widget.deleteLater()
+    QCoreApplication.sendPostedEvents(widget, QEvent.Type.DeferredDelete)
 
 
 @pytest.fixture
@@ -223,8 +231,8 @@ def test_a_stored_analysis_shows_verdict_interval_and_catalogue(
     assert results.table.texts("quantity")[0] == "Coulomb friction"
     assert "no" in results.table.texts("identifiable")
     assert "yes" in results.table.texts("identifiable")
-    catalogue = dict(zip(results.table.texts("quantity"), results.table.texts("catalogue"), strict=True))
-    assert catalogue["running torque 500 r/min"].startswith("100 mN m (recalled: ")
+    catalogue = dict(zip(results.table.texts("quantity"), results.table.texts("limit or catalogue"), strict=True))
+    assert catalogue["running torque 500 r/min"].startswith("catalogue 100 mN m (recalled: ")
     assert "20 C" in catalogue["running torque 500 r/min"]
     assert catalogue["Coulomb friction"] == ""
     assert "Without a valid tare" in results.page.toPlainText()
@@ -360,6 +368,16 @@ def test_a_report_is_written_and_opened(opened: Callable[..., ReviewPage], frict
     page_written = report_path([friction[0]])
     assert told == [QUrl.fromLocalFile(str(page_written))]
     assert "SIMULATED" in page_written.read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_report_for_paper_is_a_pdf(opened: Callable[..., ReviewPage], friction: list[Path], qtbot: QtBot) -> None:
+    told: list[QUrl] = []
+    page = opened(opener=told.append)
+    page.show_run(friction[0])
+    qtbot.mouseClick(page.details.header.pdf, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: bool(told), timeout=LONGEST)
+    assert report_path([friction[0]], ".pdf").read_bytes().startswith(b"%PDF-")
 
 
 def test_a_report_of_several_runs_lies_beside_the_first() -> None:
@@ -547,14 +565,13 @@ def test_everything_fits_both_screens_in_both_themes(
     friction: list[Path], session: WindowSession, qtbot: QtBot
 ) -> None:
     window = MainWindow(session)
-    qtbot.addWidget(window)
     window.resize(1366, 768)
     window.show()
     window.show_review(friction[1])
     page = window.review
     assert isinstance(page, ReviewPage)
     assert page.minimumSizeHint().width() <= 1366
-    for width, height, theme in ((1366, 768, "light"), (1366, 768, "dark"), (1920, 1080, "light")):
+    for width, height, theme in ((1366, 768, "light"), (1920, 1080, "dark")):
         session.set_theme(theme)
         window.resize(width, height)
         assert (window.width(), window.height()) == (width, height)
@@ -565,3 +582,4 @@ def test_everything_fits_both_screens_in_both_themes(
             assert corner.y() < height
         for button in page.library.buttons.values():
             assert button.width() >= button.fontMetrics().horizontalAdvance(button.text().replace("&", "")) + 10
+    destroy(window)

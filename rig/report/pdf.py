@@ -1,0 +1,156 @@
+"""The report on paper: the content of the page set by typst, with the fonts that come with it; no system library, no network.
+
+Everything that comes from files is handed over as data and shown letter for letter, whatever it looks like.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from rig.errors import RigError
+from rig.report.content import Grid, VerdictLine
+from rig.report.wording import printable
+
+TEMPLATE = "page.typ"
+LONGEST_WORD = 40
+"""Letters after which a word without a break may be broken: hashes, file names, hostile serial numbers."""
+HEADING_LENGTH = 80
+SHORT_TEXT, LONG_TEXT = 24, 90
+"""Letters up to which a column of text takes what it needs, and above which it gets no larger a share."""
+
+
+def render_pdf(context: Mapping[str, Any]) -> bytes:
+    """The pages of a report as PDF; `context` is what the HTML page is made of. Raises `RigError`."""
+    import typst
+
+    content = json.dumps(paper_content(context), ensure_ascii=False, allow_nan=False)
+    source = resources.files("rig.report").joinpath(TEMPLATE).read_bytes()
+    try:
+        made = typst.compile(
+            source, format="pdf", sys_inputs={"content": content}, ignore_system_fonts=True,
+            font_paths=[_fonts()],  # type: ignore[arg-type]  the stubs leave paths out
+        )  # fmt: skip
+    except (RuntimeError, ValueError, OSError) as error:
+        raise RigError(f"the report cannot be set on paper: {error}", remedy="Write it as HTML instead.") from error
+    assert isinstance(made, bytes)
+    return made
+
+
+def _fonts() -> str:
+    """The folder of the fonts in which the figures are drawn."""
+    import matplotlib
+
+    return str(Path(matplotlib.get_data_path()) / "fonts" / "ttf")
+
+
+def paper_content(context: Mapping[str, Any]) -> dict[str, Any]:
+    """What the template shows, as plain values: text without control characters and with breaks in long words."""
+    content = {
+        "number": context["number"],
+        "heading": context["heading"],
+        "heading_short": _shortened(context["heading"]),
+        "created": context["created"],
+        "version": context["version"],
+        "note": context["note"],
+        "run_word": context["run_word"],
+        "gear_name": context["gear_name"],
+        "serial": context["serial"],
+        "operators": context["operators"],
+        "dates": context["dates"],
+        "words": context["words"],
+        "origin_sentences": context["origin_sentences"],
+        "overall": asdict(context["overall"]),
+        "verdicts": _laid_out(verdict_grid(context["verdicts"])),
+        "key_results": _laid_out(_key_grid(context["key_results"])),
+        "warnings": [f"{title}: {text}" for title, _, _, text in context["warnings"]],
+        "parts": [_part(part) for part in context["parts"]],
+        "truth": _laid_out(context["truth"]) if context["truth"] else None,
+        "sections": [
+            {"title": title, "matrices": [_matrix(m) for key in keys for m in context[key]]}
+            for title, keys in SECTIONS if any(context[key] for key in keys)
+        ],
+        "definitions": [list(pair) for pair in context["definitions"]],
+        "paper": context["paper"],
+        "not_measured": list(context["not_measured"]),
+        "signature": asdict(context["signature"]),
+        "annex": [_laid_out(g) for g in (*context["parameter_sets"], *(g for p in context["parts"] for g in p.annex))],
+    }  # fmt: skip
+    return _clean(content)
+
+
+SECTIONS = (
+    ("Conditions", ("conditions",)),
+    ("Calibrations", ("calibrations",)),
+    ("Provenance", ("identities", "conventions", "settings")),
+)
+"""Tables of facts side by side: heading, and what stands under it."""
+
+
+def _laid_out(grid: Grid) -> dict[str, Any]:
+    """A table with the shares of its columns: 0 for one that takes what it needs, else how much of the rest it gets."""
+    longest = [max((len(row[i]) for row in grid.rows), default=0) for i in range(len(grid.columns))]
+    weights = [
+        0 if numeric or most <= SHORT_TEXT else min(most, LONG_TEXT)
+        for numeric, most in zip(grid.numeric, longest, strict=True)
+    ]
+    if grid.columns and not any(weights):
+        # Nothing is long: what is left of the line goes behind the first column.
+        weights[0] = 1
+    return {**asdict(grid), "weights": weights}
+
+
+def verdict_grid(lines: Sequence[VerdictLine]) -> Grid:
+    """The judged quantities as one table."""
+    columns = ("Quantity", "Value ± U (k = 2)", "Limit", "Definition and source of the limit", "Verdict")
+    rows = tuple((v.name, v.value, v.limit, f"{v.definition}; {v.source}", v.outcome) for v in lines)
+    return Grid("Judged quantities", columns, rows, (False, True, True, False, False))
+
+
+def _key_grid(rows: Sequence[tuple[str, str, str, str]]) -> Grid:
+    return Grid(
+        "Summary", ("Test", "Quantity", "Value ± U (k = 2)", "Identifiable"), tuple(rows), (False, False, True, False)
+    )
+
+
+def _part(part: Any) -> dict[str, Any]:
+    grids = (part.estimates, part.orders, part.metrics, *part.tables, part.budget)
+    return {
+        "title": part.title, "run": part.run, "warnings": list(part.warnings),
+        "figures": [{**asdict(f), "svg": str(f.svg)} for f in part.figures],
+        "grids": [_laid_out(grid) for grid in grids if grid is not None],
+    }  # fmt: skip
+
+
+def _matrix(matrix: Any) -> dict[str, Any]:
+    return {"caption": matrix.caption, "columns": list(matrix.columns), "rows": [[n, list(t)] for n, t in matrix.rows]}
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= HEADING_LENGTH else text[: HEADING_LENGTH - 1] + "…"
+
+
+def _clean(value: Any) -> Any:
+    """Every text printable, long words with places to break; drawings as they are."""
+    if isinstance(value, str):
+        return _breakable(printable(value))
+    if isinstance(value, Mapping):
+        return {key: entry if key in ("svg", "style") else _clean(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_clean(entry) for entry in value]
+    return value
+
+
+def _breakable(text: str) -> str:
+    """The text with a zero-width space in every word that is too long for a column."""
+    if all(len(word) <= LONGEST_WORD for word in text.split()):
+        return text
+    step = LONGEST_WORD // 2
+    return " ".join(
+        word if len(word) <= LONGEST_WORD else "\u200b".join(word[i : i + step] for i in range(0, len(word), step))
+        for word in text.split(" ")
+    )
