@@ -17,8 +17,31 @@ Listener = Callable[[int, int, bytes], None]
 
 LONGEST_LINE = 512
 """Bytes without a closing bracket after which a client is disconnected."""
+LONGEST_GOODBYE = 2.0
+"""Seconds that closed connections have to end."""
 LARGEST_BACKLOG = 1 << 20
 """Bytes that a client may leave unread before it is disconnected."""
+
+
+class Visitors:
+    """Who is connected, greeted or not: so that a server that stops leaves nobody hanging and no task behind."""
+
+    def __init__(self) -> None:
+        self._present: dict[asyncio.Task[None], asyncio.StreamWriter] = {}
+
+    def enter(self, writer: asyncio.StreamWriter) -> None:
+        """Note the connection that the running task serves."""
+        task = asyncio.current_task()
+        assert task is not None
+        self._present[task] = writer
+        task.add_done_callback(lambda done: self._present.pop(done, None))
+
+    async def leave(self) -> None:
+        """Close every connection and wait until whoever served it is done."""
+        for writer in self._present.values():
+            writer.close()
+        if self._present:
+            await asyncio.wait(list(self._present), timeout=LONGEST_GOODBYE)
 
 
 class Hub:
@@ -28,6 +51,7 @@ class Hub:
         self._channel = channel
         self._listener = listener
         self._clients: dict[int, asyncio.StreamWriter] = {}
+        self._visitors = Visitors()
         self._server: asyncio.Server | None = None
 
     @property
@@ -42,9 +66,10 @@ class Hub:
 
     async def stop(self) -> None:
         """Disconnect everybody and listen no more."""
-        self.disconnect()
         if self._server is not None:
             self._server.close()
+        await self._visitors.leave()
+        if self._server is not None:
             with contextlib.suppress(ConnectionError):
                 await self._server.wait_closed()
 
@@ -67,6 +92,7 @@ class Hub:
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         key = id(writer)
+        self._visitors.enter(writer)
         try:
             writer.write(b"< hi >")
             await self._greet(reader, writer)

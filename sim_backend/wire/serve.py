@@ -22,7 +22,7 @@ from model.motor import ServoMotor
 from sim_backend.faults import Fault
 from sim_backend.imperfections import Imperfections
 from sim_backend.wire.bench import WireBench
-from sim_backend.wire.hub import Hub
+from sim_backend.wire.hub import Hub, Visitors
 
 LONGEST_SLEEP = 0.02
 """Seconds after which the devices' timers are looked at again."""
@@ -53,6 +53,7 @@ class Server:
         self._sender: int | None = None
         self._ends: tuple[int, ...] = ()
         self._lines: asyncio.Server | None = None
+        self._visitors = Visitors()
 
     async def start(self, host: str = "127.0.0.1", port: int = 0) -> Addresses:
         """Listen. Raises `DriverError` when the port is taken or there are no pseudo-terminals."""
@@ -88,6 +89,7 @@ class Server:
             os.close(end)
         if self._lines is not None:
             self._lines.close()
+        await self._visitors.leave()
 
     def _from_client(self, key: int, cob_id: int, data: bytes) -> None:
         if self.bench.is_lost:
@@ -136,6 +138,7 @@ class Server:
                 os.write(master, answer)
 
     async def _serve_line(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._visitors.enter(writer)
         try:
             while data := await reader.read(256):
                 answer = self._answer(data)

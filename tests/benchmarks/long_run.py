@@ -20,7 +20,7 @@ from model.units import REVOLUTION, RPM
 
 SPEED = 1013.0 * RPM
 """rad/s at the input, incommensurate with the SYNC."""
-ACCELERATION = 200.0
+ACCELERATION = 1000.0
 HOLD = 14.0
 """s at constant speed before the direction changes."""
 ZERO = 2.0

@@ -33,14 +33,16 @@ GEAR = "STUDY"
 
 
 @contextmanager
-def served(folder: Path, rate: float) -> Iterator[Path]:
-    """`rig sim serve` as another process, and the rig.toml that reaches it."""
+def served(folder: Path, rate: float, reaction: float) -> Iterator[Path]:
+    """`rig sim serve` as another process, and the rig.toml that reaches it, with a reaction time [ms] of its own."""
     description = folder / "rig.toml"
     command = [sys.executable, "-m", "rig", "sim", "serve", "--port", "0", "--readout", "none", "--gear", GEAR, "--json",
                "--sample-rate", f"{rate:g}", "--time", "wall", "--config-out", str(description)]  # fmt: skip
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stdout is not None
         json.loads(process.stdout.readline())
+        written = description.read_text(encoding="utf-8")
+        description.write_text(f"{written}\n[real_time]\nreaction_ms = {reaction!r}\n", encoding="utf-8")
         try:
             yield description
         finally:
@@ -60,11 +62,11 @@ def request_for(description: Path, rate: float, folder: Path) -> RunRequest:
     )  # fmt: skip
 
 
-def run(duration: float, rate: float, folder: Path) -> RunReport:
+def run(duration: float, rate: float, reaction: float, folder: Path) -> RunReport:
     """The run, in real time."""
     from rig.run.dry_run import plan_run
 
-    with served(folder, rate) as description:
+    with served(folder, rate, reaction) as description:
         request = request_for(description, rate, folder)
         planned = plan_run(
             long_run(duration), LongRunParameters(), request.gear, request.motor, "circular-spline-fixed",
@@ -83,7 +85,8 @@ def intervals(path: Path) -> np.ndarray:
 
     recording = open_run(path, verify=True)
     try:
-        return np.concatenate([np.diff(recording.time(hold)) for hold in recording.labelled("hold")])
+        holds = [segment for segment in recording.segments if segment.label.startswith("hold")]
+        return np.concatenate([np.empty(0), *(np.diff(recording.time(hold)) for hold in holds)])
     finally:
         close_recording(recording)
 
@@ -93,11 +96,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--duration", type=float, default=600.0, help="s")
     parser.add_argument("--rate", type=float, default=250.0, help="SYNC rate [Hz]")
+    parser.add_argument("--reaction", type=float, default=20.0, help="ms of cycles in one exchange")
     options = parser.parse_args()
     before = load_average()
     with tempfile.TemporaryDirectory() as folder:
-        report = run(options.duration, options.rate, Path(folder))
+        report = run(options.duration, options.rate, options.reaction, Path(folder))
         between = intervals(report.path)
+    if not len(between):
+        print(f"{report.outcome}: {report.message}", file=sys.stderr)
+        return 1
     told = {name.removeprefix("acquisition_"): value for name, value in report.metrics.items()}
     nominal = 1.0 / options.rate
     p50, p99, p999, most = np.percentile(np.abs(between - nominal), [50.0, 99.0, 99.9, 100.0]) * 1e3
@@ -105,6 +112,7 @@ def main() -> int:
     missed = round(sum(told[name] for name in ("incomplete", "late", "doubled", "short")))
     table = {
         "outcome, standstill verified": f"{report.outcome}, {'yes' if report.safe else 'NO'}",
+        "reaction time (cycles per exchange)": f"{options.reaction:g} ms",
         "cycles; of them at constant speed": f"{report.rows}; {len(between) + 1}",
         "achieved rate at constant speed": f"{1.0 / between.mean():.3f} Hz of {options.rate:g} Hz",
         "jitter of the SYNC interval, p50, p99, p99.9, greatest": f"{p50:.3f}, {p99:.3f}, {p999:.3f}, {most:.3f} ms",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import pytest
 
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.library import LibraryIndex
+from rig.library.index import INDEX_NAME
 from rig.run.start import RunRequest, run_request
 from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
 from tests.rig.test_files_commands import Rig
@@ -22,16 +25,25 @@ def rig(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp
     return Rig(capsys)
 
 
-@pytest.fixture
-def three(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two friction runs of gear A1 and a homing of B2 that was aborted."""
-    folder = tmp_path / "runs"
-    folder.mkdir()
+    folder = tmp_path_factory.mktemp("written")
     for number in (1, 2):
         run = write(folder, number, start_time=start(number))
         analyse(run, estimate(RUNNING, 0.08 + 0.001 * number))
     write(folder, 3, "home", serial="B2", outcome="ABORTED", start_time=start(3))
+    LibraryIndex(folder).refresh()
     return folder
+
+
+@pytest.fixture
+def three(written: Path, tmp_path: Path) -> Path:
+    """They under second names, so that the index that was made of them holds."""
+    shutil.copytree(written, tmp_path / "runs", copy_function=os.link)
+    (tmp_path / "runs" / INDEX_NAME).unlink()
+    shutil.copy2(written / INDEX_NAME, tmp_path / "runs")
+    return tmp_path / "runs"
 
 
 @pytest.fixture(scope="module")

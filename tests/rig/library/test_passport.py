@@ -13,6 +13,8 @@ import pytest
 from experiments.result import Plot
 from model.units import ARCMIN, ARCSEC
 from rig.errors import RigError, RunFileError
+from rig.library import LibraryIndex
+from rig.library.index import INDEX_NAME
 from rig.passport import Passport, PassportSeries, passport
 from rig.passport.quantities import QUANTITIES, order_labels, order_of
 from rig.result_data import plot_from_mapping
@@ -32,13 +34,16 @@ def twelve(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("twelve")
     for day in range(1, 13):
         write(folder, day, start_time=start(day))
+    LibraryIndex(folder).refresh()
     return folder
 
 
 def taken(source: Path, target: Path, most: int) -> Path:
+    """The first runs of a folder under second names, with its index, which then holds for them too and saves reading them."""
     for run in runs_in(source)[:most]:
         for path in (run, run.with_name(run.name + ".sha256")):
-            shutil.copy2(path, target / path.name)
+            (target / path.name).hardlink_to(path)
+    shutil.copy2(source / INDEX_NAME, target / INDEX_NAME)
     return target
 
 
