@@ -1,7 +1,7 @@
 """python-can's socketcand client with what it lacks: a hub that is not there, silent or gone is said at once.
 
-The client of python-can tries for ten seconds to reach a hub, waits for its answers without end, and takes the end of the
-connection for silence. A rig must not wait for any of it: a hub that dies in motion is a lost bus.
+The client of python-can tries for ten seconds to reach a hub, waits for its answers without end, does not get onto a bus that
+is already busy, and takes the end of the connection for silence. A hub that dies in motion is a lost bus.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from can.interfaces.socketcand import SocketCanDaemonBus
 GREETING: Final = b"< hi >"
 ANSWER_TIMEOUT: Final = 3.0
 """Seconds that a hub has to greet, and to open the channel."""
+LONGEST_MESSAGE: Final = 256
 SEND_TIMEOUT: Final = 0.5
 """Seconds that a frame may wait for a hub that takes nothing any more."""
 
@@ -42,11 +43,18 @@ class SocketcandBus(SocketCanDaemonBus):
         return self.__dict__["_SocketCanDaemonBus__socket"]
 
     def _expect_msg(self, msg: str) -> None:
+        # The parent takes what follows at once, the first frames of a busy bus, for a wrong answer.
         self._line.settimeout(ANSWER_TIMEOUT)
-        super()._expect_msg(msg)
+        heard = read_message(self._line)
+        if heard != msg.encode("ascii"):
+            raise can.CanError(f"expected {msg!r}, the hub says {heard!r}")
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
-        message, is_filtered = super()._recv_internal(timeout)
+        try:
+            message, is_filtered = super()._recv_internal(timeout)
+        except can.CanError as error:
+            # Its text carries a whole traceback.
+            raise can.CanOperationError(str(error).splitlines()[0].strip()) from error
         if message is None and self._has_ended():
             raise can.CanOperationError("the hub has closed the connection")
         return message, is_filtered
@@ -59,8 +67,17 @@ class SocketcandBus(SocketCanDaemonBus):
 def require_greeting(host: str, port: int) -> None:
     """Connect once and hear the hub's greeting. Raises `OSError` saying what is there instead."""
     with socket.create_connection((host, port), ANSWER_TIMEOUT) as line:
-        heard = b""
-        while len(heard) < len(GREETING) and (more := line.recv(len(GREETING) - len(heard))):
-            heard += more
+        heard = read_message(line)
     if heard != GREETING:
         raise OSError(f"what answers at {host}:{port} is no socketcand hub: it says {heard[:20]!r}")
+
+
+def read_message(line: socket.socket) -> bytes:
+    """What a hub says up to the next closing bracket, and not a byte further; less where it ends before."""
+    heard = b""
+    while len(heard) < LONGEST_MESSAGE and not heard.endswith(b">"):
+        byte = line.recv(1)
+        if not byte:
+            break
+        heard += byte
+    return heard

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 from rig.backends.bench import BenchRequest
 from rig.backends.simulated import seeds_of
 from rig.errors import ConfigurationError
+from sim_backend.faults import Fault
 from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, WireBench
 from sim_backend.wire.eds import electronic_data_sheet
 from sim_backend.wire.serve import Addresses, ReadoutLine, TimeSource, make_bench, serve
@@ -46,6 +47,7 @@ def serve_rig(
     readout: ReadoutLine | None = "pty",
     time: TimeSource = "wall",
     lifetime: float | None = None,
+    faults: Sequence[Fault] = (),
     expose: bool = False,
     sheets: Path | None = None,
     configuration: Path | None = None,
@@ -53,16 +55,17 @@ def serve_rig(
 ) -> None:
     """Serve the simulated rig of a request until the process is interrupted, or for `lifetime` [s].
 
-    The gear, the motor and the noise are those of `--backend wire` with the same request. `sheets` is a folder for the
-    devices' EDS files, `configuration` a file for the description that reaches this rig. Raises `ConfigurationError` for an
-    address that is not this computer's own, unless `expose` allows it, and `DriverError` for a port that is taken.
+    The gear, the motor and the noise are those of `--backend wire` with the same request. `faults` happen at the SYNC that
+    they name. `sheets` is a folder for the devices' EDS files, `configuration` a file for the description that reaches this
+    rig. Raises `ConfigurationError` for an address that is not this computer's own, unless `expose` allows it, and
+    `DriverError` for a port that is taken.
     """
     if host not in LOOPBACK and not expose:
         raise ConfigurationError(
             "would let other computers command the simulated rig", where="--host", value=host, limit=", ".join(sorted(LOOPBACK)),
             remedy="Add --expose if that is wanted: the hub asks nobody who they are.",
         )  # fmt: skip
-    bench = make_bench(**seeds_of(request), time=time)
+    bench = make_bench(**seeds_of(request), time=time, faults=faults)
     if sheets is not None:
         write_sheets(bench, sheets)
 

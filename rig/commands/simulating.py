@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -43,6 +43,10 @@ def serve(
     lifetime: Annotated[
         float | None, typer.Option(metavar="SECONDS", min=0.0, help="End after so long; without it, on Ctrl-C.")
     ] = None,
+    faults: Annotated[
+        list[str] | None,
+        typer.Option("--fault", metavar="NAME@SYNC", help="Let a fault of `rig drill` happen at that SYNC; may be repeated."),
+    ] = None,
     expose: Annotated[bool, typer.Option("--expose", help="Allow an address that other computers can reach.")] = False,
     eds: Annotated[Path | None, typer.Option(metavar="DIR", help="Write the devices' EDS files here.")] = None,
     config_out: Annotated[
@@ -74,8 +78,29 @@ def serve(
 
     serve_rig(
         request, host=host, port=port, channel=channel, readout=None if readout == "none" else readout, time=time,
-        lifetime=lifetime, expose=expose, sheets=eds, configuration=config_out, announce=announce,
+        lifetime=lifetime, faults=_faults(faults or []), expose=expose, sheets=eds, configuration=config_out, announce=announce,
     )  # fmt: skip
+
+
+def _faults(texts: list[str]) -> list[Any]:
+    """The faults that `NAME@SYNC` name. Raises `ConfigurationError` for one that there is not."""
+    if not texts:
+        return []
+    from rig.drill.catalogue import DRILLS
+    from rig.errors import ConfigurationError
+
+    made = []
+    for text in texts:
+        name, _, cycle = text.rpartition("@")
+        drill = DRILLS.get(name)
+        if drill is None or drill.fault is None or "wire" not in drill.carriers or not cycle.isdecimal():
+            known = [each.name for each in DRILLS.values() if each.fault is not None and "wire" in each.carriers]
+            raise ConfigurationError(
+                "no such fault on the wire", where="--fault", value=repr(text), limit=", ".join(known),
+                remedy="Give the name, an @ and the number of the SYNC.",
+            )  # fmt: skip
+        made.append(drill.fault(int(cycle)))
+    return made
 
 
 def _sentence(served: Served, configuration: Path | None) -> str:

@@ -17,6 +17,8 @@ Listener = Callable[[int, int, bytes], None]
 
 LONGEST_LINE = 512
 """Bytes without a closing bracket after which a client is disconnected."""
+LAST_ARRIVAL = 0.02
+"""Seconds after the door has been closed within which those in the door are in."""
 LONGEST_GOODBYE = 2.0
 """Seconds that closed connections have to end."""
 LARGEST_BACKLOG = 1 << 20
@@ -37,7 +39,9 @@ class Visitors:
         task.add_done_callback(lambda done: self._present.pop(done, None))
 
     async def leave(self) -> None:
-        """Close every connection and wait until whoever served it is done."""
+        """Close every connection and wait until whoever served it is done. Nobody must be let in any more."""
+        # Who was accepted just now still has to come in.
+        await asyncio.sleep(LAST_ARRIVAL)
         for writer in self._present.values():
             writer.close()
         if self._present:

@@ -180,7 +180,9 @@ def serve(
 
     `announce` is told where the rig can be reached, once it can be. Raises `DriverError` when the port is taken.
     """
-    asyncio.run(_serve(bench, host, port, channel, readout, announce, lifetime))
+    # Ctrl-C where the system has no signal handlers for loops.
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_serve(bench, host, port, channel, readout, announce, lifetime))
 
 
 async def _serve(

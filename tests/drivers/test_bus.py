@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import can
 import pytest
 from hypothesis import given
@@ -9,7 +14,7 @@ from hypothesis import strategies as st
 
 from drivers.bus import BusConfig, PumpedBus, open_raw_bus
 from drivers.cia301 import NmtCommand, NmtState
-from drivers.clock import VirtualClock
+from drivers.clock import VirtualClock, WallClock
 from drivers.errors import BusLostError, DriverError
 from tests.drivers.scripted_bus import ScriptedBus
 
@@ -151,3 +156,82 @@ def test_any_frames_are_dispatched_without_an_exception(frames: list[tuple[int, 
     assert pumped.drain() == len(frames)
     for event in pumped.events():
         assert event.text
+
+
+# The socketcand hub: a script of what it says, one list per connection.
+
+GREETED = [b"< hi >", b"< ok >", b"< ok >"]
+ANSWERS = (b"< ok >", b"< error")
+"""What it says only after the client has said something."""
+
+
+@contextmanager
+def hub(*connections: list[bytes]) -> Iterator[BusConfig]:
+    """A hub that follows a script and then closes the connection."""
+    with socket.create_server(("127.0.0.1", 0)) as door:
+
+        def follow() -> None:
+            for words in connections:
+                line, _ = door.accept()
+                with line:
+                    for word in words:
+                        if word.startswith(ANSWERS):
+                            line.recv(64)
+                        line.sendall(word)
+
+        thread = threading.Thread(target=follow)
+        thread.start()
+        host, port = door.getsockname()
+        yield BusConfig("socketcand", "can0", extra={"host": host, "port": port})
+        thread.join(10.0)
+        assert not thread.is_alive()
+
+
+def test_a_hub_that_is_not_there_is_said_at_once() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        port = door.getsockname()[1]
+    clock = WallClock()
+    start = clock.monotonic_ns()
+    with pytest.raises(BusLostError, match="cannot be opened"):
+        open_raw_bus(BusConfig("socketcand", "can0", extra={"host": "127.0.0.1", "port": port}))
+    assert clock.monotonic_ns() - start < 3e9
+
+
+@pytest.mark.parametrize(
+    ("connections", "words"),
+    [
+        ([[b"HTTP/1.1 400 Bad Request"]], "no socketcand hub"),
+        ([[]], "no socketcand hub"),
+        ([[b"< hi >"], [b"< hi >", b"< error could not open bus >"]], "could not open bus"),
+        ([[b"< hi >"], [b"< hi >"]], "expected"),
+    ],
+)
+def test_what_is_no_hub_or_has_no_such_channel_is_said(connections: list[list[bytes]], words: str) -> None:
+    with hub(*connections) as config, pytest.raises(BusLostError, match=words):
+        open_raw_bus(config)
+
+
+def test_a_bus_that_is_busy_is_joined() -> None:
+    frame = b"< frame 701 1.000000 05 >"
+    with hub([b"< hi >"], [b"< h", b"i >", b"< ok >", b"< ok >" + 50 * frame]) as config:
+        raw = open_raw_bus(config)
+        for _ in range(50):
+            message = raw.recv(10.0)
+            assert message is not None
+            assert message.arbitration_id == 0x701
+        raw.shutdown()
+
+
+def test_a_hub_that_goes_away_is_a_lost_bus_after_everything_it_sent() -> None:
+    frames = [b"< frame 081 1.000000 1023", b"010000000000 >< frame 702 1.000100 05 >"]
+    with hub([b"< hi >"], [*GREETED, *frames]) as config:
+        clock = WallClock()
+        pumped = PumpedBus(open_raw_bus(config), clock)
+        node = pumped.watch(2)
+        with pytest.raises(BusLostError, match="closed the connection"):
+            pumped.idle(10_000_000_000)
+        assert node.state is NmtState.OPERATIONAL
+        assert [event.code for event in pumped.events()] == ["emcy"]
+        with pytest.raises(BusLostError):
+            pumped.drain()
+        pumped.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ import canopen
 import pytest
 import serial
 
+from drivers.bus import BusConfig, open_raw_bus
 from drivers.eds import load_eds
 from drivers.nd287 import LINE_LENGTH, STX, parse_line
 from rig import main
@@ -22,6 +24,8 @@ from rig.backends.bench import BenchRequest
 from rig.backends.serving import Served, description_of
 from rig.config import load_configuration
 
+FAULT_AT = 5
+"""SYNC at which the served drive sends an emergency message."""
 ROOT = Path(__file__).parents[2]
 
 
@@ -29,12 +33,20 @@ ROOT = Path(__file__).parents[2]
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     folder = tmp_path_factory.mktemp("served")
     options = ["--port", "0", "--readout", "socket", "--json", "--eds", str(folder / "eds"), "--lifetime", "60"]
+    options += ["--fault", f"EMCY@{FAULT_AT}"]
     command = [sys.executable, "-m", "rig", "sim", "serve", *options, "--config-out", str(folder / "rig.toml")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=ROOT) as process:
         assert process.stdout is not None
-        yield {**json.loads(process.stdout.readline()), "folder": folder}
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(10.0) == 0
+        assert process.stderr is not None
+        told = json.loads(process.stdout.readline())
+        yield {**told, "folder": folder}
+        # Somebody is still connected, and somebody else to the readout's line.
+        readout = int(told["readout"].rpartition(":")[2])
+        with socket.create_connection((told["host"], told["port"])), socket.create_connection((told["host"], readout)):
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(10.0) == 0
+        assert process.stderr.read() == ""
 
 
 def test_another_stack_joins_and_reads_the_identity(served: dict[str, Any]) -> None:
@@ -53,6 +65,24 @@ def test_another_stack_joins_and_reads_the_identity(served: dict[str, Any]) -> N
             assert node.sdo[0x1009].raw == "simulated"
     finally:
         network.notifier.stop()
+        bus.shutdown()
+
+
+def test_a_fault_happens_at_its_sync_and_everybody_hears_it(served: dict[str, Any]) -> None:
+    where = {"host": served["host"], "port": served["port"]}
+    bus = open_raw_bus(BusConfig("socketcand", served["channel"], extra=where))
+    try:
+        bus.send(can.Message(arbitration_id=0x000, data=[1, 0], is_extended_id=False))
+        for _ in range(FAULT_AT + 2):
+            bus.send(can.Message(arbitration_id=0x080, is_extended_id=False))
+        for _ in range(500):
+            message = bus.recv(5.0)
+            assert message is not None
+            if message.arbitration_id == 0x081:
+                break
+        assert (message.arbitration_id, message.is_extended_id) == (0x081, False)
+        assert message.data[:2] == b"\x10\x43"
+    finally:
         bus.shutdown()
 
 
@@ -86,7 +116,13 @@ def test_a_description_without_a_readout_is_one_too(tmp_path: Path) -> None:
     assert load_configuration(path).rig.sample_rate_hz == 250.0
 
 
-@pytest.mark.parametrize("words", [["--host", "0.0.0.0"], ["--mounting", "upside-down"], ["--port", "70000"]])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--host", "0.0.0.0"], ["--mounting", "upside-down"], ["--port", "70000"], ["--fault", "EMCY"],
+        ["--fault", "disk full@10"], ["--fault", "EMCY@soon"],
+    ],
+)  # fmt: skip
 def test_what_cannot_be_served_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as refused:
         main.run(["sim", "serve", "--lifetime", "0", *words])

@@ -5,6 +5,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import xarray
+from silx.io import open as silx_open
+from silx.io.nxdata import get_default
 
 from tests.rig.runfile.making import CHANNELS, CYCLE_NS, EPOCH_NS, counts_of, write_run
 
@@ -44,6 +46,23 @@ def test_h5py_shows_counts_with_axes_labels_and_factor(tmp_path: Path) -> None:
             assert dataset.attrs["add_offset"] == channel.offset
             assert (dataset.compression, dataset.compression_opts, dataset.shuffle) == ("gzip", 1, True)
         assert data["time"].is_scale
+
+
+def test_silx_finds_the_default_plot_with_axis_labels_and_units(tmp_path: Path) -> None:
+    with silx_open(str(write_run(tmp_path))) as file:
+        data = get_default(file)
+        assert data is not None
+        assert data.is_valid
+        assert not data.issues
+        assert data.signal_dataset_name == "input_angle"
+        assert data.signal_name == "input angle (wave generator)"
+        assert data.signal.attrs["units"] == b"rad"
+        # Counts as they are stored, with the factor beside them.
+        np.testing.assert_array_equal(data.signal[:], counts_of(np.arange(2500))[:, 0])
+        assert data.signal.attrs["scale_factor"] == CHANNELS[0].direction * CHANNELS[0].scale
+        assert data.axes_dataset_names == ["time"]
+        assert len(data.axes[0]) == 2500
+        assert len(data.auxiliary_signals) == 3
 
 
 def test_the_descriptive_groups_are_plain(tmp_path: Path) -> None:

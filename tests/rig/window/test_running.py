@@ -9,16 +9,22 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QAbstractButton, QLabel, QWidget
 from pytestqt.qtbot import QtBot
 
+from experiments.recording import Recording
 from rig.run.latch import LATCH_NAME
+from rig.run.order import Progress
+from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run
+from rig.window.child import RunProcess
 from rig.window.main import MainWindow
 from rig.window.points_view import StartingPoints, TorquePoints
 from rig.window.run_state import LOST, State
+from rig.window.session import WindowSession
 from tests.rig.window.conftest import LONGEST, MakePrepared, child
 
 SIZES = ((1366, 768), (1920, 1080))
@@ -28,8 +34,6 @@ FLAGS = ("--speeds-rpm", "200", "600", "--no-up-and-down", "--measure-time", "0.
 
 
 def outcome_in(path: Path) -> str:
-    from rig.runfile.read import close_recording, open_run
-
     recording = open_run(path, digest=False)
     try:
         return recording.metadata.outcome
@@ -61,6 +65,10 @@ def test_a_full_friction_run(window: MainWindow, prepared: MakePrepared, qtbot: 
     assert [word for word in dict.fromkeys(states) if word != "stopping"] == ["armed", "running", "finished: pass"]
     # Every row of the run was drawn, every hold became a point, and nothing looks like hardware.
     assert page.plots.rows_read == page.report["rows"] > 5000
+    # What was drawn is what is in the sealed file: the fastest speed, and no time but that of the run.
+    x, y = page.plots.plots[0].curves[1].item.getData()
+    assert (x.min(), x.max()) == (pytest.approx(0.0, abs=0.1), pytest.approx(1e-3 * page.report["rows"], rel=0.02))
+    assert 600.0 < np.abs(y).max() < 2500.0
     points = next(view for view in page.plots.views if isinstance(view, TorquePoints))
     segments = page.plots.live.recording.labelled("hold", "bracket") if page.plots.live else ()
     assert points.points == len(segments) >= 4
@@ -200,6 +208,30 @@ def test_the_death_of_the_window_is_a_stop(tmp_path: Path, qtbot: QtBot) -> None
     assert done.returncode == -signal.SIGKILL
     qtbot.waitUntil(lambda: any(tmp_path.glob("*.h5.sha256")) and any(tmp_path.glob("*.h5")), timeout=LONGEST)
     assert outcome_in(next(tmp_path.glob("*.h5"))) == "ABORTED"
+
+
+def test_a_sealed_run_beside_the_growing_one_reads_the_same(session: WindowSession, qtbot: QtBot) -> None:
+    """One process that still holds a run open as growing and opens it sealed must not be handed the wrong chunks."""
+    held: list[Recording] = []
+
+    def hold(progress: Progress) -> None:
+        if not held and progress.file:
+            held.append(open_run(progress.file, digest=False))
+
+    run = RunProcess(["run", "home", "--output", str(session.folder), "--events", "--stdin-control"])
+    run.progress.connect(hold)
+    with qtbot.waitSignal(run.finished, timeout=LONGEST):
+        run.start()
+    sealed = next(session.folder.glob("*.h5"))
+    beside = open_run(sealed, digest=False)
+    angle = beside.si("input_angle")
+    for recording in (*held, beside):
+        close_recording(recording)
+    alone = open_run(sealed, digest=False)
+    assert len(held) == 1
+    assert np.ptp(alone.si("input_angle")) > 100.0
+    np.testing.assert_array_equal(angle, alone.si("input_angle"))
+    close_recording(alone)
 
 
 def test_a_question_of_the_run(window: MainWindow, qtbot: QtBot) -> None:

@@ -1,0 +1,166 @@
+"""How much the wire costs: decoding the process data of three nodes against canopen's own, and `sim` against `wire`."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import canopen
+import numpy as np
+import pytest
+
+from drivers.columns import ColumnDecoder
+from drivers.cyclic import CanRig
+from drivers.frames import CycleStore
+from drivers.port import Command, DriveLimits, Guard, Mode
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from rig.backends import Bench, BenchRequest, make_port
+from tests.benchmarks.conftest import Note
+
+CYCLES = 1000
+"""Cycles of one block."""
+BLOCKS = 5
+SPEED = 106.0
+"""rad/s at the input."""
+LIMITS = DriveLimits(1.0, 300.0, 1000.0, 1000.0, 2000.0)
+Frames = list[list[bytes]]
+
+
+def bench(name: str) -> Bench:
+    """An opened simulated rig."""
+    made = make_port(name, BenchRequest(shipped_gear(), shipped_motor(), serial="SPEED", protocol="benchmark"))
+    made.port.open()
+    made.port.write_limits(LIMITS)
+    return made
+
+
+@pytest.fixture(scope="module")
+def rig() -> Any:
+    made = bench("wire").port
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def frames(rig: CanRig) -> Frames:
+    """Process data of three nodes in motion, as they came over the bus: per cycle, per slot."""
+    store, kept = CycleStore(rig.nodes.layout), []
+    bus = rig._live_bus()  # noqa: SLF001  what is on the line, before the drivers see it
+    taken = [bus._handlers[pdo.cob_id] for pdo in rig.nodes.layout.pdos]  # noqa: SLF001
+    row = [b""] * len(taken)
+
+    def tap(slot: int) -> Any:
+        def take(data: bytes, stamp_ns: int) -> None:
+            row[slot] = data
+            taken[slot](data, stamp_ns)
+            if all(row):
+                kept.append(list(row))
+                row[:] = [b""] * len(taken)
+
+        return take
+
+    for slot, pdo in enumerate(store.layout.pdos):
+        bus.subscribe(pdo.cob_id, tap(slot))
+    rig.exchange(Command(Mode.SPEED, np.full(CYCLES, SPEED)), CYCLES, Guard())
+    for handler, pdo in zip(taken, store.layout.pdos, strict=True):
+        bus.subscribe(pdo.cob_id, handler)
+    assert len(kept) == CYCLES
+    return kept
+
+
+def pair(rig: CanRig, frames: Frames) -> tuple[CycleStore, np.ndarray, np.ndarray]:
+    """The drivers' own way: raw frames into the store cycle by cycle, then the whole block at once."""
+    layout, none = rig.nodes.layout, np.zeros(len(frames), dtype=np.int64)
+    store = CycleStore(layout)
+    decoder = ColumnDecoder(layout, rig.nodes.columns, rig.nodes.validities)
+    store.begin_block(len(frames))
+    for row in frames:
+        store.begin_cycle(False)
+        for slot, data in enumerate(row):
+            store.put(slot, data, 1)
+        store.end_cycle()
+    raw, bad = store.decoded()
+    flags = store.flags()
+    counts = decoder.block(raw, bad, flags, none, none, store.absent())
+    return store, raw, counts
+
+
+class Peer:
+    """canopen's remote nodes with the same process data mapped; every variable read by its `.raw`."""
+
+    def __init__(self, rig: CanRig) -> None:
+        self.maps: list[Any] = []
+        for pdo in rig.nodes.layout.pdos:
+            dictionary = canopen.ObjectDictionary()
+            for entry in pdo.entries:
+                if dictionary.get(entry.index) is None:
+                    dictionary.add_object(canopen.objectdictionary.ODRecord(f"object {entry.index:04X}", entry.index))
+                variable = canopen.objectdictionary.ODVariable(str(entry), entry.index, entry.subindex)
+                variable.data_type = entry.data_type.code
+                dictionary[entry.index].add_member(variable)
+            node = canopen.RemoteNode(pdo.node_id, dictionary)
+            mapped = node.tpdo[1] if 1 in node.tpdo else canopen.pdo.base.PdoMap(node.tpdo, None, None)
+            mapped.cob_id = pdo.cob_id
+            for entry in pdo.entries:
+                mapped.add_variable(entry.index, entry.subindex)
+            self.maps.append(mapped)
+
+    def read(self, frames: Frames) -> list[list[int]]:
+        """The values of every cycle."""
+        found = []
+        for row in frames:
+            values = []
+            for mapped, data in zip(self.maps, row, strict=True):
+                mapped.on_message(mapped.cob_id, bytearray(data), 1.0)
+                values += [variable.raw for variable in mapped.map]
+            found.append(values)
+        return found
+
+
+def test_decoding_a_cycle_of_three_nodes(rig: CanRig, frames: Frames, benchmark: Any, note: Note) -> None:
+    """Microseconds per cycle from the frames to counts that do not jump; canopen's to the bare values."""
+    layout, peer = rig.nodes.layout, Peer(rig)
+    variables = [(slot, entry) for slot, pdo in enumerate(layout.pdos) for entry in pdo.entries]
+    _, raw, _ = pair(rig, frames)
+    theirs = np.array(peer.read(frames))
+    for column, field in enumerate(layout.fields):
+        key = [i for i, (slot, e) in enumerate(variables) if slot == field.slot and layout.pdos[slot].offset_of(e.key) == field.offset]
+        assert np.array_equal(theirs[:, key[0]], raw[:, column]), field.name
+    benchmark.pedantic(pair, (rig, frames), rounds=15, warmup_rounds=2)
+    ours = float(benchmark.stats.stats.min) / CYCLES * 1e6
+    foreign = min(_seconds(peer.read, frames) for _ in range(7)) / CYCLES * 1e6
+    nodes = len({pdo.node_id for pdo in layout.pdos})
+    what = f"{nodes} nodes, {len(layout.pdos)} frames, {len(variables)} values"
+    note(f"decoding a cycle ({what}), paired, unwrapped, checked", ours, "us", "")
+    note("the same by canopen's PDO variables, values only", foreign, "us", "")
+    note("canopen's over ours", foreign / ours, "x", "> 1")
+
+
+def _seconds(work: Any, *arguments: Any) -> float:
+    start = time.perf_counter()
+    work(*arguments)
+    return time.perf_counter() - start
+
+
+def test_sim_against_wire(note: Note) -> None:
+    """Rig-seconds per second of the port alone, in motion, in blocks of 1000 cycles at 1 kHz; by turns, the best of five."""
+    best = {"sim": np.inf, "wire": np.inf}
+    ports = {name: bench(name).port for name in best}
+    command, counts = Command(Mode.SPEED, np.full(CYCLES, SPEED)), {}
+    try:
+        for name, port in ports.items():
+            counts[name] = port.exchange(command, CYCLES, Guard()).counts
+        # The same run on both: what is compared is what it costs, not what it does.
+        assert np.array_equal(counts["sim"], counts["wire"])
+        for _ in range(BLOCKS):
+            for name, port in ports.items():
+                best[name] = min(best[name], _seconds(port.exchange, command, CYCLES, Guard()))
+    finally:
+        for port in ports.values():
+            port.close()
+    speed = {name: CYCLES * 1e-3 / seconds for name, seconds in best.items()}
+    note("sim, the port alone at 1 kHz", speed["sim"], "x real time", "")
+    note("wire, the port alone at 1 kHz", speed["wire"], "x real time", "")
+    note("sim over wire", speed["sim"] / speed["wire"], "x", "")
+    assert speed["wire"] > 1.0
