@@ -38,7 +38,8 @@ def gear_context(passport: Passport, *, created: str) -> dict[str, Any]:
         "origin_sentences": [ORIGIN_SENTENCES[origin] for origin in origins if origin in ORIGIN_SENTENCES],
         "overall": _overall(passport.series), "verdicts": (), "warnings": _warnings(passport), "long_tables": False,
         "parts": parts, "conditions": (), "calibrations": (), "identities": (), "conventions": (), "settings": (),
-        "truth": None, "covered": (0, 0, 0), "paper_figures": (), "run_word": "Runs with", "annex_title": "runs", "parameter_sets": (_run_grid(passport),),
+        "truth": None, "covered": (0, 0, 0), "paper_figures": (), "run_word": "Runs with",
+        "annex_title": "runs", "parameter_sets": (_run_grid(passport),),
         "definitions": _definitions(passport), "not_measured": definitions.NOT_MEASURED, "paper": definitions.PAPER,
         "signature": _signature(words), "version": content.program_version(), "key_results": _newest(passport.series),
     }  # fmt: skip

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import queue
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -24,6 +25,8 @@ SERVE_INTERVAL = 0.05
 """s between two looks of the main thread at what the turn thread has to tell."""
 REACTION_TIME = 0.02
 """s of cycles per exchange: how soon the operator is heard."""
+SWITCH_INTERVAL = 0.0002
+"""s that another thread may go on in the interpreter once the turn thread wants it; the usual 5 ms are several SYNCs."""
 LEAST_DEADLINE = 0.25
 """s without a turn after which the watchdog stops the drive, at least."""
 
@@ -117,10 +120,13 @@ def execute_in_real_time(
     thread = threading.Thread(target=turn, name="turn")
     if order.watchdog is not None:
         order.watchdog.start()
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(SWITCH_INTERVAL)
     thread.start()
     try:
         _serve_until_over(thread, relay, stop)
     finally:
+        sys.setswitchinterval(usual)
         if order.watchdog is not None:
             order.watchdog.stop()
     relay.serve()

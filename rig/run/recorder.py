@@ -146,7 +146,9 @@ class ThreadedRecorder:
             self._copy(block, rows)
             self._taken += rows
             self._high_water = max(self._high_water, waiting + rows)
-            self._condition.notify_all()
+            if waiting + rows > self._capacity // 2:
+                # Otherwise the writer wakes by itself: a flush per block would hold up the loop for as long as it takes.
+                self._condition.notify_all()
 
     def segment(self, segment: Segment) -> None:
         self._note(segment)

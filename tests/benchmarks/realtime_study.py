@@ -1,7 +1,7 @@
 """Real time over the socketcand hub: ten minutes at 250 Hz, the simulated rig served by `rig sim serve` in another process.
 
     python -m tests.benchmarks.realtime_study                  # 600 s at 250 Hz
-    python -m tests.benchmarks.realtime_study --duration 30 --rate 250
+    python -m tests.benchmarks.realtime_study --priority 50    # both processes in the real-time class, as on a rig's computer
 
 The run is that of `rig run --backend hardware`: turn thread, writer thread, watchdog, the drivers over python-can's socketcand
 interface, described by the rig.toml that the server writes. Prints the achieved rate, the jitter of the SYNC interval on the
@@ -33,16 +33,20 @@ GEAR = "STUDY"
 
 
 @contextmanager
-def served(folder: Path, rate: float, reaction: float) -> Iterator[Path]:
-    """`rig sim serve` as another process, and the rig.toml that reaches it, with a reaction time [ms] of its own."""
+def served(folder: Path, rate: float, reaction: float, priority: int) -> Iterator[Path]:
+    """`rig sim serve` as another process, and the rig.toml that reaches it, with its own reaction time [ms] and priority."""
     description = folder / "rig.toml"
     command = [sys.executable, "-m", "rig", "sim", "serve", "--port", "0", "--readout", "none", "--gear", GEAR, "--json",
                "--sample-rate", f"{rate:g}", "--time", "wall", "--config-out", str(description)]  # fmt: skip
+    if priority:
+        # The served rig stands for devices that have processors of their own.
+        command = ["chrt", "--fifo", str(priority), *command]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stdout is not None
         json.loads(process.stdout.readline())
         written = description.read_text(encoding="utf-8")
-        description.write_text(f"{written}\n[real_time]\nreaction_ms = {reaction!r}\n", encoding="utf-8")
+        asked = f"[real_time]\nreaction_ms = {reaction!r}\nscheduler_priority = {priority}\nlock_memory = {str(priority > 0).lower()}\n"
+        description.write_text(f"{written}\n{asked}", encoding="utf-8")
         try:
             yield description
         finally:
@@ -62,11 +66,11 @@ def request_for(description: Path, rate: float, folder: Path) -> RunRequest:
     )  # fmt: skip
 
 
-def run(duration: float, rate: float, reaction: float, folder: Path) -> RunReport:
+def run(duration: float, rate: float, reaction: float, priority: int, folder: Path) -> RunReport:
     """The run, in real time."""
     from rig.run.dry_run import plan_run
 
-    with served(folder, rate, reaction) as description:
+    with served(folder, rate, reaction, priority) as description:
         request = request_for(description, rate, folder)
         planned = plan_run(
             long_run(duration), LongRunParameters(), request.gear, request.motor, "circular-spline-fixed",
@@ -91,16 +95,21 @@ def intervals(path: Path) -> np.ndarray:
         close_recording(recording)
 
 
+def _scheduling(priority: int) -> str:
+    return f"SCHED_FIFO {priority}" if priority else f"as any program, niceness {os.nice(0)}"
+
+
 def main() -> int:
     """Run the study."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--duration", type=float, default=600.0, help="s")
     parser.add_argument("--rate", type=float, default=250.0, help="SYNC rate [Hz]")
     parser.add_argument("--reaction", type=float, default=20.0, help="ms of cycles in one exchange")
+    parser.add_argument("--priority", type=int, default=0, help="SCHED_FIFO priority of both processes; 0: like any program")
     options = parser.parse_args()
     before = load_average()
     with tempfile.TemporaryDirectory() as folder:
-        report = run(options.duration, options.rate, options.reaction, Path(folder))
+        report = run(options.duration, options.rate, options.reaction, options.priority, Path(folder))
         between = intervals(report.path)
     if not len(between):
         print(f"{report.outcome}: {report.message}", file=sys.stderr)
@@ -112,7 +121,7 @@ def main() -> int:
     missed = round(sum(told[name] for name in ("incomplete", "late", "doubled", "short")))
     table = {
         "outcome, standstill verified": f"{report.outcome}, {'yes' if report.safe else 'NO'}",
-        "reaction time (cycles per exchange)": f"{options.reaction:g} ms",
+        "reaction time; scheduling": f"{options.reaction:g} ms; {_scheduling(options.priority)}",
         "cycles; of them at constant speed": f"{report.rows}; {len(between) + 1}",
         "achieved rate at constant speed": f"{1.0 / between.mean():.3f} Hz of {options.rate:g} Hz",
         "jitter of the SYNC interval, p50, p99, p99.9, greatest": f"{p50:.3f}, {p99:.3f}, {p999:.3f}, {most:.3f} ms",
@@ -123,7 +132,7 @@ def main() -> int:
         "latency from SYNC to the last frame, p50, p99, greatest": ", ".join(
             f"{told[name] * 1e3:.2f}" for name in ("latency_p50", "latency_p99", "latency_max")
         ) + " ms",
-        "load average before; after; cores; niceness": f"{before}; {load_average()}; {os.cpu_count()}; {os.nice(0)}",
+        "load average before; after; cores": f"{before}; {load_average()}; {os.cpu_count()}",
     }  # fmt: skip
     print("| what | measured |\n|---|---|")
     for what, value in table.items():

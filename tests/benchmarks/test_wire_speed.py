@@ -46,8 +46,8 @@ def rig() -> Any:
 def frames(rig: CanRig) -> Frames:
     """Process data of three nodes in motion, as they came over the bus: per cycle, per slot."""
     store, kept = CycleStore(rig.nodes.layout), []
-    bus = rig._live_bus()  # noqa: SLF001  what is on the line, before the drivers see it
-    taken = [bus._handlers[pdo.cob_id] for pdo in rig.nodes.layout.pdos]  # noqa: SLF001
+    bus = rig._live_bus()
+    taken = [bus._handlers[pdo.cob_id] for pdo in rig.nodes.layout.pdos]
     row = [b""] * len(taken)
 
     def tap(slot: int) -> Any:
@@ -125,7 +125,10 @@ def test_decoding_a_cycle_of_three_nodes(rig: CanRig, frames: Frames, benchmark:
     _, raw, _ = pair(rig, frames)
     theirs = np.array(peer.read(frames))
     for column, field in enumerate(layout.fields):
-        key = [i for i, (slot, e) in enumerate(variables) if slot == field.slot and layout.pdos[slot].offset_of(e.key) == field.offset]
+        key = [
+            i for i, (slot, e) in enumerate(variables)
+            if slot == field.slot and layout.pdos[slot].offset_of(e.key) == field.offset
+        ]  # fmt: skip
         assert np.array_equal(theirs[:, key[0]], raw[:, column]), field.name
     benchmark.pedantic(pair, (rig, frames), rounds=15, warmup_rounds=2)
     ours = float(benchmark.stats.stats.min) / CYCLES * 1e6

@@ -291,6 +291,25 @@ def test_a_gap_allows_for_more_motion_but_not_for_a_wrap() -> None:
     assert (flags & CycleFlag.JUMPED != 0).tolist() == [False, False, False, False, False, False, True]
 
 
+def test_a_sync_that_came_late_allows_for_more_motion_and_a_pause_does_not() -> None:
+    raw = np.array([[0, 0, 0, 10, 0], [0, 0, 0, 20, 0], [0, 0, 0, 260, 0], [0, 0, 0, 270, 0]], dtype=np.int64)
+    none, late = np.zeros(4, dtype=np.int64), np.array([0, 1_000_000, 4_100_000, 5_100_000])
+
+    def jumped(sent: np.ndarray, *, paused: bool = False) -> list[bool]:
+        decoder = ColumnDecoder(layout(), columns(), cycle_ns=1_000_000)
+        flags = [np.zeros(n, dtype=np.uint16) for n in (2, 2)]
+        for part, flag in zip((slice(0, 2), slice(2, 4)), flags, strict=True):
+            decoder.block(raw[part], np.zeros((2, 5), dtype=bool), flag, none[part], none[part], sent=sent[part])
+            if paused:
+                decoder.pause()
+        return (np.concatenate(flags) & CycleFlag.JUMPED != 0).tolist()
+
+    # 240 counts are possible in three periods, not in one; and nothing turns while the SYNC stands on purpose.
+    assert jumped(late) == [False] * 4
+    assert jumped(np.arange(4) * 1_000_000) == [False, False, True, False]
+    assert jumped(late, paused=True) == [False, False, True, False]
+
+
 @given(st.lists(st.floats(width=32), min_size=1, max_size=20))
 def test_floating_point_inputs_never_give_a_silent_wrong_count(values: list[float]) -> None:
     pdo = MappedPdo(3, True, 1, 0x183, 1, (ObjectRef(0x6403, 1, REAL32),))

@@ -67,7 +67,8 @@ def test_every_page_is_numbered() -> None:
 
 @pytest.mark.parametrize(
     "serial",
-    ['#import "x": *', "$ x^2 $ *bold* _it_ @ref <label>", "\\u{1F600} \\ `raw`", "<script>alert(1)</script>", "x" * 400, "\x07\x00tab\t"],
+    ['#import "x": *', "$ x^2 $ *bold* _it_ @ref <label>", "\\u{1F600} \\ `raw`", "<script>alert(1)</script>", "x" * 400,
+     "\x07\x00tab\t"],
 )  # fmt: skip
 def test_text_that_looks_like_markup_comes_out_as_it_stands(serial: str) -> None:
     found = squeezed(" ".join(pages(gear_serial=serial)))
