@@ -362,17 +362,14 @@ STATES: dict[str, Callable[[Stage], None]] = {
 """Every state that is shown, by the name of its picture."""
 
 
-def picture(name: str, size: tuple[int, int], theme: str, target: Path) -> None:
+def picture(application: QApplication, name: str, size: tuple[int, int], theme: str, target: Path) -> None:
     """Bring a fresh window into a state and keep what it shows."""
     import pyqtgraph as pg
-    from PySide6.QtWidgets import QApplication
 
     from rig.window.main import MainWindow
     from rig.window.session import WindowSession
     from rig.window.theme import apply_theme
 
-    application = QApplication.instance() or QApplication([])
-    assert isinstance(application, QApplication)
     pg.setConfigOptions(antialias=True)
     apply_theme(application, theme)
     with tempfile.TemporaryDirectory() as place:
@@ -443,13 +440,19 @@ def main() -> int:
         parser.error(f"no such state: {', '.join(sorted(unknown))}; there are {', '.join(STATES)}")
     os.environ["QT_QPA_PLATFORM"] = "offscreen"
     os.environ["QT_SCALE_FACTOR"] = chosen.scale
-    for name in chosen.states or STATES:
-        for size in chosen.size or SIZES:
-            width, height = map(int, size.split("x"))
-            end = "" if chosen.theme == "light" else f"-{chosen.theme}"
-            target = chosen.output.resolve() / f"{name}-{size}{end}.png"
-            picture(name, (width, height), chosen.theme, target)
-            print(f"{target}  {target.stat().st_size // 1024} kB")
+    from PySide6.QtWidgets import QApplication
+
+    from rig.window.collector import collector_in_this_thread
+
+    application = QApplication([])
+    with collector_in_this_thread():
+        for name in chosen.states or STATES:
+            for size in chosen.size or SIZES:
+                width, height = map(int, size.split("x"))
+                end = "" if chosen.theme == "light" else f"-{chosen.theme}"
+                target = chosen.output.resolve() / f"{name}-{size}{end}.png"
+                picture(application, name, (width, height), chosen.theme, target)
+                print(f"{target}  {target.stat().st_size // 1024} kB")
     return 0
 
 

@@ -26,10 +26,19 @@ def _claim_priority(priority: int) -> Check:
     if not hasattr(os, "sched_setscheduler"):
         return Check("scheduler", "warning", f"{sys.platform} has no SCHED_FIFO: the loop is scheduled like any program")
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        for thread in _threads():
+            os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
     except (OSError, ValueError) as error:
         return Check("scheduler", "warning", f"SCHED_FIFO {priority} was refused: {error}", remedy)
     return Check("scheduler", "ok", f"SCHED_FIFO with priority {priority}")
+
+
+def _threads() -> list[int]:
+    """Every thread of this process: one of the usual class that holds the interpreter would hold up the loop."""
+    try:
+        return [int(name) for name in os.listdir("/proc/self/task")]
+    except (OSError, ValueError):
+        return [0]
 
 
 def _lock_memory() -> Check:

@@ -218,8 +218,7 @@ class RunWriter:
                     part = buffer[self._stored : self._filled]
                     if dataset.dtype == np.int32:
                         self._refuse_wide_counts(part, str(dataset.name))
-                    dataset.resize((last,))
-                    dataset[first:last] = part
+                    _append(dataset, first, last, part)
         self._stored = self._filled
         if self._filled == self._chunk_rows:
             self._start += self._filled
@@ -268,6 +267,19 @@ class RunWriter:
                 remedy = "Name a folder that exists and can be written."
             self._failure = RunFileError(f"the run file {what}: {reason(error)}", where=str(self.part), remedy=remedy)
             raise self._failure from error
+
+
+def _append(dataset: h5py.Dataset, first: int, last: int, part: NDArray[Any]) -> None:
+    """Rows [first, last) at the end of a column, by the library's own calls.
+
+    In a run in real time every microsecond of the interpreter is taken from the loop: `dataset[first:last] = part` costs
+    three times as many.
+    """
+    column = dataset.id
+    column.set_extent((last,))
+    place = column.get_space()
+    place.select_hyperslab((first,), (last - first,))
+    column.write(h5py.h5s.create_simple((last - first,)), place, np.ascontiguousarray(part))
 
 
 def _segment_row(segment: Segment) -> tuple[Any, ...]:

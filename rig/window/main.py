@@ -29,6 +29,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from rig.window.collector import collector_in_this_thread
 from rig.window.prepared import PreparedRun
 from rig.window.running import RunPage
 from rig.window.session import WindowSession
@@ -196,7 +197,7 @@ def open_window(
     window.show_page(page)
     window.show()
     QTimer.singleShot(0, lambda: _fit_to_screen(window))
-    with _python_awake(window), _defects_told(session):
+    with collector_in_this_thread(), _python_awake(window), _defects_told(session):
         return application.exec()
 
 

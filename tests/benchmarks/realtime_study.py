@@ -45,7 +45,8 @@ def served(folder: Path, rate: float, reaction: float, priority: int) -> Iterato
         assert process.stdout is not None
         json.loads(process.stdout.readline())
         written = description.read_text(encoding="utf-8")
-        asked = f"[real_time]\nreaction_ms = {reaction!r}\nscheduler_priority = {priority}\nlock_memory = {str(priority > 0).lower()}\n"
+        lock = "true" if priority else "false"
+        asked = f"[real_time]\nreaction_ms = {reaction!r}\nscheduler_priority = {priority}\nlock_memory = {lock}\n"
         description.write_text(f"{written}\n{asked}", encoding="utf-8")
         try:
             yield description

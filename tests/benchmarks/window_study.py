@@ -18,9 +18,12 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from PySide6.QtWidgets import QApplication
 
 BLOCK_SECONDS = 0.02
 SETTLING = 5.0
@@ -79,11 +82,10 @@ def write(path: Path, rate: float, rig_time: float, times: float) -> None:
     print(json.dumps(told))
 
 
-def watch(rate: float, rig_time: float, times: float, size: tuple[int, int]) -> dict[str, Any]:
+def watch(application: QApplication, rate: float, rig_time: float, times: float, size: tuple[int, int]) -> dict[str, Any]:
     """The window in front of the writer; what was measured."""
     import pyqtgraph as pg
     from PySide6.QtCore import QEvent, QObject
-    from PySide6.QtWidgets import QApplication
 
     from rig.window.main import MainWindow
     from rig.window.session import WindowSession
@@ -101,8 +103,6 @@ def watch(rate: float, rig_time: float, times: float, size: tuple[int, int]) -> 
                 self.at.append(time.monotonic())
             return False
 
-    application = QApplication.instance() or QApplication([])
-    assert isinstance(application, QApplication)
     pg.setConfigOptions(antialias=True)
     apply_theme(application, "light")
     with tempfile.TemporaryDirectory() as folder:
@@ -181,7 +181,13 @@ def main() -> int:
     if chosen.write is not None:
         write(chosen.write, chosen.rate, chosen.rig_time, chosen.times)
         return 0
-    found = watch(chosen.rate, chosen.rig_time, chosen.times, tuple(chosen.size))
+    from PySide6.QtWidgets import QApplication
+
+    from rig.window.collector import collector_in_this_thread
+
+    application = QApplication([])
+    with collector_in_this_thread():
+        found = watch(application, chosen.rate, chosen.rig_time, chosen.times, tuple(chosen.size))
     print(json.dumps(found, indent=1))
     good = found["frames_per_second"] > 30.0 and found["rows_read"] == found["rows"] and found["writer"]["dropped"] == 0
     return 0 if good else 1

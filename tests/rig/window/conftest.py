@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 
@@ -29,6 +30,15 @@ LONGEST = 40_000
 """ms that a test waits for something before it fails; nothing takes a fifth of it on an idle computer."""
 
 MakePrepared = Callable[..., PreparedRun]
+
+
+@pytest.fixture(autouse=True)
+def collector_in_the_main_thread() -> Iterator[None]:
+    """No other thread takes a window apart: what a test leaves is collected here, as `rig.window.collector` does it."""
+    gc.disable()
+    yield
+    gc.collect(0)
+    gc.enable()
 
 
 @pytest.fixture

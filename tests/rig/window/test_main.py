@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -15,6 +17,7 @@ from typer.testing import CliRunner
 
 from experiments.result import Plot, Series
 from rig.main import app
+from rig.window.collector import collector_in_this_thread
 from rig.window.main import PAGES, MainWindow, _defects_told, open_window
 from rig.window.palette import palette_of
 from rig.window.plots import LabPlot
@@ -102,6 +105,32 @@ def test_every_page_is_there(session: WindowSession, qtbot: QtBot) -> None:
         "PreparePage", "RunPage", "ReviewPage",
     ]  # fmt: skip
     assert window.run.may_close()
+
+
+def test_garbage_is_collected_in_the_thread_of_the_window_only(qtbot: QtBot) -> None:
+    """A thread that makes garbage never runs the collector; the timer does."""
+    threads: set[str] = set()
+
+    class Loop:
+        def __init__(self) -> None:
+            self.itself = self
+
+        def __del__(self) -> None:
+            threads.add(threading.current_thread().name)
+
+    def waste() -> None:
+        for _ in range(5000):
+            Loop()
+
+    gc.enable()
+    with collector_in_this_thread():
+        assert not gc.isenabled()
+        worker = threading.Thread(target=waste, name="worker")
+        worker.start()
+        worker.join()
+        assert threads == set()
+        qtbot.waitUntil(lambda: threads == {threading.main_thread().name})
+    assert gc.isenabled()
 
 
 def test_the_theme_that_was_asked_for(qapp: object) -> None:
