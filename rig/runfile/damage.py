@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import h5py
+from h5py._objects import phil
 
 from rig.errors import RigError, RunFileError
 from rig.runfile.layout import PART_SUFFIX
@@ -67,7 +68,9 @@ def _open_growing(path: Path) -> h5py.File:
     with contextlib.suppress(AttributeError):  # Where the symbol cannot be reached the library's own patience stays.
         limit_attempts = library.H5Pset_metadata_read_attempts
         limit_attempts.argtypes, limit_attempts.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
-        limit_attempts(access.id, READ_ATTEMPTS)
+        # The library is not made for threads: h5py takes turns by this lock, and whoever goes past it has to take it as well.
+        with phil:
+            limit_attempts(access.id, READ_ATTEMPTS)
     flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
     return h5py.File(h5py.h5f.open(os.fsencode(path), flags, access))
 

@@ -37,7 +37,8 @@ def collector_in_this_thread() -> Iterator[None]:
 
 
 def collect_what_is_due() -> None:
-    """What the collector would do by itself: each generation when enough has come together."""
-    for generation, (found, allowed) in enumerate(zip(gc.get_count(), gc.get_threshold(), strict=True)):
-        if found > allowed > 0:
+    """The young objects at every call, the older ones when enough has come together, as the collector does it by itself."""
+    gc.collect(0)
+    for generation in (1, 2):
+        if gc.get_count()[generation] > gc.get_threshold()[generation]:
             gc.collect(generation)

@@ -8,6 +8,8 @@ from typing import Any
 import canopen
 import numpy as np
 import pytest
+from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable
+from canopen.pdo.base import PdoMap
 
 from drivers.columns import ColumnDecoder
 from drivers.cyclic import CanRig
@@ -92,15 +94,16 @@ class Peer:
     def __init__(self, rig: CanRig) -> None:
         self.maps: list[Any] = []
         for pdo in rig.nodes.layout.pdos:
-            dictionary = canopen.ObjectDictionary()
+            dictionary = ObjectDictionary()
             for entry in pdo.entries:
                 if dictionary.get(entry.index) is None:
-                    dictionary.add_object(canopen.objectdictionary.ODRecord(f"object {entry.index:04X}", entry.index))
-                variable = canopen.objectdictionary.ODVariable(str(entry), entry.index, entry.subindex)
+                    dictionary.add_object(ODRecord(f"object {entry.index:04X}", entry.index))
+                variable = ODVariable(str(entry), entry.index, entry.subindex)
                 variable.data_type = entry.data_type.code
-                dictionary[entry.index].add_member(variable)
+                record: Any = dictionary[entry.index]
+                record.add_member(variable)
             node = canopen.RemoteNode(pdo.node_id, dictionary)
-            mapped = node.tpdo[1] if 1 in node.tpdo else canopen.pdo.base.PdoMap(node.tpdo, None, None)
+            mapped = node.tpdo[1] if 1 in node.tpdo else PdoMap(node.tpdo, None, None)
             mapped.cob_id = pdo.cob_id
             for entry in pdo.entries:
                 mapped.add_variable(entry.index, entry.subindex)
