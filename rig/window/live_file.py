@@ -6,6 +6,7 @@ stays the same however long the run is, and no peak is lost on the way.
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -54,6 +55,7 @@ class LiveFile:
         self._is_open = True
         self._looked = -TABLE_INTERVAL
         self._origin_ns: int | None = None
+        self._last_ns: int | None = None
 
     def want(self, names: Collection[str]) -> None:
         """The channels to be read; those that the run lacks are left out."""
@@ -117,6 +119,25 @@ class LiveFile:
         close_recording(self.recording)
 
     def _block(self, start: int, stop: int) -> Block:
+        """Rows that go on where the ones before ended. A process that has a growing file open twice may be handed chunks of
+        another place: time that does not go on tells it. The file is then opened anew; rows that are still wrong do not count.
+        """
+        if not self._goes_on(start, stop):
+            close_recording(self.recording)
+            self.recording = open_run(self.path, digest=False)
+        block = self._load(start, stop)
+        if not self._goes_on(start, stop):
+            return dataclasses.replace(block, good=np.zeros(len(block), dtype=bool))
+        stamps = self.recording.source.time_ns(start, stop)
+        self._last_ns = int(stamps[-1])
+        return block
+
+    def _goes_on(self, start: int, stop: int) -> bool:
+        stamps = self.recording.source.time_ns(start, stop)
+        after = self._last_ns is None or (len(stamps) > 0 and int(stamps[0]) > self._last_ns)
+        return len(stamps) == stop - start and after and bool(np.all(np.diff(stamps) > 0))
+
+    def _load(self, start: int, stop: int) -> Block:
         recording, rows = self.recording, slice(start, stop)
         stamps = recording.source.time_ns(start, stop)
         if self._origin_ns is None:
