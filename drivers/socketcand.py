@@ -76,7 +76,11 @@ def read_message(line: socket.socket) -> bytes:
     """What a hub says up to the next closing bracket, and not a byte further; less where it ends before."""
     heard = b""
     while len(heard) < LONGEST_MESSAGE and not heard.endswith(b">"):
-        byte = line.recv(1)
+        try:
+            byte = line.recv(1)
+        except ConnectionResetError:
+            # A hub that hangs up before it has read everything: the same end, told less politely.
+            break
         if not byte:
             break
         heard += byte

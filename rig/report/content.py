@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from experiments.result import Result
+from rig.report.catalogue import source_text
 from rig.report.provenance import Provenance, provenance_of
-from rig.report.wording import display_unit, metric, number, pretty, readable, show
+from rig.report.wording import display_unit, heading, metric, number, pretty, readable, show
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
@@ -119,7 +120,7 @@ def verdict_lines(fits: Sequence[Fit]) -> tuple[VerdictLine, ...]:
         for v in fit.result.verdicts:
             factor, unit = display_unit(v.estimate.name, v.estimate.unit, v.estimate.value)
             limit = f"≤ {number(v.limit / factor)} {unit}".rstrip()
-            source = f"{v.limit_provenance}: {v.limit_source}" if v.limit_source else v.limit_provenance
+            source = source_text(v.limit_provenance, v.limit_source)
             value = show(v.estimate).with_uncertainty
             lines.append(VerdictLine(readable(v.name), v.definition, value, limit, source, v.outcome, fit.result.run))
     return tuple(lines)
@@ -173,7 +174,15 @@ def data_grid(table: Any) -> Grid:
         for i in range(len(table.columns))
     )
     rows = tuple(tuple(number(cell) for cell in row) for row in table.rows)
-    return Grid(table.title, tuple(table.columns), rows, numeric, table.note)
+    return Grid(table.title, tuple(heading(c) for c in table.columns), rows, numeric, table.note)
+
+
+def file_grid(fits: Sequence[Fit]) -> Grid:
+    """The run files that the report rests on, the tares among them, with their hashes whole."""
+    recordings = [r for f in fits for r in (f.recording, f.tare.recording if f.tare else None) if r is not None]
+    found = {r.metadata.run_id: r.metadata for r in recordings}
+    rows = tuple((m.run_id, m.outcome or "not stated", m.sha256 or "not sealed") for m in found.values())
+    return Grid("Run files", ("Run", "Outcome", "SHA-256 of the run file"), rows, (False, False, False))
 
 
 def _without_empty(grid: Grid) -> Grid:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.result import Plot
 from rig.errors import RigError
-from rig.report import content, definitions, figures, provenance
+from rig.report import catalogue, content, definitions, figures, provenance
 from rig.report.wording import printable
 
 if TYPE_CHECKING:
@@ -142,6 +142,27 @@ def _finalize(value: Any) -> Any:
     return printable(value) if type(value) is str else value
 
 
+LONGEST_LINE = 100
+"""Letters of run numbers that fit on the foot of a page."""
+
+
+def run_line(runs: Sequence[str]) -> str:
+    """The runs that a report is of, for the foot of every page: their numbers, or how many and the first and the last."""
+    named = list(dict.fromkeys(runs))
+    line = ("Run " if len(named) == 1 else "Runs ") + ", ".join(named)
+    if len(line) <= LONGEST_LINE or not named:
+        return line if named else ""
+    if len(named) == 1:
+        return f"{line[: LONGEST_LINE - 1]}…"
+    return f"{len(named)} runs, {named[0][: LONGEST_LINE // 3]} to {named[-1][: LONGEST_LINE // 3]}"
+
+
+def _catalogue(rows: Sequence[tuple[str, ...]]) -> content.Grid | None:
+    if not rows:
+        return None
+    return content.Grid(catalogue.TITLE, catalogue.COLUMNS, tuple(rows), catalogue.NUMERIC, catalogue.NOTE)
+
+
 def _place(fit: Fit) -> tuple[int, str]:
     kind = fit.result.kind
     return ORDER.index(kind) if kind in ORDER else len(ORDER), fit.recording.metadata.start_time
@@ -169,6 +190,10 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
         "origin_sentences": [ORIGIN_SENTENCES[o] for o in origins if o in ORIGIN_SENTENCES],
         "overall": content.overall(fits),
         "verdicts": content.verdict_lines(fits),
+        "alarms": tuple(dict.fromkeys(alarm for p in parts for alarm in p.provenance.alarms)),
+        "catalogue": _catalogue(catalogue.catalogue_rows(fits, parts)),
+        "files": content.file_grid(fits),
+        "run_line": run_line([f.recording.metadata.run_id for f in fits]),
         "warnings": warnings,
         "long_tables": any(p.annex for p in parts),
         "parts": parts,
@@ -272,6 +297,9 @@ def _signature(origins: Sequence[str], fits: Sequence[Fit]) -> Signature:
     if any(o != "hardware" for o in origins):
         words = ", ".join(figures.WATERMARKS.get(o, o.upper()) for o in origins if o != "hardware")
         return Signature(False, f"This report holds runs marked {words}. There is no room for a signature on it.")
+    unsealed = [f.recording.metadata.run_id for f in fits if not f.recording.metadata.sha256]
+    if unsealed:
+        return Signature(False, f"Not sealed, so that it could still change: {', '.join(unsealed)}. It is not signed.")
     if any(f.recording.metadata.outcome in content.UNFINISHED for f in fits):
         return Signature(False, "Not every run reached its end; an incomplete test is not signed.")
     return Signature(True)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rig.report.wording import number, readable
 
 if TYPE_CHECKING:
+    from drivers.channel import Calibration
     from experiments.recording import Recording
     from model.gear import HarmonicDrive
     from rig.fit import Fit
@@ -24,6 +25,8 @@ class Provenance:
     settings: tuple[tuple[str, str], ...] = ()
     options: tuple[tuple[str, str], ...] = ()
     calibrations: tuple[tuple[str, str], ...] = ()
+    alarms: tuple[str, ...] = ()
+    """What makes the run's scales doubtful: calibrations that had expired, or of hardware that has none."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +143,6 @@ def provenance_of(fit: Fit) -> Provenance:
         ("Mounting", m.mounting.replace("-", " ") if m.gear_mounted else "none"),
         ("File", fit.path.name if fit.path else "in memory"),
         ("Analysis", fit.stored or "not stored"),
-        ("SHA-256", m.sha256 or "not sealed"),
         ("Tare", f"run {fit.tare.recording.metadata.run_id}" if fit.tare else "none"),
     ]
     rows.extend(
@@ -148,34 +150,63 @@ def provenance_of(fit: Fit) -> Provenance:
         for key, value in _process(m.process)
     )
     settings = tuple(_parameters(m.experiment, {**m.parameters, **fit.settings}))
-    options = tuple((readable(str(k)), _text(v)) for k, v in fit.result.options.items())
+    options = tuple((readable(str(k)), _option(str(k), v)) for k, v in fit.result.options.items())
     return Provenance(
         tuple(rows),
         conditions_of(fit.recording, fit.gear if fit.gear_known and m.gear_mounted else None),
         settings,
         options,
         calibrations_of(fit.recording),
+        alarms_of(fit.recording),
     )
+
+
+EXPIRED = "EXPIRED WHEN THE RUN BEGAN"
 
 
 def calibrations_of(recording: Recording) -> tuple[tuple[str, str], ...]:
     """Certificate, date and due date of every calibrated channel, and loudly whether it had expired when the run began."""
-    columns = getattr(recording.source, "columns", ())
-    begun = recording.metadata.start_time[:10]
     rows = []
-    for column in columns:
-        c = column.calibration
-        if not (c.certificate or c.date or c.due or column.name in CALIBRATED):
-            continue
+    for name, calibration in _calibrated(recording):
+        c = calibration
         told = [c.certificate or "no certificate", f"of {c.date}" if c.date else "", f"due {c.due}" if c.due else ""]
-        expired = bool(c.due and begun and c.due[:10] < begun)
-        text = ", ".join(part for part in told if part) + (": EXPIRED WHEN THE RUN BEGAN" if expired else "")
-        rows.append((readable(column.name).capitalize(), text))
+        text = ", ".join(part for part in told if part) + (f": {EXPIRED}" if _expired(recording, c) else "")
+        rows.append((name, text))
     return tuple(rows)
+
+
+def alarms_of(recording: Recording) -> tuple[str, ...]:
+    """Sentences for the top of the report: expired calibrations, and channels of hardware without a certificate."""
+    told = []
+    for name, c in _calibrated(recording):
+        if _expired(recording, c):
+            told.append(f"The calibration of {name.lower()} ({c.certificate or 'no certificate'}) was due on {c.due}: {EXPIRED}.")
+        elif recording.metadata.origin == "hardware" and not c.certificate:
+            told.append(f"{name} has no calibration certificate.")
+    return tuple(told)
+
+
+def _calibrated(recording: Recording) -> list[tuple[str, Calibration]]:
+    columns = getattr(recording.source, "columns", ())
+    found = [(column.name, column.calibration) for column in columns]
+    return [(readable(n).capitalize(), c) for n, c in found if c.certificate or c.date or c.due or n in CALIBRATED]
+
+
+def _expired(recording: Recording, calibration: Calibration) -> bool:
+    begun = recording.metadata.start_time[:10]
+    return bool(calibration.due and begun and calibration.due[:10] < begun)
 
 
 CALIBRATED = frozenset({"input_angle", "output_angle", "torque"})
 """Channels whose certificate is asked for even where there is none."""
+
+
+OPTION_UNITS = {"phase_reference_angle": "rad"}
+"""SI units of the conventions that are quantities."""
+
+
+def _option(name: str, value: Any) -> str:
+    return f"{_text(value)} {OPTION_UNITS.get(name, '')}".rstrip()
 
 
 def _moment(text: str) -> str:

@@ -142,6 +142,7 @@ LABELS = {
     "motor_viscous": "motor, viscous friction",
     "stiffness_over_inertia": "dynamic stiffness over inertia K/J_o",
     "mse": "MSE (22)",
+    "lost_motion": "offset between the directions",
 }
 """Names of results as a reader of the paper knows them."""
 
@@ -161,6 +162,13 @@ def readable(name: str) -> str:
     words = re.sub(r"(\d) rpm\b", r"\1 r/min", words)
     return re.sub(r"\bmse\b", "MSE", words)
 
+
+def heading(text: str) -> str:
+    """The heading of a column with its unit as it is printed: housing [degC] is housing [°C]."""
+    return re.sub(r"\[([^\]]+)\]", lambda m: f"[{_PRINTED.get(m[1], pretty(m[1]))}]", text)
+
+
+_PRINTED = {"degC": "°C", "deg": "°"}
 
 METRIC_UNITS: dict[str, tuple[tuple[str, str], ...]] = {
     "kinematic-error": (

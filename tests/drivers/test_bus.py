@@ -6,6 +6,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import cast
 
 import can
 import pytest
@@ -16,6 +17,7 @@ from drivers.bus import BusConfig, PumpedBus, open_raw_bus
 from drivers.cia301 import NmtCommand, NmtState
 from drivers.clock import VirtualClock, WallClock
 from drivers.errors import BusLostError, DriverError
+from drivers.socketcand import read_message
 from tests.drivers.scripted_bus import ScriptedBus
 
 MS = 1_000_000
@@ -167,7 +169,7 @@ ANSWERS = (b"< ok >", b"< error")
 
 @contextmanager
 def hub(*connections: list[bytes]) -> Iterator[BusConfig]:
-    """A hub that follows a script and then closes the connection."""
+    """A hub that follows a script, then says no more and hangs up when the client does."""
     with socket.create_server(("127.0.0.1", 0)) as door:
 
         def follow() -> None:
@@ -178,6 +180,10 @@ def hub(*connections: list[bytes]) -> Iterator[BusConfig]:
                         if word.startswith(ANSWERS):
                             line.recv(64)
                         line.sendall(word)
+                    # Closed with something unread, a socket would reset the connection and take its last words with it.
+                    line.shutdown(socket.SHUT_WR)
+                    while line.recv(64):
+                        pass
 
         thread = threading.Thread(target=follow)
         thread.start()
@@ -235,3 +241,21 @@ def test_a_hub_that_goes_away_is_a_lost_bus_after_everything_it_sent() -> None:
         with pytest.raises(BusLostError):
             pumped.drain()
         pumped.close()
+
+
+class ResetLine:
+    """The end of a connection that the other side has reset after some words."""
+
+    def __init__(self, words: bytes) -> None:
+        self._words = words
+
+    def recv(self, length: int) -> bytes:
+        if not self._words:
+            raise ConnectionResetError(104, "Connection reset by peer")
+        taken, self._words = self._words[:length], self._words[length:]
+        return taken
+
+
+@pytest.mark.parametrize("words", [b"", b"< h", b"HTTP"])
+def test_a_reset_connection_is_an_end_like_any_other(words: bytes) -> None:
+    assert read_message(cast("socket.socket", ResetLine(words))) == words
