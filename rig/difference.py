@@ -169,7 +169,8 @@ def _limits(recording: Recording) -> dict[str, Any]:
     source = recording.source
     if not isinstance(source, FileSource):
         return {}
-    return {name: _limit(entry) for name, entry in read_header(source.file).limits.items()}
+    with source.file() as file:
+        return {name: _limit(entry) for name, entry in read_header(file).limits.items()}
 
 
 def _limit(entry: Any) -> Any:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import threading
 import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,10 @@ from drivers.channel import Channel
 from experiments.recording import Event, Recording, Segment
 from rig.errors import RunFileError
 from rig.runfile import layout
-from rig.runfile.damage import open_for_reading, refusing_damage
+from rig.runfile.damage import refusing_damage
 from rig.runfile.header import RunHeader, check_format, read_columns, read_header, read_metadata, rows_flushed
 from rig.runfile.layout import BOOKKEEPING, FLAGS, TIME
+from rig.runfile.opening import OpenFile, open_for_reading
 from rig.runfile.seal import file_sha256, recorded_sha256
 
 
@@ -30,15 +32,26 @@ class FileSource:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.file = open_for_reading(path)
-        self._closer = weakref.finalize(self, self.file.close)
-        self._lock = threading.Lock()
-        with refusing_damage(path):
-            check_format(self.file)
-            self.columns = read_columns(self.file)
-            names = (*BOOKKEEPING, *(column.name for column in self.columns))
-            self._datasets = {name: _dataset(self.file, name) for name in names}
-            self._rows = self._count_rows()
+        self._open = open_for_reading(path)
+        self._closer = weakref.finalize(self, self._open.close)
+        with self.file() as file:
+            check_format(file)
+            self.columns = read_columns(file)
+            self._names = (*BOOKKEEPING, *(column.name for column in self.columns))
+            for name in self._names:
+                _require_column(self._open, name)
+            self._rows = self._count_rows(file)
+
+    @property
+    def grows(self) -> bool:
+        """Whether the file is not sealed, so that rows may still be added."""
+        return self._open.grows
+
+    @contextmanager
+    def file(self, what: str = "is not a readable run file") -> Iterator[h5py.File]:
+        """The opened file, for looking at what is no row; damage found within is a `RunFileError` that says `what`."""
+        with refusing_damage(self.path, what), self._open.use() as file:
+            yield file
 
     @property
     def rows(self) -> int:
@@ -47,8 +60,8 @@ class FileSource:
 
     def refresh(self) -> int:
         """Look for rows added since; returns how many there are now."""
-        with self._lock, refusing_damage(self.path):
-            self._rows = self._count_rows()
+        with self.file() as file:
+            self._rows = self._count_rows(file)
         return self._rows
 
     def stored(self, name: str, start: int, stop: int) -> NDArray[Any]:
@@ -77,17 +90,19 @@ class FileSource:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _read(self, name: str, start: int, stop: int) -> NDArray[Any]:
-        with self._lock, refusing_damage(self.path, f"the rows of {name} cannot be read"):
-            return self._datasets[name][start : min(stop, self._rows)]
+    def tables(self) -> tuple[tuple[Segment, ...], tuple[Event, ...]]:
+        """Segments and events as they are by now."""
+        with self.file():
+            return _segments(self._open, self.rows), _events(self._open)
 
-    def _count_rows(self) -> int:
+    def _read(self, name: str, start: int, stop: int) -> NDArray[Any]:
+        with self.file(f"the rows of {name} cannot be read"):
+            return self._open.dataset(f"{layout.DATA}/{name}")[start : min(stop, self._rows)]
+
+    def _count_rows(self, file: h5py.File) -> int:
         """Rows that every column has; of a file that is not sealed no more than the latest complete flush brought."""
-        flushed = rows_flushed(self.file)
-        if self.file.swmr_mode:
-            for dataset in self._datasets.values():
-                dataset.refresh()
-        return min(flushed, *(int(dataset.shape[0]) for dataset in self._datasets.values()))
+        flushed = rows_flushed(file)
+        return min(flushed, *(int(self._open.refresh(f"{layout.DATA}/{name}").shape[0]) for name in self._names))
 
 
 def open_run(path: str | Path, *, verify: bool = False, digest: bool = True) -> Recording:
@@ -101,9 +116,9 @@ def open_run(path: str | Path, *, verify: bool = False, digest: bool = True) -> 
     source = FileSource(path)
     try:
         sha256 = _digest(path, verify=verify) if verify or digest else ""
-        with refusing_damage(path):
-            metadata = read_metadata(source.file, sha256)
-            segments, events = _segments(source.file, source.rows), _events(source.file)
+        with source.file() as file:
+            metadata = read_metadata(file, sha256)
+        segments, events = source.tables()
     except BaseException:
         source.close()
         raise
@@ -116,13 +131,8 @@ def follow(recording: Recording) -> Recording:
     source = recording.source
     if not isinstance(source, FileSource):
         return recording
-    rows = source.refresh()
-    with refusing_damage(source.path):
-        for name in (layout.SEGMENTS, layout.EVENTS):
-            table = source.file[name]
-            if source.file.swmr_mode and isinstance(table, h5py.Dataset):
-                table.refresh()
-        segments, events = _segments(source.file, rows), _events(source.file)
+    source.refresh()
+    segments, events = source.tables()
     return dataclasses.replace(recording, segments=segments, events=events)
 
 
@@ -145,8 +155,8 @@ def read_channels(path: Path) -> tuple[Channel, ...]:
 
 def read_run_header(path: Path) -> RunHeader:
     """The header that a run was begun with: metadata, channels, limits, devices, truth."""
-    with FileSource(path) as source, refusing_damage(path):
-        return read_header(source.file)
+    with FileSource(path) as source, source.file() as file:
+        return read_header(file)
 
 
 def _digest(path: Path, *, verify: bool) -> str:
@@ -166,24 +176,24 @@ def _digest(path: Path, *, verify: bool) -> str:
     return found
 
 
-def _dataset(file: h5py.File, name: str) -> h5py.Dataset:
-    found = file[f"{layout.DATA}/{name}"]
-    if not isinstance(found, h5py.Dataset) or found.ndim != 1:
-        raise RunFileError("a column of the run is missing", where=f"{layout.DATA}/{name}")
+def _require_column(file: OpenFile, name: str) -> None:
+    path = f"{layout.DATA}/{name}"
+    found = file.dataset(path)
+    if found.ndim != 1:
+        raise RunFileError("is not a column of rows", where=path, value=f"{found.ndim} dimensions", limit="1")
     expected = {TIME: "i8", layout.CYCLE: "i8", FLAGS: "u2"}.get(name)
     if expected and found.dtype.str[1:] != expected:
-        raise RunFileError("has the wrong type", where=f"{layout.DATA}/{name}", value=str(found.dtype), limit=expected)
-    return found
+        raise RunFileError("has the wrong type", where=path, value=str(found.dtype), limit=expected)
 
 
-def _table(file: h5py.File, path: str, dtype: np.dtype[Any]) -> Any:
-    found = file.get(path)
-    if not isinstance(found, h5py.Dataset) or found.dtype != dtype:
-        raise RunFileError("a table of the run is missing or has another form", where=path)
+def _table(file: OpenFile, path: str, dtype: np.dtype[Any]) -> Any:
+    found = file.refresh(path)
+    if found.dtype != dtype:
+        raise RunFileError("a table of the run has another form", where=path)
     return found[:]
 
 
-def _segments(file: h5py.File, rows: int) -> tuple[Segment, ...]:
+def _segments(file: OpenFile, rows: int) -> tuple[Segment, ...]:
     found = []
     for row in _table(file, layout.SEGMENTS, layout.SEGMENT_TYPE):
         start, stop = int(row["start"]), int(row["stop"])
@@ -197,7 +207,7 @@ def _segments(file: h5py.File, rows: int) -> tuple[Segment, ...]:
     return tuple(found)
 
 
-def _events(file: h5py.File) -> tuple[Event, ...]:
+def _events(file: OpenFile) -> tuple[Event, ...]:
     return tuple(
         Event(int(row["time"]), *(row[name].decode() for name in ("level", "code", "source", "text")))
         for row in _table(file, layout.EVENTS, layout.EVENT_TYPE)

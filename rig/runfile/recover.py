@@ -17,9 +17,10 @@ import numpy as np
 from rig.errors import RunFileError
 from rig.runfile import layout
 from rig.runfile.closing import Closing, read_closing, write_closing
-from rig.runfile.damage import close_without_writing, open_for_reading, refusing_damage
+from rig.runfile.damage import close_without_writing, refusing_damage
 from rig.runfile.header import check_format, iso_time, read_header, rows_flushed, write_header
 from rig.runfile.layout import BOOKKEEPING, TIME
+from rig.runfile.opening import open_for_reading
 from rig.runfile.seal import final_path, protect, refuse_live, seal_file
 
 SLAB_ROWS = 8192
@@ -65,7 +66,7 @@ def _copy_and_seal(part: Path, final: Path) -> Recovered:
     copy.unlink(missing_ok=True)
     try:
         remedy = "The .part file is left as it is; is there room on the disk?"
-        with refusing_damage(part, "cannot be copied", remedy), open_for_reading(part) as source:
+        with refusing_damage(part, "cannot be copied", remedy), open_for_reading(part) as held, held.use() as source:
             check_format(source)
             rows, outcome, notes = _copy(source, copy)
         seal_file(copy, final)
@@ -79,7 +80,7 @@ def _copy_and_seal(part: Path, final: Path) -> Recovered:
 def _finish_sealing(part: Path, final: Path) -> Recovered:
     protect(final)
     part.unlink()
-    with refusing_damage(final), open_for_reading(final) as file:
+    with refusing_damage(final), open_for_reading(final) as held, held.use() as file:
         process = file[layout.PROCESS]
         assert isinstance(process, h5py.Group)
         rows = int(layout.read_number(process, "rows_written", 0))

@@ -77,7 +77,7 @@ def protect(run: Path) -> None:
 def hold_while_writing(part: Path) -> Callable[[], None]:
     """Mark a file as being written for as long as this process lives; returns what takes the mark away.
 
-    A shared lock: readers of the growing file, which take shared locks themselves, are not disturbed.
+    A shared lock: other programs that read the growing file, and take shared locks themselves, are not disturbed.
     """
     try:
         import fcntl

@@ -14,8 +14,6 @@ from drivers.samples import CycleFlag
 from experiments.recording import Recording
 from rig.errors import RigError
 from rig.runfile import layout
-from rig.runfile.damage import refusing_damage
-from rig.runfile.header import check_format
 from rig.runfile.read import FileSource, open_run
 from rig.runfile.seal import file_sha256, hash_path, recorded_sha256
 
@@ -44,7 +42,6 @@ def verify_run(path: str | Path) -> tuple[Finding, ...]:
     assert isinstance(source, FileSource)
     with source:
         try:
-            check_format(source.file)
             findings.append(Finding("readable", "ok", f"{recording.rows} rows of {len(recording.signals)} channels"))
             findings.append(_check_counters(source))
             findings += _check_rows(source)
@@ -71,12 +68,12 @@ def _check_hash(path: Path) -> Finding:
 
 
 def _check_counters(source: FileSource) -> Finding:
-    process = source.file[layout.PROCESS]
-    assert isinstance(process, h5py.Group)
-    with refusing_damage(source.path):
+    with source.file() as file:
+        process = file[layout.PROCESS]
+        assert isinstance(process, h5py.Group)
         written = int(layout.read_number(process, "rows_written", -1))
         dropped = int(layout.read_number(process, "rows_dropped", 0))
-    if written != source.rows and not source.file.swmr_mode:
+    if written != source.rows and not source.grows:
         return Finding("rows", "error", f"{source.rows} rows, but the writer counted {written}")
     if dropped:
         return Finding("rows", "warning", f"{source.rows} rows as counted; {dropped} cycles never became a row")

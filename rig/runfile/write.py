@@ -69,7 +69,8 @@ class RunWriter:
         if self.path.exists():
             raise RunFileError("there is a run of this name already", where=str(self.path), remedy="Take a new number.")
         with self._disk("cannot be created"):
-            file = h5py.File(self.part, "x", libver=layout.LIBRARY_VERSION, rdcc_nbytes=CHUNK_CACHE)
+            # The library's own lock is gone as soon as SWMR begins; `hold_while_writing` keeps one.
+            file = h5py.File(self.part, "x", libver=layout.LIBRARY_VERSION, rdcc_nbytes=CHUNK_CACHE, locking=False)
             try:
                 write_header(file, header)
                 made = layout.create_data(file, header.columns, self._chunk_rows, compress=self._compress)

@@ -6,7 +6,6 @@ stays the same however long the run is, and no peak is lost on the way.
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -55,7 +54,7 @@ class LiveFile:
         self._is_open = True
         self._looked = -TABLE_INTERVAL
         self._origin_ns: int | None = None
-        self._last_ns: int | None = None
+        self._latest_ns = np.iinfo(np.int64).min
 
     def want(self, names: Collection[str]) -> None:
         """The channels to be read; those that the run lacks are left out."""
@@ -101,11 +100,7 @@ class LiveFile:
         return segments[self._segments_seen - 1]
 
     def continue_in(self, path: Path) -> None:
-        """Go on in the sealed file: the same rows under another name.
-
-        The growing file is let go of first: a file that one process has open twice, once as growing and once as sealed, gives
-        the HDF5 library two names for one set of chunks, and it hands out the wrong ones.
-        """
+        """Go on in the sealed file: the same rows under another name. The growing file is let go of first."""
         if path == self.path and self._is_open:
             return
         self.close()
@@ -119,30 +114,15 @@ class LiveFile:
         close_recording(self.recording)
 
     def _block(self, start: int, stop: int) -> Block:
-        """Rows that go on where the ones before ended. A process that has a growing file open twice may be handed chunks of
-        another place: time that does not go on tells it. The file is then opened anew; rows that are still wrong do not count.
-        """
-        if not self._goes_on(start, stop):
-            close_recording(self.recording)
-            self.recording = open_run(self.path, digest=False)
-        block = self._load(start, stop)
-        if not self._goes_on(start, stop):
-            return dataclasses.replace(block, good=np.zeros(len(block), dtype=bool))
-        stamps = self.recording.source.time_ns(start, stop)
-        self._last_ns = int(stamps[-1])
-        return block
-
-    def _goes_on(self, start: int, stop: int) -> bool:
-        stamps = self.recording.source.time_ns(start, stop)
-        after = self._last_ns is None or (len(stamps) > 0 and int(stamps[0]) > self._last_ns)
-        return len(stamps) == stop - start and after and bool(np.all(np.diff(stamps) > 0))
-
-    def _load(self, start: int, stop: int) -> Block:
         recording, rows = self.recording, slice(start, stop)
         stamps = recording.source.time_ns(start, stop)
         if self._origin_ns is None:
             self._origin_ns = int(stamps[0])
         good = (recording.flags(rows) & CycleFlag.INCOMPLETE) == 0
+        # A clock that was set back does not draw a curve backwards: such rows stay in the file and out of the plots.
+        latest = np.maximum.accumulate(np.append(self._latest_ns, stamps))
+        good &= stamps > latest[:-1]
+        self._latest_ns = int(latest[-1])
         channels = {name: recording.si(name, rows) for name in self._names}
         return Block(start, np.asarray((stamps - self._origin_ns) * 1e-9, dtype=np.float64), channels, good)
 
