@@ -1,0 +1,133 @@
+"""The catalogue beside the measurement: each promised quantity by its definition, with the conditions on either side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rig.report.wording import display_unit, number, readable, show
+
+if TYPE_CHECKING:
+    from model.gear import HarmonicDrive, Value
+    from model.identify.estimate import Estimate
+    from rig.fit import Fit
+    from rig.report.content import Part
+
+
+@dataclass(frozen=True)
+class Promise:
+    """A quantity that catalogues state and this rig can measure.
+
+    `rating` its name in the parameter set, `kind` the fit that measures it, `estimates` the beginning of the names of its
+    results; `conditions` are those under which catalogues customarily state it.
+    """
+
+    rating: str
+    kind: str
+    estimates: str
+    definition: str
+    conditions: str
+
+
+PROMISES = (
+    Promise(
+        "transmission_accuracy", "kinematic-error", "transmission_accuracy",
+        "largest positive plus largest negative deviation of the output from the ideal over one complete output revolution, "
+        "one direction",
+        "nothing on the output, low speed",
+    ),
+    Promise(
+        "running_torque", "friction", "running_torque",
+        "torque that keeps the input turning at a constant speed, nothing on the output",
+        "nothing on the output, housing at 20 °C, the unit's own grease, after running in",
+    ),
+    Promise(
+        "starting_torque", "starting-torque", "starting_torque",
+        "quasi-static torque at which the input begins to turn, nothing on the output",
+        "nothing on the output, housing at 20 °C, the unit's own grease",
+    ),
+)  # fmt: skip
+"""What of a catalogue this rig can measure."""
+
+OUT_OF_REACH = (
+    ("hysteresis_loss", "hysteresis loss: torsion left at the output after loading it both ways, input locked"),
+    ("stiffness_1", "static torsional stiffness K1: torque over torsion at the output up to T1, input locked"),
+    ("stiffness_2", "static torsional stiffness K2: the same between T1 and T2"),
+    ("stiffness_3", "static torsional stiffness K3: the same above T2"),
+)
+"""What it cannot, and why it stands in the table all the same: nobody shall look for it in vain."""
+
+COLUMNS = (
+    "Quantity by its definition", "Measured ± U (k = 2)", "Catalogue", "Conditions and source of the catalogue's value",
+    "Conditions here", "Verdict",
+)  # fmt: skip
+NUMERIC = (False, True, True, False, False, False)
+TITLE = "Beside the catalogue"
+NOTE = (
+    "The conditions of the catalogue are the customary ones; those of the unit's own catalogue decide, and stand behind its "
+    "source where they are known."
+)
+
+Row = tuple[str, ...]
+
+
+def catalogue_rows(fits: Sequence[Fit], parts: Sequence[Part]) -> tuple[Row, ...]:
+    """A row per measured quantity that the catalogue of its gear states; what this rig cannot measure closes the table."""
+    rows: list[Row] = []
+    gears: list[HarmonicDrive] = []
+    for fit, part in zip(fits, parts, strict=True):
+        if not fit.gear_known:
+            continue
+        found = tuple(_measured(fit, dict(part.provenance.conditions)))
+        rows += found
+        if found and all(fit.gear.ratings != gear.ratings for gear in gears):
+            gears.append(fit.gear)
+    for gear in gears:
+        rows += [_unmeasured(gear, name, words) for name, words in OUT_OF_REACH]
+    return tuple(rows)
+
+
+def _measured(fit: Fit, conditions: Mapping[str, str]) -> Iterator[Row]:
+    outcomes = {v.estimate.name: v.outcome for v in fit.result.verdicts}
+    for promise in PROMISES:
+        if promise.kind != fit.result.kind:
+            continue
+        stated = fit.gear.value(f"ratings.{promise.rating}")
+        for name, estimate in fit.result.estimates.items():
+            if name.startswith(promise.estimates):
+                shown = show(estimate)
+                yield (
+                    f"{readable(name)}: {promise.definition}", shown.with_uncertainty,
+                    f"{number(stated.value / shown.scale)} {shown.unit}".rstrip(),
+                    f"{promise.conditions}; {source_text(stated.origin.provenance, stated.origin.source)}",
+                    _here(fit, estimate, conditions), outcomes.get(name, "not judged"),
+                )  # fmt: skip
+
+
+def _here(fit: Fit, estimate: Estimate, conditions: Mapping[str, str]) -> str:
+    """What prevailed when this quantity was measured."""
+    subject = fit.result.options.get("torque_is_of", "")
+    told = [
+        "" if "rpm" in estimate.name else conditions.get("Input speeds", ""),
+        f"housing {conditions['Housing temperature']}" if "Housing temperature" in conditions else "",
+        f"lubricant {conditions['Lubricant']}" if "Lubricant" in conditions else "lubricant not noted",
+        f"torque of {subject}" if subject else "",
+        "no tare" if subject and fit.tare is None and fit.result.kind == "friction" else "",
+    ]
+    return ", ".join(part for part in told if part)
+
+
+def _unmeasured(gear: HarmonicDrive, name: str, words: str) -> Row:
+    stated: Value = gear.value(f"ratings.{name}")
+    factor, unit = display_unit("accuracy" if stated.unit == "rad" else name, stated.unit, stated.value)
+    text = f"{number(stated.value / factor)} {unit}".rstrip()
+    source = source_text(stated.origin.provenance, stated.origin.source)
+    return words, "–", text, source, "cannot be measured on this rig", "–"
+
+
+def source_text(provenance: str, source: str) -> str:
+    """Provenance and source of a value, the provenance not said twice."""
+    if not source:
+        return provenance
+    return source if provenance in source else f"{provenance}: {source}"
