@@ -52,12 +52,14 @@ def runs(
     What the files say is kept in an index beside them, which is only a cache: a large folder is searched at once.
     """
     from rig.library import LibraryIndex
+    from rig.run.progress import reading_bar
 
-    index = LibraryIndex(folder)
-    found = index.search(
-        text, gear=gear, protocol=protocol, outcome=outcome, since=_day(since, "--since"), until=_day(until, "--until"),
-        origin=origin,
-    )  # fmt: skip
+    with reading_bar("Reading the runs", quiet=json) as on_progress:
+        index = LibraryIndex(folder, on_progress)
+        found = index.search(
+            text, gear=gear, protocol=protocol, outcome=outcome, since=_day(since, "--since"), until=_day(until, "--until"),
+            origin=origin,
+        )  # fmt: skip
     if json:
         from rig.results import json_text
 

@@ -87,22 +87,14 @@ def list_runs(folder: str | Path) -> tuple[ListedRun, ...]:
 
 def read_listed(path: Path) -> ListedRun:
     """What one file says of itself."""
-    from rig.runfile.read import close_recording, open_run
+    from rig.runfile.read import glance
 
     try:
-        recording = open_run(path, digest=False)
+        seen = glance(path)
     except RigError as error:
         return ListedRun(path, None, problem=str(error))
-    try:
-        rows = recording.rows
-        ends = recording.source.time_ns(0, 1), recording.source.time_ns(max(rows - 1, 0), rows)
-        duration = float(ends[1][0] - ends[0][0]) * 1e-9 if rows else 0.0
-        notes = "; ".join(event.text for event in recording.events if event.source == "operator" and event.code == "note")
-        return ListedRun(path, recording.metadata, rows, duration, notes=notes)
-    except RigError as error:
-        return ListedRun(path, recording.metadata, problem=str(error))
-    finally:
-        close_recording(recording)
+    notes = "; ".join(event.text for event in seen.events if event.source == "operator" and event.code == "note")
+    return ListedRun(path, seen.metadata, seen.rows, seen.duration, notes=notes)
 
 
 def _highest_number(folder: Path) -> int:

@@ -78,10 +78,14 @@ Told = tuple[Any, ...]
 
 
 class LibraryIndex:
-    """The runs of one folder. `refresh` looks at the files, `search` at what they said. May be used from several threads."""
+    """The runs of one folder. `refresh` looks at the files, `search` at what they said. May be used from several threads.
 
-    def __init__(self, folder: str | Path) -> None:
+    `on_progress` is told how many files have been read of how many that must be, in the thread that reads.
+    """
+
+    def __init__(self, folder: str | Path, on_progress: Callable[[int, int], None] = lambda done, of: None) -> None:
         self.folder = Path(folder)
+        self._on_progress = on_progress
         self.rebuilt = ""
         """Why the index was made anew, or is kept in memory; empty where it was not."""
         self._known: dict[str, tuple[str, Told]] | None = None
@@ -121,7 +125,8 @@ class LibraryIndex:
         changed = [name for name, (_, fingerprint) in found.items() if name not in known or known[name][0] != fingerprint]
         for first in range(0, max(len(changed), 1 if gone else 0), WRITTEN_AT_ONCE):
             some = changed[first : first + WRITTEN_AT_ONCE]
-            for name in some:
+            for place, name in enumerate(some, first):
+                self._on_progress(place, len(changed))
                 path, fingerprint = found[name]
                 known[name] = fingerprint, _told(read_listed(path))
             self._keep([] if first else gone, [(name, *known[name]) for name in some])

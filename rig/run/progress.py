@@ -1,4 +1,4 @@
-"""The progress line of a run: step, time left, speed; on stderr and only for a terminal."""
+"""Lines of progress, with the time left: of a run, of files being read; on stderr and only for a terminal."""
 
 from __future__ import annotations
 
@@ -57,6 +57,22 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
                 console.print(f"{event.level}: {event.text}", style=style, markup=False, highlight=False)
 
         yield on_progress, on_event
+
+
+@contextmanager
+def reading_bar(title: str, quiet: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """A bar with the time left, drawn once there is something to count; yields what to call with (done, of)."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda done, of: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("left"))
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=None, visible=False)
+        yield lambda done, of: bar.update(task, completed=done, total=of, visible=True)
 
 
 def in_words(seconds: float) -> str:

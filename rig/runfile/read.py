@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.channel import Channel
-from experiments.recording import Event, Recording, Segment
+from experiments.recording import Event, Recording, RunMetadata, Segment
 from rig.errors import RunFileError
 from rig.runfile import layout
 from rig.runfile.damage import refusing_damage
@@ -134,6 +134,31 @@ def follow(recording: Recording) -> Recording:
     source.refresh()
     segments, events = source.tables()
     return dataclasses.replace(recording, segments=segments, events=events)
+
+
+@dataclasses.dataclass(frozen=True)
+class Glance:
+    """What a list of runs says of one: metadata, rows, time from the first to the last row [s], events."""
+
+    metadata: RunMetadata
+    rows: int
+    duration: float
+    events: tuple[Event, ...]
+
+
+def glance(path: Path) -> Glance:
+    """What a list of runs says of a run file, without looking at its columns: several times quicker than opening it.
+
+    Raises `RunFileError` as `open_run` does, but for damage in what it does not look at.
+    """
+    with open_for_reading(path) as held, refusing_damage(path), held.use() as file:
+        check_format(file)
+        metadata, events = read_metadata(file), _events(held)
+        _require_column(held, TIME)
+        stamps = held.refresh(f"{layout.DATA}/{TIME}")
+        rows = min(rows_flushed(file), int(stamps.shape[0]))
+        duration = (int(stamps[rows - 1]) - int(stamps[0])) * 1e-9 if rows else 0.0
+        return Glance(metadata, rows, duration, events)
 
 
 def close_recording(recording: Recording) -> None:

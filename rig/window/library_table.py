@@ -32,6 +32,8 @@ CHOSEN_PAUSE_MS = 120
 """ms that the selection must rest before the run is opened: arrow keys run through the table without waiting for each."""
 WIDTHS = {"#": 40, "started": 132, "protocol": 112, "gear": 86, "outcome": 106, "operator": 96, "time": 84, "origin": 92,
           "part": 96}  # fmt: skip
+MANY = 20
+"""Files to be read from which on the progress is shown."""
 HTML, PDF = ".html", ".pdf"
 PERIODS = ("any time", "today", "last 7 days", "last 30 days", "this year", "between …")
 
@@ -135,7 +137,7 @@ class LibraryTable(QWidget):
         self.count = QLabel()
         self.count.setProperty("part", "muted")
         self.count.setWordWrap(True)
-        self.count.setText("Reading the runs … The first time takes some seconds per hundred.")
+        self.count.setText("Reading the runs …")
         self.says = QLabel()
         self.says.setWordWrap(True)
         self.says.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
@@ -160,6 +162,7 @@ class LibraryTable(QWidget):
         self.filters.changed.connect(self._filter)
         self.source.changed.connect(self._take)
         self.source.failed.connect(self.count.setText)
+        self.source.progressed.connect(self._progress)
         self.table.selectionModel().selectionChanged.connect(lambda *_: self._selection_changed())
         self.table.activated.connect(lambda index: self.opened.emit(index.data(RUN_ROLE).path))
         session.theme_changed.connect(lambda _: self.model.restyle())
@@ -246,6 +249,13 @@ class LibraryTable(QWidget):
     def _filter(self, wanted: Wanted) -> None:
         self.filtered.set_wanted(wanted)
         self._count()
+
+    def _progress(self, done: int, of: int) -> None:
+        # One run that grows is read within a blink; a whole folder is read once, and people wait for it.
+        if of >= MANY:
+            self.count.setText(f"Reading the runs: {done} of {of}, once for this folder …")
+        elif not of:
+            self._count()
 
     def _count(self) -> None:
         every, shown = self.model.rowCount(), self.filtered.rowCount()

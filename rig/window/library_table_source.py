@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -17,6 +18,9 @@ PAUSE_MS = 250
 GROWING_MS = 2000
 """ms between two looks while a run is being written: its file grows without the folder changing."""
 
+PROGRESS_INTERVAL = 0.2
+"""s between two words about how far the reading is."""
+
 
 class LibrarySource(QObject):
     """The runs of one folder. `changed` carries them whenever one came, went, grew or was sealed."""
@@ -25,6 +29,8 @@ class LibrarySource(QObject):
     """Carries a list of `IndexedRun` in the order of their numbers."""
     failed = Signal(str)
     """Why the folder cannot be read."""
+    progressed = Signal(int, int)
+    """Files read so far, and how many have to be: none when all were read and nothing has changed."""
     _read = Signal(object)
 
     def __init__(self, folder: Path, parent: QObject | None = None) -> None:
@@ -32,7 +38,8 @@ class LibrarySource(QObject):
         self.folder = folder
         self.runs: tuple[IndexedRun, ...] | None = None
         """The latest runs; None until they were read once."""
-        self._index = LibraryIndex(folder)
+        self._index = LibraryIndex(folder, self._tell)
+        self._told = -PROGRESS_INTERVAL
         self._reading = self._again = False
         self._watcher = QFileSystemWatcher(self)
         self._watcher.directoryChanged.connect(lambda _: self._pause.start())
@@ -68,6 +75,13 @@ class LibrarySource(QObject):
         with contextlib.suppress(RuntimeError):
             self._read.emit(found)
 
+    def _tell(self, done: int, of: int) -> None:
+        now = time.monotonic()
+        if now - self._told >= PROGRESS_INTERVAL:
+            self._told = now
+            with contextlib.suppress(RuntimeError):
+                self.progressed.emit(done, of)
+
     def _take(self, found: Sequence[IndexedRun] | str) -> None:
         self._reading = False
         if isinstance(found, str):
@@ -75,6 +89,8 @@ class LibrarySource(QObject):
         elif self.runs is None or _compared(found) != _compared(self.runs):
             self.runs = tuple(found)
             self.changed.emit(self.runs)
+        else:
+            self.progressed.emit(0, 0)
         if self._again:
             self._again = False
             self._pause.start()

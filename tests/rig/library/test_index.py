@@ -19,7 +19,7 @@ from rig.library.index import INDEX_NAME, SCHEMA
 from rig.runfile.recover import recover_run
 from rig.runfile.write import RunWriter
 from tests.rig.library.stored import start, write
-from tests.rig.runfile.making import block, header
+from tests.rig.runfile.making import block, header, write_run
 
 ROOT = Path(__file__).parents[3]
 
@@ -286,3 +286,15 @@ def test_a_folder_that_is_none(tmp_path: Path) -> None:
 
 def test_an_empty_folder_stays_empty(tmp_path: Path) -> None:
     assert LibraryIndex(tmp_path).search() == []
+
+
+def test_reading_a_folder_tells_how_far_it_is(tmp_path: Path) -> None:
+    for number in range(3):
+        (tmp_path / f"{number}").mkdir()
+        write_run(tmp_path / f"{number}", 25).rename(tmp_path / f"0000{number + 1}-friction-A1.h5")
+    told: list[tuple[int, int]] = []
+    index = LibraryIndex(tmp_path, lambda done, of: told.append((done, of)))
+    assert len(index.search()) == 3
+    assert told == [(0, 3), (1, 3), (2, 3)]
+    index.search()
+    assert len(told) == 3

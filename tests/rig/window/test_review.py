@@ -583,3 +583,13 @@ def test_everything_fits_both_screens_in_both_themes(
         for button in page.library.buttons.values():
             assert button.width() >= button.fontMetrics().horizontalAdvance(button.text().replace("&", "")) + 10
     destroy(window)
+
+
+def test_the_first_reading_of_a_large_folder_says_how_far_it_is(
+    friction: list[Path], opened: Callable[..., ReviewPage]
+) -> None:
+    page = opened()
+    page.library.source.progressed.emit(40, 100)
+    assert "40 of 100" in page.library.count.text()
+    page.library.source.progressed.emit(0, 0)
+    assert page.library.count.text() == "2 runs"
