@@ -148,10 +148,12 @@ class Load:
         return STEP_FACTOR * self.output_inertia * abs(acceleration) / self.ratio
 
 
-def load_of(gear: HarmonicDrive, motor: ServoMotor, mounting: Mounting, gear_mounted: bool = True) -> Load:
-    """The load of a rig: motor, wave generator and output axis, or the bare motor."""
+def load_of(
+    gear: HarmonicDrive, motor: ServoMotor, mounting: Mounting, gear_mounted: bool = True, disc_inertia: float = 0.0
+) -> Load:
+    """The load of a rig: motor, wave generator and output axis, or the bare motor with whatever disc a protocol has on it."""
     if not gear_mounted:
-        return Load(motor.rotor_inertia, 0.0, 1.0)
+        return Load(motor.rotor_inertia + disc_inertia, 0.0, 1.0)
     inner = motor.rotor_inertia + gear.inertia.wave_generator
     return Load(inner, gear.inertia.output, gear.mounted_ratio(mounting))
 
@@ -176,15 +178,17 @@ def derive_limits(
     mounting: Mounting = "circular-spline-fixed",
     *,
     gear_mounted: bool = True,
+    disc_inertia: float = 0.0,
     plan_speed: float | None = None,
     configured: Mapping[str, float] | None = None,
 ) -> Limits:
     """The limits of a run (measurement practice: the drive is never allowed what the gear does not bear).
 
     `plan_speed` is the highest speed set-point of the plan [rad/s] (protocol tier); `configured` adds limits of the rig by
-    quantity (SI), from its configuration. Raises `ConfigurationError` for an unknown quantity or a value that is not positive.
+    quantity (SI), from its configuration; `disc_inertia` [kg m2] is on the shaft of the bare motor. Raises
+    `ConfigurationError` for an unknown quantity or a value that is not positive.
     """
-    load = load_of(gear, motor, mounting, gear_mounted)
+    load = load_of(gear, motor, mounting, gear_mounted, disc_inertia)
     entries = [*_drive_tier(motor)]
     if gear_mounted:
         entries += _gear_tier(gear, load)

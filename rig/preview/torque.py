@@ -64,7 +64,7 @@ class PredictedTorque:
 class TorqueModel:
     """Predicts the input torque of one rig: its gear (where one is mounted), its motor, what both turn.
 
-    `disc_inertia` [kg m2] is what a protocol has on the bare motor besides.
+    `disc_inertia` [kg m2] is the part of the load that a protocol has on the bare motor as a disc.
     """
 
     gear: HarmonicDrive
@@ -106,7 +106,7 @@ class TorqueModel:
             doubts.append(self._gear_doubt("inertia.wave_generator", inertia.wave_generator))
             doubts.append(self.output_inertia_doubt() / self.load.ratio**2)
         doubts.append(DOUBT["measured"] * self.disc_inertia)
-        return self.load.total_inertia + self.disc_inertia, float(np.sqrt(np.sum(np.square(doubts))))
+        return self.load.total_inertia, float(np.sqrt(np.sum(np.square(doubts))))
 
     def output_inertia_doubt(self) -> float:
         """Standard uncertainty of J_o [kg m2]."""

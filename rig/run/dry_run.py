@@ -143,13 +143,15 @@ def plan_run(
 ) -> PlannedRun:
     """Walk a protocol's plan. Raises `PlanError` for one that is impossible, `LimitError` for one that breaks a limit."""
     plan = tuple(experiment.plan(parameters, gear))
-    load = load_of(gear, motor, mounting, experiment.gear_mounted)
+    disc = float(getattr(parameters, "disc_inertia", 0.0))
+    load = load_of(gear, motor, mounting, experiment.gear_mounted, disc)
     static = _friction(gear, motor, experiment.gear_mounted, 0.0)
     steps = walk(plan, load, static, 1.0 / sample_rate)
     fastest = max((abs(step.speed) for step in steps), default=0.0)
     limits = derive_limits(
-        gear, motor, mounting, gear_mounted=experiment.gear_mounted, plan_speed=fastest, configured=configured
-    )
+        gear, motor, mounting, gear_mounted=experiment.gear_mounted, disc_inertia=disc, plan_speed=fastest,
+        configured=configured,
+    )  # fmt: skip
     margins = tuple(_margins(steps, limits, load, lambda w: _friction(gear, motor, experiment.gear_mounted, w)))
     planned = PlannedRun(experiment, parameters, gear, motor, mounting, sample_rate, plan, steps, limits, load, margins)
     for margin in margins:

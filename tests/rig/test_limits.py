@@ -97,3 +97,11 @@ def test_torsion_is_judged_cautiously() -> None:
     assert kinematic_error_margin(GEAR) == pytest.approx(2.0 * amplitude)
     assert kinematic_error_margin(GEAR) >= GEAR.ratings.transmission_accuracy
     assert derive_limits(GEAR, MOTOR).value(lim.TORSION_TORQUE) == pytest.approx(0.95 * 167.0)
+
+
+def test_a_disc_on_the_bare_motor_slows_the_ramps_that_are_allowed() -> None:
+    disc = 3.0 * MOTOR.rotor_inertia
+    bare, loaded = (derive_limits(GEAR, MOTOR, gear_mounted=False, disc_inertia=inertia) for inertia in (0.0, disc))
+    for quantity in (lim.ACCELERATION, lim.QUICK_STOP_DECELERATION):
+        assert loaded.value(quantity) == pytest.approx(bare.value(quantity) / 4.0)
+    assert loaded.value(lim.MOTOR_TORQUE) == bare.value(lim.MOTOR_TORQUE)
