@@ -18,7 +18,7 @@ from drivers.counting import Unwrapper, wrapped_difference
 from drivers.frames import FrameLayout
 from drivers.samples import STALE_OF, CycleFlag
 
-Kind = Literal["count", "plain", "target_speed", "target_torque", "latch", "seen"]
+Kind = Literal["count", "plain", "target_speed", "target_torque", "latch", "seen", "contact"]
 _FAR: Final = 2**62
 _DOUBTFUL: Final = CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | CycleFlag.SHORT
 """Marks of the pairing: such a value may belong to another cycle, or to nobody."""
@@ -29,7 +29,8 @@ class Column:
     """One channel of the blocks: what kind of number it is and which fields of the record it comes from.
 
     `field` its own field (-1: none); `of` the column of the counter that a latch belongs to; `seen_fields` (field, mask)
-    of latch states, one bit each; `largest_step` counts per cycle; `analog` its input, for saturation.
+    of latch states, one bit each, or of a contact, which is 1 when the masked field equals `closed`; `largest_step` counts per
+    cycle; `analog` its input, for saturation.
     """
 
     channel: Channel
@@ -38,6 +39,7 @@ class Column:
     of: int = -1
     seen_fields: tuple[tuple[int, int], ...] = ()
     largest_step: int = 0
+    closed: int = 0
     analog: AnalogInput | None = None
 
 
@@ -87,6 +89,9 @@ class ColumnDecoder:
             elif column.kind == "seen":
                 for bit, (field, mask) in enumerate(column.seen_fields):
                     counts[:, i] |= ((raw[:, field] & mask) != 0).astype(np.int64) << bit
+            elif column.kind == "contact":
+                field, mask = column.seen_fields[0]
+                counts[:, i] = (raw[:, field] & mask) == column.closed
             elif column.kind == "count":
                 outside = self._outside(raw[:, column.field], column)
                 flags[outside] |= np.uint16(CycleFlag.SIGNAL_ERROR)
@@ -124,6 +129,9 @@ class ColumnDecoder:
                 counts[i] = torque
             elif column.kind == "seen":
                 counts[i] = sum((raw[f] & mask != 0) << bit for bit, (f, mask) in enumerate(column.seen_fields))
+            elif column.kind == "contact":
+                field, mask = column.seen_fields[0]
+                counts[i] = int(raw[field] & mask == column.closed)
             else:
                 counts[i] = self._row_latch(raw, counts, column)
         return counts

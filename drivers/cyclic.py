@@ -37,7 +37,7 @@ from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.frames import CycleStore
 from drivers.judge import CycleJudge
 from drivers.port import Command, DriveLimits, Guard, Mode, Origin, RigDescription
-from drivers.rig_nodes import MotorEncoder, RigNodes
+from drivers.rig_nodes import GuardContact, MotorEncoder, RigNodes
 from drivers.samples import Break, CycleFlag, SampleBlock
 from drivers.set_points import command_frames, set_point_counts
 from drivers.sync_time import SyncTime
@@ -50,7 +50,7 @@ _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
 
 @dataclass(frozen=True)
 class CanRigConfig:
-    """A rig on one bus: SYNC period [ns], the drive and its encoder, counters and analog modules.
+    """A rig on one bus: SYNC period [ns], the drive and its encoder, counters and analog modules, the guard's contact.
 
     `patience_cycles`: how long a frame is waited for before its cycle counts as incomplete; `first_patience_ns`: the same
     for the very first cycle; `settle_factor`: how much longer is waited, once, after a lost frame for its late arrival;
@@ -63,6 +63,7 @@ class CanRigConfig:
     motor_encoder: MotorEncoder = field(default_factory=MotorEncoder)
     counters: tuple[CounterConfig, ...] = ()
     modules: tuple[AnalogModuleConfig, ...] = ()
+    guard: GuardContact | None = None
     patience_cycles: float = 5.0
     settle_factor: float = 4.0
     first_patience_ns: int = 500_000_000
@@ -122,7 +123,9 @@ class CanRig:
         self._bus = bus
         config = self._config
         try:
-            nodes = RigNodes(bus, config.cycle_ns, config.drive, config.motor_encoder, config.counters, config.modules)
+            nodes = RigNodes(
+                bus, config.cycle_ns, config.drive, config.motor_encoder, config.counters, config.modules, config.guard
+            )
             nodes.bring_up()
             self._nodes = nodes
             self._prepare(bus, nodes)

@@ -60,6 +60,16 @@ class MotorEncoder:
         )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class GuardContact:
+    """The contact of the rig's guard, wired to an input of a node: closed when (value AND `mask`) equals `closed`."""
+
+    node_id: int
+    entry: ObjectRef
+    mask: int
+    closed: int
+
+
 @dataclass
 class _Source:
     """A channel before its place in the frames is known."""
@@ -72,6 +82,7 @@ class _Source:
     quantum: float = 0.0
     of: str = ""
     seen: tuple[int, ObjectRef, int] | None = None
+    closed: int = 0
     analog: object = None
 
 
@@ -81,8 +92,9 @@ class RigNodes:
     def __init__(
         self, bus: PumpedBus, cycle_ns: int, drive: DriveConfig, motor_encoder: MotorEncoder,
         counters: tuple[CounterConfig, ...], modules: tuple[AnalogModuleConfig, ...],
+        guard: GuardContact | None = None,
     ) -> None:  # fmt: skip
-        self._bus, self._cycle_ns, self._encoder = bus, cycle_ns, motor_encoder
+        self._bus, self._cycle_ns, self._encoder, self._guard = bus, cycle_ns, motor_encoder, guard
         node_ids = [drive.node_id, *(c.node_id for c in counters), *(m.node_id for m in modules)]
         if len(set(node_ids)) != len(node_ids) or bus.own_node_id in node_ids:
             raise DriverError(
@@ -160,6 +172,7 @@ class RigNodes:
             long_name = f"torque by the drive (0x{torque.index:04X})"
             channel = Channel(names.DRIVE_TORQUE, "N m", unit, direction=sense, long_name=long_name)
             self._sources.append(_Source(channel, "plain", node_id, torque))
+        optional += self._guard_of(node_id, [*wanted, *optional])
         mapped = map_objects(
             device, sorted([*wanted, *optional], key=_by_importance), is_transmit=True,
             optional=frozenset(e.key for e in optional),
@@ -222,7 +235,9 @@ class RigNodes:
             self._sources.append(
                 _Source(latch, "latch", config.node_id, config.index_position, of=config.channel, seen=seen)
             )
-        return map_objects(counter.device, counter.objects, is_transmit=True, optional=counter.optional)
+        guard = self._guard_of(config.node_id, counter.objects)
+        optional = counter.optional | {entry.key for entry in guard}
+        return map_objects(counter.device, [*counter.objects, *guard], is_transmit=True, optional=optional)
 
     def _map_module(self, module: AnalogModule) -> list[MappedPdo]:
         for analog in module.config.inputs:
@@ -231,7 +246,19 @@ class RigNodes:
                     analog.as_channel(), "plain", module.config.node_id, analog.source, quantum=analog.quantum, analog=analog
                 )
             )
-        return map_objects(module.device, [a.source for a in module.config.inputs], is_transmit=True)
+        wanted = [analog.source for analog in module.config.inputs]
+        guard = self._guard_of(module.config.node_id, wanted)
+        return map_objects(module.device, [*wanted, *guard], is_transmit=True, optional=frozenset(e.key for e in guard))
+
+    def _guard_of(self, node_id: int, others: Sequence[ObjectRef]) -> list[ObjectRef]:
+        """The guard's input, where it is one of this node and not mapped with its other objects anyway."""
+        guard = self._guard
+        if guard is None or guard.node_id != node_id:
+            return []
+        channel = Channel(names.GUARD_CLOSED, "1", 1.0, long_name="the guard's contact is closed")
+        seen = (node_id, guard.entry, guard.mask)
+        self._sources.append(_Source(channel, "contact", seen=seen, closed=guard.closed))
+        return [guard.entry] if guard.entry.key not in {other.key for other in others} else []
 
     def _is_offered(self, entry: ObjectRef, consequence: str) -> bool:
         return self.drive.device.read_optional(entry, consequence) is not None
@@ -269,6 +296,12 @@ class RigNodes:
                 at = field_of(counter.config.node_id, counter.config.alarms)
                 self.validities += [Validity(at, counter.config.alarm_mask)] if at >= 0 else []
         self.layout = FrameLayout(pdos, fields)
+        if self._guard is not None and names.GUARD_CLOSED not in column_of:
+            self._bus.emit(
+                "warning", "guard-not-mapped", f"node {self._guard.node_id}",
+                f"{self._guard.entry} cannot be sent with every SYNC: the guard is looked at when the rig is armed, "
+                "and nobody notices when it is opened in motion",
+            )  # fmt: skip
 
     def _column(self, source: _Source, column_of: Mapping[str, int], field_of: Callable[..., int]) -> Column:
         seen: tuple[tuple[int, int], ...] = ()
@@ -281,7 +314,7 @@ class RigNodes:
         own = field_of(source.node_id, source.entry, source.quantum) if source.entry is not None else -1
         return Column(
             source.channel, source.kind, own, of=column_of.get(source.of, -1), seen_fields=seen,  # type: ignore[arg-type]
-            largest_step=source.largest_step, analog=source.analog,  # type: ignore[arg-type]
+            largest_step=source.largest_step, closed=source.closed, analog=source.analog,  # type: ignore[arg-type]
         )  # fmt: skip
 
     # --- starting and stopping

@@ -21,7 +21,7 @@ from drivers.cyclic import CanRig, CanRigConfig
 from drivers.eds import DeviceDescription, load_eds
 from drivers.errors import DriverError
 from drivers.nd287 import ReadoutConfig
-from drivers.rig_nodes import MotorEncoder
+from drivers.rig_nodes import GuardContact, MotorEncoder
 from model.motor import ServoMotor
 from model.units import RPM
 from rig.backends.bench import Bench, BenchRequest
@@ -76,6 +76,7 @@ def can_rig_config(configuration: RigConfiguration, motor: ServoMotor, folder: P
         motor_encoder=_motor_encoder(configuration.motor_encoder, motor),
         counters=tuple(_counter(counter, folder) for counter in configuration.counters),
         modules=tuple(_module(module, configuration, motor, folder) for module in configuration.analog_modules),
+        guard=_guard(configuration.guard),
         patience_cycles=real_time.patience_cycles,
         stale_cycles=real_time.stale_cycles,
         stamp_wrap_ns=round(configuration.bus.stamp_wrap_s * 1e9),
@@ -113,6 +114,12 @@ def _calibration(found: described.Calibration) -> Calibration:
         found.certificate, str(found.date or ""), str(found.due or ""), found.scale_relative_uncertainty,
         found.offset_uncertainty, found.accuracy,
     )  # fmt: skip
+
+
+def _guard(guard: described.GuardInput | None) -> GuardContact | None:
+    if guard is None:
+        return None
+    return GuardContact(guard.node_id, read_object(guard.object, "guard input"), guard.mask, guard.closed)
 
 
 def _drive(drive: described.Drive, folder: Path) -> DriveConfig:

@@ -64,15 +64,16 @@ def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None =
     )  # fmt: skip
 
 
-def wire_config(bench: WireBench, motor: ServoMotor) -> CanRigConfig:
-    """What the drivers are told of a simulated bench."""
+def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False) -> CanRigConfig:
+    """What the drivers are told of a simulated bench; `has_guard`: its guard's contact is watched in every cycle."""
     from drivers.cia301 import I16, I32, U8, U32, ObjectRef
     from drivers.cia401 import AnalogInput, AnalogModuleConfig, torque_input
     from drivers.cia402 import DriveConfig
     from drivers.cia406 import CounterConfig
     from drivers.cyclic import CanRigConfig
-    from drivers.rig_nodes import MotorEncoder
+    from drivers.rig_nodes import GuardContact, MotorEncoder
     from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE
+    from sim_backend.wire.drive import INTERLOCK
 
     by_name = {channel.name: channel for channel in bench.channels}
     inner, outer = by_name[names.INPUT_ANGLE], by_name[names.OUTPUT_ANGLE]
@@ -92,6 +93,7 @@ def wire_config(bench: WireBench, motor: ServoMotor) -> CanRigConfig:
             ),
         ),
         modules=(AnalogModuleConfig(ANALOG_INPUT_NODE, (torque_input(motor.rated_torque), *thermometers)),),
+        guard=GuardContact(DRIVE_NODE, ObjectRef(0x60FD, 0, U32, "digital inputs"), INTERLOCK, INTERLOCK) if has_guard else None,
         title=bench.title,
     )  # fmt: skip
 

@@ -82,6 +82,7 @@ _DEVICES = (
           lambda at: plain.QuickStopIgnored(at, cycles=500), ("wire", "sim"), press=_abort),
     Drill("something drags at the output", "200 N m on the output for 60 ms",
           lambda at: plain.OutputLoad(at, torque=200.0, cycles=60), ("wire", "sim")),
+    Drill("guard opened in motion", "somebody opens the guard", wire.GuardOpened),
     Drill("E-stop (STO) in motion", "the emergency stop takes the torque", wire.SafeTorqueOff),
     Drill("E-stop (STO) at standstill", "the emergency stop takes the torque", wire.SafeTorqueOff, moment="stand"),
 )  # fmt: skip

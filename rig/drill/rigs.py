@@ -12,7 +12,7 @@ from drivers.port import Command, DriveLimits, Guard, RigDescription
 from drivers.samples import SampleBlock
 from model.gear import HarmonicDrive
 from model.motor import ServoMotor
-from rig.backends.simulated import wire_port
+from rig.backends.simulated import wire_config, wire_port
 from rig.errors import ConfigurationError, RigError
 from rig.run.stop import StopRequest
 from sim_backend.direct import SimulatedRig
@@ -152,7 +152,8 @@ def drilled_rig(
         faults = () if happening.fault is None else (happening.fault(happening.row),)
         return DrilledRig(SimulatedRig(individual, motor, seed=seed, clock=clock, faults=faults), clock, happening, stop)
     bench = WireBench(individual, motor, seed=seed, clock=clock)
-    return DrilledWireRig(wire_port(bench, motor), clock, happening, stop, bench)
+    port = wire_port(bench, motor, wire_config(bench, motor, has_guard=True))
+    return DrilledWireRig(port, clock, happening, stop, bench)
 
 
 def refuse_hardware(carrier: str) -> None:

@@ -9,12 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.channel import DRIVE_TORQUE, HOUSING_TEMPERATURE, INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE, Channel
+from drivers.channel import (
+    DRIVE_TORQUE,
+    GUARD_CLOSED,
+    HOUSING_TEMPERATURE,
+    INPUT_ANGLE,
+    OUTPUT_ANGLE,
+    STATUSWORD,
+    TORQUE,
+    Channel,
+)
 from drivers.port import Bound
 from rig import limits as lim
 from rig.limits import Limits
 from rig.run.trips import (
     DRIVE_FAULT,
+    GUARD_OPEN,
     OVER_SPEED,
     OVER_SPEED_OUTPUT,
     OVER_TEMPERATURE,
@@ -97,9 +107,12 @@ class BoundMaker:
 
     def enabled(self) -> tuple[Bound, ...]:
         """What must hold while the drive is to be in operation enabled."""
-        if STATUSWORD not in self.channels:
-            return ()
-        return (Bound(UNEXPECTED_STATE, {STATUSWORD: 1.0}, ENABLED - 0.5, ENABLED + 0.5, mask=STATE_MASK),)
+        bounds = []
+        if GUARD_CLOSED in self.channels:
+            bounds.append(Bound(GUARD_OPEN, {GUARD_CLOSED: 1.0}, low=0.5))
+        if STATUSWORD in self.channels:
+            bounds.append(Bound(UNEXPECTED_STATE, {STATUSWORD: 1.0}, ENABLED - 0.5, ENABLED + 0.5, mask=STATE_MASK))
+        return tuple(bounds)
 
     def speeds(self) -> list[Bound]:
         """Input speed by its own encoder, and by the output's, which sees what a failing motor encoder hides."""

@@ -41,6 +41,7 @@ from rig.run.trips import (
     DISAGREEMENT,
     DRIVE_FAULT,
     FOLLOWING_ERROR,
+    GUARD_OPEN,
     MISSED_CYCLES,
     OVER_SPEED,
     OVER_SPEED_OUTPUT,
@@ -204,8 +205,8 @@ class Supervisor:
             word = int(block.counts[broken.row, self._column[STATUSWORD]])
             detail = f"statusword 0x{word:04X}, {drive_state(word).value}"
             return Trip(broken.cause, row, math.nan, math.nan, detail=detail)
-        if broken.cause in DEVICE_CAUSES:
-            # The port says what happened in an event; there is no number to compare.
+        if broken.cause in DEVICE_CAUSES or broken.cause == GUARD_OPEN:
+            # The port says what happened in an event, or a contact has opened: there is no number to compare.
             return Trip(broken.cause, row, math.nan, math.nan)
         geometry = self._geometry
         if broken.cause == TORSION_TORQUE and geometry is not None and TORQUE in self._column:

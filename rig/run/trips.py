@@ -16,6 +16,7 @@ TORSION_TORQUE = "torsion_torque"
 DISAGREEMENT = "input_output_disagreement"
 TRAVEL = "travel"
 OVER_TEMPERATURE = "over_temperature"
+GUARD_OPEN = "guard_open"
 DRIVE_FAULT = "drive_fault"
 UNEXPECTED_STATE = "unexpected_state"
 FOLLOWING_ERROR = "following_error"
@@ -76,6 +77,9 @@ TRIPS: dict[str, TripRule] = {
     ),
     TRAVEL: TripRule(
         "the input has left the travel of the plan", Action.QUICK_STOP, "Check the direction of the motor encoder."
+    ),
+    GUARD_OPEN: TripRule(
+        "the guard was opened while the drive was on", Action.QUICK_STOP, "Close the guard; find out who opened it and why."
     ),
     OVER_TEMPERATURE: TripRule("the gear housing is too hot", Action.QUICK_STOP, "Let it cool down."),
     DRIVE_FAULT: TripRule(

@@ -225,6 +225,10 @@ class Drive(Slave):
         if is_off and self.drive_state not in (DriveState.FAULT, DriveState.FAULT_REACTION):
             self._go(DriveState.SWITCH_ON_DISABLED)
 
+    def open_guard(self, is_open: bool) -> None:
+        """The contact of the guard, seen in the digital inputs; the drive itself does nothing about it."""
+        self.dictionary.store(0x60FD, 0, 0 if is_open else INTERLOCK)
+
     def on_heartbeat_lost(self, producer: int) -> None:
         self._connection_lost()
 

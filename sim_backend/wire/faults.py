@@ -123,6 +123,17 @@ class SafeTorqueOff(WireFault):
 
 
 @dataclass(frozen=True)
+class GuardOpened(WireFault):
+    """Somebody opens the guard: nothing happens to the drive, its input only tells."""
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        bench.drive.open_guard(True)
+
+    def end_of(self, bench: WireBench) -> None:
+        bench.drive.open_guard(False)
+
+
+@dataclass(frozen=True)
 class EncoderReversed(WireFault):
     """An encoder's sense of counting turns round, as with two swapped lines; it goes on from where it is."""
 
