@@ -18,7 +18,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from experiments.budget import budget_table
+from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
 from experiments.kinematic_error_plots import kinematic_error_plots, order_table, prediction_plot
@@ -158,12 +158,16 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         combined = [combine(ahead.fit, back.fit) for ahead, back in pairs]
         relation = _figure_16(pairs[0], combined[0], abs(segments[0].setpoint))
     estimates = _pooled([c.estimates for c in combined])
+    estimates = with_amplification(estimates, evidence.gear, context.ratio, abs(segments[0].setpoint))
     metrics = _metrics(context, traverses, combined, evidence.gear, abs(segments[0].setpoint))
     options: dict[str, object] = _options(context)
     for one in combined:
         warnings += one.warnings
     if relation is not None:
-        estimates |= {f"figure_16_{name}": e for name, e in relation.estimates.items()}
+        estimates |= {
+            f"figure_16_{name}": e.with_budget([scale_line(recording, e.value)]) if e.unit == "N m" else e
+            for name, e in relation.estimates.items()
+        }
         options["figure_16"] = relation.sentence
     verdicts = [_verdict(evidence.gear, name, e) for name, e in estimates.items() if name.startswith("transmission_")]
     return Result(
@@ -234,6 +238,32 @@ def _traverse(context: _Context, segment: Segment) -> Traverse:
     return Traverse(segment, fit, solve_angle(torque.sums())[0] if torque is not None else None)
 
 
+def with_amplification(
+    estimates: dict[str, Estimate], gear: HarmonicDrive, ratio: float, speed: float
+) -> dict[str, Estimate]:
+    """The estimates with what the torsional vibration adds to them in their budgets.
+
+    An output that is carried by a spring answers the order n of a kinematic error at the input speed w amplified by
+    1/(1 - r^2), r = n w/w_1, w_1 the first torsional mode of the parameter set: far below w_1 by the share r^2/(1 - r^2),
+    which is not corrected. It is taken as the half-width of a rectangular distribution.
+    """
+    first = first_resonances(gear)[0]
+    lines: dict[str, float] = {}
+    for name, estimate in estimates.items():
+        if name.startswith("amplitude_"):
+            share = (_order_of(name.removeprefix("amplitude_"), ratio) * speed / first) ** 2
+            lines[name] = share / abs(1.0 - share) * estimate.value / math.sqrt(3.0) if share != 1.0 else math.inf
+    whole = 2.0 * sum(u for name, u in lines.items() if estimates[name].identifiable == "yes")
+    lines |= {name: whole for name in estimates if name.startswith("transmission_accuracy")}
+    note = f"first torsional mode {first / (2.0 * math.pi):.0f} Hz by the parameter set; less at a lower speed"
+    return {
+        name: estimate.with_budget([BudgetLine("torsional amplification, not corrected", "B", lines[name], note)])
+        if lines.get(name, 0.0) > 0.0 and estimate.budget
+        else estimate
+        for name, estimate in estimates.items()
+    }
+
+
 def _pairs(traverses: list[Traverse]) -> list[tuple[Traverse, Traverse]]:
     """Forward and reverse of each repeat."""
     ahead = [t for t in traverses if t.fit.direction > 0]
@@ -252,6 +282,7 @@ def _one_direction(context: _Context, traverses: list[Traverse], evidence: Evide
     """A recording of one direction only: no half-difference, so nothing about wind-up, friction or figure 16."""
     warnings = [*warnings, "One direction only: wind-up and skew stand in the kinematic error."]
     estimates = _pooled([t.fit.estimates for t in traverses])
+    estimates = with_amplification(estimates, evidence.gear, context.ratio, abs(traverses[0].segment.setpoint))
     metrics = _metrics(context, traverses, [], evidence.gear, abs(traverses[0].segment.setpoint))
     for t in traverses:
         warnings += t.fit.warnings

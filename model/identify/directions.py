@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from model.errors import IdentificationError
 from model.identify.angle_regression import AngleFit, AngleRegression, Basis, solve_angle
 from model.identify.checks import Array, channels
-from model.identify.estimate import Estimate
+from model.identify.estimate import BudgetLine, Estimate
 from model.identify.kinematic_error import KinematicErrorFit
 from model.identify.least_squares import student_quantile
 from model.units import DEGREE
@@ -83,8 +83,11 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     for k, label in enumerate(basis.labels):
         block = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         if forward.orders[k].significant or reverse.orders[k].significant:
-            pair = polar_estimates(label, mean[2 + 2 * k], mean[3 + 2 * k], block, freedom, "rad")
-            estimates[f"amplitude_{label}"], estimates[f"phase_{label}"] = pair
+            amplitude, phase = polar_estimates(label, mean[2 + 2 * k], mean[3 + 2 * k], block, freedom, "rad")
+            # What the encoders put on an order is the same in both directions: the mean does not lessen it.
+            lines = [line for line in forward.orders[k].amplitude.budget if line.kind == "B"]
+            estimates[f"amplitude_{label}"] = amplitude.with_budget(lines)
+            estimates[f"phase_{label}"] = phase
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     curves = [_whole_orders(basis, values, angle) for values in (ahead.values, back.values)]
     warnings = [f"forward: {w}" for w in forward.warnings] + [f"reverse: {w}" for w in reverse.warnings]
@@ -138,17 +141,20 @@ def polar_estimates(
     t = student_quantile(freedom)
     along = np.array([a, b]) / size if size > 0.0 else np.array([1.0, 0.0])
     across = np.array([-along[1], along[0]])
-    radial = t * math.sqrt(max(float(along @ block @ along), 0.0))
-    turn = math.pi
+    error = math.sqrt(max(float(along @ block @ along), 0.0))
+    radial, turn = t * error, math.pi
     if size > 0.0:
         turn = min(t * math.sqrt(max(float(across @ block @ across), 0.0)) / size, math.pi)
     phase = math.atan2(b, a)
     verdict = "yes" if radial < size and turn < math.pi else "weakly"
     note = "" if verdict == "yes" else "not above the noise"
     return (
-        Estimate(f"amplitude_{label}", size, unit, max(size - radial, 0.0), size + radial, verdict, note),
+        Estimate(
+            f"amplitude_{label}", size, unit, max(size - radial, 0.0), size + radial, verdict, note,
+            (BudgetLine("residual, blocks of whole revolutions", "A", error),),
+        ),
         Estimate(f"phase_{label}", phase, "rad", phase - turn, phase + turn, verdict, note),
-    )
+    )  # fmt: skip
 
 
 def fit_over_angle(angle: ArrayLike, value: ArrayLike, basis: Basis) -> AngleFit:
