@@ -22,7 +22,7 @@ from model.errors import IdentificationError
 from model.identify.angle_regression import AngleFit, AngleRegression, Basis, solve_angle
 from model.identify.checks import Array, channels
 from model.identify.estimate import BudgetLine, Estimate
-from model.identify.kinematic_error import KinematicErrorFit
+from model.identify.kinematic_error import KinematicErrorFit, phase_budget
 from model.identify.least_squares import student_quantile
 from model.units import DEGREE
 
@@ -86,8 +86,9 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
             amplitude, phase = polar_estimates(label, mean[2 + 2 * k], mean[3 + 2 * k], block, freedom, "rad")
             # What the encoders put on an order is the same in both directions: the mean does not lessen it.
             lines = [line for line in forward.orders[k].amplitude.budget if line.kind == "B"]
-            estimates[f"amplitude_{label}"] = amplitude.with_budget(lines)
-            estimates[f"phase_{label}"] = phase
+            estimates[f"amplitude_{label}"] = amplitude = amplitude.with_budget(lines)
+            tangential = 0.5 * (phase.high - phase.low) / student_quantile(freedom) * amplitude.value
+            estimates[f"phase_{label}"] = phase.with_budget(phase_budget(amplitude, tangential))
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     curves = [_whole_orders(basis, values, angle) for values in (ahead.values, back.values)]
     warnings = [f"forward: {w}" for w in forward.warnings] + [f"reverse: {w}" for w in reverse.warnings]

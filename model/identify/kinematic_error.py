@@ -299,9 +299,24 @@ def _order(fit: AngleFit, index: int, encoders: Encoders) -> OrderEstimate:
         cosine=Estimate(f"cosine_{label}", a, "rad", a - half_a, a + half_a, verdict, note),
         sine=Estimate(f"sine_{label}", b, "rad", b - half_b, b + half_b, verdict, note),
         amplitude=amplitude,
-        phase=Estimate(f"phase_{label}", phase, "rad", phase - turn, phase + turn, verdict, note),
+        phase=Estimate(
+            f"phase_{label}", phase, "rad", phase - turn, phase + turn, verdict, note, phase_budget(amplitude, tangential)
+        ),
         significant=significant and not left_out,
     )
+
+
+def phase_budget(amplitude: Estimate, tangential: float) -> tuple[BudgetLine, ...]:
+    """The budget of a phase [rad]: standard error across the phasor, and what encoders add to the order, over its amplitude.
+
+    No line exceeds that of a phase of which nothing is known.
+    """
+    if not amplitude.value > 0.0:
+        return ()
+    lines = [BudgetLine("residual, blocks of whole revolutions", "A", tangential)]
+    lines += [line for line in amplitude.budget if line.kind == "B"]
+    unknown = math.pi / math.sqrt(3.0)
+    return tuple(replace(e, standard_uncertainty=min(e.standard_uncertainty / amplitude.value, unknown)) for e in lines)
 
 
 def _polar_errors(a: float, b: float, block: Array) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import pytest
 from model.errors import IdentificationError
 from model.identify.angle_regression import standard_basis
 from model.identify.directions import combine, fit_over_angle, phase_relation
-from model.identify.kinematic_error import fit_kinematic_error
+from model.identify.kinematic_error import Encoders, fit_kinematic_error
 from model.units import ARCMIN, ARCSEC, DEGREE
 from tests.model.identify.rigs import RATIO, TRUTH, slow_run
 
@@ -42,6 +42,23 @@ def test_the_mean_is_the_error_and_the_difference_the_wind_up() -> None:
         assert both.sine[index] == pytest.approx(b * ARCMIN, abs=0.1 * ARCSEC)
     assert both.metrics["agreement"] < 0.3 * ARCSEC
     assert both.estimates["lost_motion"].value == pytest.approx(-8.0 * ARCSEC, abs=1.0 * ARCSEC)
+
+
+def test_what_the_encoders_add_is_not_lessened_by_the_mean_of_both_directions() -> None:
+    encoders = Encoders(ARCSEC, ARCSEC, output_accuracy=2.0 * ARCSEC, input_accuracy=20.0 * ARCSEC)
+    fits = []
+    for direction in (1.0, -1.0):
+        run = slow_run(11 + int(direction), direction=direction)
+        fits.append(fit_kinematic_error(run.input_angle, run.output_angle, RATIO, encoders=encoders))
+    both = combine(*fits)
+    systematic = {
+        name: [line.standard_uncertainty for line in e.budget if line.kind == "B"] for name, e in both.estimates.items()
+    }
+    assert systematic["amplitude_1/N"] == [2.0 * ARCSEC]
+    assert systematic["amplitude_2"] == [20.0 * ARCSEC / RATIO]
+    assert systematic["phase_2"] == [20.0 * ARCSEC / RATIO / both.estimates["amplitude_2"].value]
+    assert systematic["amplitude_4"] == systematic["phase_4"] == []
+    assert both.estimates["amplitude_4"].standard_uncertainty > 0.0
 
 
 def test_two_fits_of_one_direction_are_refused() -> None:
