@@ -5,14 +5,9 @@ The devices are simulated ones in a process of their own, reached over a socketc
 
 from __future__ import annotations
 
-import json
-import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from importlib import resources
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -28,9 +23,9 @@ from rig.run.dry_run import PlannedRun, plan_run
 from rig.run.start import RunRequest, run_request
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
+from tests.rig.served_rig import Served, served_rig
 
 RATE = 100.0
-TEMPLATE = resources.files("rig.config").joinpath("template.toml").read_text(encoding="utf-8")
 ARMED = Arming("A. Example", "SN-1", "SN-1")
 
 
@@ -75,31 +70,10 @@ def test_an_unarmed_run_connects_to_nothing(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.h5*"))
 
 
-@dataclass
-class Served:
-    """A simulated rig in a process of its own."""
-
-    process: subprocess.Popen[str]
-    port: int
-
-    def configuration(self, folder: Path, *, guard_closed: int = 8) -> Path:
-        """The description of it."""
-        text = re.sub(r'interface = "socketcan" ', 'interface = "socketcand" ', TEMPLATE)
-        text = text.replace("# arguments = {}", f'arguments = {{ host = "127.0.0.1", port = {self.port} }} #')
-        text += f"\n[guard]\nnode_id = 1\nmask = 8\nclosed = {guard_closed}\n"
-        path = folder / "rig.toml"
-        path.write_text(text, encoding="utf-8")
-        return path
-
-
 @pytest.fixture
 def served() -> Iterator[Served]:
-    command = [sys.executable, "-m", "tests.rig.served_rig", str(RATE)]
-    root = Path(__file__).parents[2]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=root) as process:
-        assert process.stdout is not None
-        yield Served(process, json.loads(process.stdout.readline())["port"])
-        process.terminate()
+    with served_rig(RATE) as found:
+        yield found
 
 
 def planned_drill() -> PlannedRun:
