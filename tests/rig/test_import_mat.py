@@ -25,11 +25,11 @@ def imported(path: Path, *channels: str, **changes: object) -> Recording:
     return open_run(done.path, verify=True)
 
 
-@pytest.mark.parametrize("version", ["4", "5"])
+@pytest.mark.parametrize(("version", "compress"), [("4", False), ("5", False), ("5", True)])
 @pytest.mark.parametrize("shape", ["row", "column"])
-def test_old_and_common_versions(tmp_path: Path, version: str, shape: str) -> None:
+def test_old_and_common_versions(tmp_path: Path, version: str, compress: bool, shape: str) -> None:
     path = tmp_path / "x.mat"
-    scipy.io.savemat(path, {"t": TIME, "a": ANGLE}, format=version, oned_as=shape)
+    scipy.io.savemat(path, {"t": TIME, "a": ANGLE}, format=version, oned_as=shape, do_compression=compress)
     recording = imported(path, "time=t:s", "input_angle=a:deg")
     np.testing.assert_allclose(recording.si("input_angle"), np.radians(ANGLE), rtol=1e-15)
     np.testing.assert_allclose(recording.time(), TIME, atol=1e-9)
@@ -44,6 +44,8 @@ def test_structs_matrices_integers_and_texts(tmp_path: Path) -> None:
     recording = imported(path, "time=log.t", "torque=log.inner.M:N m", "output_angle=both#2:count:36000")
     np.testing.assert_array_equal(recording.stored("output_angle"), counts)
     np.testing.assert_array_equal(recording.si("torque"), 2 * TIME)
+    with pytest.raises(RigError, match="no such column"):
+        imported(path, "time=log.t", "torque=note:N m")
 
 
 def test_version_7_3(tmp_path: Path) -> None:

@@ -1,0 +1,41 @@
+"""Foreign recordings made for tests, and the shortest way to bring one in."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rig.runfile.foreign import Imported, ImportOptions, import_csv, import_mat, parse_channel
+from rig.runfile.read import close_recording, open_run
+
+TIME = np.arange(6) * 0.002
+DEGREES = np.array([0.0, 1.5, 3.0, -4.25, 6.0, 7.5])
+TORQUES = np.array([0.5, -0.25, 0.125, 1.0, 2.5, -1e-3])
+
+
+def bring_in(path: Path, *channels: str, fmt: str = "csv", **options: Any) -> Imported:
+    read = import_csv if fmt == "csv" else import_mat
+    made = ImportOptions(channels=tuple(map(parse_channel, channels)), **options)
+    return read(path, made, lambda: path.with_name("00001-import-x.h5"))
+
+
+def columns(made: Imported, *names: str) -> list[np.ndarray]:
+    recording = open_run(made.path, verify=True)
+    try:
+        return [recording.time() if name == "time" else recording.si(name) for name in names]
+    finally:
+        close_recording(recording)
+
+
+def file_of(folder: Path, text: str | bytes, name: str = "bench.csv") -> Path:
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8"))
+    return path
+
+
+def table(delimiter: str = ",", mark: str = ".", head: str = "t [s]|Position [deg]|M [N m]") -> str:
+    rows = [
+        delimiter.join(repr(float(x)).replace(".", mark) for x in row)
+        for row in zip(TIME, DEGREES, TORQUES, strict=True)
+    ]
+    return "\n".join([head.replace("|", delimiter), *rows]) + "\n"
