@@ -250,9 +250,10 @@ def _phase_verdict(difference: float, half: float) -> PhaseVerdict:
 
 
 def _phase_sentence(label: str, difference: float, half: float, verdict: PhaseVerdict) -> str:
-    number = f"{difference / DEGREE:.0f} ± {half / DEGREE:.0f} degrees of order {label}"
+    digits = 0 if half >= 10.0 * DEGREE else 1 if half >= DEGREE else 2
+    number = f"{difference / DEGREE:.{digits}f} ± {half / DEGREE:.{digits}f} degrees of order {label}"
     if verdict == "in phase":
-        return f"Friction torque and kinematic error have their extremes at the same angle: {number} apart."
+        return f"Friction torque and kinematic error have their extremes near the same angle: {number} apart."
     if verdict == "not in phase":
         return f"Friction torque and kinematic error do not have their extremes at the same angle: {number} apart."
     return f"The data cannot tell whether friction torque and kinematic error are in phase: {number}."

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rig.report.wording import display_unit, number, readable, show
+from rig.report.wording import display_unit, number, readable, show, source_text
 
 if TYPE_CHECKING:
     from model.gear import HarmonicDrive, Value
@@ -94,15 +94,17 @@ def _measured(fit: Fit, conditions: Mapping[str, str]) -> Iterator[Row]:
         if promise.kind != fit.result.kind:
             continue
         stated = fit.gear.value(f"ratings.{promise.rating}")
+        definition = f": {promise.definition}"
+        source = f"{promise.conditions}; {source_text(stated.origin.provenance, stated.origin.source)}"
         for name, estimate in fit.result.estimates.items():
             if name.startswith(promise.estimates):
                 shown = show(estimate)
                 yield (
-                    f"{readable(name)}: {promise.definition}", shown.with_uncertainty,
-                    f"{number(stated.value / shown.scale)} {shown.unit}".rstrip(),
-                    f"{promise.conditions}; {source_text(stated.origin.provenance, stated.origin.source)}",
+                    readable(name) + definition, shown.with_uncertainty,
+                    f"{number(stated.value / shown.scale)} {shown.unit}".rstrip(), source,
                     _here(fit, estimate, conditions), outcomes.get(name, "not judged"),
                 )  # fmt: skip
+                definition, source = "", "as above"
 
 
 def _here(fit: Fit, estimate: Estimate, conditions: Mapping[str, str]) -> str:
@@ -124,10 +126,3 @@ def _unmeasured(gear: HarmonicDrive, name: str, words: str) -> Row:
     text = f"{number(stated.value / factor)} {unit}".rstrip()
     source = source_text(stated.origin.provenance, stated.origin.source)
     return words, "–", text, source, "cannot be measured on this rig", "–"
-
-
-def source_text(provenance: str, source: str) -> str:
-    """Provenance and source of a value, the provenance not said twice."""
-    if not source:
-        return provenance
-    return source if provenance in source else f"{provenance}: {source}"

@@ -9,9 +9,8 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from experiments.result import Result
-from rig.report.catalogue import source_text
 from rig.report.provenance import Provenance, provenance_of
-from rig.report.wording import display_unit, heading, metric, number, pretty, readable, show
+from rig.report.wording import display_unit, heading, metric, number, pretty, readable, show, source_text
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
@@ -181,7 +180,7 @@ def file_grid(fits: Sequence[Fit]) -> Grid:
     """The run files that the report rests on, the tares among them, with their hashes whole."""
     recordings = [r for f in fits for r in (f.recording, f.tare.recording if f.tare else None) if r is not None]
     found = {r.metadata.run_id: r.metadata for r in recordings}
-    rows = tuple((m.run_id, m.outcome or "not stated", m.sha256 or "not sealed") for m in found.values())
+    rows = tuple((m.run_id, m.outcome or "not stated", m.sha256 or "not sealed") for _, m in sorted(found.items()))
     return Grid("Run files", ("Run", "Outcome", "SHA-256 of the run file"), rows, (False, False, False))
 
 

@@ -11,9 +11,9 @@ from markupsafe import Markup
 from rig.passport import Passport, PassportSeries
 from rig.report import content, definitions, figures
 from rig.report.content import Grid, Overall, Part
-from rig.report.page import ORIGIN_SENTENCES, Figure, Signature
+from rig.report.page import ORIGIN_SENTENCES, Figure, Signature, run_line
 from rig.report.provenance import Provenance
-from rig.report.wording import number
+from rig.report.wording import decimals_of, fixed, number
 
 _STYLES = {"in control": "pass", "to be watched": "marginal", "out of control": "fail", "no control limits yet": "open"}
 _WORDS = {
@@ -36,7 +36,8 @@ def gear_context(passport: Passport, *, created: str) -> dict[str, Any]:
         "operators": ", ".join(dict.fromkeys(run.operator or "not stated" for run in passport.runs)),
         "dates": f"{starts[0]} to {starts[-1]}" if starts else "not stated", "words": words,
         "origin_sentences": [ORIGIN_SENTENCES[origin] for origin in origins if origin in ORIGIN_SENTENCES],
-        "overall": _overall(passport.series), "verdicts": (), "warnings": _warnings(passport), "long_tables": False,
+        "overall": _overall(passport.series), "verdicts": (), "alarms": (), "catalogue": None, "files": None,
+        "run_line": run_line([run.run_id for run in passport.runs]), "warnings": _warnings(passport), "long_tables": False,
         "parts": parts, "conditions": (), "calibrations": (), "identities": (), "conventions": (), "settings": (),
         "truth": None, "covered": (0, 0, 0), "paper_figures": (), "run_word": "Runs with",
         "annex_title": "runs", "parameter_sets": (_run_grid(passport),),
@@ -110,7 +111,9 @@ def _newest(series: Sequence[PassportSeries]) -> tuple[tuple[str, str, str, str]
     for one in series:
         newest = one.points[-1]
         value, doubt = newest.value / one.factor, newest.expanded_uncertainty / one.factor
-        text = f"{number(value)} ± {number(doubt, 2)} {one.display_unit}"
+        decimals = decimals_of(doubt)
+        shown = number(value) if decimals is None else f"{fixed(value, decimals)} ± {fixed(doubt, decimals)}"
+        text = f"{shown} {one.display_unit}".rstrip()
         rows.append((one.kind, f"{one.title} ({one.state})", text, newest.identifiability))
     return tuple(rows)
 

@@ -133,8 +133,15 @@ def render_page(context: dict[str, Any]) -> str:
         loader=jinja2.PackageLoader("rig", "report"), autoescape=True, undefined=jinja2.StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, finalize=_finalize,
     )  # fmt: skip
+    environment.filters["css"] = lambda text: Markup(css_text(text))
     style = environment.get_template(STYLE).render()
     return environment.get_template(TEMPLATE).render(style=Markup(style), **context)
+
+
+def css_text(text: str) -> str:
+    """A text as a string of a style sheet, letter for letter: whatever is no plain letter goes by its number."""
+    plain = "".join(c if c.isascii() and (c.isalnum() or c in " ,.-_") else f"\\{ord(c):x} " for c in printable(text))
+    return f'"{plain}"'
 
 
 def _finalize(value: Any) -> Any:
@@ -142,13 +149,13 @@ def _finalize(value: Any) -> Any:
     return printable(value) if type(value) is str else value
 
 
-LONGEST_LINE = 100
+LONGEST_LINE = 80
 """Letters of run numbers that fit on the foot of a page."""
 
 
 def run_line(runs: Sequence[str]) -> str:
     """The runs that a report is of, for the foot of every page: their numbers, or how many and the first and the last."""
-    named = list(dict.fromkeys(runs))
+    named = sorted(set(runs))
     line = ("Run " if len(named) == 1 else "Runs ") + ", ".join(named)
     if len(line) <= LONGEST_LINE or not named:
         return line if named else ""

@@ -14,31 +14,43 @@ from typing import Any
 
 from rig.errors import RigError
 from rig.report.content import Grid, VerdictLine
+from rig.report.layout import layout_of, width_of
 from rig.report.wording import printable
 
 TEMPLATE = "page.typ"
-LONGEST_WORD = 40
+LONGEST_WORD = 26
 """Letters after which a word without a break may be broken: hashes, file names, hostile serial numbers."""
 HEADING_LENGTH = 80
-SHORT_TEXT, LONG_TEXT = 24, 90
-"""Letters up to which a column of text takes what it needs, and above which it gets no larger a share."""
+WIDEST_NAME = 14.0
+"""Room for the names of facts [em]; longer ones are broken."""
 
 
 def render_pdf(context: Mapping[str, Any]) -> bytes:
     """The pages of a report as PDF; `context` is what the HTML page is made of. Raises `RigError`."""
+    made = _compiled(context, format="pdf")
+    assert isinstance(made, bytes)
+    return made
+
+
+def draw_pages(context: Mapping[str, Any], dots_per_inch: float = 72.0) -> list[bytes]:
+    """The pages of a report as PNG pictures. Raises `RigError`."""
+    made = _compiled(context, format="png", ppi=dots_per_inch)
+    return [made] if isinstance(made, bytes) else [page for page in made or () if page is not None]
+
+
+def _compiled(context: Mapping[str, Any], **wanted: Any) -> Any:
     import typst
 
     content = json.dumps(paper_content(context), ensure_ascii=False, allow_nan=False)
     source = resources.files("rig.report").joinpath(TEMPLATE).read_bytes()
     try:
-        made = typst.compile(
-            source, format="pdf", sys_inputs={"content": content}, ignore_system_fonts=True,
+        return typst.compile(
+            source, sys_inputs={"content": content}, ignore_system_fonts=True,
             font_paths=[_fonts()],  # type: ignore[arg-type]  the stubs leave paths out
+            **wanted,
         )  # fmt: skip
     except (RuntimeError, ValueError, OSError) as error:
         raise RigError(f"the report cannot be set on paper: {error}", remedy="Write it as HTML instead.") from error
-    assert isinstance(made, bytes)
-    return made
 
 
 def _fonts() -> str:
@@ -65,21 +77,31 @@ def paper_content(context: Mapping[str, Any]) -> dict[str, Any]:
         "words": context["words"],
         "origin_sentences": context["origin_sentences"],
         "overall": asdict(context["overall"]),
+        "alarms": list(context["alarms"]),
+        "run_line": context["run_line"],
+        "catalogue": _laid_out(context["catalogue"]) if context["catalogue"] else None,
         "verdicts": _laid_out(verdict_grid(context["verdicts"])),
         "key_results": _laid_out(_key_grid(context["key_results"])),
         "warnings": [f"{title}: {text}" for title, _, _, text in context["warnings"]],
         "parts": [_part(part) for part in context["parts"]],
         "truth": _laid_out(context["truth"]) if context["truth"] else None,
         "sections": [
-            {"title": title, "matrices": [_matrix(m) for key in keys for m in context[key]]}
+            {
+                "title": title,
+                "grids": [_laid_out(context["files"])] if context["files"] and "identities" in keys else [],
+                "matrices": [_matrix(m) for key in keys for m in context[key]],
+            }
             for title, keys in SECTIONS if any(context[key] for key in keys)
         ],
         "definitions": [list(pair) for pair in context["definitions"]],
         "paper": context["paper"],
         "not_measured": list(context["not_measured"]),
         "signature": asdict(context["signature"]),
-        "annex": [_laid_out(g) for g in (*context["parameter_sets"], *(g for p in context["parts"] for g in p.annex))],
     }  # fmt: skip
+    annex = [_laid_out(g) for g in (*context["parameter_sets"], *(g for p in context["parts"] for g in p.annex))]
+    content["annex"] = [grid for grid in annex if not grid["landscape"]]
+    content["wide"] = [grid for part in content["parts"] for grid in part.pop("wide")]
+    content["wide"] += [grid for grid in annex if grid["landscape"]]
     return _clean(content)
 
 
@@ -92,16 +114,9 @@ SECTIONS = (
 
 
 def _laid_out(grid: Grid) -> dict[str, Any]:
-    """A table with the shares of its columns: 0 for one that takes what it needs, else how much of the rest it gets."""
-    longest = [max((len(row[i]) for row in grid.rows), default=0) for i in range(len(grid.columns))]
-    weights = [
-        0 if numeric or most <= SHORT_TEXT else min(most, LONG_TEXT)
-        for numeric, most in zip(grid.numeric, longest, strict=True)
-    ]
-    if grid.columns and not any(weights):
-        # Nothing is long: what is left of the line goes behind the first column.
-        weights[0] = 1
-    return {**asdict(grid), "weights": weights}
+    """A table with the size of its text, the widths of its columns, and whether it needs a page laid crosswise."""
+    layout = layout_of(Grid(grid.title, tuple(_clean(grid.columns)), tuple(map(tuple, _clean(grid.rows))), grid.numeric))
+    return {**asdict(grid), "hashes": [column.startswith("SHA-256") for column in grid.columns], **asdict(layout)}
 
 
 def verdict_grid(lines: Sequence[VerdictLine]) -> Grid:
@@ -119,15 +134,20 @@ def _key_grid(rows: Sequence[tuple[str, str, str, str]]) -> Grid:
 
 def _part(part: Any) -> dict[str, Any]:
     grids = (part.estimates, part.orders, part.metrics, *part.tables, part.budget)
+    laid_out = [_laid_out(grid) for grid in grids if grid is not None]
+    wide = [{**grid, "title": f"{part.title}: {grid['title'].lower()}"} for grid in laid_out if grid["landscape"]]
     return {
         "title": part.title, "run": part.run, "warnings": list(part.warnings),
         "figures": [{**asdict(f), "svg": str(f.svg)} for f in part.figures],
-        "grids": [_laid_out(grid) for grid in grids if grid is not None],
+        "grids": [grid for grid in laid_out if not grid["landscape"]], "wide": wide,
+        "elsewhere": [grid["title"].lower() for grid in laid_out if grid["landscape"]],
     }  # fmt: skip
 
 
 def _matrix(matrix: Any) -> dict[str, Any]:
-    return {"caption": matrix.caption, "columns": list(matrix.columns), "rows": [[n, list(t)] for n, t in matrix.rows]}
+    names = min(max((width_of(name) for name, _ in matrix.rows), default=0.0), WIDEST_NAME)
+    rows = [[name, list(texts)] for name, texts in matrix.rows]
+    return {"caption": matrix.caption, "columns": list(matrix.columns), "rows": rows, "names": names}
 
 
 def _shortened(text: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rig.report.wording import number, readable
+from rig.report.wording import number, pretty, readable
 
 if TYPE_CHECKING:
     from drivers.channel import Calibration
@@ -227,7 +227,7 @@ def _parameters(protocol: str, values: Mapping[str, Any]) -> list[tuple[str, str
         unit = units.get(name, "")
         text = _text(value)
         rows.append(
-            (readable(str(name)).removesuffix(" rpm"), f"{text} {unit}" if unit not in ("", "1") and text else text)
+            (readable(str(name)).removesuffix(" rpm"), f"{text} {pretty(unit)}" if unit not in ("", "1") and text else text)
         )
     return rows
 

@@ -163,6 +163,13 @@ def readable(name: str) -> str:
     return re.sub(r"\bmse\b", "MSE", words)
 
 
+def source_text(provenance: str, source: str) -> str:
+    """Provenance and source of a value, the provenance not said twice."""
+    if not source:
+        return provenance
+    return source if provenance in source else f"{provenance}: {source}"
+
+
 def heading(text: str) -> str:
     """The heading of a column with its unit as it is printed: housing [degC] is housing [°C]."""
     return re.sub(r"\[([^\]]+)\]", lambda m: f"[{_PRINTED.get(m[1], pretty(m[1]))}]", text)

@@ -9,10 +9,14 @@ from pathlib import Path
 
 import pytest
 
+from drivers.channel import Calibration
 from experiments.result import Result
 from experiments.truth import TruthRow
+from model.gear_file import shipped_gear
+from model.units import ARCMIN
 from rig.errors import RigError
-from rig.report.page import render_report, write_report
+from rig.report.page import css_text, render_page, render_report, report_context, run_line, write_report
+from rig.runfile.layout import Column
 from tests.rig import handmade
 
 CREATED = "2024-03-02 09:00+01:00"
@@ -179,3 +183,60 @@ def test_a_result_without_anything_makes_a_page() -> None:
     assert "Harmonic drive CSF" not in shown
     assert "not stated" in shown
     assert "IMPORTED" in shown
+
+
+def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_both() -> None:
+    context = report_context([handmade.fit(result=handmade.kinematic_result())], created=CREATED)
+    grid = context["catalogue"]
+    assert grid is not None
+    quantity, measured, stated, source, here, verdict = grid.rows[0]
+    rating = shipped_gear().value("ratings.transmission_accuracy")
+    assert quantity.startswith("transmission accuracy forward: largest positive plus largest negative deviation")
+    assert measured.startswith("0.84")
+    assert stated == f"{rating.value / ARCMIN:g} arcmin"
+    assert source.startswith("nothing on the output, low speed")
+    assert rating.origin.source in source
+    assert "Harmonic Grease SK-1A" in here
+    assert "housing 24.0 to 26.2 °C" in here
+    assert verdict == "not judged"
+    assert [row[4] for row in grid.rows if "stiffness" in row[0]] == ["cannot be measured on this rig"] * 3
+    assert "Beside the catalogue" in Page(render_page(context)).text
+
+
+def test_a_gear_that_is_not_known_has_no_catalogue() -> None:
+    fit = replace(handmade.fit(result=handmade.kinematic_result()), gear_known=False)
+    assert report_context([fit], created=CREATED)["catalogue"] is None
+
+
+def test_an_expired_calibration_is_said_at_the_top_and_a_missing_one_of_hardware_too() -> None:
+    fit = handmade.fit("hardware")
+    columns = (
+        Column("torque", "N m", "int32", 1e-3, 0.0, calibration=Calibration("C-7", "2020-01-01", "2021-01-01")),
+        Column("input_angle", "rad", "int32", 1e-3, 0.0),
+        Column("statusword", "1", "int32", 1.0, 0.0),
+    )
+    object.__setattr__(fit.recording.source, "columns", columns)
+    text = render_report([fit], created=CREATED)
+    shown = Page(text).text
+    assert "The calibration of torque (C-7) was due on 2021-01-01: EXPIRED WHEN THE RUN BEGAN." in shown
+    assert "Input angle has no calibration certificate." in shown
+    assert "Statusword" not in shown
+    assert text.index("EXPIRED WHEN") < text.index('id="summary"')
+
+
+def test_a_file_that_could_still_change_is_not_signed() -> None:
+    shown = Page(render_report([handmade.fit("hardware", sha256="")], created=CREATED)).text
+    assert "Approved by" not in shown
+    assert "Not sealed, so that it could still change: R-000042" in shown
+
+
+def test_every_page_names_the_runs_letter_for_letter() -> None:
+    assert run_line(["00002-b", "00001-a", "00002-b"]) == "Runs 00001-a, 00002-b"
+    assert run_line(["00001-a"]) == "Run 00001-a"
+    assert run_line([]) == ""
+    many = run_line([f"{k:05d}-friction-SN" for k in range(1, 40)])
+    assert many == "39 runs, 00001-friction-SN to 00039-friction-SN"
+    assert len(run_line(["x" * 500])) <= 80
+    assert css_text('a"} body { x: url(y) \\ </style>') == (
+        '"a\\22 \\7d  body \\7b  x\\3a  url\\28 y\\29  \\5c  \\3c \\2f style\\3e "'
+    )
