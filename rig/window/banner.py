@@ -62,6 +62,7 @@ class Banner(QFrame):
         self.setObjectName("banner")
         self._symbol, self._word, self._what = QLabel(), QLabel(), QLabel()
         self._title = QLabel()
+        self._look: Look | None = None
         self._what.setWordWrap(True)
         self._what.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self._title.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
@@ -98,6 +99,10 @@ class Banner(QFrame):
         words = state.remedy if state.state is State.LOST or state.safe is False else state.what
         self._what.setText(_short(words))
         self._what.setToolTip(state.what)
+        if look == self._look:
+            # Told ten times a second: a style sheet is worked through anew even when it says the same.
+            return
+        self._look = look
         self.setAccessibleName(f"State of the rig: {look.word}")
         self.setStyleSheet(
             f"#banner {{ background: {look.background}; border-radius: 8px; }}"

@@ -14,6 +14,7 @@ from experiments.phase_reference import PhaseReference, phase_reference
 from experiments.recording import Recording, Segment
 from experiments.step_data import carries
 from model.units import ARCMIN, DEGREE, REVOLUTION
+from rig.window.live_axes import ValueAxis
 from rig.window.live_file import Block
 from rig.window.live_view import LiveContext
 from rig.window.plots import CurveStyle, LabPlot
@@ -21,7 +22,8 @@ from rig.window.session import WindowSession
 
 FloatArray = NDArray[np.float64]
 WAVE_BINS = 360
-OUTPUT_BINS = 720
+WIDEST_HOLE = WAVE_BINS // 10
+"""Bins in a row that may be empty within a whole revolution: a fast one has fewer rows than bins."""
 WIND_UP = 1.5 * REVOLUTION
 """Input angle after a change of set-point that is not shown."""
 FASTEST = 400.0 * REVOLUTION / 60.0
@@ -72,16 +74,23 @@ class Revolutions:
             self._sum += np.bincount(bins, b, WAVE_BINS)
             self._hits += np.bincount(bins, minlength=WAVE_BINS)
 
-    def cut(self) -> None:
-        """The turning was interrupted: a revolution that is not whole does not count."""
+    def cut(self) -> bool:
+        """The turning was interrupted: a revolution that is not whole does not count. Whether there was one under way."""
+        was = bool(self._hits.any())
         self._finish()
         self._which = None
+        return was
 
     def current(self) -> FloatArray:
         """The revolution that is under way, about its own mean; NaN where it has not been."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            mean = np.where(self._hits > 0, self._sum / self._hits, np.nan)
-        return np.asarray(mean - np.nanmean(mean) if self._hits.any() else mean, dtype=np.float64)
+        been = np.flatnonzero(self._hits)
+        if not len(been):
+            return np.full(WAVE_BINS, np.nan)
+        mean = self._sum[been] / self._hits[been]
+        curve = np.interp(np.arange(WAVE_BINS), been, mean - mean.mean(), np.nan, np.nan)
+        for hole in np.flatnonzero(np.diff(been) > WIDEST_HOLE):
+            curve[been[hole] + 1 : been[hole + 1]] = np.nan
+        return curve
 
     def mean(self, way: int) -> FloatArray | None:
         """The mean of all whole revolutions in one direction."""
@@ -89,10 +98,9 @@ class Revolutions:
         return np.asarray(self.total[way] / float(count), dtype=np.float64) if count else None
 
     def _finish(self) -> None:
-        if self._which is not None and np.count_nonzero(self._hits) >= 0.9 * WAVE_BINS:
-            centres = np.arange(WAVE_BINS)
-            filled = self._hits > 0
-            curve = np.interp(centres, centres[filled], self._sum[filled] / self._hits[filled], period=WAVE_BINS)
+        been = np.flatnonzero(self._hits)
+        if self._which is not None and len(been) and np.diff(been, append=been[0] + WAVE_BINS).max() <= WIDEST_HOLE:
+            curve = np.interp(np.arange(WAVE_BINS), been, self._sum[been] / self._hits[been], period=WAVE_BINS)
             curve -= curve.mean()
             way = self._which[1]
             self.total[way] += curve
@@ -134,7 +142,6 @@ class WaveView:
     """Kinematic error over the wave-generator angle: the revolution under way, and the mean of those before, each direction."""
 
     wanted = ("input_angle", "output_angle", "target_speed")
-    is_slow = True
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(
@@ -145,34 +152,40 @@ class WaveView:
         self._rows, self.revolutions = _ErrorRows(context), Revolutions()
         styles: tuple[CurveStyle, CurveStyle] = ("line", "dashed")
         self._current = self.plot.curve("this revolution", 2, dense=True)
-        self._mean = {way: self.plot.curve(name, k, styles[k]) for k, (way, name) in enumerate(WAYS)}
+        self._mean = {way: self.plot.curve(name, k, styles[k], still=True) for k, (way, name) in enumerate(WAYS)}
         self._degrees = (np.arange(WAVE_BINS) + 0.5) * 360.0 / WAVE_BINS
+        self._values = ValueAxis(self.plot)
+        self._changed, self._drawn = False, dict.fromkeys(self._mean, 0)
 
     def take(self, block: Block) -> None:
         """New rows."""
         found = self._rows.of(block)
         if found is None:
-            self.revolutions.cut()
+            self._changed |= self.revolutions.cut()
         else:
             inner, _, error, way = found
             self.revolutions.add(inner, error, way)
+            self._changed = True
 
     def ended(self, segment: Segment, recording: Recording) -> None:
         """Nothing: it is the rows that are drawn."""
 
     def draw(self, recent: bool) -> None:
-        """Bring the curves up to date."""
+        """Bring the curves up to date: the revolution under way with every row, the means when a revolution is whole."""
+        if self._changed:
+            self._changed = False
+            self._current.item.setData(self._degrees, self.revolutions.current() / ARCMIN)
         for way, curve in self._mean.items():
-            mean = self.revolutions.mean(way)
-            if mean is not None:
+            mean, count = self.revolutions.mean(way), self.revolutions.count[way]
+            if mean is not None and count != self._drawn[way]:
+                self._drawn[way] = count
                 curve.item.setData(self._degrees, mean / ARCMIN)
-                self.plot.rename(curve, f"{dict(WAYS)[way]} ({self.revolutions.count[way]})")
-        self._current.item.setData(self._degrees, self.revolutions.current() / ARCMIN)
+                self.plot.rename(curve, f"{dict(WAYS)[way]} ({count})")
         if self._rows.reference is not None:
             where = "index mark" if self._rows.reference.carries else "start of the run"
             self.plot.set_x_label(f"wave-generator angle from the {where} [deg]")
             self._draw_prediction(self._rows.reference)
-
+        self._values.follow(recent)
 
     def _draw_prediction(self, reference: PhaseReference) -> None:
         """The error of the parameter set, where it was identified against the index marks that this run has seen as well."""
@@ -181,7 +194,7 @@ class WaveView:
             return
         self._predicted = True
         error = seen.error.value - seen.error.value.mean()
-        self.plot.curve("predicted", 3, "dotted").item.setData(seen.error.angle / DEGREE, error / ARCMIN)
+        self.plot.curve("predicted", 3, "dotted", still=True).item.setData(seen.error.angle / DEGREE, error / ARCMIN)
 
 
 class OutputView:
@@ -189,7 +202,6 @@ class OutputView:
     revolution. The whole height is what transmission accuracy is taken from."""
 
     wanted = WaveView.wanted
-    is_slow = True
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(
@@ -202,9 +214,11 @@ class OutputView:
         self._high = {way: np.full(self._bins, np.nan) for way, _ in WAYS}
         styles: tuple[CurveStyle, CurveStyle] = ("line", "dashed")
         self._curves = {
-            way: (self.plot.curve(name, k, styles[k]), self.plot.curve("", k, styles[k])) for k, (way, name) in enumerate(WAYS)
+            way: (self.plot.curve(name, k, styles[k], still=True), self.plot.curve("", k, styles[k], still=True))
+            for k, (way, name) in enumerate(WAYS)
         }
         self._origin: float | None = None
+        self._values, self._changed = ValueAxis(self.plot), set[int]()
 
     def take(self, block: Block) -> None:
         """New rows."""
@@ -218,7 +232,10 @@ class OutputView:
         bins = np.minimum((angle * self._bins).astype(np.int64), self._bins - 1)
         edges = np.flatnonzero(np.diff(bins, prepend=-1))
         for store, ufunc in ((self._low[way], np.fmin), (self._high[way], np.fmax)):
+            before = store[bins[edges]]
             ufunc.at(store, bins[edges], ufunc.reduceat(error, edges))
+            if not np.array_equal(before, store[bins[edges]], equal_nan=True):
+                self._changed.add(way)
 
     def ended(self, segment: Segment, recording: Recording) -> None:
         """Nothing: it is the rows that are drawn."""
@@ -226,10 +243,12 @@ class OutputView:
     def draw(self, recent: bool) -> None:
         """Bring the curves up to date, about the middle of what there is in each direction."""
         degrees = (np.arange(self._bins) + 0.5) * 360.0 / self._bins
-        for way, curves in self._curves.items():
-            low, high = self._low[way], self._high[way]
+        while self._changed:
+            way = self._changed.pop()
+            low, high, curves = self._low[way], self._high[way], self._curves[way]
             known = np.isfinite(low)
             if known.any():
                 middle = 0.5 * (float(low[known].min()) + float(high[known].max()))
                 for curve, edge in zip(curves, (low, high), strict=True):
                     curve.item.setData(degrees[known], (edge[known] - middle) / ARCMIN)
+        self._values.follow(recent)

@@ -15,19 +15,24 @@ from rig.preview.preview import PlanPreview
 from rig.run.dry_run import PlannedRun
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.kinematic_view import OutputView, WaveView
+from rig.window.live_axes import RECENT
 from rig.window.live_file import Block, LiveFile, open_live
-from rig.window.live_view import RECENT, LiveContext, LiveView, SpeedView, temperature_view, torque_view
+from rig.window.live_view import LiveContext, LiveView, SpeedView, temperature_view, torque_view
+from rig.window.pacing import Pacer
 from rig.window.plots import LabPlot
 from rig.window.points_view import StartingPoints, TorquePoints
+from rig.window.segment_work import SegmentWork
 from rig.window.session import WindowSession
 from rig.window.steps_view import StepView
 
 BEAT_MS = 25
-"""ms between two looks at the file: forty a second."""
-SLOW_BEATS = 3
-"""Beats between two drawings of a slow view."""
+"""ms between two looks at the file, and between two frames: forty a second."""
+COUNT_BEATS = 8
+"""Beats between two counts of the rows in words: nobody reads them faster, and each lays the page out anew."""
 READING_ALLOWED = 0.010
 """s of a beat that reading may take while it catches up."""
+TELLING_ALLOWED = 0.005
+"""s of a beat that the views may take to hear of segments."""
 
 Maker = Callable[[WindowSession, LiveContext], LiveView]
 BOARDS: dict[str, tuple[Maker, ...]] = {
@@ -59,6 +64,9 @@ class LivePlots(QWidget):
         self.mark = ""
         self.protocol = ""
         self._beats = 0
+        self._pacer = Pacer()
+        self._work: SegmentWork | None = None
+        self._is_over = False
         self._waiting_for: Path | None = None
         self._context: tuple[PlannedRun | None, PlanPreview | None] = (None, None)
         self._grid_holder = QWidget()
@@ -83,6 +91,7 @@ class LivePlots(QWidget):
         self._column.addLayout(foot)
         self._recent.setVisible(False)
         self._timer = QTimer(self)
+        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.setInterval(BEAT_MS)
         self._timer.timeout.connect(self.beat)
         session.theme_changed.connect(lambda _: self._draw())
@@ -90,7 +99,7 @@ class LivePlots(QWidget):
     @property
     def rows_read(self) -> int:
         """Rows of the run that were drawn."""
-        return self.live.rows_read if self.live is not None else 0
+        return self.live.rows_read - self._pacer.waiting if self.live is not None else 0
 
     def expect(self, planned: PlannedRun | None = None, prediction: PlanPreview | None = None) -> None:
         """A run is about to begin: forget the one before."""
@@ -114,23 +123,27 @@ class LivePlots(QWidget):
         """One look: read within the time allowed, draw if there is something new."""
         if self.live is None:
             self._begin()
-        if self.live is None:
+        if self.live is None or self._work is None:
             return
         try:
-            self.live.look()
-            fresh = self.live.read(READING_ALLOWED, self._take)
-            ended = self._tell_segments(READING_ALLOWED)
+            fresh = 0 if self._is_over else self._read_more(self.live)
+            ended = self._tell_segments() + self._work.deliver()
         except RunFileError as error:
             self._session.message.emit(str(error))
             self._timer.stop()
             return
         if fresh or ended:
             self._beats += 1
-            self._draw(every=bool(ended) or self._beats % SLOW_BEATS == 0)
+            self._draw()
+            if self._beats % COUNT_BEATS == 1:
+                self._count()
             self.drawn.emit()
+        if self._is_over and not ended and self._work.is_idle:
+            self._timer.stop()
 
     def finish(self, path: Path) -> None:
-        """The run is sealed at `path`: read what is left, from there, and stop looking."""
+        """The run is sealed at `path`: read what is left, from there, and stop looking. What the last segments say may take
+        a little longer to be worked out."""
         self._timer.stop()
         if self.live is None:
             self._waiting_for = self._waiting_for or path
@@ -138,27 +151,37 @@ class LivePlots(QWidget):
         if self.live is None:
             return
         try:
+            self._finish_work()
             self.live.continue_in(path)
             self.live.look()
-            self.live.read(float("inf"), self._take)
-            self._tell_segments(float("inf"))
+            self.live.read(float("inf"), self._pacer.put)
+            self._take_all(self._pacer.rest())
+            self._tell_segments()
         except RunFileError as error:
             self._session.message.emit(str(error))
+        self._is_over = True
         self._draw()
+        self._count()
         self.drawn.emit()
+        self._timer.start()
 
     def release(self) -> None:
         """Let go of the file before its writer renames it, where an open file cannot be renamed (Windows)."""
         if os.name == "nt" and self.live is not None:
             self._timer.stop()
+            self._finish_work()
             self.live.close()
 
     def close_file(self) -> None:
         """Forget the run."""
         self._timer.stop()
+        if self._work is not None:
+            self._work.close()
         if self.live is not None:
             self.live.close()
+        self._work, self._is_over = None, False
         self.live, self._waiting_for = None, None
+        self._pacer = Pacer()
 
     def _begin(self) -> None:
         if self._waiting_for is None:
@@ -171,7 +194,8 @@ class LivePlots(QWidget):
         self._waiting_for, self.live = None, live
         metadata = live.recording.metadata
         self.protocol, self.mark = metadata.experiment, ORIGIN_WORDS[metadata.origin]
-        context = LiveContext(live.recording, *self._context)
+        self._work = SegmentWork()
+        context = LiveContext(live.recording, *self._context, work=self._work)
         self._lay_out([make(self._session, context) for make in BOARDS.get(self.protocol, OTHERS)])
         live.want({name for view in self.views for name in view.wanted})
 
@@ -199,15 +223,30 @@ class LivePlots(QWidget):
             plot.set_mark(self.mark)
         self._column.insertWidget(0, self._grid_holder, 1)
 
-    def _take(self, block: Block) -> None:
-        for view in self.views:
-            view.take(block)
+    def _finish_work(self) -> None:
+        if self._work is not None:
+            self._work.finish()
 
-    def _tell_segments(self, allowed: float) -> int:
+    def _take_all(self, blocks: Sequence[Block]) -> int:
+        """Give the views the rows of this frame; returns how many."""
+        for block in blocks:
+            for view in self.views:
+                view.take(block)
+        return sum(map(len, blocks))
+
+    def _read_more(self, live: LiveFile) -> int:
+        """Look, read, and give the views the rows of this frame; returns how many."""
+        if self._pacer.expects:
+            live.look()
+        live.read(READING_ALLOWED, self._pacer.put)
+        return self._take_all(self._pacer.due(behind=live.behind > 0))
+
+    def _tell_segments(self) -> int:
+        """Tell the views of segments that have ended, as many as the work on them has room for."""
         assert self.live is not None
         begin, told = time.monotonic(), 0
-        while time.monotonic() - begin < allowed or not told:
-            segment = self.live.next_segment()
+        while not told or time.monotonic() - begin < TELLING_ALLOWED:
+            segment = None if self._work is None or self._work.is_full else self.live.next_segment()
             if segment is None:
                 break
             told += 1
@@ -215,10 +254,11 @@ class LivePlots(QWidget):
                 view.ended(segment, self.live.recording)
         return told
 
-    def _draw(self, every: bool = True) -> None:
-        """Draw; `every`: also what changes with a revolution and not with a row, which is drawn at every third beat only."""
+    def _draw(self) -> None:
+        """Bring every view up to date; those that have nothing new change nothing, and are not painted."""
         for view in self.views:
-            if every or not view.is_slow:
-                view.draw(self._recent.isChecked())
+            view.draw(self._recent.isChecked())
+
+    def _count(self) -> None:
         if self.live is not None:
-            self._rows.setText(f"{self.live.rows_read:,} of {self.live.rows:,} cycles read".replace(",", "\u202f"))
+            self._rows.setText(f"{self.rows_read:,} of {self.live.rows:,} cycles drawn".replace(",", "\u202f"))

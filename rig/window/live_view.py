@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from experiments.recording import Recording, Segment
 from rig.preview.preview import PlanPreview
 from rig.run.dry_run import PlannedRun
+from rig.window.live_axes import RECENT, TimeAxis, ValueAxis
 from rig.window.live_file import Block, Envelope, RollingEnvelope, SlidingSpeed
 from rig.window.palette import Palette
 from rig.window.plots import LabPlot
+from rig.window.segment_work import SegmentWork
 from rig.window.session import WindowSession
 
 RUN_TIME = "time since the start of the run [s]"
-RECENT = 20.0
-"""s that "latest" shows."""
-GROWTH = 1.2
-"""How far a time axis reaches beyond the run when it has to grow."""
 MILLI = 1e-3
 
 
@@ -30,6 +27,8 @@ class LiveContext:
     recording: Recording
     planned: PlannedRun | None = None
     prediction: PlanPreview | None = None
+    work: SegmentWork = field(default_factory=SegmentWork)
+    """Where what a segment says is worked out."""
 
     @property
     def duration(self) -> float:
@@ -56,54 +55,17 @@ class LiveView(Protocol):
         """Channels that it draws from."""
         ...
 
-    @property
-    def is_slow(self) -> bool:
-        """Whether what it shows changes with a revolution or a segment, not with every row."""
-        ...
-
     def take(self, block: Block) -> None:
         """New rows."""
         ...
 
     def ended(self, segment: Segment, recording: Recording) -> None:
-        """A segment has ended."""
+        """A segment has ended. What takes long is left to the work of the context."""
         ...
 
     def draw(self, recent: bool) -> None:
-        """Bring the curves up to date; `recent`: only the latest seconds, where the plot runs over time."""
+        """Bring the curves up to date that have changed; `recent`: only the latest seconds, where the plot runs over time."""
         ...
-
-
-class TimeAxis:
-    """The time axis of a live plot: it grows in steps, so that most frames need no new axis; a look that somebody chose with
-    the mouse stays until the whole or the latest is asked for again."""
-
-    def __init__(self, plot: LabPlot, least: float = 5.0) -> None:
-        self._plot, self._end, self._least = plot, 0.0, least
-        self._shown: tuple[float, float] | None = None
-        self._recent: bool | None = None
-        self._is_chosen = False
-        plot.item.enableAutoRange(x=False, y=True)
-        plot.item.getViewBox().sigRangeChangedManually.connect(self._leave)
-
-    def follow(self, now: float, recent: bool) -> None:
-        """Show the run up to now [s], or its latest seconds."""
-        if recent != self._recent:
-            self._recent, self._is_chosen, self._shown = recent, False, None
-            self._plot.item.enableAutoRange(x=False, y=True)
-        if recent:
-            end = math.ceil(now)
-            wanted = (end - RECENT, float(end))
-        else:
-            if now > self._end:
-                self._end = max(GROWTH * now, self._least)
-            wanted = (-0.02 * self._end, self._end)
-        if wanted != self._shown and not self._is_chosen:
-            self._shown = wanted
-            self._plot.item.setXRange(*wanted, padding=0.0)
-
-    def _leave(self, *_: object) -> None:
-        self._is_chosen = True
 
 
 class Trace:
@@ -128,17 +90,16 @@ class Trace:
 class TraceView:
     """Signals over time: (channel, name in the legend, factor from SI, style)."""
 
-    is_slow = False
-
     def __init__(
         self, session: WindowSession, title: str, y_label: str, signals: Sequence[tuple[str, str, float, Any]],
         duration: float = 0.0,
     ) -> None:  # fmt: skip
         self.plot = LabPlot(session, title, RUN_TIME, y_label)
-        self._axis = TimeAxis(self.plot, duration)
+        self._axis, self._values = TimeAxis(self.plot, duration), ValueAxis(self.plot)
         self.wanted = tuple(signal[0] for signal in signals)
         self._signals = [(name, factor, Trace(), self.plot.curve(label, k, style, dense=True))
                          for k, (name, label, factor, style) in enumerate(signals)]  # fmt: skip
+        self._drawn: tuple[float, bool] | None = None
 
     def take(self, block: Block) -> None:
         """New rows; incomplete cycles are left out."""
@@ -151,24 +112,29 @@ class TraceView:
 
     def draw(self, recent: bool) -> None:
         """Bring the curves up to date."""
+        latest = max((trace.latest for _, _, trace, _ in self._signals), default=0.0)
+        if self._drawn == (latest, recent):
+            return
+        self._drawn = latest, recent
         for _, _, trace, curve in self._signals:
             curve.item.setData(*trace.curve(recent))
-        self._axis.follow(max((trace.latest for _, _, trace, _ in self._signals), default=0.0), recent)
+        self._axis.follow(latest, recent)
+        self._values.follow(recent)
 
 
 class SpeedView:
     """Input speed over time: what was asked for and what the encoder says."""
 
     wanted = ("input_angle", "target_speed")
-    is_slow = False
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(session, "Input speed", RUN_TIME, "input speed [r/min]")
-        self._axis = TimeAxis(self.plot, context.duration)
+        self._axis, self._values = TimeAxis(self.plot, context.duration), ValueAxis(self.plot)
         self._speed = SlidingSpeed(context.period)
         self._measured, self._target = Trace(), Trace()
         target = self.plot.curve("set-point", 1, dense=True)
         self._curves = self.plot.curve("measured", 0, dense=True), target
+        self._drawn: tuple[float, float, bool] | None = None
 
     def take(self, block: Block) -> None:
         """New rows."""
@@ -185,10 +151,15 @@ class SpeedView:
 
     def draw(self, recent: bool) -> None:
         """Bring the curves up to date."""
+        now = self._measured.latest, self._target.latest, recent
+        if self._drawn == now:
+            return
+        self._drawn = now
         measured, target = self._curves
         measured.item.setData(*self._measured.curve(recent))
         target.item.setData(*self._target.curve(recent))
         self._axis.follow(self._measured.latest, recent)
+        self._values.follow(recent)
 
 
 def torque_view(session: WindowSession, context: LiveContext) -> TraceView:

@@ -4,18 +4,59 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
+from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtGui import QPainter, QPixmap
 
 LABELLED, BARE = 1.0, 0.5
 """What pyqtgraph calls the spacing of a level of ticks; here it says whether they carry numbers."""
 WIDE_DECADES, NARROW_DECADES = 3.0, 0.7
 """From so many decades on only powers of ten are numbered; under so many the ticks are those of a linear axis."""
+EDGE = 2.0
+"""Pixels by which the end of a line may stand out of an axis."""
 
 
 class LabAxis(pg.AxisItem):
-    """The axis of a `LabPlot`."""
+    """The axis of a `LabPlot`. On a screen it is painted from a picture that is kept until a tick, a number, a colour or the
+    size changes: in most frames of a run it is the same, and making it takes longer than the curves."""
+
+    def __init__(self, orientation: str) -> None:
+        super().__init__(orientation)
+        self._kept: QPixmap | None = None
+        self._kept_for: tuple[Any, ...] = ()
+        self.times_made = 0
+        """How often the picture was made."""
+
+    def paint(self, p: QPainter, opt: Any, widget: Any) -> None:
+        """Ticks, numbers, and the lines of the grid."""
+        place = p.worldTransform()
+        if widget is None or place.isScaling() or place.isRotating():
+            # Into a file or a printer: lines and letters, no pixels.
+            super().paint(p, opt, widget)
+            return
+        rect, ratio = self.boundingRect().adjusted(-EDGE, -EDGE, EDGE, EDGE), widget.devicePixelRatioF()
+        # The picture begins at a whole pixel; where its content stands between two pixels belongs to it.
+        left, top = place.dx() + rect.x(), place.dy() + rect.y()
+        first = QPointF(math.floor(left * ratio) / ratio, math.floor(top * ratio) / ratio)
+        within = QPointF(left - first.x(), top - first.y())
+        wanted = (rect, ratio, within)
+        if self._kept is None or self.picture is None or self._kept_for != wanted:
+            self._kept, self._kept_for = self._made(rect, ratio, within, opt, widget), wanted
+        p.drawPixmap(QPointF(first.x() - place.dx(), first.y() - place.dy()), self._kept)
+
+    def _made(self, rect: QRectF, ratio: float, within: QPointF, opt: Any, widget: Any) -> QPixmap:
+        self.times_made += 1
+        made = QPixmap(math.ceil((rect.width() + 1.0) * ratio), math.ceil((rect.height() + 1.0) * ratio))
+        made.setDevicePixelRatio(ratio)
+        made.fill(Qt.GlobalColor.transparent)
+        painter = QPainter(made)
+        painter.translate(within - rect.topLeft())
+        super().paint(painter, opt, widget)
+        painter.end()
+        return made
 
     def logTickValues(
         self, minVal: float, maxVal: float, size: float, stdTicks: Sequence[tuple[float, Sequence[float]]]

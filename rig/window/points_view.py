@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from experiments.running_torque import measured_holds
 from experiments.zero import torque_zero
 from model.errors import ModelError
 from model.friction import friction_torque
+from model.identify.running_torque import RunningTorque
 from model.units import DEGREE, REVOLUTION, RPM
 from rig.window.live_file import Block
 from rig.window.live_view import MILLI, LiveContext
@@ -31,7 +33,6 @@ class TorquePoints:
     """Running torque over input speed, one point per hold and direction, over the curve of the parameter set."""
 
     wanted = ("input_angle",)
-    is_slow = True
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         mounted = context.recording.metadata.gear_mounted
@@ -45,7 +46,7 @@ class TorquePoints:
         self._curves = {way: self.plot.curve(name, k, "points") for k, (way, name) in enumerate(WAYS)}
         self._mean = self.plot.curve("half-difference", 2)
         self._predict(context, mounted)
-        self._changed = False
+        self._changed, self._work = False, context.work
 
     @property
     def points(self) -> int:
@@ -77,14 +78,18 @@ class TorquePoints:
 
     def ended(self, segment: Segment, recording: Recording) -> None:
         """A hold has ended: its running torque, over whole input revolutions."""
-        if segment.label not in COUNTED or not recording.has(self._channel):
-            return
+        if segment.label in COUNTED and recording.has(self._channel):
+            self._work.put(partial(self._measured, segment, recording), self._keep)
+
+    def _measured(self, segment: Segment, recording: Recording) -> list[RunningTorque]:
         try:
             holds, _ = measured_holds(recording, (segment,), torque_zero(recording, self._channel), self._channel)
         except (ExperimentError, ModelError):
-            return
-        for hold in holds:
-            torque = hold.torque
+            return []
+        return [hold.torque for hold in holds]
+
+    def _keep(self, torques: list[RunningTorque]) -> None:
+        for torque in torques:
             if math.isfinite(torque.torque) and torque.speed:
                 way = 1 if torque.speed > 0.0 else -1
                 self._points[way, "all"].append((abs(torque.speed), way * torque.torque))
@@ -114,7 +119,6 @@ class StartingPoints:
     """No-load starting torque over the wave-generator position, one point per ramp: the torque at which it began to turn."""
 
     wanted = ("input_angle",)
-    is_slow = True
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(
@@ -124,6 +128,7 @@ class StartingPoints:
         self._channel = "torque" if context.recording.has("torque") else "drive_torque"
         self._points: dict[int, list[tuple[float, float]]] = {1: [], -1: []}
         self._curves = {way: self.plot.curve(name, k, "points") for k, (way, name) in enumerate(WAYS)}
+        self._drawn = 0
 
     @property
     def points(self) -> int:
@@ -144,6 +149,9 @@ class StartingPoints:
 
     def draw(self, recent: bool) -> None:
         """Bring the points up to date."""
+        if self._drawn == self.points:
+            return
+        self._drawn = self.points
         for way, curve in self._curves.items():
             found = np.array(self._points[way]).reshape(-1, 2)
             curve.item.setData(found[:, 0] / DEGREE, found[:, 1] / MILLI)

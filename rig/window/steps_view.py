@@ -7,6 +7,8 @@ scores. Its kinematic error is the set's where that was identified, else it come
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -30,11 +32,20 @@ SHOWN = 0.6
 SHOWN_REVOLUTIONS = 3.0
 
 
+@dataclass(frozen=True)
+class _Scored:
+    """A step that was held against its prediction: its number in the run, its score, or why there is none."""
+
+    number: int
+    segment: Segment
+    score: StepScore | None
+    problem: str = ""
+
+
 class StepView:
     """The latest step: output speed measured, predicted, and of a rigid gear. Feeds the residual's plot as well."""
 
     wanted = ("input_angle", "output_angle")
-    is_slow = True
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(session, "Step response", "time since the step [s]", "output speed [r/min]")
@@ -43,10 +54,12 @@ class StepView:
         self._measured = self.plot.curve("measured", 0, dense=True)
         self._predicted = self.plot.curve("predicted", 1, "dashed", dense=True)
         self._slow: list[Segment] = []
+        """Slow steps so far; the thread of the work alone writes and reads them."""
         self._rests: list[Segment] = []
+        self._work = context.work
         self.steps = 0
         self.problem = ""
-        self._latest: tuple[Segment, StepScore] | None = None
+        self._latest: _Scored | None = None
 
     def take(self, block: Block) -> None:
         """Nothing: a step is drawn when it has ended."""
@@ -58,19 +71,29 @@ class StepView:
         if segment.label != "step" or recording.metadata.gear is None:
             return
         self.steps += 1
+        rests = tuple(self._rests[-8:])
+        self._work.put(partial(self._worked_out, self.steps, segment, rests, recording, recording.metadata.gear), self._keep)
+
+    def _worked_out(
+        self, number: int, segment: Segment, rests: tuple[Segment, ...], recording: Recording, gear: HarmonicDrive
+    ) -> _Scored:
         try:
-            score = self._score(segment, recording, recording.metadata.gear)
+            score = self._score(segment, (*self._slow, *rests, segment), recording, gear)
         except (ExperimentError, ModelError) as error:
-            self.problem = str(error)
-            return
+            return _Scored(number, segment, None, str(error))
         if abs(segment.setpoint) <= SLOW:
             self._slow.append(segment)
-        if score is not None:
-            self._latest = segment, score
-            self.residual.add(segment, score)
+        return _Scored(number, segment, score)
 
-    def _score(self, segment: Segment, recording: Recording, gear: HarmonicDrive) -> StepScore | None:
-        chosen = (*self._slow, *self._rests[-8:], segment)
+    def _keep(self, scored: _Scored) -> None:
+        self.problem = scored.problem or self.problem
+        if scored.score is not None:
+            self._latest = scored
+            self.residual.add(scored.segment, scored.score)
+
+    def _score(
+        self, segment: Segment, chosen: tuple[Segment, ...], recording: Recording, gear: HarmonicDrive
+    ) -> StepScore | None:
         one = dataclasses.replace(recording, segments=tuple(sorted(chosen, key=lambda s: s.start)))
         reference = phase_reference(recording)
         ratio = rotary_ratio(recording, gear.mounted_ratio(recording.metadata.mounting))
@@ -84,9 +107,10 @@ class StepView:
 
     def draw(self, recent: bool) -> None:
         """Show the latest step."""
-        if self._latest is None:
+        latest, self._latest = self._latest, None
+        if latest is None or latest.score is None:
             return
-        (segment, score), self._latest = self._latest, None
+        segment, score = latest.segment, latest.score
         shown = score.time <= max(SHOWN, SHOWN_REVOLUTIONS * REVOLUTION / max(abs(segment.setpoint), 1.0))
         x = score.time[shown]
         self._measured.item.setData(x, score.measured_speed[shown] / RPM)
@@ -94,7 +118,7 @@ class StepView:
         self._rigid.item.setData(x, score.rigid_speed[shown] / RPM)
         way = "forward" if segment.setpoint > 0.0 else "reverse"
         speed = abs(segment.setpoint) / RPM
-        self.plot.set_title(f"Step {self.steps}: {speed:.4g} r/min {way}, skill {score.metrics['skill_speed']:.2f}")
+        self.plot.set_title(f"Step {latest.number}: {speed:.4g} r/min {way}, skill {score.metrics['skill_speed']:.2f}")
         self.residual.show(segment, score, shown)
 
 
@@ -102,7 +126,6 @@ class ResidualView:
     """What the prediction of the latest step leaves: measured minus predicted output speed."""
 
     wanted = StepView.wanted
-    is_slow = True
 
     def __init__(self, session: WindowSession) -> None:
         self.plot = LabPlot(session, "Residual of the step", "time since the step [s]", "residual [r/min]")

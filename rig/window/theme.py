@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QColor, QGuiApplication, QPalette
+from PySide6.QtGui import QColor, QGuiApplication, QPalette, QPixmapCache
 from PySide6.QtWidgets import QApplication
 
 from rig.window.palette import Palette, palette_of
 
 THEMES = ("system", "light", "dark")
 """What `--theme` takes."""
+KEPT_PICTURES = 128 * 1024
+"""kB of what was painted that Qt may keep: the still curves of all plots on a large screen. Its own 10 MB hold those of one."""
 BANNER_POINTS = 30
 """Size of the state banner: a capital letter of about a centimetre on a common screen, legible from three metres."""
 
@@ -25,6 +27,7 @@ def theme_named(wanted: str) -> str:
 def apply_theme(application: QApplication, theme: str) -> Palette:
     """Give the whole application the colours of a theme; returns them."""
     palette = palette_of(theme)
+    QPixmapCache.setCacheLimit(KEPT_PICTURES)
     application.setStyle("Fusion")
     application.setPalette(_qt_palette(palette))
     application.setStyleSheet(style_sheet(palette))

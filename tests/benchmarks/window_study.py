@@ -1,11 +1,17 @@
-"""How the window keeps up with a growing run file: frames per second, time per look, memory, and whether a row is lost.
+"""How the window keeps up with a growing run file: frames, processor time, memory, and whether a row is lost.
 
     QT_QPA_PLATFORM=offscreen python -m tests.benchmarks.window_study       # an hour of rig time at 1 kHz, 30 fold
+    QT_QPA_PLATFORM=offscreen python -m tests.benchmarks.window_study --rig-time 60 --times 1
     QT_QPA_PLATFORM=offscreen python -m tests.benchmarks.window_study --rate 10000 --rig-time 60 --times 1
 
-A process of its own writes eight channels by the recorder of a rig in real time; the window shows the board of
-kinematic-error (the one that reads most) at 1366x768. Frames are paintings of its first plot. The writer's lateness is how
-far it fell behind its own clock: what the window could cost the acquisition on the same computer.
+A process of its own writes eight channels by the recorder of a rig in real time; the window shows the whole Run page in the
+state RUNNING with the board of kinematic-error (the one that reads most) at 1366x768, and is told progress, margins and events
+as often as a run tells them.
+
+A *frame* is complete when new rows were handed to the plots and every plot that changed with them was painted to its end: it is
+counted at the last of those paintings, once. A beat that found no new rows is no frame, and neither is a painting of the same
+rows again. The writer's lateness is how far it fell behind its own clock: what the window could cost the acquisition on the
+same computer. Processor time is that of the window's process, which a busy computer lengthens far less than the time on a clock.
 """
 
 from __future__ import annotations
@@ -13,10 +19,13 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,10 +34,15 @@ import numpy as np
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication
 
+    from rig.window.running import RunPage
+
 BLOCK_SECONDS = 0.02
 SETTLING = 5.0
-"""s before memory is looked at for the first time."""
+"""s before anything is measured."""
 RIPPLE = 2.0e-4
+REVERSAL = 40.0
+"""s of rig time after which the rig turns the other way: both directions are drawn."""
+SPEED = 20.0
 
 
 def write(path: Path, rate: float, rig_time: float, times: float) -> None:
@@ -57,7 +71,7 @@ def write(path: Path, rate: float, rig_time: float, times: float) -> None:
     writer = RunWriter(path, RunHeader(metadata, tuple(map(Column.of, channels))), compress=False)
     recorder = ThreadedRecorder(writer, rate)
     random = np.random.default_rng(0)
-    rows, total, speed = round(rate * BLOCK_SECONDS), round(rate * rig_time), 20.0
+    rows, total = round(rate * BLOCK_SECONDS), round(rate * rig_time)
     late: list[float] = []
     begin = time.monotonic()
     for first in range(0, total, rows):
@@ -68,11 +82,13 @@ def write(path: Path, rate: float, rig_time: float, times: float) -> None:
         else:
             late.append(now - due)
         cycles = np.arange(first, first + rows)
-        angle = speed * cycles / rate
+        stamp = cycles / rate
+        within, backwards = np.mod(stamp, REVERSAL), np.mod(stamp // REVERSAL, 2.0) == 1.0
+        angle = SPEED * np.where(backwards, REVERSAL - within, within)
         output = angle / ratio + RIPPLE * np.sin(2.0 * angle)
         noise = random.normal(size=rows)
         values = (angle, -output, 0.07 + 0.01 * np.cos(2.0 * angle) + 1e-3 * noise, 0.07 + 1e-3 * noise,
-                  np.full(rows, speed), np.full(rows, 0x237), 22.0 + 1e-3 * cycles / rate, np.full(rows, 21.0))  # fmt: skip
+                  np.where(backwards, -SPEED, SPEED), np.full(rows, 0x237), 22.0 + 1e-3 * stamp, np.full(rows, 21.0))  # fmt: skip
         counts = np.column_stack([np.rint(v / (c.direction * c.scale)) for v, c in zip(values, channels, strict=True)])
         stamps = np.rint(cycles * (1e9 / rate)).astype(np.int64)
         recorder.put(SampleBlock(first, stamps, counts.astype(np.int64), np.zeros(rows, dtype=np.uint16)))
@@ -82,29 +98,124 @@ def write(path: Path, rate: float, rig_time: float, times: float) -> None:
     print(json.dumps(told))
 
 
+class Frames:
+    """Counts the frames of a page: when each was complete, and how often each plot was painted."""
+
+    def __init__(self, page: RunPage) -> None:
+        self.at: list[float] = []
+        self.paintings: dict[str, int] = {}
+        self._changed: set[str] = set()
+        self._fresh = False
+        for plot in page.plots.plots:
+            name = plot.canvas.accessibleName()
+            self.paintings[name] = 0
+            watch_painting(plot.canvas, partial(self._painted, name))
+            for curve in plot.curves:
+                curve.item.sigPlotChanged.connect(lambda *_, name=name: self._changed.add(name))
+        page.plots.drawn.connect(self._drawn)
+
+    def _drawn(self) -> None:
+        self._fresh = True
+
+    def _painted(self, name: str) -> None:
+        self.paintings[name] += 1
+        self._changed.discard(name)
+        if self._fresh and not self._changed:
+            self._fresh = False
+            self.at.append(time.monotonic())
+
+
+def watch_painting(widget: Any, painted: Callable[[], None]) -> None:
+    """Have it told when a widget has been painted, after its painting is done."""
+    kind = type(widget)
+
+    class Watched(kind):
+        def paintEvent(self, event: Any) -> None:
+            super().paintEvent(event)
+            painted()
+
+    widget.__class__ = Watched
+
+
+class Watcher:
+    """Looks after a window in front of a writer, from inside the window's own event loop."""
+
+    def __init__(
+        self, page: RunPage, path: Path, writer: subprocess.Popen[str], rate: float, rig_time: float, times: float
+    ) -> None:
+        self.page, self.plots, self.path, self.writer = page, page.plots, path, writer
+        self.rate, self.rig_time, self.times = rate, rig_time, times
+        self.frames: Frames | None = None
+        self.begin = self.cpu = self.behind = 0.0
+        self.waited: list[float] = []
+        self.memory: list[float] = []
+        self.looks: list[float] = []
+        self._opened = time.monotonic()
+        self._told = 0
+        beat = self.plots.beat
+
+        def timed() -> None:
+            start = time.monotonic()
+            beat()
+            self.looks.append(time.monotonic() - start)
+
+        self.plots._timer.timeout.disconnect()
+        self.plots._timer.timeout.connect(timed)
+
+    def tell(self) -> None:
+        """Ten times a second: what a run tells."""
+        from experiments.recording import Event
+        from rig.run.order import Progress
+
+        if self.plots.live is None:
+            if self.path.exists():
+                self.plots.open(self.path)
+            return
+        self._told += 1
+        elapsed = min((time.monotonic() - self._opened) * self.times, self.rig_time)
+        peak = 1.0 - math.exp(-elapsed / 600.0)
+        margins = {name: {"peak": peak * limit, "limit": limit, "margin": 1.0 - peak} for name, limit in LIMITS.items()}
+        step = 1 + int(elapsed // REVERSAL)
+        self.page._on_progress(
+            Progress(step, 90, f"hold at {SPEED:g} rad/s", elapsed, self.rig_time - elapsed, SPEED, 0, "torque", 1.0 - peak,
+                     margins, str(self.path))
+        )  # fmt: skip
+        if self._told % 50 == 0:
+            self.page._on_event(Event(self._told, "info", "step", "session", f"step {step} has begun"))
+
+    def look(self) -> None:
+        """Four times a second: begins to measure when the window has settled, and ends with the writer."""
+        from PySide6.QtWidgets import QApplication
+
+        live, now = self.plots.live, time.monotonic()
+        if self.writer.poll() is not None:
+            QApplication.exit()
+        elif live is not None and self.frames is None:
+            if now - self._opened > SETTLING:
+                self.frames, self.begin, self.cpu = Frames(self.page), now, time.process_time()
+                self.looks.clear()
+        elif live is not None:
+            self.behind = max(self.behind, live.behind)
+            self.waited.append(self.plots._pacer.waiting / self.rate / self.times)
+            self.memory.append(_resident())
+
+
+LIMITS = {"input_speed": 250.0, "torque": 0.9, "drive_torque": 0.9, "output_speed": 5.0, "housing_temperature": 60.0,
+          "following_error": 0.5}  # fmt: skip
+
+
 def watch(application: QApplication, rate: float, rig_time: float, times: float, size: tuple[int, int]) -> dict[str, Any]:
     """The window in front of the writer; what was measured."""
     import pyqtgraph as pg
-    from PySide6.QtCore import QEvent, QObject
+    from PySide6.QtCore import QTimer
 
     from rig.window.main import MainWindow
     from rig.window.session import WindowSession
     from rig.window.theme import apply_theme
 
-    class Frames(QObject):
-        """Counts the paintings of a widget."""
-
-        def __init__(self) -> None:
-            super().__init__()
-            self.at: list[float] = []
-
-        def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-            if event.type() is QEvent.Type.Paint:
-                self.at.append(time.monotonic())
-            return False
-
     pg.setConfigOptions(antialias=True)
     apply_theme(application, "light")
+    load = [os.getloadavg()[0]] if hasattr(os, "getloadavg") else []
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "00001-window_study.h5"
         command = [sys.executable, "-m", "tests.benchmarks.window_study", "--write", str(path), "--rate", str(rate)]
@@ -114,47 +225,45 @@ def watch(application: QApplication, rate: float, rig_time: float, times: float,
         window.resize(*size)
         window.show()
         window.show_page("run")
-        plots, looks, frames = window.run.plots, [], Frames()
-        beat = plots.beat
-
-        def timed() -> None:
-            start = time.monotonic()
-            beat()
-            looks.append(time.monotonic() - start)
-
-        plots._timer.timeout.disconnect()
-        plots._timer.timeout.connect(timed)
-        part = path.with_name(path.name + ".part")
-        memory: list[tuple[float, float]] = []
-        begin, behind, watched = time.monotonic(), 0, False
-        while writer.poll() is None:
-            application.processEvents()
-            if plots.live is None:
-                plots.open(part)
-            elif not watched:
-                watched = True
-                plots.plots[0].canvas.viewport().installEventFilter(frames)
-                begin = time.monotonic()
-            else:
-                behind = max(behind, plots.live.behind)
-            now = time.monotonic() - begin
-            if watched and now > SETTLING and (not memory or now - memory[-1][0] > 1.0):
-                memory.append((now, _resident()))
-            time.sleep(0.0005)
-        drawn = plots.rows_read
-        plots.finish(path)
+        watcher = Watcher(window.run, path.with_name(path.name + ".part"), writer, rate, rig_time, times)
+        timers = []
+        for interval, action in ((100, watcher.tell), (250, watcher.look)):
+            timer = QTimer()
+            timer.timeout.connect(action)
+            timer.start(interval)
+            timers.append(timer)
+        application.exec()
+        for timer in timers:
+            timer.stop()
+        seconds, cpu, looks = time.monotonic() - watcher.begin, time.process_time() - watcher.cpu, list(watcher.looks)
+        drawn, frames = window.run.plots.rows_read, watcher.frames
+        window.run.plots.finish(path)
         assert writer.stdout is not None
+        assert frames is not None
         told = json.loads(writer.stdout.read())
-        gaps = np.diff(frames.at)
+        load += [os.getloadavg()[0]] if load else []
         found = {
-            "rows": told["rows"], "rows_read": plots.rows_read, "read_before_the_end": drawn, "most_behind": behind,
-            "frames_per_second": len(frames.at) / (frames.at[-1] - frames.at[0]), "frame_p99_ms": 1e3 * _quantile(gaps, 0.99),
-            "look_p50_ms": 1e3 * _quantile(looks, 0.5), "look_p99_ms": 1e3 * _quantile(looks, 0.99),
-            "memory_start_MB": memory[0][1], "memory_end_MB": memory[-1][1], "memory_highest_MB": max(m for _, m in memory),
-            "writer": told,
+            "rows": told["rows"], "rows_read": window.run.plots.rows_read, "drawn_before_the_end": drawn,
+            "most_behind": watcher.behind, "rows_wait_p50_s": _quantile(watcher.waited, 0.5),
+            **_rates(frames.at, seconds), "paintings_per_second": {k: n / seconds for k, n in frames.paintings.items()},
+            "cpu_ms_per_frame": 1e3 * cpu / len(frames.at), "cpu_share_of_a_core": cpu / seconds,
+            "beat_p50_ms": 1e3 * _quantile(looks, 0.5), "beat_p99_ms": 1e3 * _quantile(looks, 0.99),
+            "beat_longest_ms": 1e3 * max(looks),
+            "memory_by_quarter_MB": [watcher.memory[round(q * (len(watcher.memory) - 1))] for q in (0, 0.25, 0.5, 0.75, 1)],
+            "memory_highest_MB": max(watcher.memory), "load_average": load, "writer": told,
         }  # fmt: skip
+        window.run.state = type(window.run.state)()
         window.close()
     return found
+
+
+def _rates(at: list[float], seconds: float) -> dict[str, float]:
+    """Frames per second: all of them over the time, the rate in the middle, that of the slowest twentieth, the longest gap."""
+    gaps = np.diff(at)
+    return {
+        "frames": len(at), "frames_per_second": len(at) / seconds, "rate_median": 1.0 / _quantile(gaps, 0.5),
+        "rate_5th_percentile": 1.0 / _quantile(gaps, 0.95), "longest_gap_ms": 1e3 * float(gaps.max()),
+    }  # fmt: skip
 
 
 def _resident() -> float:
