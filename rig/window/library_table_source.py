@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from PySide6.QtCore import QFileSystemWatcher, QObject, QTimer, Signal
+from PySide6.QtCore import QCoreApplication, QFileSystemWatcher, QObject, QTimer, Signal
 
 from rig.errors import RigError
 from rig.library import IndexedRun, LibraryIndex
@@ -20,6 +20,13 @@ GROWING_MS = 2000
 
 PROGRESS_INTERVAL = 0.2
 """s between two words about how far the reading is."""
+
+LONGEST_STOP = 5.0
+"""s that the end of the window waits for the file that is being read."""
+
+
+class _StoppedError(Exception):
+    """The window is going: the rest of the folder is not read any more."""
 
 
 class LibrarySource(QObject):
@@ -40,7 +47,8 @@ class LibrarySource(QObject):
         """The latest runs; None until they were read once."""
         self._index = LibraryIndex(folder, self._tell)
         self._told = -PROGRESS_INTERVAL
-        self._reading = self._again = False
+        self._reading = self._again = self._stopped = False
+        self._thread: threading.Thread | None = None
         self._watcher = QFileSystemWatcher(self)
         self._watcher.directoryChanged.connect(lambda _: self._pause.start())
         self._pause, self._growing = QTimer(self), QTimer(self)
@@ -49,6 +57,9 @@ class LibrarySource(QObject):
             timer.setInterval(interval)
             timer.timeout.connect(self.look)
         self._read.connect(self._take)
+        program = QCoreApplication.instance()
+        if program is not None:
+            program.aboutToQuit.connect(self.stop)
 
     def look(self) -> None:
         """Read the folder now; at once again if it changes meanwhile."""
@@ -58,7 +69,14 @@ class LibrarySource(QObject):
         self._pause.stop()
         self._watch()
         self._reading = True
-        threading.Thread(target=self._work, name="library", daemon=True).start()
+        self._thread = threading.Thread(target=self._work, name="library", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Read no further, and wait for the file that is being read: a program must not end within the HDF5 library."""
+        self._stopped = True
+        if self._thread is not None:
+            self._thread.join(LONGEST_STOP)
 
     def _watch(self) -> None:
         if not self._watcher.directories() and self.folder.is_dir():
@@ -71,11 +89,15 @@ class LibrarySource(QObject):
             found = self._index.search() if self.folder.is_dir() else []
         except RigError as error:
             found = str(error)
+        except _StoppedError:
+            return
         # The window may be gone by now, and its signals with it.
         with contextlib.suppress(RuntimeError):
             self._read.emit(found)
 
     def _tell(self, done: int, of: int) -> None:
+        if self._stopped:
+            raise _StoppedError
         now = time.monotonic()
         if now - self._told >= PROGRESS_INTERVAL:
             self._told = now

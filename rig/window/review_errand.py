@@ -7,10 +7,13 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QCoreApplication, QObject, Signal
 
 from model.errors import WordedError
 from rig.exits import explain
+
+LONGEST_WAIT = 5.0
+"""s that the end of the window waits for a file that is being read."""
 
 
 class Errand(QObject):
@@ -24,7 +27,11 @@ class Errand(QObject):
         super().__init__(parent)
         self._latest = 0
         self._running = 0
+        self._threads: list[threading.Thread] = []
         self._back.connect(self._take)
+        program = QCoreApplication.instance()
+        if program is not None:
+            program.aboutToQuit.connect(self.wait)
 
     @property
     def is_running(self) -> bool:
@@ -35,7 +42,14 @@ class Errand(QObject):
         """Do this; whatever was asked for before is forgotten."""
         self._latest += 1
         self._running += 1
-        threading.Thread(target=self._work, args=(self._latest, work), name="errand", daemon=True).start()
+        thread = threading.Thread(target=self._work, args=(self._latest, work), name="errand", daemon=True)
+        self._threads = [*(one for one in self._threads if one.is_alive()), thread]
+        thread.start()
+
+    def wait(self) -> None:
+        """Wait for what is being done, a few seconds at most: a program must not end within the HDF5 library."""
+        for thread in self._threads:
+            thread.join(LONGEST_WAIT)
 
     def forget(self) -> None:
         """Nothing is awaited any more."""

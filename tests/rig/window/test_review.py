@@ -20,12 +20,13 @@ import rig.main
 from model.gear_file import save_gear, shipped_gear
 from model.motor import shipped_motor
 from rig.fit import fit_files, store
-from rig.library import IndexedRun
+from rig.library import IndexedRun, ListedRun, read_listed
 from rig.results import read_analyses
 from rig.run.start import RunRequest, run_request
 from rig.runfile.write import RunWriter
 from rig.window.background import BackgroundCommand
 from rig.window.library_table_model import COLUMNS, LibraryFilter, LibraryModel, Wanted
+from rig.window.library_table_source import LibrarySource
 from rig.window.main import MainWindow
 from rig.window.plots import Curve
 from rig.window.review import ReviewPage, report_path
@@ -593,3 +594,22 @@ def test_the_first_reading_of_a_large_folder_says_how_far_it_is(
     assert "40 of 100" in page.library.count.text()
     page.library.source.progressed.emit(0, 0)
     assert page.library.count.text() == "2 runs"
+
+
+def test_a_window_that_goes_reads_no_further(
+    friction: list[Path], session: WindowSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[Path] = []
+    source = LibrarySource(session.folder)
+
+    def slowly(path: Path) -> ListedRun:
+        read.append(path)
+        source._stopped = True  # the window goes while the first file is being read
+        return read_listed(path)
+
+    monkeypatch.setattr("rig.library.index.read_listed", slowly)
+    source.look()
+    source.stop()
+    assert source._thread is not None
+    assert not source._thread.is_alive()
+    assert len(read) <= 1 < len(friction)
