@@ -356,8 +356,10 @@ class PumpedBus:
         if emergency.code & 0xFF00 == 0:
             self.emit("info", "emcy", source, f"0x{emergency.code:04X} {text}")
             return
+        # Somebody else's device on the same bus is worth a line, and does not stop this rig.
+        level: Level = "error" if node_id in self.nodes else "warning"
         self.emit(
-            "error", "emcy", source,
+            level, "emcy", source,
             f"0x{emergency.code:04X} {text}; register: {error_register_text(emergency.register)}; "
             f"manufacturer: {emergency.vendor.hex(' ')}",
         )  # fmt: skip

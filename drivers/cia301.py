@@ -18,6 +18,8 @@ HEARTBEAT_BASE: Final = 0x700
 HIGHEST_NODE_ID: Final = 127
 COB_ID_INVALID_BIT: Final = 1 << 31
 """Bit 31 of a COB-ID entry: the PDO (or the service) does not exist."""
+COB_ID_EXTENDED_BIT: Final = 1 << 29
+"""Bit 29 of a COB-ID entry: the frame has a 29-bit identifier, which this rig neither sends nor hears."""
 
 
 class NmtCommand(IntEnum):

@@ -6,15 +6,17 @@ configuration, else from 0x60A9, else from 0x6094. What the device does not offe
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from drivers import cia402_tables as obj
 from drivers import cia402_units as units
 from drivers.bus import PumpedBus
 from drivers.cia301 import NmtState, ObjectRef, error_code_text
+from drivers.cia402_limits import write_limits
 from drivers.cia402_settings import read_settings, write_interpolation_time
 from drivers.cia402_tables import OperationMode
 from drivers.device import Identity, Missing, RemoteDevice
@@ -26,7 +28,10 @@ from drivers.sdo import SdoAbortError
 
 _MS: Final = 1_000_000
 _POLL_NS: Final = 2 * _MS
-_RPM: Final = 2.0 * math.pi / 60.0
+_MOST_STEPS: Final = 8
+"""Controlwords that a way through the state machine can need; more of them go by the poll."""
+_RESET_MS: Final = 3000
+"""How long a drive may take to come out of a fault: some restart their power stage or their encoder for it."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +114,7 @@ class ServoAmplifier:
         device.listen_to_emergencies(obj.ERROR_CODES)
         device.follow_sync(cycle_ns // 1000)
         if device.produce_heartbeat(config.heartbeat_ms) and not self.bus.wait_for(
-            lambda: device.watch.state is not NmtState.UNKNOWN, 10 * config.heartbeat_ms * _MS
+            lambda: device.watch.state is not NmtState.UNKNOWN, max(10 * config.heartbeat_ms * _MS, device.watch.timeout_ns)
         ):
             self.bus.emit("warning", "heartbeat", device.where, "a heartbeat was configured, but none was heard")
         counts = units.counts_per_revolution(device, config.counts_per_revolution)
@@ -120,11 +125,24 @@ class ServoAmplifier:
         self._is_mode_unknown = supported is None
         self._readings = DriveReadings(
             identity, units.rated_torque(device, config.rated_torque), counts, velocity_unit,
-            units.acceleration_unit(device, config.acceleration_unit, velocity_unit),
+            units.acceleration_unit(device, config.acceleration_unit, velocity_unit, counts),
             self._choose(config.speed_modes, supported), self._choose(config.torque_modes, supported), settings, [],
         )  # fmt: skip
+        self._read_torque_slope(self._readings)
         self._readings.missing.extend(device.missing)
         return self._readings
+
+    def _read_torque_slope(self, readings: DriveReadings) -> None:
+        """Profile torque goes by a slope (0x6087); one of 0 never arrives."""
+        if readings.torque_mode is not OperationMode.PROFILE_TORQUE:
+            return
+        slope = self.device.read_optional(obj.TORQUE_SLOPE, "how fast torque rises in profile torque mode is not known")
+        if slope is not None:
+            readings.settings[f"{obj.TORQUE_SLOPE}"] = float(slope)
+        if slope == 0:
+            self.bus.emit(
+                "warning", "torque-slope", self.device.where, "0x6087 is 0: torque may never rise; set it by the drive's manual"
+            )
 
     def arm_heartbeat(self) -> bool:
         """Start the computer's heartbeat and let the drive watch it; False if the drive cannot."""
@@ -168,22 +186,30 @@ class ServoAmplifier:
         code = self.device.read_optional(obj.ERROR_CODE, "faults have no code")
         return "no error code" if code is None else f"0x{int(code):04X} {error_code_text(int(code), obj.ERROR_CODES)}"
 
-    def to_off(self) -> None:
+    def to_off(self, *, resets_fault: bool = True) -> None:
         """Servo off from any state: a turning drive is quick-stopped first, a fault is reset where its cause is gone.
 
-        A fault that persists is an event: the power stage is off all the same. Raises if the drive does not obey.
+        A fault that persists, or that is not to be reset, leaves the power stage off all the same; one that persists is an
+        event. Raises if the drive does not obey, and if its fault reaction does not end.
         """
         state = self.state()
         if state is DriveState.ENABLED:
             self.bus.emit("warning", "found-enabled", self.device.where, "the drive was found enabled; quick stop")
             self._control(obj.QUICK_STOP)
+        if state in (DriveState.ENABLED, DriveState.QUICK_STOP):
             self._await_standstill()
+        if state in (DriveState.FAULT, DriveState.FAULT_REACTION) and not resets_fault:
+            self._await(lambda s: s is not DriveState.FAULT_REACTION, "the end of the fault reaction")
+            self._control(obj.DISABLE_VOLTAGE)
+            return
         if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
             self.bus.emit("warning", "found-faulted", self.device.where, f"the drive was found in fault: {self.error_text()}")
             try:
                 self.reset_fault()
             except DriverError as error:
                 self.bus.emit("error", "fault", self.device.where, str(error))
+                if self.state() is not DriveState.FAULT:
+                    raise
                 return
         self._walk(obj.TO_OFF, DriveState.SWITCH_ON_DISABLED, "servo off")
 
@@ -215,8 +241,17 @@ class ServoAmplifier:
             self.device.write(obj.TARGET_TORQUE, 0)
         elif self.state() is not DriveState.ENABLED:
             self.device.write(obj.TARGET_VELOCITY, 0)
-        self._choose_one([OperationMode(m) for m in preferred] if self._is_mode_unknown else [operation])
-        self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
+        try:
+            self._choose_one([OperationMode(m) for m in preferred] if self._is_mode_unknown else [operation])
+            self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
+        except DriverError:
+            self._give_up()
+            raise
+
+    def _give_up(self) -> None:
+        """Enabling has failed, and nothing may come of it later: an enabled drive is quick-stopped, any other switched off."""
+        with contextlib.suppress(DriverError):
+            self._control(obj.QUICK_STOP if self.state() is DriveState.ENABLED else obj.DISABLE_VOLTAGE)
 
     def _choose_one(self, candidates: Sequence[OperationMode]) -> None:
         """The first of the modes that the drive takes: one without 0x6502 shows by refusing what it does not have."""
@@ -239,6 +274,11 @@ class ServoAmplifier:
             self._control(obj.SWITCH_ON)
             self._await(lambda state: state is not DriveState.ENABLED, "the end of operation enabled", 500)
             self.choose_mode(operation)
+
+    @property
+    def mode(self) -> OperationMode | None:
+        """The mode of operation that the drive was given and took; None before the first and while it is not certain."""
+        return self._mode_now
 
     def choose_mode(self, operation: OperationMode) -> None:
         """Write 0x6060 and wait until 0x6061 shows it."""
@@ -265,7 +305,7 @@ class ServoAmplifier:
             self._control(obj.FAULT_RESET)
             was = self.error_text()
             try:
-                self._await(lambda s: s is not DriveState.FAULT, "the end of the fault", 500)
+                self._await(lambda s: s is not DriveState.FAULT, "the end of the fault", _RESET_MS)
             except DriverError as error:
                 raise DriverError(
                     f"the fault cannot be reset: {self.error_text()}", where=self.device.where,
@@ -279,6 +319,7 @@ class ServoAmplifier:
         """Follow a table of transitions until the goal is shown."""
         deadline = self.bus.clock.monotonic_ns() + self.config.state_timeout_ms * _MS
         sent_in: DriveState | None = None
+        steps = 0
         while (state := self.state()) is not goal:
             if state is DriveState.FAULT:
                 raise DriverError(
@@ -288,7 +329,10 @@ class ServoAmplifier:
             if state in table and state is not sent_in:
                 self._control(table[state])
                 sent_in = state
-                continue
+                steps += 1
+                # A drive that falls back again and again would be pushed for ever.
+                if steps < _MOST_STEPS:
+                    continue
             if self.bus.clock.monotonic_ns() >= deadline:
                 word = self.statusword()
                 remedy = "Is the main power on, the STO input closed, and the drive not locked by a panel?"
@@ -301,11 +345,14 @@ class ServoAmplifier:
             self.bus.idle(_POLL_NS)
 
     def _await_standstill(self) -> None:
-        """After a quick stop: until the power is off by itself or the speed reads zero."""
+        """After a quick stop: until the power is off by itself, or the speed reads zero or has passed through it."""
+        first: int | float | None = None
         deadline = self.bus.clock.monotonic_ns() + self.config.state_timeout_ms * _MS
         while self.state() in (DriveState.ENABLED, DriveState.QUICK_STOP):
             speed = self.device.read_optional(obj.VELOCITY, "standstill shows only by the encoders")
-            if self.state() is DriveState.QUICK_STOP and speed is not None and speed == 0:
+            first = speed if first is None else first
+            # At standstill the reading of many drives trembles around zero and hardly ever is zero.
+            if self.state() is DriveState.QUICK_STOP and speed is not None and (first or 0) * speed <= 0:
                 return
             if self.bus.clock.monotonic_ns() >= deadline:
                 self.bus.emit("warning", "quick-stop", self.device.where, "no standstill after a quick stop; power off")
@@ -328,44 +375,14 @@ class ServoAmplifier:
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write torque, speed and ramp limits, rounded to the safe side, and return what reads back; inf: not held."""
         readings = self.readings
-        torque = self._limit(obj.MAX_TORQUE, limits.torque, readings.rated_torque / 1000.0, "the drive does not limit torque")
-        if not math.isfinite(torque):
-            either = [
-                self._limit(entry, limits.torque, readings.rated_torque / 1000.0, "the drive does not limit torque")
-                for entry in (obj.POSITIVE_TORQUE_LIMIT, obj.NEGATIVE_TORQUE_LIMIT)
-            ]
-            torque = max(either)
-        speed = self._limit(obj.MAX_MOTOR_SPEED, limits.speed, _RPM, "the drive does not limit the motor's speed")
-        profile = self._limit(
-            obj.MAX_PROFILE_VELOCITY, limits.speed, readings.velocity_unit, "the drive does not limit profile velocities"
-        )
-        unit = readings.acceleration_unit
-        ramps = [
-            self._limit(entry, value, unit, f"the drive does not shape its {entry.name}")
-            for entry, value in (
-                (obj.ACCELERATION, limits.acceleration), (obj.DECELERATION, limits.deceleration),
-                (obj.QUICK_STOP_DECELERATION, limits.quick_stop_deceleration),
-            )
-        ]  # fmt: skip
-        held = speed if math.isfinite(speed) else (math.inf if readings.speed_mode is None else profile)
-        self.limits = DriveLimits(torque, speed, *ramps)
+        self.limits, profile = write_limits(
+            self.device, limits, torque_unit=readings.rated_torque / 1000.0, velocity_unit=readings.velocity_unit,
+            acceleration_unit=readings.acceleration_unit,
+        )  # fmt: skip
         readings.missing[:] = self.device.missing
-        return DriveLimits(torque, held, *ramps)
-
-    def _limit(self, entry: ObjectRef, value: float, unit: float, consequence: str) -> float:
-        """Write one limit in the drive's unit; what it means in SI, inf when the drive has no such limit."""
-        typed = self.device.typed(entry)
-        if not unit > 0.0:
-            self.device.note_missing(entry, consequence + ", because its unit is not known")
-            return math.inf
-        counts = math.floor(value / unit * (1.0 + 1e-12)) if math.isfinite(value) else -1
-        most = (1 << (typed.data_type.size * 8 - typed.data_type.signed)) - 1
-        if not 1 <= counts <= most:
-            raise DriverError(
-                f"{entry.name} cannot be expressed in the drive's unit", where=f"{self.device.where}, {entry}", value=value,
-                limit=f"{unit:g} to {most * unit:g}",
-            )  # fmt: skip
-        return counts * unit if self.device.write_checked(typed, counts, consequence) else math.inf
+        if math.isfinite(self.limits.speed):
+            return self.limits
+        return replace(self.limits, speed=math.inf if readings.speed_mode is None else profile)
 
 
 def _unknown_unit(where: str, entry: str, unit: str) -> DriverError:

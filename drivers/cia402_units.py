@@ -58,7 +58,8 @@ def counts_per_revolution(device: RemoteDevice, configured: float) -> float:
     told = 0.0
     if feed and shaft:
         told = feed / shaft * ((driven / motor) if motor and driven else 1.0)
-    elif increments:
+    if told <= 1.0 and increments:
+        # A feed constant that nobody has set is one unit per revolution: the drive counts increments.
         told = increments / (turns or 1)
     if configured and told > 1.0 and abs(told - configured) > 1e-9 * configured:
         device.bus.emit(
@@ -82,12 +83,12 @@ def velocity_unit(device: RemoteDevice, configured: float | None, counts: float)
     return math.nan
 
 
-def acceleration_unit(device: RemoteDevice, configured: float | None, velocity: float) -> float:
+def acceleration_unit(device: RemoteDevice, configured: float | None, velocity: float, counts: float = 0.0) -> float:
     """rad/s2 per count of 0x6083: the configuration's, else 0x60AA, else the velocity unit per second, with a warning."""
     if configured:
         return configured
     word = device.read_optional(obj.ACCELERATION_UNIT, "ramps are taken in velocity units per second")
-    if word is not None and (unit := unit_si(int(word), 0.0)) is not None:
+    if word is not None and (unit := unit_si(int(word), counts)) is not None:
         return unit
     device.bus.emit(
         "warning", "acceleration-unit", device.where,

@@ -25,6 +25,7 @@ POSITION: Final = ObjectRef(0x6004, 0, U32, "position value")
 CYCLIC_TIMER: Final = ObjectRef(0x6200, 0, U16, "cyclic timer")
 OPERATING_STATUS: Final = ObjectRef(0x6500, 0, U16, "operating status")
 STEPS_PER_REVOLUTION: Final = ObjectRef(0x6501, 0, U32, "single-turn resolution")
+REVOLUTIONS: Final = ObjectRef(0x6502, 0, U16, "number of distinguishable revolutions")
 ALARMS: Final = ObjectRef(0x6503, 0, U16, "alarms")
 WARNINGS: Final = ObjectRef(0x6505, 0, U16, "warnings")
 _MS: Final = 1_000_000
@@ -140,7 +141,21 @@ class Counter:
         if position.key != POSITION.key:
             return whole
         told = self.device.read_optional(TOTAL_RANGE, "the count is taken to wrap at the end of its type")
+        self._check_range(int(told or 0))
         return int(told) if told is not None and 2 <= int(told) <= whole else whole
+
+    def _check_range(self, told: int) -> None:
+        """Say where 0x6002 may not be in force: it belongs to the scaling, without which the physical range holds."""
+        why = "whether the count wraps at 0x6002 cannot be checked"
+        operating, steps, turns = (
+            self.device.read_optional(entry, why) for entry in (OPERATING_PARAMETERS, STEPS_PER_REVOLUTION, REVOLUTIONS)
+        )
+        if told and operating is not None and not int(operating) & 0x04 and steps and turns and told != int(steps) * int(turns):
+            self.device.bus.emit(
+                "warning", "range", self.device.where,
+                f"scaling is off, yet 0x6002 says {told} and 0x6501 times 0x6502 {int(steps) * int(turns)}: the count is taken "
+                "to wrap at 0x6002; give `modulus` if it does not",
+            )  # fmt: skip
 
     def _check_alarms(self) -> None:
         if self.config.alarms is None:

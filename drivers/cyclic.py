@@ -130,6 +130,7 @@ class CanRig:
             self._nodes = nodes
             self._prepare(bus, nodes)
             nodes.start()
+            nodes.require_unbroken()
             nodes.drive.to_off()
         except DriverError:
             self._nodes = None
@@ -207,16 +208,28 @@ class CanRig:
             return
         try:
             if nodes is not None and self._lost is None:
-                nodes.drive.to_off()
+                nodes.drive.to_off(resets_fault=False)
                 nodes.drive.device.release_consumer()
                 bus.start_heartbeat(0)
                 for device in nodes.devices:
                     bus.nmt(NmtCommand.PRE_OPERATIONAL, device.node_id)
         except DriverError as error:
             bus.emit("warning", "close", "rig", f"while closing: {error}")
+            self._let_go(bus, nodes)
         bus.close()
         self._left_events += bus.events()
         self._bus = None
+
+    def _let_go(self, bus: PumpedBus, nodes: RigNodes | None) -> None:
+        """The drive does not answer: servo off by process data all the same, then NMT STOP, to which it reacts by 0x6007."""
+        none = np.zeros(1, dtype=np.int64)
+        with contextlib.suppress(DriverError):
+            if nodes is not None:
+                frames = command_frames(nodes.commands, obj.DISABLE_VOLTAGE, none, none, self._kept)
+                for pdo, (data,) in zip(nodes.commands, frames, strict=True):
+                    bus.send(pdo.cob_id, data)
+                bus.send(SYNC_COB_ID, b"")
+                bus.nmt(NmtCommand.STOP, nodes.drive.device.node_id)
 
     # --- beyond the port
 
@@ -318,9 +331,11 @@ class CanRig:
         if mode not in _ACTIVE:
             self._mode = mode
             return
+        self._opened().require_unbroken()
         drive = self._opened().drive
         if self._mode is not mode:
             self._pause()
+            self._mode, self._was_enabled = Mode.OFF, False
             drive.enable(mode)
             self._mode, self._was_enabled = mode, True
         elif not self._was_enabled:

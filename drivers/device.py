@@ -20,7 +20,7 @@ from drivers.cia301 import (
     object_text,
 )
 from drivers.eds import DeviceDescription
-from drivers.errors import DriverError, ReadbackError
+from drivers.errors import DecodeError, DriverError, ReadbackError
 from drivers.sdo import SdoAbortError, SdoClient, SdoTimeoutError
 
 DEVICE_TYPE: Final = ObjectRef(0x1000, 0, U32, "device type")
@@ -31,6 +31,8 @@ HEARTBEAT_CONSUMER: Final = ObjectRef(0x1016, 1, U32, "consumer heartbeat time")
 HEARTBEAT_PRODUCER: Final = ObjectRef(0x1017, 0, U16, "producer heartbeat time")
 SYNC_OVERFLOW: Final = ObjectRef(0x1019, 0, U8, "SYNC counter overflow")
 SYNC_GENERATE_BIT: Final = 1 << 30
+SYNC_IDENTIFIER: Final = (1 << 30) - 1
+"""Bits of 0x1005 that say which frame the SYNC is: 29 bits, and whether it is one of 29 bits."""
 _LENGTH_ABORTS: Final = frozenset({0x06070010, 0x06070012, 0x06070013})
 
 
@@ -86,6 +88,12 @@ class RemoteDevice:
         self.sdo = SdoClient(bus, node_id, sdo_timeout_ns)
         self.watch = bus.watch(node_id)
         self._missing: dict[tuple[int, int], Missing] = {}
+        self._boots = self.watch.boots
+
+    @property
+    def has_restarted(self) -> bool:
+        """Whether it has announced a start since it was taken over: what was written to it is gone."""
+        return self.watch.boots != self._boots
 
     @property
     def missing(self) -> list[Missing]:
@@ -110,7 +118,12 @@ class RemoteDevice:
         data = self.sdo.upload(*entry.key)
         if 0 < len(data) < typed.data_type.size and not typed.data_type.is_float:
             return int.from_bytes(data, "little", signed=typed.data_type.signed)
-        return typed.data_type.decode(data)
+        try:
+            return typed.data_type.decode(data)
+        except DecodeError as error:
+            raise DecodeError(
+                error.what, where=f"{self.where}, {entry}", value=error.value, limit=f"{error.limit} ({typed.data_type.name})"
+            ) from error
 
     def read_integer(self, entry: ObjectRef) -> int:
         """Read an integer entry that must be there."""
@@ -176,7 +189,8 @@ class RemoteDevice:
             self._text(index, name)
             for index, name in ((0x1008, "device name"), (0x1009, "hardware version"), (0x100A, "software version"))
         ]
-        return Identity(self.read_integer(DEVICE_TYPE), vendor, product, revision, serial, *texts)
+        kind = int(self.read_optional(DEVICE_TYPE, "the device does not say what it is") or 0)
+        return Identity(kind, vendor, product, revision, serial, *texts)
 
     def _text(self, index: int, name: str) -> str:
         try:
@@ -190,14 +204,19 @@ class RemoteDevice:
         self.bus.nmt(NmtCommand.PRE_OPERATIONAL, self.node_id)
         self.bus.drain()
         try:
-            self.read(DEVICE_TYPE)
+            self._hear_from()
         except SdoTimeoutError:
             # A node that is still booting, or in a state of its own, is given one communication reset.
             self.bus.nmt(NmtCommand.RESET_COMMUNICATION, self.node_id)
             boots = self.watch.boots
             self.bus.wait_for(lambda: self.watch.boots > boots, 2_000_000_000)
             self.bus.nmt(NmtCommand.PRE_OPERATIONAL, self.node_id)
-            self.read(DEVICE_TYPE)
+            self._hear_from()
+        self._boots = self.watch.boots
+
+    def _hear_from(self) -> None:
+        """Make the device answer; that it has no device type is an answer, too."""
+        self.read_optional(DEVICE_TYPE, "the device does not say what it is")
 
     def start(self, timeout_ns: int = 2_000_000_000) -> None:
         """NMT start, confirmed by the node's heartbeat where it produces one."""
@@ -205,7 +224,9 @@ class RemoteDevice:
         if not self.watch.timeout_ns:
             self.watch.state = NmtState.OPERATIONAL
             return
-        if not self.bus.wait_for(lambda: self.watch.state is NmtState.OPERATIONAL, timeout_ns):
+        # A slow heartbeat tells it late.
+        patience = max(timeout_ns, self.watch.timeout_ns)
+        if not self.bus.wait_for(lambda: self.watch.state is NmtState.OPERATIONAL, patience):
             raise DriverError(
                 "the node does not become OPERATIONAL", where=self.where, value=self.watch.state.name,
                 remedy="Its emergency messages and its error register 0x1001 say why.",
@@ -278,13 +299,13 @@ class RemoteDevice:
             self.bus.subscribe(int(cob_id) & 0x7FF, lambda data, stamp_ns: self.bus.on_emergency(self.node_id, data))
 
     def follow_sync(self, cycle_us: int) -> None:
-        """Make the device a consumer of our SYNC on 0x080 without counter. Raises `DriverError` if it insists on a counter."""
+        """Make the device a consumer of our SYNC on 0x080 without counter. Raises `DriverError` if it insists on another."""
         cob_id = self.read_optional(SYNC_COB, "whether the device follows SYNC 0x080 cannot be checked")
         if cob_id is not None and int(cob_id) & SYNC_GENERATE_BIT:
             # The identifier may change only while the device produces no SYNC.
-            self.write_checked(SYNC_COB, int(cob_id) & ~SYNC_GENERATE_BIT, "it would produce SYNC itself")
-        if cob_id is not None and int(cob_id) & 0x7FF != 0x080:
-            self.write_checked(SYNC_COB, 0x080, "it follows another SYNC")
+            self._write_sync(int(cob_id) & ~SYNC_GENERATE_BIT, "the device produces SYNC itself and cannot be told not to")
+        if cob_id is not None and int(cob_id) & SYNC_IDENTIFIER != 0x080:
+            self._write_sync(0x080, "the device follows another SYNC than 0x080: it would be deaf")
         if overflow := self._sync_overflow():
             raise DriverError(
                 "the device insists on a SYNC with counter", where=f"{self.where}, {object_text(*SYNC_OVERFLOW.key)}",
@@ -292,6 +313,19 @@ class RemoteDevice:
                 remedy="Set the synchronous counter overflow value to 0 with the vendor's tool: without it the device is deaf.",
             )  # fmt: skip
         self.write_wished(CYCLE_PERIOD, cycle_us, "the device does not supervise the SYNC period")
+
+    def _write_sync(self, value: int, otherwise: str) -> None:
+        """Write 0x1005; bit 31 means nothing there. Raises `DriverError` saying `otherwise` if the device keeps its own."""
+        try:
+            self.write(SYNC_COB, value)
+            found = self.read_integer(SYNC_COB)
+        except SdoAbortError:
+            found = self.read_integer(SYNC_COB)
+        if (found ^ value) & (SYNC_GENERATE_BIT | SYNC_IDENTIFIER):
+            raise DriverError(
+                otherwise, where=f"{self.where}, {object_text(*SYNC_COB.key)}", value=f"0x{found:08X}", limit="0x00000080",
+                remedy="Set the COB-ID of SYNC with the vendor's tool.",
+            )  # fmt: skip
 
     def _sync_overflow(self) -> int:
         overflow = int(self.read_optional(SYNC_OVERFLOW, "SYNC without counter") or 0)

@@ -7,24 +7,20 @@ in `DeviceDescription.defects`; only a file in which no object at all is describ
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from drivers.cia301 import DATA_TYPES, DataType, ObjectRef, data_type_named, object_text
+from drivers.eds_numbers import NODE_ID, bare, integer, number_of, unquoted, value_of
 from drivers.errors import DecodeError, DriverError
 
 _OBJECT = re.compile(r"^(?:0x)?([0-9a-f]{1,4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?$")
 _COMPACT = re.compile(r"^(?:0x)?([0-9a-f]{1,4})(name|value)$")
-_NUMBER = re.compile(r"^([+-]?)(0x[0-9a-f]+|[0-9a-f]+h|[0-9]+)(?:\.0*|u?l{0,2})$")
-_LOOSE: Final = str.maketrans("|", "+", " ()")
-_TERM = re.compile(r"([+-]?)([^+-]+)")
-_NODE_ID = re.compile(r"\$?node_?id", re.IGNORECASE)
+_LIKE_AN_OBJECT = re.compile(r"^\W*(?:0x)?[0-9a-f]{4}(?!.*(?:denotation|objectlinks)$)")
 _OBJECT_TYPES: Final = {"domain": 2, "deftype": 5, "defstruct": 6, "var": 7, "array": 8, "record": 9}
-_YES: Final = {"yes": 1, "true": 1, "no": 0, "false": 0}
 _ACCESS: Final = {
     "ro": "ro", "wo": "wo", "rw": "rw", "rwr": "rwr", "rww": "rww", "const": "const", "r": "ro", "w": "wo", "r/w": "rw",
     "constant": "const", "read": "ro", "readonly": "ro", "read only": "ro", "writeonly": "wo", "write only": "wo",
@@ -33,6 +29,8 @@ _ACCESS: Final = {
 """Access types, and how they are spelled elsewhere."""
 _LONGEST_FILE: Final = 32 << 20
 _MOST_COMPACT: Final = 254
+_MOST_ENTRIES: Final = 100_000
+"""Entries that are taken from one file: more than any device has, and few enough for any memory."""
 _DEFECTS_KEPT: Final = 1000
 _DOMAIN: Final = 0x0F
 _WHAT_IT_IS: Final = "Is this an EDS or DCF file (text with sections like [1000])?"
@@ -82,6 +80,9 @@ class DeviceDescription:
 def load_eds(path: str | Path, node_id: int | None = None) -> DeviceDescription:
     """The description in a file. Raises `DriverError` when it cannot be read or describes nothing."""
     try:
+        if Path(path).exists() and not Path(path).is_file() and not Path(path).is_dir():
+            # A pipe or a device could be waited for without end.
+            raise DriverError("this is not a file", where=str(path), remedy=_WHAT_IT_IS)
         if Path(path).stat().st_size > _LONGEST_FILE:
             raise DriverError("this is not an EDS file", where=str(path), limit=f"at most {_LONGEST_FILE >> 20} MiB")
         data = Path(path).read_bytes()
@@ -97,13 +98,20 @@ def parse_eds(data: bytes | str, node_id: int | None = None, *, where: str = "ED
     if node_id is None:
         # The standard spells it with one m, not every tool does.
         commissioning = sections.get("devicecomissioning") or sections.get("devicecommissioning") or {}
-        node_id = _integer(commissioning.get("nodeid", ""))
+        node_id = integer(commissioning.get("nodeid", ""))
     entries: dict[tuple[int, int], EdsEntry] = {}
     matches = [(match, section) for name, section in sections.items() if (match := _OBJECT.match(name))]
     # Objects before their sub-objects, which say more, wherever they stand.
     matches.sort(key=lambda found: found[0][2] is not None)
     _check_families(matches, defects)
+    defects += [
+        f"section [{name[:40]}] is not an object's" for name in sections
+        if _LIKE_AN_OBJECT.match(name) and not _OBJECT.match(name) and not _COMPACT.match(name)
+    ]  # fmt: skip
     for match, section in matches:
+        if len(entries) >= _MOST_ENTRIES:
+            defects.insert(0, f"only the first {_MOST_ENTRIES} entries were taken")
+            break
         _take_object(int(match[1], 16), match[2], section, node_id, entries, defects)
     for name, section in sections.items():
         if match := _COMPACT.match(name):
@@ -118,13 +126,13 @@ def parse_eds(data: bytes | str, node_id: int | None = None, *, where: str = "ED
     if not info:
         defects.append("[DeviceInfo] is missing")
     for key in ("vendornumber", "productnumber", "revisionnumber"):
-        if key in info and _integer(info[key]) is None:
+        if key in info and integer(info[key]) is None:
             defects.append(f"[DeviceInfo] {key} is {info[key]!r}, not a number")
     return DeviceDescription(
-        vendor_name=_unquoted(info.get("vendorname", "")), vendor_number=_integer(info.get("vendornumber", "")),
-        product_name=_unquoted(info.get("productname", "")), product_number=_integer(info.get("productnumber", "")),
-        revision_number=_integer(info.get("revisionnumber", "")),
-        bit_rates=tuple(r * 1000 for r in (10, 20, 50, 125, 250, 500, 800, 1000) if _integer(info.get(f"baudrate_{r}", ""))),
+        vendor_name=unquoted(info.get("vendorname", "")), vendor_number=integer(info.get("vendornumber", "")),
+        product_name=unquoted(info.get("productname", "")), product_number=integer(info.get("productnumber", "")),
+        revision_number=integer(info.get("revisionnumber", "")),
+        bit_rates=tuple(r * 1000 for r in (10, 20, 50, 125, 250, 500, 800, 1000) if integer(info.get(f"baudrate_{r}", ""))),
         entries=entries, defects=tuple(defects[:_DEFECTS_KEPT]),
     )  # fmt: skip
 
@@ -142,7 +150,7 @@ def _text(data: bytes, defects: list[str]) -> str:
 
 
 def _sections(text: str, defects: list[str]) -> dict[str, Section]:
-    """Sections by lower-case name, each with its values by lower-case key; the first of doubled keys holds no longer."""
+    """Sections by lower-case name, each with its values by lower-case key; of doubled keys the last one holds."""
     sections: dict[str, Section] = {}
     current: Section | None = None
     for number, raw in enumerate(re.split(r"\r\n|\r|\n", text), start=1):
@@ -155,10 +163,13 @@ def _sections(text: str, defects: list[str]) -> dict[str, Section]:
                 defects.append(f"line {number}: section [{name}] stands twice; merged")
             current = sections.setdefault(name, {})
         elif "=" not in line or current is None:
-            defects.append(f"line {number}: neither a section nor a value: {line[:40]!r}")
+            if len(defects) < _DEFECTS_KEPT:
+                defects.append(f"line {number}: neither a section nor a value: {line[:40]!r}")
         else:
-            key, value = line.split("=", 1)
-            current[key.strip().lower()] = value.strip()
+            key, value = (part.strip() for part in line.split("=", 1))
+            if current.get(key.lower(), value) != value and len(defects) < _DEFECTS_KEPT:
+                defects.append(f"line {number}: {key} stands twice in its section; the last one holds")
+            current[key.lower()] = value
     return sections
 
 
@@ -175,9 +186,9 @@ def _check_families(matches: Sequence[tuple[re.Match[str], Section]], defects: l
         if section is None:
             defects += [f"{object_text(index, sub)}: a sub-object without its object" for sub in sorted(subs)]
             continue
-        if _object_type(section.get("objecttype", "7")) not in (8, 9) or _integer(section.get("compactsubobj", "")):
+        if _object_type(section.get("objecttype", "7")) not in (8, 9) or integer(section.get("compactsubobj", "")):
             continue
-        counted = _integer(section.get("subnumber", ""))
+        counted = integer(section.get("subnumber", ""))
         if not subs:
             defects.append(f"0x{index:04X}: an array or record without sub-objects")
         elif 0 not in subs:
@@ -200,8 +211,8 @@ def _take_object(
         if compact := _number_or(section, "compactsubobj", 0, where, defects):
             count = max(0, min(int(compact), _MOST_COMPACT))
             entries[index, 0] = EdsEntry(index, 0, "Number of entries", DATA_TYPES[0x05], "ro", False, default=count)
-            for number in range(1, count + 1):
-                entries[index, number] = _entry(index, number, section, node_id, defects)
+            each = _entry(index, 1, section, node_id, defects)
+            entries.update({(index, number): replace(each, subindex=number) for number in range(1, count + 1)})
             return
         if object_type in (8, 9):
             return
@@ -215,38 +226,55 @@ def _entry(index: int, subindex: int, section: Section, node_id: int | None, def
         if _object_type(section.get("objecttype", "7")) != 2:
             defects.append(f"{where}: data type {section.get('datatype', 'missing')!r} is not known; taken as DOMAIN")
         data_type = DATA_TYPES[_DOMAIN]
-    spelled = " ".join(_bare(section.get("accesstype", "")).lower().split())
+    spelled = " ".join(bare(section.get("accesstype", "")).lower().split())
     access = _ACCESS.get(spelled, "rw")
     if access != spelled:
         defects.append(f"{where}: access type {spelled!r}; taken as {access}")
-    low, high = (_limit(section.get(key), data_type, node_id) for key in ("lowlimit", "highlimit"))
+    if data_type.is_number:
+        _check_numbers(section, data_type, node_id, where, defects)
+    low, high = (number_of(section.get(key), data_type, node_id) for key in ("lowlimit", "highlimit"))
     if low is not None and high is not None and low > high:
         defects.append(f"{where}: its lowest value {low} is above its highest {high}; both left out")
         low = high = None
     return EdsEntry(
-        index, subindex, _unquoted(section.get("parametername", "")), data_type, access,
+        index, subindex, unquoted(section.get("parametername", "")), data_type, access,
         bool(_number_or(section, "pdomapping", 0, where, defects)),
-        default=_value(section.get("defaultvalue"), data_type, node_id),
-        configured=_value(section.get("parametervalue"), data_type, node_id),
+        default=value_of(section.get("defaultvalue"), data_type, node_id),
+        configured=value_of(section.get("parametervalue"), data_type, node_id),
         low=low, high=high,
     )  # fmt: skip
 
 
+def _check_numbers(
+    section: Section, data_type: DataType, node_id: int | None, where: str, defects: list[str]
+) -> None:  # fmt: skip
+    """Note values and limits that are no numbers, or that the entry cannot hold."""
+    for key in ("defaultvalue", "parametervalue", "lowlimit", "highlimit"):
+        text = section.get(key, "")
+        if not bare(text) or (node_id is None and NODE_ID.search(text)):
+            continue
+        number = number_of(text, data_type, node_id)
+        if number is None:
+            defects.append(f"{where}: {key} is {text[:40]!r}, not a number; left out")
+        elif not data_type.is_float and not -(1 << data_type.size * 8 - 1) <= number < 1 << data_type.size * 8:
+            defects.append(f"{where}: {key} is {text[:40]!r}, which {data_type.name} cannot hold")
+
+
 def _data_type(text: str) -> DataType | None:
     """The data type by its code, or by its name as some tools write it."""
-    code = _integer(text)
+    code = integer(text)
     if code is not None:
         return DATA_TYPES.get(code)
     try:
-        return data_type_named(_bare(text))
+        return data_type_named(bare(text))
     except DriverError:
         return None
 
 
 def _object_type(text: str) -> int | None:
     """The kind of object by its code, or by its name as some tools write it."""
-    number = _integer(text)
-    return number if number is not None else _OBJECT_TYPES.get(_bare(text).lower())
+    number = integer(text)
+    return number if number is not None else _OBJECT_TYPES.get(bare(text).lower())
 
 
 def _rename_compact(
@@ -254,7 +282,7 @@ def _rename_compact(
 ) -> None:  # fmt: skip
     """Give the sub-objects of a compact array the names of its [xxxxName] section."""
     for key, name in section.items():
-        subindex = _integer(key)
+        subindex = integer(key)
         entry = entries.get((index, subindex)) if subindex is not None else None
         if entry is not None and subindex:
             entries[index, subindex] = EdsEntry(
@@ -266,12 +294,12 @@ def _rename_compact(
 def _fill_compact(index: int, section: Section, entries: dict[tuple[int, int], EdsEntry], node_id: int | None) -> None:
     """Give the sub-objects of a compact array the configured values of its [xxxxValue] section."""
     for key, text in section.items():
-        subindex = _integer(key)
+        subindex = integer(key)
         entry = entries.get((index, subindex)) if subindex is not None else None
         if entry is not None and subindex:
             entries[index, subindex] = EdsEntry(
                 index, subindex, entry.name, entry.data_type, entry.access, entry.is_pdo_mappable, entry.default,
-                _value(text, entry.data_type, node_id), entry.low, entry.high,
+                value_of(text, entry.data_type, node_id), entry.low, entry.high,
             )  # fmt: skip
 
 
@@ -283,15 +311,15 @@ def _check_lists(sections: Mapping[str, Section], entries: Mapping[tuple[int, in
         if section is None:
             defects.append(f"[{name}] is missing")
             continue
-        listed = [_integer(value) for key, value in section.items() if key.isdigit()]
-        if _integer(section.get("supportedobjects", "")) != len(listed):
+        listed = [integer(value) for key, value in section.items() if key.isdigit()]
+        if integer(section.get("supportedobjects", "")) != len(listed):
             defects.append(f"[{name}] counts {section.get('supportedobjects', 'nothing')!r} objects, lists {len(listed)}")
         for index in listed:
             if index is not None and index not in described:
                 defects.append(f"[{name}] lists 0x{index:04X}, which is not described")
     comments = sections.get("comments", {})
     lines = sum(1 for key in comments if key.startswith("line") and key != "lines")
-    if comments and _integer(comments.get("lines", "")) != lines:
+    if comments and integer(comments.get("lines", "")) != lines:
         defects.append(f"[comments] counts {comments.get('lines', 'nothing')!r} lines, has {lines}")
 
 
@@ -299,90 +327,8 @@ def _number_or(section: Section, key: str, fallback: int, where: str, defects: l
     text = section.get(key)
     if text is None:
         return fallback
-    number = _integer(text)
+    number = integer(text)
     if number is None:
         defects.append(f"{where}: {key} is {text!r}; taken as {fallback}")
         return fallback
     return number
-
-
-def _integer(text: str) -> int | None:
-    """A number as vendors write it (0x1F, 1Fh, 31, 31UL, 31.0, 037 octal, 08 decimal after all, yes), or None."""
-    token = _bare(text).replace(" ", "").replace("_", "").lower()
-    if token in _YES:
-        return _YES[token]
-    match = _NUMBER.match(token) if len(token) <= 64 else None
-    if match is None:
-        return None
-    sign, digits = (-1 if match[1] == "-" else 1), match[2]
-    if digits.startswith("0x"):
-        return sign * int(digits, 16)
-    if digits.endswith("h"):
-        return sign * int(digits[:-1], 16)
-    if not digits.isdigit():
-        return None
-    if len(digits) > 1 and digits[0] == "0" and all(d in "01234567" for d in digits):
-        return sign * int(digits, 8)
-    return sign * int(digits)
-
-
-def _value(text: str | None, data_type: DataType, node_id: int | None) -> int | float | str | None:
-    """A default or configured value: a number for numbers ($NODEID resolved), else the text itself."""
-    if text is None or text == "":
-        return None
-    if not data_type.is_number:
-        return _unquoted(text)
-    return _limit(text, data_type, node_id)
-
-
-def _bare(text: str) -> str:
-    """A value without what vendors put around it: comments and quotes."""
-    for mark in (";", "//", "#"):
-        text = text.split(mark)[0]
-    return _unquoted(text.strip())
-
-
-def _unquoted(text: str) -> str:
-    """A text without the quotes around it."""
-    return text[1:-1] if len(text) >= 2 and text[0] == text[-1] and text[0] in "\"'" else text
-
-
-def _limit(text: str | None, data_type: DataType, node_id: int | None) -> int | float | None:
-    """A number of the entry's type: $NODEID resolved, hexadecimal negatives in two's complement, IEEE floats as hex."""
-    if text is None:
-        return None
-    spelled = _bare(text)
-    if data_type.is_float:
-        return _real(spelled, data_type)
-    number = _sum(spelled, node_id)
-    if number is None:
-        return None
-    bits = data_type.size * 8
-    if data_type.signed and bits and (1 << (bits - 1)) <= number < (1 << bits):
-        number -= 1 << bits
-    return number
-
-
-def _sum(spelled: str, node_id: int | None) -> int | None:
-    """A number, or a sum of numbers and of the node-ID: $NODEID+0x180, 0x80000180 + $NodeId, NODEID+384."""
-    terms = _NODE_ID.sub("n", spelled).translate(_LOOSE)
-    if len(terms) > 64 or not terms:
-        return None
-    total = 0
-    for sign, term in _TERM.findall(terms):
-        value = node_id if term == "n" else _integer(term)
-        if value is None:
-            return None
-        total += -value if sign == "-" else value
-    return total
-
-
-def _real(spelled: str, data_type: DataType) -> float | None:
-    number = _integer(spelled) if spelled.lower().startswith("0x") else None
-    if number is not None:
-        return float(data_type.decode(number.to_bytes(8, "little"))) if 0 <= number < 1 << 64 else None
-    try:
-        value = float(spelled)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None

@@ -29,6 +29,8 @@ LINE_LENGTH: Final = 17
 _MS: Final = 1_000_000
 _LINE_ERRORS: Final = (serial.SerialException, OSError, _termios_error)
 _LONGEST_ANSWER: Final = 256
+_MOST_EMPTY_LINES: Final = 200
+"""The output tail can be set to 99 empty lines."""
 _NUMBER = re.compile(r"^ *(\d+(?:\.\d*)?|\.\d+)$")
 _SEPARATED = re.compile(r"^ *(\d+)[.:°'\" ](\d{1,2})[.:'\" ](\d{1,2})(?:[.,\"](\d*))?$")
 _PACKED = re.compile(r"^ *(\d+)\.(\d{2})(\d{2})(\d*)$")
@@ -253,14 +255,16 @@ class Readout:
 
     def _line(self, deadline_ns: int, starts_with: bytes = b"") -> bytes:
         """The next line that is not empty, with its CR LF; after `starts_with`, where it must begin so."""
-        data = b""
+        data, empty = b"", 0
         while True:
             data += self._take(1, deadline_ns) or self._raise_silent(data)
             if starts_with and data == NAK:
                 raise self._refused("this output")
             if data in (b"\r\n", b"\n"):
                 # The output tail of the answer before.
-                data = b""
+                data, empty = b"", empty + 1
+                if empty > _MOST_EMPTY_LINES:
+                    raise DecodeError("nothing but empty lines", where=self._config.url, value=empty)
             elif data.endswith(b"\r\n"):
                 break
             elif len(data) >= _LONGEST_ANSWER:

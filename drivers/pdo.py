@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.cia301 import COB_ID_INVALID_BIT, I32, U8, U16, U32, DataType, ObjectRef, object_text
+from drivers.cia301 import COB_ID_EXTENDED_BIT, COB_ID_INVALID_BIT, I32, U8, U16, U32, DataType, ObjectRef, object_text
 from drivers.device import RemoteDevice
 from drivers.errors import DriverError, ReadbackError
 from drivers.sdo import SdoAbortError
@@ -22,6 +22,10 @@ LAST_SYNCHRONOUS: Final = 240
 """RPDO types 0 to 240 act with the next SYNC after the frame; for a TPDO only type 1 answers every SYNC."""
 PREDEFINED_PDOS: Final = 4
 """PDO numbers that have a COB-ID by the pre-defined connection set."""
+
+
+class UntiedPdoError(DriverError):
+    """A TPDO that a device does not send with every SYNC."""
 
 
 @dataclass(frozen=True)
@@ -76,14 +80,19 @@ def map_objects(
     Raises `DriverError` when an entry that is not optional cannot be transferred, `ReadbackError` when a mapping reads
     back differently.
     """
-    wanted = [device.typed(entry) for entry in entries]
+    wanted = [_as_answered(device, entry) for entry in entries]
     mapped: list[MappedPdo] = []
     number = 1
     refused: list[ObjectRef] = []
     pending = pack(wanted)
+    untied: UntiedPdoError | None = None
     while pending and number <= MOST_PDOS:
         frame = pending.pop(0)
-        pdo = _write_longest(device, number, is_transmit, frame)
+        try:
+            pdo = _write_longest(device, number, is_transmit, frame)
+        except UntiedPdoError as error:
+            # The type of one TPDO may be fixed, and that of the next not.
+            untied, pdo = untied or error, None
         number += 1
         if pdo is None:
             pending.insert(0, frame)
@@ -100,7 +109,7 @@ def map_objects(
         if entry.key in optional:
             device.note_missing(entry, "cannot be mapped into a PDO")
             continue
-        raise DriverError(
+        raise untied or DriverError(
             "an object cannot be transferred by PDO", where=device.where, value=str(entry),
             remedy="The device can neither map it nor has it mapped: configure its PDOs with the vendor's tool.",
         )  # fmt: skip
@@ -109,12 +118,30 @@ def map_objects(
     return mapped
 
 
+def _as_answered(device: RemoteDevice, entry: ObjectRef) -> ObjectRef:
+    """The entry with the type that the EDS gives it, unless the device itself answers in the standard's length."""
+    typed = device.typed(entry)
+    if typed.data_type.size == entry.data_type.size:
+        return typed
+    try:
+        length = len(device.sdo.upload(*entry.key))
+    except SdoAbortError:
+        return typed
+    if length != entry.data_type.size:
+        return typed
+    device.bus.emit(
+        "warning", "eds-type", device.where,
+        f"the EDS has {entry} as {typed.data_type.name}, the device answers {length} bytes: {entry.data_type.name} is taken",
+    )  # fmt: skip
+    return entry
+
+
 def read_pdo(device: RemoteDevice, number: int, *, is_transmit: bool) -> MappedPdo | None:
     """A PDO as it stands in the device; None when it does not exist or is switched off."""
     communication, mapping = _indices(number, is_transmit)
     try:
         cob_id = int(device.sdo.read_as(communication, 1, U32))
-        if cob_id & COB_ID_INVALID_BIT:
+        if cob_id & (COB_ID_INVALID_BIT | COB_ID_EXTENDED_BIT):
             return None
         kind = int(device.sdo.read_as(communication, 2, U8))
         count = int(device.sdo.read_as(mapping, 0, U8))
@@ -130,10 +157,11 @@ def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: 
     communication, mapping = _indices(number, is_transmit)
     try:
         cob_id = int(device.sdo.read_as(communication, 1, U32))
-        if not cob_id & 0x7FF and number > PREDEFINED_PDOS:
+        own = 0 if cob_id & COB_ID_EXTENDED_BIT else cob_id & 0x7FF
+        if not own and number > PREDEFINED_PDOS:
             # It has no COB-ID, and none that is surely free can be given to it.
             return None
-        identifier = cob_id & 0x7FF or (0x180 if is_transmit else 0x200) + 0x100 * (number - 1) + device.node_id
+        identifier = own or (0x180 if is_transmit else 0x200) + 0x100 * (number - 1) + device.node_id
         keep = cob_id & 0x40000000
         _try_download(device, communication, 1, U32.encode(COB_ID_INVALID_BIT | keep | identifier))
         device.sdo.download(mapping, 0, U8.encode(0))
@@ -154,6 +182,7 @@ def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: 
     if pdo is not None and not is_transmit and not by_sync:
         _tell_type(device, pdo)
     if pdo is not None and is_transmit and pdo.transmission_type != EVERY_SYNC:
+        _try_download(device, communication, 1, U32.encode(COB_ID_INVALID_BIT | keep | identifier))
         raise _not_by_sync(device, communication, pdo)
     is_timed = pdo is not None and (pdo.transmission_type == EVERY_SYNC or not (is_transmit or by_sync))
     if pdo is None or not is_timed or tuple(e.mapping for e in pdo.entries) != expected:
@@ -207,7 +236,7 @@ def _as_found(device: RemoteDevice, is_transmit: bool, wanted: list[ObjectRef], 
             continue
         if pdo.transmission_type != EVERY_SYNC:
             communication, _ = _indices(number, is_transmit)
-            _try_download(device, communication, 2, U8.encode(EVERY_SYNC))
+            _set_type(device, communication)
             pdo = read_pdo(device, number, is_transmit=is_transmit) or pdo
             if is_transmit and pdo.transmission_type != EVERY_SYNC:
                 raise _not_by_sync(device, communication, pdo)
@@ -219,6 +248,17 @@ def _as_found(device: RemoteDevice, is_transmit: bool, wanted: list[ObjectRef], 
     return found
 
 
+def _set_type(device: RemoteDevice, communication: int) -> None:
+    """Tie a PDO to every SYNC; some devices let its type be changed only while the PDO does not exist."""
+    data = U8.encode(EVERY_SYNC)
+    if _try_download(device, communication, 2, data):
+        return
+    cob_id = int(device.sdo.read_as(communication, 1, U32))
+    if _try_download(device, communication, 1, U32.encode(cob_id | COB_ID_INVALID_BIT)):
+        _try_download(device, communication, 2, data)
+        _try_download(device, communication, 1, U32.encode(cob_id))
+
+
 def _tell_type(device: RemoteDevice, pdo: MappedPdo) -> None:
     """Say that set-points act with their frame, where a device does not keep them for the SYNC."""
     if pdo.transmission_type > LAST_SYNCHRONOUS:
@@ -228,9 +268,9 @@ def _tell_type(device: RemoteDevice, pdo: MappedPdo) -> None:
         )  # fmt: skip
 
 
-def _not_by_sync(device: RemoteDevice, communication: int, pdo: MappedPdo) -> DriverError:
+def _not_by_sync(device: RemoteDevice, communication: int, pdo: MappedPdo) -> UntiedPdoError:
     """A TPDO that is not sent with every SYNC cannot be paired: on change, by timer, or on request only."""
-    return DriverError(
+    return UntiedPdoError(
         "a TPDO cannot be tied to every SYNC", where=f"{device.where}, {object_text(communication, 2)}",
         value=f"transmission type {pdo.transmission_type}", limit=str(EVERY_SYNC),
         remedy="Set transmission type 1 with the vendor's tool, or use another TPDO or device for this signal.",
@@ -247,8 +287,9 @@ def _silence_others(device: RemoteDevice, used: set[int]) -> None:
             cob_id = int(device.sdo.read_as(communication, 1, U32))
             if not cob_id & COB_ID_INVALID_BIT:
                 device.sdo.download(communication, 1, U32.encode(cob_id | COB_ID_INVALID_BIT))
-        except SdoAbortError:
-            return
+        except SdoAbortError as error:
+            if error.is_missing:
+                return
 
 
 def _quieten(device: RemoteDevice, communication: int) -> None:

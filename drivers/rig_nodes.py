@@ -136,6 +136,7 @@ class RigNodes:
             transmitted += self._map_counter(counter)
         for module in self.modules:
             transmitted += self._map_module(module)
+        _require_own_identifiers([*transmitted, *self.commands])
         self._lay_out(transmitted)
 
     def _check_encoder(self, told: float) -> None:
@@ -194,7 +195,11 @@ class RigNodes:
                 channel = Channel(names.TARGET_TORQUE, "N m", readings.rated_torque / 1000.0, direction=sense)
                 self._sources.append(_Source(channel, "target_torque"))
         optional = frozenset({obj.TARGET_TORQUE.key})
-        return map_objects(self.drive.device, entries, is_transmit=False, optional=optional)
+        mapped = map_objects(self.drive.device, entries, is_transmit=False, optional=optional)
+        if all(pdo.offset_of(obj.TARGET_TORQUE.key) is None for pdo in mapped):
+            # Without a way into the drive there is no set-point: torque mode is refused, not run at standstill.
+            self._sources = [source for source in self._sources if source.kind != "target_torque"]
+        return mapped
 
     def _latch_sources(self) -> list[ObjectRef]:
         """The latch of the motor encoder's index mark: the configured objects, else touch probe 1, else none."""
@@ -325,6 +330,15 @@ class RigNodes:
             device.start()
         self.drive.arm_heartbeat()
 
+    def require_unbroken(self) -> None:
+        """Raise `DriverError` if a node has restarted since it was brought up: mapping, limits and watch are gone with it."""
+        restarted = [device.where for device in self.devices if device.has_restarted]
+        if restarted:
+            raise DriverError(
+                "the node has restarted and is no longer as it was set up", where=", ".join(restarted),
+                remedy="Close the rig and open it again.",
+            )
+
     def kept_values(self) -> dict[tuple[int, int], int]:
         """What the entries of a fixed RPDO mapping hold that no cycle sets: the mode, a limit. They must be sent as they are.
 
@@ -332,6 +346,9 @@ class RigNodes:
         """
         others = [e for pdo in self.commands for e in pdo.entries if e.key not in COMMANDED and e.index >= 0x1000]
         values = {e.key: self.drive.device.read_optional(e, "it is sent as 0 in a fixed RPDO") for e in others}
+        if obj.MODE.key in values and self.drive.mode is not None:
+            # Older drives let 0x6060 be written only; what they were given is known here.
+            values[obj.MODE.key] = self.drive.mode
         return {key: int(value) for key, value in values.items() if value is not None}
 
     def ask(self, channels: Sequence[str]) -> dict[str, int]:
@@ -367,6 +384,18 @@ class RigNodes:
                 text = f"{entry.name}: {entry.consequence}" if entry.consequence else entry.name
                 described.setdefault("missing", {})[f"node {node_id} 0x{entry.index:04X}:{entry.subindex}"] = text
         return described
+
+
+def _require_own_identifiers(pdos: Sequence[MappedPdo]) -> None:
+    """Raise `DriverError` where two PDOs have the same COB-ID: what arrives under it could be either."""
+    found: dict[int, MappedPdo] = {}
+    for pdo in pdos:
+        other = found.setdefault(pdo.cob_id, pdo)
+        if other is not pdo:
+            raise DriverError(
+                "two PDOs share a COB-ID", where="bus", value=f"{other}; {pdo}", limit="one PDO per COB-ID",
+                remedy="Give one of them another COB-ID with the vendor's tool, or reset the device to its factory settings.",
+            )  # fmt: skip
 
 
 def _by_importance(entry: ObjectRef) -> int:

@@ -75,6 +75,14 @@ _LOOP_MODE = {
 POWER_STAGE_ERROR = 0x2310
 
 
+def _synchronise(slaves: Sequence[Slave]) -> None:
+    """What a SYNC does to slaves while the plant stands: latch, act, send."""
+    for slave in slaves:
+        slave.latch()
+        slave.apply_synchronous()
+        slave.send_synchronous()
+
+
 class _TrippedDrive(ServoDrive):
     """The direct rig's drive as its faults see it; a trip falls on the drive on the wire."""
 
@@ -255,12 +263,12 @@ class WireBench:
     def send(self, cob_id: int, data: bytes, owner: object = None) -> None:
         """A client sends a frame: all others on the bus hear it, the SYNC runs one cycle."""
         now = self.clock.monotonic_ns()
-        if cob_id == SYNC:
+        if cob_id == self.drive.sync_cob_id:
             self._follow_clock(now)
             self._last_sync_ns = now
             self._stamp_ns, self._frames_since = self._stamp_of(self._cycle), 0
             self._deliver(cob_id, data, owner)
-            self._run_cycle(data)
+            self._run_cycle(cob_id, data)
             return
         self._deliver(cob_id, data, owner)
         frames: list[Frame] = [] if self.is_stalled else [(cob_id, data)]
@@ -268,7 +276,11 @@ class WireBench:
             frames = [kept for frame in frames for kept in fault.to_devices(frame, self)]
         for cob, payload in frames:
             for slave in self.slaves:
-                slave.receive(cob, payload, now)
+                if cob == slave.sync_cob_id:
+                    # A SYNC of its own, which the plant does not run with.
+                    _synchronise([slave])
+                else:
+                    slave.receive(cob, payload, now)
 
     def pump(self, deadline_ns: int) -> None:
         """Let the devices run: up to the next thing that one of them has to do, or to `deadline_ns` of the clock."""
@@ -349,15 +361,15 @@ class WireBench:
             self._late, self._late_from = self._sync.lateness_ns(start, _CHUNK), start
         return int(self._late[cycle - start])
 
-    def _run_cycle(self, sync_data: bytes) -> None:
-        """SYNC: latch, act, advance, send."""
+    def _run_cycle(self, cob_id: int, data: bytes) -> None:
+        """The drive's SYNC: latch, act, advance, send; for all that follow the same."""
         wire = self.wire_faults()
         for fault in wire:
             fault.act(self, self._cycle)
-        reached: list[Frame] = [] if self.is_stalled else [(SYNC, sync_data)]
+        reached: list[Frame] = [] if self.is_stalled else [(cob_id, data)]
         for fault in wire:
             reached = [kept for frame in reached for kept in fault.to_devices(frame, self)]
-        following = [slave for slave in self.slaves if slave.sync_cob_id == SYNC] if reached else []
+        following = [slave for slave in self.slaves if slave.sync_cob_id == cob_id] if reached else []
         for slave in following:
             slave.latch()
             slave.apply_synchronous()

@@ -23,7 +23,7 @@ def counter_entries(node_id: int, counts_per_revolution: int, total_range: int, 
     return [
         *standard_entries(node_id, INCREMENTAL_WITH_TURNS, "Simulated encoder counter", 0x406, serial),
         *array(0x2000, "Index latch", (("position at the last mark", U32, "ro", 0), ("marks seen", U8, "ro", 0)), mappable="t"),
-        Entry(0x6000, 0, "Operating parameters", U16, "rw", 0),
+        Entry(0x6000, 0, "Operating parameters", U16, "rw", 0, low=0, high=REVERSE_BIT | SCALING_BIT),
         Entry(0x6001, 0, "Measuring units per revolution", U32, "rw", counts_per_revolution, low=1),
         Entry(0x6002, 0, "Total measuring range in measuring units", U32, "rw", total_range),
         Entry(0x6003, 0, "Preset value", U32, "rw", 0),

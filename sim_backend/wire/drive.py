@@ -74,8 +74,8 @@ def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
         Entry(0x6007, 0, "Abort connection option code", I16, "rw", 1, low=0, high=3),
         Entry(0x603F, 0, "Error code", U16, "ro", 0, "t"),
         Entry(0x6040, 0, "Controlword", U16, "rw", 0, "r"),
-        Entry(0x6041, 0, "Statusword", U16, "ro", 0, "t"),
-        Entry(0x605A, 0, "Quick stop option code", I16, "rw", 2),
+        Entry(0x6041, 0, "Statusword", U16, "ro", STATUSWORD_OF[DriveState.SWITCH_ON_DISABLED], "t"),
+        Entry(0x605A, 0, "Quick stop option code", I16, "rw", 2, low=QUICK_STOP_OPTIONS[0], high=QUICK_STOP_OPTIONS[-1]),
         Entry(0x605E, 0, "Fault reaction option code", I16, "rw", 2, low=0, high=2),
         Entry(0x6060, 0, "Modes of operation", I8, "rw", 0, "r"),
         Entry(0x6061, 0, "Modes of operation display", I8, "ro", 0, "t"),
@@ -112,8 +112,9 @@ def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
 
 
 DRIVE_PDOS = (
-    PdoPlan(1, transmit=False, mapping=(0x60400010, 0x60FF0020, 0x60600008)),
-    PdoPlan(2, transmit=False, mapping=(0x60710010,)),
+    # Set-points act at once until a master ties them to the SYNC, as CiA 402 has its default RPDOs.
+    PdoPlan(1, transmit=False, mapping=(0x60400010, 0x60FF0020, 0x60600008), transmission=255),
+    PdoPlan(2, transmit=False, mapping=(0x60710010,), transmission=255),
     PdoPlan(1, transmit=True, mapping=(0x60410010, 0x60640020, 0x60770010)),
     PdoPlan(2, transmit=True, mapping=(0x606C0020, 0x603F0010, 0x60610008), transmission=10),
     PdoPlan(3, transmit=True, mapping=(0x60B90010, 0x60BA0020), exists=False),

@@ -139,7 +139,8 @@ def parse_send(message: str) -> Frame | None:
     if len(words) < 3 or words[0] != "send":
         return None
     try:
-        cob_id, length = int(words[1], 16), int(words[2])
+        # More than three digits are a 29-bit identifier, whatever its number.
+        cob_id, length = int(words[1], 16) if len(words[1]) <= 3 else -1, int(words[2])
         data = bytes(int(word, 16) for word in words[3:])
     except ValueError:
         return None

@@ -153,8 +153,9 @@ def test_an_rpdo_that_acts_at_once_is_used_with_a_warning_and_a_synchronous_one_
 @pytest.mark.parametrize("kind", [0, 240, 252, 255])
 def test_a_tpdo_that_cannot_follow_every_sync_is_refused_by_its_type(kind: int) -> None:
     made = setup()
-    made.counter.put(0x1800, kind, 1, 2)
-    refuses(made.counter, 0x1800, INVALID, lambda sub, data: sub == 2)
+    for index in range(0x1800, 0x1804):
+        made.counter.put(index, kind, 1, 2)
+        refuses(made.counter, index, INVALID, lambda sub, data: sub == 2)
     with pytest.raises(DriverError, match=rf"every SYNC; value transmission type {kind}") as caught, opened(made):
         pass
     assert "0x1800:2" in str(caught.value)

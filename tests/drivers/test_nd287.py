@@ -133,6 +133,13 @@ def test_silence_half_lines_and_garbage() -> None:
     _, _, device = readout((b"\x02", b"x" * 1000))
     with pytest.raises(DecodeError, match="does not end"):
         device.read()
+    _, _, device = readout((b"\x02", b"\r\n" * 99 + b"+  180.0000 G  \r\n"))
+    assert device.read().value == pytest.approx(math.pi)
+    # A line that says CR LF for ever was listened to for ever.
+    port, _, device = readout((b"\x02", b""))
+    port.read = lambda size=1: b"\n"  # type: ignore[method-assign]
+    with pytest.raises(DecodeError, match="nothing but empty lines"):
+        device.read()
     _, _, device = readout((b"\x02", b"+  18"), (b"\x02", b"+  180.0000 G  \r\n"))
     assert device.read_again().value == pytest.approx(math.pi)
 

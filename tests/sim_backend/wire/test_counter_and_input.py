@@ -117,4 +117,4 @@ def test_limits_as_triggers() -> None:
     for value in (499, 500, 400):
         made.take((value, 0, 0, 0))
     assert len(sent) == 1
-    assert write(made, sent, 0x6421, 1, 0x10, 1) == 0x06090030
+    assert write(made, sent, 0x6421, 1, 0x10, 1) == 0x06090031

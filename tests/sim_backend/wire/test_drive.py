@@ -55,6 +55,7 @@ def test_transitions(before: DriveState, word: int, after: DriveState) -> None:
 
 def test_a_controlword_acts_at_its_sync_and_shows_at_the_next() -> None:
     made, sent = brought(S.SWITCHED_ON)
+    write(made, sent, 0x1400, 2, 1, 1)
     start(made)
     seen = []
     for _ in range(3):

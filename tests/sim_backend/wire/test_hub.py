@@ -31,8 +31,9 @@ WAIT = 10.0
 @pytest.mark.parametrize(("message", "frame"), [
     ("send 201 2 0F 00", (0x201, b"\x0f\0")), ("send 80 0", (0x80, b"")), ("send 80 0 ", (0x80, b"")),
     ("send 7FF 8 1 2 3 4 5 6 7 8", (0x7FF, bytes(range(1, 9)))),
-    ("send 800 0", None), ("send 12345678 0", None), ("send 201 3 0F 00", None), ("send 201 1 0F 00", None),
-    ("send 201 1 100", None), ("send 201 9 1 2 3 4 5 6 7 8 9", None), ("send x 0", None), ("send 201 -1", None),
+    ("send 800 0", None), ("send 00000201 0", None), ("send 12345678 0", None), ("send 201 3 0F 00", None),
+    ("send 201 1 0F 00", None), ("send 201 1 100", None),
+    ("send 201 9 1 2 3 4 5 6 7 8 9", None), ("send x 0", None), ("send 201 -1", None),
     ("send", None), ("", None), ("echo", None), ("sendpdu", None),
 ])  # fmt: skip
 def test_send_messages(message: str, frame: tuple[int, bytes] | None) -> None:

@@ -245,6 +245,7 @@ def test_the_event_timer_and_the_inhibit_time() -> None:
 
 def test_rpdos_act_at_the_sync_or_at_once() -> None:
     slave, sent = drive()
+    write(slave, sent, 0x1400, 2, 1, 1)
     start(slave)
     slave.receive(0x201, struct.pack("<Hib", 6, 1234, 9), 0)
     assert slave.dictionary.number(0x60FF) == 0
