@@ -375,8 +375,9 @@ class ServoAmplifier:
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write torque, speed and ramp limits, rounded to the safe side, and return what reads back; inf: not held."""
         readings = self.readings
+        torque_unit = units.torque_limit_unit(self.device, readings.rated_torque)
         self.limits, profile = write_limits(
-            self.device, limits, torque_unit=readings.rated_torque / 1000.0, velocity_unit=readings.velocity_unit,
+            self.device, limits, torque_unit=torque_unit, velocity_unit=readings.velocity_unit,
             acceleration_unit=readings.acceleration_unit,
         )  # fmt: skip
         readings.missing[:] = self.device.missing

@@ -39,7 +39,8 @@ def rated_torque(device: RemoteDevice, configured: float | None) -> float:
     if told and configured and abs(told * 1e-3 - configured) > 0.02 * configured:
         device.bus.emit(
             "warning", "rated-torque", device.where,
-            f"0x6076 says {told * 1e-3:g} N m, the configuration {configured:g} N m; the configuration holds",
+            f"0x6076 says {told * 1e-3:g} N m, the configuration {configured:g} N m; torque is read by the "
+            "configuration, and the torque limit is written so that it holds by either",
         )  # fmt: skip
     if configured:
         return configured
@@ -47,6 +48,12 @@ def rated_torque(device: RemoteDevice, configured: float | None) -> float:
         return float(told) * 1e-3
     device.note_missing(obj.RATED_TORQUE, "torque is not known in N m: give `rated_torque` from the motor's nameplate")
     return math.nan
+
+
+def torque_limit_unit(device: RemoteDevice, rated: float) -> float:
+    """N m per count of 0x6072: of the rated torque and of 0x6076 the larger, so that the limit holds whichever is right."""
+    told = float(device.read_optional(obj.RATED_TORQUE, "the rated torque must stand in the configuration") or 0) * 1e-3
+    return max(rated, told) / 1000.0 if rated > 0.0 else rated
 
 
 def counts_per_revolution(device: RemoteDevice, configured: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,6 +76,18 @@ def test_the_interpolation_period_is_the_syncs_or_stays_whole(
     device = RemoteDevice(PumpedBus(wire, wire.clock, pump=wire.pump), 1)
     write_interpolation_time(device, cycle_ns)
     assert (drive.value(0x60C2, 1), drive.value(0x60C2, 2)) == found
+
+
+@pytest.mark.parametrize(("configured", "per_mille"), [(0.637, 784), (0.3185, 784), (1.274, 392)])
+def test_a_torque_limit_holds_by_the_configuration_and_by_the_drive(configured: float, per_mille: int) -> None:
+    """0x6076 says 637 mN m. Whichever rated torque is the right one, the drive never gives more than the limit."""
+    with bench(Traits(values={(0x6076, 0): 637}), config=DriveConfig(rated_torque=configured)) as made:
+        made.rig.open()
+        held = made.rig.write_limits(replace(LIMITS, torque=0.5)).torque
+        assert made.drive.value(0x6072) == per_mille
+        assert per_mille * 1e-3 * max(configured, 0.637) == pytest.approx(held)
+        assert held <= 0.5
+        assert any(event.code == "rated-torque" for event in made.events()) == (configured != 0.637)
 
 
 def test_a_limit_that_the_drive_trims_is_not_taken_for_held() -> None:
