@@ -19,9 +19,9 @@ from drivers.errors import DriverError, ReadbackError
 from drivers.pdo import map_objects, read_pdo
 from drivers.port import Command, DriveLimits, Guard, Mode
 from drivers.sdo import SdoAbortError, SdoClient, SdoTimeoutError
+from tests.drivers.can_bench import Setup, close, setup
 from tests.drivers.canopen_peer import DrivePeer, Peer, drive_eds, entry, record
 from tests.drivers.scripted_bus import ScriptedBus
-from tests.drivers.test_can_rig import Setup, close, setup
 
 READ_ONLY, INVALID, NOT_NOW = 0x06010002, 0x06090030, 0x08000022
 HEARTBEAT = entry(0x1017, None, "producer heartbeat", 6, "rw", "0")

@@ -1,0 +1,92 @@
+"""A rig on python-can's virtual bus for tests: simulated devices, a bus that can be unplugged, and the drivers before it."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import can
+import numpy as np
+
+from drivers.bus import Event
+from drivers.cia401 import AnalogModuleConfig, torque_input
+from drivers.cia402 import DriveConfig
+from drivers.cia406 import CounterConfig
+from drivers.clock import VirtualClock
+from drivers.cyclic import CanRig, CanRigConfig
+from drivers.port import Command, DriveLimits, Guard, Mode
+from drivers.rig_nodes import MotorEncoder
+from tests.drivers.canopen_peer import Bench, CounterPeer, DrivePeer, Peer, analog_eds
+
+RPM = 2 * np.pi / 60
+LIMITS = DriveLimits(0.5, 300.0, 1000.0, 1000.0, 2000.0)
+CHANNELS = (f"rig-{n}" for n in itertools.count())
+
+
+class Losable:
+    """The master's bus, which can be pulled out."""
+
+    def __init__(self, channel: str) -> None:
+        self.bus = can.Bus(interface="virtual", channel=channel, receive_own_messages=True, preserve_timestamps=True)
+        self.is_gone = False
+
+    def send(self, msg: can.Message) -> None:
+        if self.is_gone:
+            raise can.CanOperationError("unplugged")
+        self.bus.send(msg)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if self.is_gone:
+            raise can.CanOperationError("unplugged")
+        return self.bus.recv(timeout)
+
+    def shutdown(self) -> None:
+        self.bus.shutdown()
+
+
+@dataclass
+class Setup:
+    clock: VirtualClock
+    drive: DrivePeer
+    counter: CounterPeer
+    analog: Peer
+    raw: Losable
+    rig: CanRig
+    seen: list[Event]
+
+    def column(self, name: str) -> int:
+        return [c.name for c in self.rig.channels].index(name)
+
+    def speed(self, rpm: float, cycles: int, guard: Guard | None = None):
+        return self.rig.exchange(Command(Mode.SPEED, np.full(cycles, rpm * RPM)), cycles, guard or Guard())
+
+    def codes(self) -> list[str]:
+        self.seen += self.rig.events()
+        return [event.code for event in self.seen]
+
+
+def setup(
+    *, state: str = "SOD", eds_text: str = "", config: CanRigConfig | None = None, drive: DriveConfig | None = None
+) -> Setup:
+    channel, clock = next(CHANNELS), VirtualClock()
+    raw = Losable(channel)
+    peers = (
+        DrivePeer(channel, clock, eds_text, state=state),
+        CounterPeer(channel, clock),
+        Peer(channel, 3, analog_eds(), clock),
+    )
+    config = config or CanRigConfig(
+        drive=drive or DriveConfig(),
+        motor_encoder=MotorEncoder(8192, 4, largest_speed=400.0),
+        counters=(CounterConfig(2),),
+        modules=(AnalogModuleConfig(3, (torque_input(0.637),)),),
+    )
+    rig = CanRig(config, clock, lambda: raw, pump=Bench(*peers), time_base="virtual", origin="simulated")
+    return Setup(clock, *peers, raw, rig, [])
+
+
+def close(made: Setup) -> None:
+    made.rig.close()
+    if made.raw.is_gone:
+        made.raw.shutdown()
+    Bench(made.drive, made.counter, made.analog).close()
