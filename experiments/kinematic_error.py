@@ -420,7 +420,8 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
     origins = {path: o for path, o in gear.origins.items() if not path.startswith("kinematic_error.")}
     ratio = float(result.options.get("ratio", gear.ratio))
     for name, amplitude in result.estimates.items():
-        if not name.startswith("amplitude_") or amplitude.identifiable != "yes":
+        if not name.startswith("amplitude_") or amplitude.identifiable == "no" or not amplitude.low > 0.0:
+            # What is above the noise belongs to gear and encoders together; it is kept, with the doubt who made it.
             continue
         label = name.removeprefix("amplitude_")
         phase = result.estimates[f"phase_{label}"].value

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -22,7 +22,7 @@ from model.errors import IdentificationError
 from model.identify.angle_regression import AngleFit, AngleRegression, Basis, solve_angle
 from model.identify.checks import Array, channels
 from model.identify.estimate import BudgetLine, Estimate
-from model.identify.kinematic_error import KinematicErrorFit, phase_budget
+from model.identify.kinematic_error import KinematicErrorFit, above_encoders, phase_budget
 from model.identify.least_squares import student_quantile
 from model.units import DEGREE
 
@@ -86,9 +86,11 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
             amplitude, phase = polar_estimates(label, mean[2 + 2 * k], mean[3 + 2 * k], block, freedom, "rad")
             # What the encoders put on an order is the same in both directions: the mean does not lessen it.
             lines = [line for line in forward.orders[k].amplitude.budget if line.kind == "B"]
-            estimates[f"amplitude_{label}"] = amplitude = amplitude.with_budget(lines)
+            amplitude = above_encoders(amplitude.with_budget(lines))
             tangential = 0.5 * (phase.high - phase.low) / student_quantile(freedom) * amplitude.value
-            estimates[f"phase_{label}"] = phase.with_budget(phase_budget(amplitude, tangential))
+            phase = phase.with_budget(phase_budget(amplitude, tangential))
+            estimates[f"amplitude_{label}"] = amplitude
+            estimates[f"phase_{label}"] = replace(phase, identifiable=amplitude.identifiable, note=amplitude.note)
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     curves = [_whole_orders(basis, values, angle) for values in (ahead.values, back.values)]
     warnings = [f"forward: {w}" for w in forward.warnings] + [f"reverse: {w}" for w in reverse.warnings]

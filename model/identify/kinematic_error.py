@@ -293,6 +293,8 @@ def _order(fit: AngleFit, index: int, encoders: Encoders) -> OrderEstimate:
     amplitude = Estimate(
         f"amplitude_{label}", size, "rad", max(size - t * radial, 0.0), size + t * radial, verdict, note, tuple(lines)
     )
+    amplitude = above_encoders(amplitude)
+    verdict, note = amplitude.identifiable, amplitude.note
     return OrderEstimate(
         order=order,
         label=label,
@@ -304,6 +306,14 @@ def _order(fit: AngleFit, index: int, encoders: Encoders) -> OrderEstimate:
         ),
         significant=significant and not left_out,
     )
+
+
+def above_encoders(amplitude: Estimate) -> Estimate:
+    """The amplitude of an order, told "weakly" where the encoders alone may make all of it."""
+    of_encoders = any(line.kind == "B" for line in amplitude.budget)
+    if amplitude.identifiable != "yes" or not of_encoders or amplitude.expanded_uncertainty < amplitude.value:
+        return amplitude
+    return replace(amplitude, identifiable="weakly", note="not above what the encoders may add")
 
 
 def phase_budget(amplitude: Estimate, tangential: float) -> tuple[BudgetLine, ...]:

@@ -6,13 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from rig.report.content import Grid
+from rig.report.provenance import tare_of
 from rig.report.wording import display_unit, number, readable, show, source_text
 
 if TYPE_CHECKING:
     from model.gear import HarmonicDrive, Value
     from model.identify.estimate import Estimate
     from rig.fit import Fit
-    from rig.report.content import Part
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,8 @@ PROMISES = (
     Promise(
         "running_torque", "friction", "running_torque",
         "torque that keeps the input turning at a constant speed, nothing on the output",
-        "nothing on the output, housing at 20 °C, the unit's own grease, after running in",
+        "nothing on the output, at a stated speed and temperature (20 °C), the maker's grease in its standard quantity, "
+        "ratio 100 (others are corrected for)",
     ),
     Promise(
         "starting_torque", "starting-torque", "starting_torque",
@@ -51,9 +53,9 @@ PROMISES = (
 """What of a catalogue this rig can measure."""
 
 OUT_OF_REACH = (
-    ("hysteresis_loss", "hysteresis loss: torsion left at the output after loading it both ways, input locked"),
-    ("stiffness_1", "static torsional stiffness K1: torque over torsion at the output up to T1, input locked"),
-    ("stiffness_2", "static torsional stiffness K2: the same between T1 and T2"),
+    ("hysteresis_loss", "hysteresis loss: torsion left at the output after loading both ways, input locked"),
+    ("stiffness_1", "static torsional stiffness K1: torque over torsion at the output up to T1"),
+    ("stiffness_2", "static torsional stiffness K2: the same from T1 to T2"),
     ("stiffness_3", "static torsional stiffness K3: the same above T2"),
 )
 """What it cannot, and why it stands in the table all the same: nobody shall look for it in vain."""
@@ -72,19 +74,25 @@ NOTE = (
 Row = tuple[str, ...]
 
 
-def catalogue_rows(fits: Sequence[Fit], parts: Sequence[Part]) -> tuple[Row, ...]:
+def catalogue_grid(fits: Sequence[Fit], conditions: Sequence[Sequence[tuple[str, str]]]) -> Grid | None:
+    """The table beside the catalogue, from the fits and the conditions of each; None where there is nothing to compare."""
+    rows = catalogue_rows(fits, conditions)
+    return Grid(TITLE, COLUMNS, rows, NUMERIC, NOTE) if rows else None
+
+
+def catalogue_rows(fits: Sequence[Fit], conditions: Sequence[Sequence[tuple[str, str]]]) -> tuple[Row, ...]:
     """A row per measured quantity that the catalogue of its gear states; what this rig cannot measure closes the table."""
     rows: list[Row] = []
     gears: list[HarmonicDrive] = []
-    for fit, part in zip(fits, parts, strict=True):
+    for fit, prevailing in zip(fits, conditions, strict=True):
         if not fit.gear_known:
             continue
-        found = tuple(_measured(fit, dict(part.provenance.conditions)))
+        found = tuple(_measured(fit, dict(prevailing)))
         rows += found
         if found and all(fit.gear.ratings != gear.ratings for gear in gears):
             gears.append(fit.gear)
     for gear in gears:
-        rows += [_unmeasured(gear, name, words) for name, words in OUT_OF_REACH]
+        rows += _unmeasured(gear)
     return tuple(rows)
 
 
@@ -110,19 +118,25 @@ def _measured(fit: Fit, conditions: Mapping[str, str]) -> Iterator[Row]:
 def _here(fit: Fit, estimate: Estimate, conditions: Mapping[str, str]) -> str:
     """What prevailed when this quantity was measured."""
     subject = fit.result.options.get("torque_is_of", "")
+    positions = conditions.get("Wave-generator positions", "")
     told = [
         "" if "rpm" in estimate.name else conditions.get("Input speeds", ""),
+        f"wave-generator positions {positions}" if positions else "",
         f"housing {conditions['Housing temperature']}" if "Housing temperature" in conditions else "",
         f"lubricant {conditions['Lubricant']}" if "Lubricant" in conditions else "lubricant not noted",
         f"torque of {subject}" if subject else "",
-        "no tare" if subject and fit.tare is None and fit.result.kind == "friction" else "",
+        "no tare" if subject and tare_of(fit) == "none" and fit.result.kind == "friction" else "",
     ]
     return ", ".join(part for part in told if part)
 
 
-def _unmeasured(gear: HarmonicDrive, name: str, words: str) -> Row:
-    stated: Value = gear.value(f"ratings.{name}")
-    factor, unit = display_unit("accuracy" if stated.unit == "rad" else name, stated.unit, stated.value)
-    text = f"{number(stated.value / factor)} {unit}".rstrip()
-    source = source_text(stated.origin.provenance, stated.origin.source)
-    return words, "–", text, source, "cannot be measured on this rig", "–"
+def _unmeasured(gear: HarmonicDrive) -> Iterator[Row]:
+    """What the catalogue states and this rig cannot measure; a source that several share is said once."""
+    said = ""
+    for name, words in OUT_OF_REACH:
+        stated: Value = gear.value(f"ratings.{name}")
+        factor, unit = display_unit("accuracy" if stated.unit == "rad" else name, stated.unit, stated.value)
+        text = f"{number(stated.value / factor)} {unit}".rstrip()
+        source = source_text(stated.origin.provenance, stated.origin.source)
+        yield words, "–", text, source if source != said else "as above", "cannot be measured on this rig", "–"
+        said = source

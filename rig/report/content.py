@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from experiments.result import Result
+from rig.report.columns import column
 from rig.report.provenance import Provenance, provenance_of
-from rig.report.wording import display_unit, heading, metric, number, pretty, readable, show, source_text
+from rig.report.wording import (
+    display_unit,
+    metric,
+    number,
+    order_label,
+    pretty,
+    printed_symbol,
+    readable,
+    show,
+    source_text,
+)
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
@@ -137,43 +149,46 @@ def estimate_grid(title: str, estimates: Mapping[str, Estimate]) -> Grid | None:
             (readable(name), s.value, s.expanded or "–", s.unit, interval, estimate.identifiable, estimate.note)
         )
     columns = ("Quantity", "Value", "± U (k = 2)", "Unit", "95 % interval", "Identifiable", "Remark")
-    return _without_empty(Grid(title, columns, tuple(rows), (False, True, True, False, True, False, False)))
+    return without_empty(Grid(title, columns, tuple(rows), (False, True, True, False, True, False, False)))
 
 
 def budget_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
-    """Standard uncertainties: a row per quantity, a column per source, its type beside it."""
+    """Standard uncertainties by source, its type beside it; what there is more of, quantities or sources, goes down the page."""
     with_budget = {n: e for n, e in estimates.items() if e.budget}
     sources = list(dict.fromkeys((b.source, b.kind) for e in with_budget.values() for b in e.budget))
     if not sources:
         return None
-    rows = []
-    for name, estimate in with_budget.items():
-        size = max(abs(estimate.value), estimate.expanded_uncertainty)
-        factor, unit = display_unit(estimate.name, estimate.unit, size)
-        found: dict[tuple[str, str], float] = {}
-        for line in estimate.budget:
-            key = (line.source, line.kind)
-            found[key] = (found.get(key, 0.0) ** 2 + line.standard_uncertainty**2) ** 0.5
-        cells = (number(found[s] / factor, 2) if s in found else "·" for s in sources)
-        combined = number(estimate.standard_uncertainty / factor, 2)
-        expanded = number(estimate.expanded_uncertainty / factor, 2)
-        rows.append((readable(name), unit, *cells, combined, expanded))
-    columns = ("Quantity", "Unit", *(f"{source} ({kind})" for source, kind in sources), "u", "U (k = 2)")
+    columns = [_budget_column(name, estimate, sources) for name, estimate in with_budget.items()]
+    heads = (*(f"{source} ({kind})" for source, kind in sources), "u", "U (k = 2)")
     notes = dict.fromkeys(f"{b.source}: {b.note}" for e in with_budget.values() for b in e.budget if b.note)
-    note = "Standard uncertainties by source, type A or B; u is their root sum of squares. " + "; ".join(notes)
-    return Grid(
-        "Uncertainty budget", columns, tuple(rows), (False, False, *([True] * (len(sources) + 2))), note.strip()
-    )
+    told = "; ".join(notes)
+    note = f"Standard uncertainties by source, type A or B; u is their root sum of squares. {told[:1].upper()}{told[1:]}".strip()
+    if len(heads) <= len(columns) + 1:
+        lines = tuple((name, unit, *cells) for name, unit, cells in columns)
+        return Grid("Uncertainty budget", ("Quantity", "Unit", *heads), lines, (False, False, *([True] * len(heads))), note)
+    titles = tuple(f"{name} [{unit}]" if unit else name for name, unit, _ in columns)
+    lines = tuple((head, *(cells[k] for _, _, cells in columns)) for k, head in enumerate(heads))
+    return Grid("Uncertainty budget", ("Source (type)", *titles), lines, (False, *([True] * len(columns))), note)
+
+
+def _budget_column(
+    name: str, estimate: Estimate, sources: Sequence[tuple[str, str]]
+) -> tuple[str, str, tuple[str, ...]]:
+    """Name, unit and standard uncertainties of one quantity: by source, combined, expanded."""
+    factor, unit = display_unit(estimate.name, estimate.unit, max(abs(estimate.value), estimate.expanded_uncertainty))
+    found: dict[tuple[str, str], float] = {}
+    for line in estimate.budget:
+        key = (line.source, line.kind)
+        found[key] = math.hypot(found.get(key, 0.0), line.standard_uncertainty)
+    sizes = (*(found.get(source) for source in sources), estimate.standard_uncertainty, estimate.expanded_uncertainty)
+    return readable(name), unit, tuple("·" if size is None else number(size / factor, 2) for size in sizes)
 
 
 def data_grid(table: Any) -> Grid:
     """A table of an analysis as text."""
-    numeric = tuple(
-        all(isinstance(row[i], (int, float)) and not isinstance(row[i], bool) for row in table.rows)
-        for i in range(len(table.columns))
-    )
-    rows = tuple(tuple(number(cell) for cell in row) for row in table.rows)
-    return Grid(table.title, tuple(heading(c) for c in table.columns), rows, numeric, table.note)
+    made = [column(title, [row[i] for row in table.rows]) for i, title in enumerate(table.columns)]
+    rows = tuple(tuple(texts[k] for _, texts, _ in made) for k in range(len(table.rows)))
+    return Grid(table.title, tuple(title for title, _, _ in made), rows, tuple(numeric for _, _, numeric in made), table.note)
 
 
 def file_grid(fits: Sequence[Fit]) -> Grid:
@@ -184,11 +199,15 @@ def file_grid(fits: Sequence[Fit]) -> Grid:
     return Grid("Run files", ("Run", "Outcome", "SHA-256 of the run file"), rows, (False, False, False))
 
 
-def _without_empty(grid: Grid) -> Grid:
-    """The grid without a last column that says nothing."""
-    if any(row[-1] for row in grid.rows):
+def without_empty(grid: Grid) -> Grid:
+    """The grid without the columns that say nothing."""
+    kept = [i for i in range(len(grid.columns)) if any(row[i] for row in grid.rows)]
+    if len(kept) == len(grid.columns) or not kept:
         return grid
-    return Grid(grid.title, grid.columns[:-1], tuple(r[:-1] for r in grid.rows), grid.numeric[:-1], grid.note)
+    return replace(
+        grid, columns=tuple(grid.columns[i] for i in kept), numeric=tuple(grid.numeric[i] for i in kept),
+        rows=tuple(tuple(row[i] for i in kept) for row in grid.rows),
+    )  # fmt: skip
 
 
 def metric_grid(result: Result) -> Grid | None:
@@ -242,7 +261,7 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
         rows.append(
             (
                 v.description,
-                v.symbol,
+                printed_symbol(v.symbol),
                 text,
                 shown_u,
                 "" if unit == "1" else pretty(unit),
@@ -255,7 +274,7 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
         origin = gear.origins.get(harmonic_path(h.order))
         u = origin.standard_uncertainty if origin else None
         known = (origin.provenance, origin.source) if origin else ("", "")
-        name = f"kinematic error, order {number(h.order, 6)}: amplitude"
+        name = f"kinematic error, order {order_label(h.order, gear.ratio)}: amplitude"
         rows.append((name, "", number(h.amplitude / factor), number(u / factor, 2) if u else "", unit, *known))
     columns = ("Parameter", "Symbol", "Value", "u", "Unit", "Provenance", "Source")
     numeric = (False, False, True, True, False, False, False)
@@ -271,15 +290,17 @@ def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
             used.append((fit.gear, [fit.result.kind]))
         else:
             same.append(fit.result.kind)
-    grids = []
+    grids: list[Grid] = []
+    whole: Grid | None = None
     for gear, kinds in used:
         grid = parameter_grid(gear)
+        whole = whole or grid
         title = f"{grid.title}, used for {', '.join(dict.fromkeys(kinds))}" if len(used) > 1 else grid.title
-        if grids:
-            first = [dict(zip(grids[0].columns, row, strict=True)) for row in grids[0].rows]
-            rows = [row for row in grid.rows if dict(zip(grid.columns, row, strict=True)) not in first]
-            grid = replace(grid, rows=tuple(rows), note="Only what differs from the set above.")
-        grids.append(replace(grid, title=title))
+        if grid is not whole:
+            first = set(whole.rows)
+            rows = tuple(row for row in grid.rows if row not in first)
+            grid = replace(grid, rows=rows, note="Only what differs from the set above.")
+        grids.append(without_empty(replace(grid, title=title)))
     return tuple(grids)
 
 
@@ -331,7 +352,7 @@ def part_of(fit: Fit, index: int, title: str) -> Part:
         budget=budget_grid(others),
         metrics=metric_grid(result),
         tables=tuple(g for g in grids if len(g.rows) <= LONG_TABLE),
-        annex=tuple(g for g in grids if len(g.rows) > LONG_TABLE),
+        annex=tuple(replace(g, title=f"{title}: {g.title}") for g in grids if len(g.rows) > LONG_TABLE),
         warnings=result.warnings,
         provenance=provenance_of(fit),
     )

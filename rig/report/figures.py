@@ -288,10 +288,11 @@ def _ticks(axes: Axes, plot: Plot) -> None:
     """Plain numbers on logarithmic axes (10, 100, 1000), and no scientific offsets without need."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-    places = [np.asarray(series.x, dtype=np.float64) for series in plot.series]
+    pointed = [series for series in plot.series if series.style == "points"]
+    places = [np.asarray(series.x, dtype=np.float64) for series in pointed or plot.series]
     if plot.x_scale != "log" and places and all(np.array_equal(x, np.round(x)) for x in places):
         # Runs, orders, segments: nothing lies between them.
-        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     for axis, scale in ((axes.xaxis, plot.x_scale), (axes.yaxis, plot.y_scale)):
         if scale != "log":
             continue

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from rig.passport import Passport, PassportSeries
-from rig.report import content, definitions, figures
+from rig.report import catalogue, content, definitions, figures, provenance
 from rig.report.content import Grid, Overall, Part
-from rig.report.page import ORIGIN_SENTENCES, Figure, Signature, run_line
+from rig.report.gear_runs import gear_alarms, gear_files, newest_fits
+from rig.report.page import ORIGIN_SENTENCES, TITLES, Figure, Signature, run_line
 from rig.report.provenance import Provenance
 from rig.report.wording import decimals_of, fixed, number
+
+if TYPE_CHECKING:
+    from rig.fit import Fit
 
 _STYLES = {"in control": "pass", "to be watched": "marginal", "out of control": "fail", "no control limits yet": "open"}
 _WORDS = {
@@ -24,25 +29,54 @@ _WORST = ("out of control", "to be watched", "no control limits yet", "in contro
 
 
 def gear_context(passport: Passport, *, created: str) -> dict[str, Any]:
-    """What the report of a gear shows, under the names that the page's template knows."""
+    """What the report of a gear shows, under the names that the page's template knows.
+
+    The verdict and the catalogue are those of the newest analysed run of every kind; the charts are those of all its runs.
+    """
+    with newest_fits(passport) as fits:
+        return {**_of_all_runs(passport), **_of_newest(passport, fits), "created": created}
+
+
+def _of_all_runs(passport: Passport) -> dict[str, Any]:
+    """Who and what the gear is, its charts, and the runs that count."""
     origins = list(dict.fromkeys(run.origin for run in passport.runs))
     words = [word for word in (figures.WATERMARKS.get(origin, origin.upper()) for origin in origins) if word]
-    parts = tuple(_parts(passport))
     starts = sorted(run.start[:10] for run in passport.runs if run.start)
+    days = "not stated" if not starts else starts[0] if starts[0] == starts[-1] else f"{starts[0]} to {starts[-1]}"
+    counted = f"{len(passport.runs)} {'run counts' if len(passport.runs) == 1 else 'runs count'}"
     return {
-        "created": created, "note": f"{len(passport.runs)} runs of this gear.", "number": _number(passport),
+        "note": f"{counted} for this gear; they are listed in the annex.", "number": _number(passport),
         "gear_name": passport.gear or "not stated", "heading": f"Passport of gear {passport.serial}",
-        "serial": passport.serial, "serials": [passport.serial],
+        "subtitle": "Catalogue values of the newest runs, and every followed quantity over the life of the gear",
+        "serial": passport.serial,
         "operators": ", ".join(dict.fromkeys(run.operator or "not stated" for run in passport.runs)),
-        "dates": f"{starts[0]} to {starts[-1]}" if starts else "not stated", "words": words,
+        "dates": days, "words": words,
         "origin_sentences": [ORIGIN_SENTENCES[origin] for origin in origins if origin in ORIGIN_SENTENCES],
-        "overall": _overall(passport.series), "verdicts": (), "alarms": (), "catalogue": None, "files": None,
-        "run_line": run_line([run.run_id for run in passport.runs]), "warnings": _warnings(passport), "long_tables": False,
-        "parts": parts, "conditions": (), "calibrations": (), "identities": (), "conventions": (), "settings": (),
-        "truth": None, "covered": (0, 0, 0), "paper_figures": (), "run_word": "Runs with",
-        "annex_title": "runs", "parameter_sets": (_run_grid(passport),),
+        "alarms": gear_alarms(passport), "run_line": run_line([run.run_id for run in passport.runs]),
+        "warnings": _warnings(passport), "parts": tuple(_parts(passport)), "truth": None, "truth_note": "",
+        "paper_figures": (), "run_word": "Runs with", "annex_title": "runs", "parameter_sets": (_run_grid(passport),),
         "definitions": _definitions(passport), "not_measured": definitions.NOT_MEASURED, "paper": definitions.PAPER,
         "signature": _signature(words), "version": content.program_version(), "key_results": _newest(passport.series),
+    }  # fmt: skip
+
+
+def _of_newest(passport: Passport, fits: Sequence[Fit]) -> dict[str, Any]:
+    """Verdict, catalogue, conditions, calibrations and provenance of the newest analysed runs, and the files of all."""
+    titles = [f"{TITLES.get(fit.result.kind, fit.result.kind)}, run {fit.result.run}" for fit in fits]
+    told = list(zip(titles, map(provenance.provenance_of, fits), strict=True))
+    verdict = content.overall(fits) if fits else Overall("NOT JUDGED", "No run of this gear is analysed.", "open")
+    verdict = replace(verdict, sentence=f"{verdict.sentence} This is of the newest run of every kind.") if fits else verdict
+    return {
+        "overall": verdict, "states": (verdict, _state(passport.series)), "verdicts": content.verdict_lines(fits),
+        "catalogue": catalogue.catalogue_grid(fits, [found.conditions for _, found in told]),
+        "files": gear_files(passport, fits),
+        "conditions": provenance.side_by_side([(title, found.conditions) for title, found in told]),
+        "calibrations": provenance.side_by_side([(title, found.calibrations) for title, found in told]),
+        "identities": provenance.side_by_side([(title, found.rows) for title, found in told], "Newest runs"),
+        "conventions": provenance.side_by_side([(title, found.options) for title, found in told], "Conventions of the analyses"),
+        "settings": provenance.side_by_side(
+            [(title, found.settings) for title, found in told], "Parameters of the protocols and settings of the analyses"
+        ),
     }  # fmt: skip
 
 
@@ -54,11 +88,13 @@ def _number(passport: Passport) -> str:
     return "HP-" + digest.hexdigest()[:10].upper()
 
 
-def _overall(series: Sequence[PassportSeries]) -> Overall:
+def _state(series: Sequence[PassportSeries]) -> Overall:
     """The worst state of all charts."""
     states = [one.state for one in series]
     if not states:
-        return Overall("NOTHING TO FOLLOW", "No run of this gear has an analysis with a quantity that is followed.", "open")
+        return Overall(
+            "NOTHING TO FOLLOW", "No run of this gear has an analysis with a quantity that is followed.", "open"
+        )
     worst = next(state for state in _WORST if state in states)
     counted = ", ".join(f"{states.count(state)} {state}" for state in _WORST if state in states)
     return Overall(_WORDS[worst], f"{len(states)} quantities over time: {counted}.", _STYLES[worst])
@@ -86,7 +122,7 @@ def _parts(passport: Passport) -> list[Part]:
     origin = passport.runs[-1].origin if passport.runs else "simulated"
     spectra = tuple(_drawn(plot, origin, len(plots) + k) for k, plot in enumerate(passport.spectra, 1))
     if spectra:
-        made.append(_part(len(plots) + 1, "Order spectra", spectra))
+        made.append(_part(len(plots) + 1, "Order spectra", spectra, run="the kinematic error identified"))
     return made
 
 
@@ -120,7 +156,7 @@ def _newest(series: Sequence[PassportSeries]) -> tuple[tuple[str, str, str, str]
 
 def _run_grid(passport: Passport) -> Grid:
     rows = tuple(
-        (run.run_id, run.start[:16].replace("T", " "), run.protocol, run.operator, run.outcome, run.origin)
+        (run.run_id, run.start[:16].replace("T", " "), run.protocol, run.operator or "not stated", run.outcome, run.origin)
         for run in passport.runs
     )
     return Grid(
@@ -129,9 +165,10 @@ def _run_grid(passport: Passport) -> Grid:
 
 
 def _definitions(passport: Passport) -> list[tuple[str, str]]:
-    """What is followed, and what the signals of the charts mean."""
+    """What is followed, what the signals of the charts mean, and how uncertainty and verdict are to be read."""
     found = {one.title: one.definition for one in passport.series}
-    return [*found.items(), *((f"Signal {name}", meaning) for name, meaning in passport.rules.items())]
+    signals = ((f"Signal {name}", meaning) for name, meaning in passport.rules.items())
+    return [*found.items(), *signals, *definitions.definitions_for(())]
 
 
 def _signature(words: Sequence[str]) -> Signature:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rig.report.content import Grid
 
-PORTRAIT, LANDSCAPE = 174.0 / 25.4 * 72.0, 257.0 / 25.4 * 72.0
+PORTRAIT, LANDSCAPE = 174.0 / 25.4 * 72.0, 261.0 / 25.4 * 72.0
 """Width of the text on A4 [pt]."""
 SIZES = (8.0, 7.5, 7.0, 6.5)
-"""Sizes of a table's text [pt], the largest that fits is taken."""
-SMALLEST = 5.5
-"""For tables that fit no other way."""
+"""Sizes of a table's text [pt], the largest that fits is taken; smaller than the last one nothing is set."""
 INSET = 7.0
 """Space beside the text of a column, both sides [pt]."""
 LONG = 30.0
@@ -22,62 +21,125 @@ LONGEST = 60.0
 """Width above which a longer text gets no larger a share [em]."""
 NARROWEST = 9.0
 """Width that a column of broken text keeps at least [em]."""
-BOLD = 1.1
-"""Width of the headings' letters over those of the text."""
+SPARE = 0.5
+"""What a column is wider than its text by the table of letters [em]."""
+MANY, NAMING = 12, 3
+"""Columns from which on a table is split with as many naming ones."""
+KEPT_LINES = 26
+"""Lines of a table that stands on one page whatever comes before it."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """A table on paper: size of its text [pt], widths of its columns [em], and whether its page is laid crosswise."""
+    """A table on paper: size of its text [pt], widths of its columns [em], about how many lines, and crosswise or not."""
 
     size: float
     widths: tuple[float, ...]
     landscape: bool
+    lines: int = 0
+
+    @property
+    def kept(self) -> bool:
+        """Whether the table is short enough to stand on one page."""
+        return self.lines <= KEPT_LINES
 
 
-def layout_of(grid: Grid) -> Layout:
-    """The layout of a table: no wider than its text, broken where it must be, crosswise where it fits no other way."""
+def laid_out(grid: Grid, largest: float = SIZES[0]) -> tuple[tuple[Grid, Layout], ...]:
+    """A table with its layout; one that fits no page comes in several, each with the first columns, which name the row."""
+    found = layout_of(grid, largest)
+    if found is not None:
+        return ((grid, found),)
+    columns = len(grid.columns)
+    if columns <= 2:
+        return ((grid, _squeezed(grid)),)
+    names = NAMING if columns >= MANY else 1
+    middle = (names + columns + 1) // 2
+    halves = (tuple(range(middle)), (*range(names), *range(middle, columns)))
+    return tuple(pair for half in halves for pair in laid_out(_of_columns(grid, half), largest))
+
+
+def _of_columns(grid: Grid, chosen: tuple[int, ...]) -> Grid:
+    return replace(
+        grid, columns=tuple(grid.columns[i] for i in chosen), numeric=tuple(grid.numeric[i] for i in chosen),
+        rows=tuple(tuple(row[i] for i in chosen) for row in grid.rows),
+    )  # fmt: skip
+
+
+def layout_of(grid: Grid, largest: float = SIZES[0]) -> Layout | None:
+    """The layout of a table: no wider than its text, broken where it must be, crosswise where it fits no other way.
+
+    `largest` size of its text [pt]. None for a table that fits no page.
+    """
     columns = range(len(grid.columns))
     heads = [_heading_width(grid.columns[i]) for i in columns]
-    bodies = [max((width_of(row[i]) for row in grid.rows), default=0.0) for i in columns]
+    letters = [_hash_width if is_hash(grid.columns[i]) else width_of for i in columns]
+    bodies = [max((letters[i](row[i]) for row in grid.rows), default=0.0) for i in columns]
     unbroken = [max((_longest_word(row[i]) for row in grid.rows), default=0.0) for i in columns]
-    wanted = [max(head, body) for head, body in zip(heads, bodies, strict=True)]
-    flexible = [not grid.numeric[i] and bodies[i] > LONG and not _is_whole(grid.columns[i]) for i in columns]
+    wanted = [max(head, body) + SPARE for head, body in zip(heads, bodies, strict=True)]
+    flexible = [not grid.numeric[i] and bodies[i] > LONG and not is_hash(grid.columns[i]) for i in columns]
     for landscape, room in ((False, PORTRAIT), (True, LANDSCAPE)):
-        for size in SIZES:
+        for size in (size for size in SIZES if size <= largest):
             space = (room - INSET * len(wanted)) / size
             if sum(wanted) <= space:
-                return _fixed(size, wanted, landscape)
+                return _fixed(grid, size, wanted, landscape)
             for broken in (flexible, [not numeric for numeric in grid.numeric]):
-                least = [max(heads[i], min(max(unbroken[i], NARROWEST), LONG)) for i in columns]
-                if any(broken) and sum(least[i] if broken[i] else wanted[i] for i in columns) <= space:
-                    return _shared(size, wanted, least, broken, space, landscape)
-    space = (LANDSCAPE - INSET * len(wanted)) / SMALLEST
-    return _fixed(SMALLEST, [w * min(1.0, space / sum(wanted)) for w in wanted], True)
+                least = [max(heads[i], min(max(unbroken[i], NARROWEST), LONG)) + SPARE for i in columns]
+                if any(broken) and sum(min(least[i], wanted[i]) if broken[i] else wanted[i] for i in columns) <= space:
+                    return _shared(grid, size, wanted, least, broken, space, landscape)
+    return None
 
 
-def _is_whole(heading: str) -> bool:
-    """Hashes are compared letter by letter: they stand in one line."""
+def is_hash(heading: str) -> bool:
+    """Whether a column holds hashes: they are compared letter by letter and stand in one line, all letters of one width."""
     return heading.startswith("SHA-256")
 
 
-def _fixed(size: float, widths: list[float], landscape: bool) -> Layout:
-    return Layout(size, tuple(round(w, 2) for w in widths), landscape)
+def _squeezed(grid: Grid) -> Layout:
+    """One or two columns wider than any page: each gets its share, and breaks its text."""
+    wanted = [min(max(width_of(row[i]) for row in (grid.columns, *grid.rows)), LONGEST) for i in range(len(grid.columns))]
+    space = (PORTRAIT - INSET * len(wanted)) / SIZES[-1]
+    return _fixed(grid, SIZES[-1], [w * min(1.0, space / sum(wanted)) for w in wanted], False)
+
+
+def _fixed(grid: Grid, size: float, widths: list[float], landscape: bool) -> Layout:
+    rounded = tuple(round(w, 2) for w in widths)
+    return Layout(size, rounded, landscape, _lines(grid, rounded))
+
+
+def _lines(grid: Grid, widths: tuple[float, ...]) -> int:
+    """About how many lines of text a table takes, its title among them."""
+    deepest = [
+        max((math.ceil(1.08 * width_of(text) / max(w, 1.0)) for text, w in zip(row, widths, strict=True)), default=1)
+        for row in grid.rows
+    ]
+    return 4 + sum(max(one, 1) for one in deepest)
 
 
 def _shared(
-    size: float, wanted: list[float], least: list[float], broken: list[bool], space: float, landscape: bool
+    grid: Grid, size: float, wanted: list[float], least: list[float], broken: list[bool], space: float, landscape: bool
 ) -> Layout:
     """What the least widths leave over goes to the columns of broken text, by what each lacks of its whole text."""
-    base = [low if b else whole for whole, low, b in zip(wanted, least, broken, strict=True)]
+    base = [min(low, whole) if b else whole for whole, low, b in zip(wanted, least, broken, strict=True)]
     lack = [max(min(whole, LONGEST) - low, 0.0) for whole, low in zip(wanted, base, strict=True)]
     given = min(1.0, (space - sum(base)) / (sum(lack) or 1.0))
-    return _fixed(size, [low + given * more for low, more in zip(base, lack, strict=True)], landscape)
+    return _fixed(grid, size, [low + given * more for low, more in zip(base, lack, strict=True)], landscape)
 
 
 def width_of(text: str) -> float:
     """Width of a text in one line [em], rather too wide than too narrow."""
     return sum(_letter(c) for c in text)
+
+
+HASH_LETTER = 0.85 * 0.602
+"""Width of a letter of the face in which hashes stand, set somewhat smaller than the text beside it [em]."""
+
+
+def _hash_width(text: str) -> float:
+    return HASH_LETTER * len(text.replace("\u200b", ""))
+
+
+BOLD = 1.12
+"""Width of the headings' letters over those of the text."""
 
 
 def _heading_width(text: str) -> float:
@@ -89,14 +151,16 @@ def _longest_word(text: str) -> float:
     return max((width_of(word) for word in re.split(r"[ \u200b]", text)), default=0.0)
 
 
-_NARROW, _WIDE = frozenset("iljtfr.,:;'|!()[]/ \u202f-"), frozenset("mwMW@%…—×")
+_WIDTHS = (
+    (0.0, "\u200b"), (0.16, "\u202f\u2009"), (0.25, " ,.:;'|·\u00a0"), (0.31, "!()Iilj{}\\°²³¹⁰⁴⁵⁶⁷⁸⁹⁻"), (0.34, "-/"),
+    (0.39, "JfrtS[]\"*s"), (0.47, "0123456789aecz$#`?~"), (0.51, "bdgoqvxSF_"), (0.55, "hknpuyµ+=<>±−–×≤≥LP^"), (0.61, "BERTYZ"),
+    (0.66, "CKUVXΔαβσωνρ%"), (0.71, "ADGNOQ&"), (0.75, "Hw…"), (0.85, "mM∞"),
+)  # fmt: skip
+"""Widths of the letters of the report's face [em], rounded up."""
+_LETTERS = {letter: width for width, letters in _WIDTHS for letter in letters}
+_OTHER, _WIDEST = 0.72, 1.0
 
 
 def _letter(c: str) -> float:
-    if c == "\u200b":
-        return 0.0
-    if c in _NARROW:
-        return 0.36
-    if c in _WIDE or unicodedata.east_asian_width(c) in "WF":
-        return 0.95
-    return 0.50 if c.islower() or c.isdigit() else 0.68
+    """Width of a letter; one of another script by whether it is a wide one."""
+    return _LETTERS.get(c, _WIDEST if c in "W@" or unicodedata.east_asian_width(c) in "WF" else _OTHER)

@@ -7,6 +7,7 @@ figure and cannot be signed.
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from experiments.result import Plot
 from rig.errors import RigError
 from rig.report import catalogue, content, definitions, figures, provenance
-from rig.report.wording import printable
+from rig.report.wording import printable, unbroken
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
@@ -134,6 +135,8 @@ def render_page(context: dict[str, Any]) -> str:
         trim_blocks=True, lstrip_blocks=True, finalize=_finalize,
     )  # fmt: skip
     environment.filters["css"] = lambda text: Markup(css_text(text))
+    environment.filters["unbroken"] = unbroken
+    environment.filters["symbols"] = lambda text: Markup(_symbols(str(Markup.escape(printable(text)))))
     style = environment.get_template(STYLE).render()
     return environment.get_template(TEMPLATE).render(style=Markup(style), **context)
 
@@ -144,12 +147,20 @@ def css_text(text: str) -> str:
     return f'"{plain}"'
 
 
+_SYMBOL = re.compile(r"\b((?:[^\W\d_]/)?[^\W\d_])_([A-Za-z0-9]{1,4})\b")
+
+
+def _symbols(escaped: str) -> str:
+    """Symbols of the paper as they are printed: what follows the underscore of a single letter stands below the line."""
+    return _SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", escaped)
+
+
 def _finalize(value: Any) -> Any:
     """Texts without control characters; markup of ours as it is."""
     return printable(value) if type(value) is str else value
 
 
-LONGEST_LINE = 80
+LONGEST_LINE = 124
 """Letters of run numbers that fit on the foot of a page."""
 
 
@@ -160,14 +171,14 @@ def run_line(runs: Sequence[str]) -> str:
     if len(line) <= LONGEST_LINE or not named:
         return line if named else ""
     if len(named) == 1:
-        return f"{line[: LONGEST_LINE - 1]}…"
-    return f"{len(named)} runs, {named[0][: LONGEST_LINE // 3]} to {named[-1][: LONGEST_LINE // 3]}"
+        return _cut(line, LONGEST_LINE)
+    most = LONGEST_LINE // 2 - 8
+    return f"{len(named)} runs, {_cut(named[0], most)} to {_cut(named[-1], most)}"
 
 
-def _catalogue(rows: Sequence[tuple[str, ...]]) -> content.Grid | None:
-    if not rows:
-        return None
-    return content.Grid(catalogue.TITLE, catalogue.COLUMNS, tuple(rows), catalogue.NUMERIC, catalogue.NOTE)
+def _cut(text: str, most: int) -> str:
+    """A text of no more letters than that; that something is cut off is seen."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 def _place(fit: Fit) -> tuple[int, str]:
@@ -190,19 +201,19 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
         "gear_name": ", ".join(g.name for g in gears) or "not stated",
         "heading": _heading(gears, serials, fits),
         "serial": ", ".join(s for s in serials if s) or "not stated",
-        "serials": serials,
         "operators": ", ".join(dict.fromkeys(f.recording.metadata.operator or "not stated" for f in fits)),
         "dates": _dates(fits),
         "words": [w for w in (figures.WATERMARKS.get(o, o.upper()) for o in origins) if w],
         "origin_sentences": [ORIGIN_SENTENCES[o] for o in origins if o in ORIGIN_SENTENCES],
+        "subtitle": " · ".join(p.title for p in parts),
         "overall": content.overall(fits),
+        "states": (content.overall(fits),),
         "verdicts": content.verdict_lines(fits),
-        "alarms": tuple(dict.fromkeys(alarm for p in parts for alarm in p.provenance.alarms)),
-        "catalogue": _catalogue(catalogue.catalogue_rows(fits, parts)),
+        "alarms": _alarms(parts, [s for s in serials if s]),
+        "catalogue": catalogue.catalogue_grid(fits, [p.provenance.conditions for p in parts]),
         "files": content.file_grid(fits),
         "run_line": run_line([f.recording.metadata.run_id for f in fits]),
         "warnings": warnings,
-        "long_tables": any(p.annex for p in parts),
         "parts": parts,
         "conditions": provenance.side_by_side([(p.title, p.provenance.conditions) for p in parts]),
         "calibrations": provenance.side_by_side([(p.title, p.provenance.calibrations) for p in parts]),
@@ -215,8 +226,8 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
             "Parameters of the protocols and settings of the analyses",
         ),
         "truth": content.truth_grid(truth) if truth else None,
-        "covered": (sum(r.covered for _, r in truth), sum(r.within for _, r in truth), len(truth)),
-        "paper_figures": _paper_figures(all_figures),
+        "truth_note": _truth_note(truth),
+        "paper_figures": [row for row in _paper_figures(all_figures) if row[2] or len(fits) > 1],
         "run_word": "Run",
         "annex_title": "parameter set with its sources",
         "parameter_sets": content.parameter_grids(fits),
@@ -227,6 +238,26 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
         "version": content.program_version(),
         "key_results": content.key_results(fits),
     }
+
+
+def _alarms(parts: Sequence[content.Part], serials: Sequence[str]) -> tuple[str, ...]:
+    """What stands loudly at the top: doubtful scales, and runs of more than one gear under one verdict."""
+    told = dict.fromkeys(alarm for p in parts for alarm in p.provenance.alarms)
+    if len(serials) > 1:
+        told[f"These runs are of more than one gear ({', '.join(serials)}): the verdict covers them together."] = None
+    return tuple(told)
+
+
+def _truth_note(truth: Sequence[tuple[str, TruthRow]]) -> str:
+    if not truth:
+        return ""
+    covered, within = sum(r.covered for _, r in truth), sum(r.within for _, r in truth)
+    return (
+        f"The simulated rig knows what it was built from. {covered} of {len(truth)} true values lie in the 95 % interval, "
+        f"{within} within ± U (k = 2); of many, about one in twenty should not. The truth stands here as the instruments can "
+        "see it: friction of gear and output bearing together, read through the scale error of the torque port; the kinematic "
+        "error with the errors of both encoders."
+    )
 
 
 def _parts(fits: Sequence[Fit]) -> tuple[tuple[content.Part, ...], list[tuple[Figure, Plot]]]:
@@ -276,8 +307,6 @@ def _paper_figures(made: Sequence[tuple[Figure, Plot]]) -> list[tuple[str, str, 
 
 def _figure_numbers(text: str) -> set[str]:
     """The numbers named in a plot's `figure`: "12", "12-13", "9, 17"."""
-    import re
-
     found: set[str] = set()
     for first, last in re.findall(r"(\d+)(?:\s*[-–]\s*(\d+))?", text):
         found |= {str(n) for n in range(int(first), int(last or first) + 1)}

@@ -6,21 +6,24 @@ Everything that comes from files is handed over as data and shown letter for let
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from rig.errors import RigError
 from rig.report.content import Grid, VerdictLine
-from rig.report.layout import layout_of, width_of
-from rig.report.wording import printable
+from rig.report.layout import KEPT_LINES, PORTRAIT, SIZES, Layout, is_hash, laid_out, width_of
+from rig.report.wording import printable, unbroken
 
 TEMPLATE = "page.typ"
 LONGEST_WORD = 26
 """Letters after which a word without a break may be broken: hashes, file names, hostile serial numbers."""
 HEADING_LENGTH = 80
+MATRIX_SIZE = 7.5
+"""Size of the text of facts side by side [pt]."""
 WIDEST_NAME = 14.0
 """Room for the names of facts [em]; longer ones are broken."""
 
@@ -76,29 +79,33 @@ def paper_content(context: Mapping[str, Any]) -> dict[str, Any]:
         "dates": context["dates"],
         "words": context["words"],
         "origin_sentences": context["origin_sentences"],
-        "overall": asdict(context["overall"]),
+        "subtitle": context["subtitle"],
+        "states": [asdict(state) for state in context["states"]],
+        "truth_note": context["truth_note"],
         "alarms": list(context["alarms"]),
         "run_line": context["run_line"],
-        "catalogue": _laid_out(context["catalogue"]) if context["catalogue"] else None,
-        "verdicts": _laid_out(verdict_grid(context["verdicts"])),
+        "catalogue": _laid_out(context["catalogue"], SIZES[1]) if context["catalogue"] else [],
+        "verdicts": _laid_out(verdict_grid(context["verdicts"]), SIZES[1]),
         "key_results": _laid_out(_key_grid(context["key_results"])),
         "warnings": [f"{title}: {text}" for title, _, _, text in context["warnings"]],
         "parts": [_part(part) for part in context["parts"]],
-        "truth": _laid_out(context["truth"]) if context["truth"] else None,
+        "truth": _laid_out(context["truth"]) if context["truth"] else [],
+        "paper_figures": _laid_out(_paper_grid(context["paper_figures"])) if context["paper_figures"] else [],
         "sections": [
             {
                 "title": title,
-                "grids": [_laid_out(context["files"])] if context["files"] and "identities" in keys else [],
+                "grids": _laid_out(context["files"]) if context["files"] and "identities" in keys else [],
                 "matrices": [_matrix(m) for key in keys for m in context[key]],
             }
-            for title, keys in SECTIONS if any(context[key] for key in keys)
+            for title, keys in SECTIONS
+            if any(context[key] for key in keys) or ("identities" in keys and context["files"])
         ],
         "definitions": [list(pair) for pair in context["definitions"]],
         "paper": context["paper"],
         "not_measured": list(context["not_measured"]),
         "signature": asdict(context["signature"]),
     }  # fmt: skip
-    annex = [_laid_out(g) for g in (*context["parameter_sets"], *(g for p in context["parts"] for g in p.annex))]
+    annex = [t for g in (*context["parameter_sets"], *(g for p in context["parts"] for g in p.annex)) for t in _laid_out(g)]
     content["annex"] = [grid for grid in annex if not grid["landscape"]]
     content["wide"] = [grid for part in content["parts"] for grid in part.pop("wide")]
     content["wide"] += [grid for grid in annex if grid["landscape"]]
@@ -113,10 +120,25 @@ SECTIONS = (
 """Tables of facts side by side: heading, and what stands under it."""
 
 
-def _laid_out(grid: Grid) -> dict[str, Any]:
-    """A table with the size of its text, the widths of its columns, and whether it needs a page laid crosswise."""
-    layout = layout_of(Grid(grid.title, tuple(_clean(grid.columns)), tuple(map(tuple, _clean(grid.rows))), grid.numeric))
-    return {**asdict(grid), "hashes": [column.startswith("SHA-256") for column in grid.columns], **asdict(layout)}
+def _laid_out(grid: Grid, largest: float = SIZES[0]) -> list[dict[str, Any]]:
+    """A table with the size of its text and the widths of its columns: one, or several where it fits no page."""
+    plain = Grid(grid.title, tuple(_clean(unbroken(c)) for c in grid.columns), tuple(map(tuple, _clean(grid.rows))), grid.numeric)
+    found = laid_out(plain, largest)
+    made = []
+    for number, (part, layout) in enumerate(found, 1):
+        title = f"{grid.title}, columns part {number} of {len(found)}" if len(found) > 1 else grid.title
+        note = grid.note if number == len(found) else ""
+        made.append(_table(replace(part, title=title, note=note), layout))
+    return made
+
+
+def _table(grid: Grid, layout: Layout) -> dict[str, Any]:
+    faces = [FACES.get(column, "hash" if is_hash(column) else "") for column in grid.columns]
+    return {**asdict(grid), "faces": faces, **asdict(layout), "kept": layout.kept}
+
+
+FACES = {"Verdict": "verdict", "Identifiable": "verdict", "Symbol": "symbol", "Quantity": "words"}
+"""Columns whose text is set in a way of its own."""
 
 
 def verdict_grid(lines: Sequence[VerdictLine]) -> Grid:
@@ -132,22 +154,39 @@ def _key_grid(rows: Sequence[tuple[str, str, str, str]]) -> Grid:
     )
 
 
+def _paper_grid(rows: Sequence[tuple[str, str, Sequence[Any], str]]) -> Grid:
+    told = tuple(
+        (number, what, f"Figure {', '.join(str(f.number) for f in here)}" if here else missing)
+        for number, what, here, missing in rows
+    )
+    return Grid("Figures after the paper", ("Paper", "What it shows", "Here"), told, (True, False, False))
+
+
 def _part(part: Any) -> dict[str, Any]:
     grids = (part.estimates, part.orders, part.metrics, *part.tables, part.budget)
-    laid_out = [_laid_out(grid) for grid in grids if grid is not None]
-    wide = [{**grid, "title": f"{part.title}: {grid['title'].lower()}"} for grid in laid_out if grid["landscape"]]
+    tables = [table for grid in grids if grid is not None for table in _laid_out(grid)]
+    wide = [{**table, "title": f"{part.title}: {_lowered(table['title'])}"} for table in tables if table["landscape"]]
     return {
         "title": part.title, "run": part.run, "warnings": list(part.warnings),
         "figures": [{**asdict(f), "svg": str(f.svg)} for f in part.figures],
-        "grids": [grid for grid in laid_out if not grid["landscape"]], "wide": wide,
-        "elsewhere": [grid["title"].lower() for grid in laid_out if grid["landscape"]],
+        "grids": [table for table in tables if not table["landscape"]], "wide": wide,
+        "elsewhere": [_lowered(table["title"]) for table in tables if table["landscape"]],
     }  # fmt: skip
+
+
+def _lowered(title: str) -> str:
+    return title[:1].lower() + title[1:]
 
 
 def _matrix(matrix: Any) -> dict[str, Any]:
     names = min(max((width_of(name) for name, _ in matrix.rows), default=0.0), WIDEST_NAME)
     rows = [[name, list(texts)] for name, texts in matrix.rows]
-    return {"caption": matrix.caption, "columns": list(matrix.columns), "rows": rows, "names": names}
+    room = (PORTRAIT / MATRIX_SIZE - names) / len(matrix.columns) - 1.0
+    lines = sum(max(math.ceil(1.08 * width_of(text) / room) for text in texts) for _, texts in matrix.rows)
+    return {
+        "caption": matrix.caption, "columns": list(matrix.columns), "rows": rows, "names": names, "size": MATRIX_SIZE,
+        "kept": lines <= KEPT_LINES,
+    }  # fmt: skip
 
 
 def _shortened(text: str) -> str:

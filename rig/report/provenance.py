@@ -58,15 +58,7 @@ def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[tup
     """What prevailed during a run: speeds, duration, temperatures, load inertia (of a known gear), and what was noted."""
     import numpy as np
 
-    from model.units import RPM
-
-    rows: list[tuple[str, str]] = []
-    turning = [abs(s.setpoint) for s in recording.segments if s.direction and s.setpoint]
-    if turning:
-        low, high = number(min(turning) / RPM), number(max(turning) / RPM)
-        both = {s.direction for s in recording.segments} >= {1, -1}
-        speeds = f"{low} r/min" if low == high else f"{low} to {high} r/min"
-        rows.append(("Input speeds", speeds + (", both directions" if both else "")))
+    rows = _setpoints(recording)
     if recording.rows > 1:
         seconds = float(recording.time(slice(recording.rows - 1, recording.rows))[0])
         rows.append(("Duration", f"{number(seconds)} s in {number(recording.rows)} cycles"))
@@ -82,8 +74,40 @@ def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[tup
             rows.append((words, _range(recording, channel, "°C")))
     if gear is not None:
         rows.append(_load_inertia(gear))
-    rows.extend((readable(str(k)).capitalize(), _text(v)) for k, v in recording.metadata.conditions.items())
+    rows.extend(_condition(str(k), _text(v)) for k, v in recording.metadata.conditions.items())
     return tuple(rows)
+
+
+def _condition(name: str, text: str) -> tuple[str, str]:
+    """A condition that was noted; one of a gear card with the unit of its field, which its name carries only in files."""
+    from rig.gear_card import UNITS, in_words
+
+    unit = UNITS.get(name, "")
+    words = in_words(name) if name in UNITS else readable(name)
+    return words.capitalize(), f"{text} {pretty(unit).replace('um', 'µm')}".strip() if text else text
+
+
+POSITIONED = frozenset({"starting-torque"})
+"""Protocols whose segments are set to angles of the wave generator; those of all others are set to speeds of the input."""
+
+
+def _setpoints(recording: Recording) -> list[tuple[str, str]]:
+    """What the rig was set to: speeds of the input, or places of the wave generator."""
+    from model.units import DEGREE, RPM
+
+    turning = [s for s in recording.segments if s.direction]
+    both = ", both directions" if {s.direction for s in turning} >= {1, -1} else ""
+    if recording.metadata.experiment in POSITIONED:
+        places = sorted({round(s.setpoint / DEGREE, 3) for s in turning})
+        if not places:
+            return []
+        span = f"{number(places[0])}°" if len(places) == 1 else f"{len(places)} from {number(places[0])} to {number(places[-1])}°"
+        return [("Wave-generator positions", span + both)]
+    speeds = [abs(s.setpoint) / RPM for s in turning if s.setpoint]
+    if not speeds:
+        return []
+    low, high = number(min(speeds)), number(max(speeds))
+    return [("Input speeds", (f"{low} r/min" if low == high else f"{low} to {high} r/min") + both)]
 
 
 def _load_inertia(gear: HarmonicDrive) -> tuple[str, str]:
@@ -143,7 +167,7 @@ def provenance_of(fit: Fit) -> Provenance:
         ("Mounting", m.mounting.replace("-", " ") if m.gear_mounted else "none"),
         ("File", fit.path.name if fit.path else "in memory"),
         ("Analysis", fit.stored or "not stored"),
-        ("Tare", f"run {fit.tare.recording.metadata.run_id}" if fit.tare else "none"),
+        ("Tare", tare_of(fit)),
     ]
     rows.extend(
         (readable(str(key)).capitalize(), f"{_text(value)} s" if key.endswith("_duration") else _text(value))
@@ -159,6 +183,14 @@ def provenance_of(fit: Fit) -> Provenance:
         calibrations_of(fit.recording),
         alarms_of(fit.recording),
     )
+
+
+def tare_of(fit: Fit) -> str:
+    """The tare that was subtracted, in words: its run, or none; of a stored analysis as it says itself."""
+    if fit.tare is not None:
+        return f"run {fit.tare.recording.metadata.run_id}"
+    named = str(fit.result.options.get("tare_run") or "none")
+    return "none" if named == "none" else f"run {named}"
 
 
 EXPIRED = "EXPIRED WHEN THE RUN BEGAN"

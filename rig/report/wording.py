@@ -163,6 +163,32 @@ def readable(name: str) -> str:
     return re.sub(r"\bmse\b", "MSE", words)
 
 
+GREEK = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "lambda": "λ", "mu": "μ", "nu": "ν",
+    "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ", "omega": "ω",
+}  # fmt: skip
+
+
+def printed_symbol(symbol: str) -> str:
+    """A symbol with its Greek letter: alpha_t is α_t."""
+    stem, line, index = symbol.partition("_")
+    return f"{GREEK.get(stem, stem)}{line}{index}"
+
+
+def order_label(order: float, ratio: float) -> str:
+    """An order as it is named elsewhere, by input orders and output orders: 2+1/N; one that is neither by its number."""
+    whole = round(order)
+    part = round((order - whole) * ratio)
+    if not part or abs(part) >= ratio / 2 or not math.isclose(order, whole + part / ratio, abs_tol=1e-6):
+        return number(order, 6)
+    return f"{whole if whole else ''}{'+' if whole and part > 0 else '−' if part < 0 else ''}{abs(part)}/N"
+
+
+def unbroken(title: str) -> str:
+    """The heading of a column with its unit and its coverage factor in one piece."""
+    return re.sub(r"\[[^\]]*\]|\(k = 2\)", lambda m: m[0].replace(" ", "\u00a0").replace("/", "/\u2060"), title)
+
+
 def source_text(provenance: str, source: str) -> str:
     """Provenance and source of a value, the provenance not said twice."""
     if not source:
@@ -186,8 +212,11 @@ METRIC_UNITS: dict[str, tuple[tuple[str, str], ...]] = {
         ("residual_rms", "N m"), ("mean_residual", "N m"), ("torque_zero_drift", "N m"), ("slowest_speed", "rad/s"),
         ("genetic_coulomb", "N"), ("genetic_static", "N"), ("genetic_stribeck_velocity", "rad/s"),
         ("genetic_viscous", "N s/rad"), ("housing_temperature_span", "K"), ("housing_temperature", "°C"),
+        ("dry_friction_per_kelvin", "1/K"), ("viscous_friction_per_kelvin", "1/K"),
     ),
     "motor-tare": (("cogging_peak_to_peak", "N m"), ("torque_zero_drift", "N m")),
+    "home": (("input_index_spread", "rad"), ("output_index_spread", "rad")),
+    "starting-torque": (("largest_starting_torque", "N m"), ("smallest_starting_torque", "N m")),
     "warm-up": (("last_change", "N m"), ("total_change", "N m"), ("time_until", "s")),
 }  # fmt: skip
 """SI units of the figures of merit that have one: kind of fit, beginning of the name."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import xml.etree.ElementTree as ElementTree
+from functools import cache
 
 import matplotlib.figure
 import numpy as np
@@ -19,6 +20,12 @@ def text_of(svg: str) -> str:
     return " ".join(ElementTree.fromstring(svg).itertext())
 
 
+@cache
+def friction_svg(origin: str, identifier: str = "f1") -> str:
+    """The friction figure, drawn once."""
+    return figures.draw_svg(friction_plot(), origin, identifier).svg
+
+
 def plot(*series: Series, **more: object) -> Plot:
     return Plot("p", "A title", "Input angle [rad]", "Kinematic error [arcmin]", series, **more)  # type: ignore[arg-type]
 
@@ -28,24 +35,23 @@ def plot(*series: Series, **more: object) -> Plot:
     [("simulated", "SIMULATED"), ("replay", "REPLAY"), ("imported", "IMPORTED"), ("hardware", "")],
 )
 def test_every_figure_carries_the_word_of_its_origin(origin: str, word: str) -> None:
-    shown = text_of(figures.draw_svg(friction_plot(), origin, "f1").svg)
+    shown = text_of(friction_svg(origin))
     assert (word in shown) if word else not any(w in shown for w in ("SIMULATED", "REPLAY", "IMPORTED"))
 
 
 def test_the_same_data_give_the_same_bytes() -> None:
-    first, second = (figures.draw_svg(friction_plot(), "simulated", "f1").svg for _ in range(2))
-    assert first == second
+    assert figures.draw_svg(friction_plot(), "simulated", "f1").svg == friction_svg("simulated")
     assert figures.draw_png(friction_plot(), "replay") == figures.draw_png(friction_plot(), "replay")
 
 
 def test_labels_and_units_are_text_in_the_figure() -> None:
-    shown = text_of(figures.draw_svg(friction_plot(), "hardware", "f1").svg)
+    shown = text_of(friction_svg("hardware"))
     for word in ("Input speed [r/min]", "Torque [N m]", "measured, forward", "fit, reverse", "1000"):
         assert word in shown
 
 
 def test_two_figures_share_no_identifier() -> None:
-    drawings = [figures.draw_svg(friction_plot(), "simulated", name).svg for name in ("f1", "f2")]
+    drawings = [friction_svg("simulated", name) for name in ("f1", "f2")]
     ids = [{e.get("id") for e in ElementTree.fromstring(svg).iter() if e.get("id")} for svg in drawings]
     assert ids[0]
     assert not ids[0] & ids[1]

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from drivers.channel import Calibration
+from experiments.recording import Origin, Segment
 from experiments.result import Result
 from experiments.truth import TruthRow
 from model.gear_file import shipped_gear
+from model.identify.estimate import BudgetLine
 from model.units import ARCMIN
 from rig.errors import RigError
+from rig.fit import Fit
+from rig.report import content
 from rig.report.page import css_text, render_page, render_report, report_context, run_line, write_report
+from rig.report.provenance import conditions_of
 from rig.runfile.layout import Column
 from tests.rig import handmade
 
@@ -66,6 +73,11 @@ class Page(HTMLParser):
         return " ".join(" ".join(self.words).split())
 
 
+def bare(origin: Origin = "simulated", result: Result | None = None, **more: Any) -> Fit:
+    """A fit without its figures, which take the most of the time."""
+    return handmade.fit(origin, replace(result or handmade.friction_result(), plots=()), **more)
+
+
 @pytest.fixture(scope="module")
 def page() -> Page:
     fits = [handmade.fit(), handmade.fit(result=handmade.kinematic_result())]
@@ -87,7 +99,7 @@ def test_what_a_laboratory_looks_for_is_there(page: Page) -> None:
         "70.3", "68.5 … 72.1", "weakly", "does not move", "torque scale (B)", "ab" * 32, "R-000042", "energy",
         "24.0 to 26.2 °C", "60 to 3 000 r/min, both directions", "Harmonic Grease SK-1A", "Load inertia J_o",
         "Hysteresis loss, lost motion, static torsional stiffness", "Transmission accuracy", "95 % interval",
-        "Found against the simulator's truth", "1 of 1 true values lie in the 95 % interval", "Coulomb friction F_c",
+        "Found against the simulator's truth", "1 of 1 true values lie in the 95 % interval", "Coulomb friction F c",
         "harmonic-rig", "Torque per speed", "needs a velocity-steps run",
     ]  # fmt: skip
     assert [w for w in wanted if w not in page.text] == []
@@ -100,13 +112,13 @@ def test_a_simulated_run_is_marked_everywhere_and_cannot_be_signed(page: Page) -
 
 
 def test_a_hardware_run_can_be_signed_and_carries_no_mark() -> None:
-    shown = Page(render_report([handmade.fit("hardware")], created=CREATED)).text
+    shown = Page(render_report([bare("hardware")], created=CREATED)).text
     assert "Approved by: name, date, signature" in shown
     assert not any(word in shown for word in ("SIMULATED", "REPLAY", "IMPORTED"))
 
 
 def test_one_run_from_elsewhere_takes_the_signature_away() -> None:
-    fits = [handmade.fit("hardware"), handmade.fit("imported", handmade.kinematic_result())]
+    fits = [bare("hardware"), bare("imported", handmade.kinematic_result())]
     shown = Page(render_report(fits, created=CREATED)).text
     assert "Approved by" not in shown
     assert "runs marked IMPORTED" in shown
@@ -118,28 +130,28 @@ def test_one_run_from_elsewhere_takes_the_signature_away() -> None:
      (0.15, "recalled", "NOT JUDGED"), (0.01, "assumed", "NOT JUDGED")],
 )  # fmt: skip
 def test_the_verdict_stands_at_the_top(limit: float, provenance: str, word: str) -> None:
-    text = render_report([handmade.fit(result=handmade.friction_result(limit, provenance))], created=CREATED)
+    text = render_report([bare(result=handmade.friction_result(limit, provenance))], created=CREATED)
     assert re.search(r'class="word" id="verdict">([A-Z ]+)<', text)[1] == word  # type: ignore[index]
     if word == "NOT JUDGED":
         assert "no verified limit" in text
 
 
 def test_nothing_judged_is_not_called_a_pass() -> None:
-    text = render_report([handmade.fit(result=handmade.kinematic_result())], created=CREATED)
+    text = render_report([bare(result=handmade.kinematic_result())], created=CREATED)
     assert ">NOT JUDGED<" in text
     assert ">PASS<" not in text.replace("<td>PASS</td>", "")
 
 
 @pytest.mark.parametrize("outcome", ["ABORTED", "TRIPPED", "ERROR", "INTERRUPTED"])
 def test_an_unfinished_run_is_incomplete_whatever_its_numbers(outcome: str) -> None:
-    text = render_report([handmade.fit("hardware", outcome=outcome)], created=CREATED)
+    text = render_report([bare("hardware", outcome=outcome)], created=CREATED)
     assert ">INCOMPLETE<" in text
     assert "Approved by" not in text
 
 
 def test_hostile_names_inject_nothing() -> None:
     evil = "</title></style><script>alert(1)</script><img src=x onerror=alert(2)>\"'{{ 7*7 }}"
-    fit = handmade.fit(gear_serial=evil, operator=evil, conditions={evil: evil}, parameters={evil: evil}, title=evil)
+    fit = bare(gear_serial=evil, operator=evil, conditions={evil: evil}, parameters={evil: evil}, title=evil)
     gear = replace(fit.gear, name=evil)
     result = replace(fit.result, warnings=(evil,), run=evil)
     fit = replace(fit, gear=gear, result=result, recording=replace(fit.recording, metadata=replace(
@@ -160,7 +172,7 @@ def test_the_same_fits_give_the_same_bytes(tmp_path: Path) -> None:
 
 def test_another_result_has_another_number() -> None:
     numbers = [
-        re.search("HR-[0-9A-F]{10}", render_report([handmade.fit(sha256=sha)], created=CREATED))
+        re.search("HR-[0-9A-F]{10}", render_report([bare(sha256=sha)], created=CREATED))
         for sha in ("aa" * 32, "bb" * 32)
     ]
     assert numbers[0][0] != numbers[1][0]  # type: ignore[index]
@@ -174,19 +186,19 @@ def test_nothing_to_report_is_refused() -> None:
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RigError, match=r"report\.html"):
-        write_report([handmade.fit()], tmp_path / "file" / "report.html", created=CREATED)
+        write_report([bare()], tmp_path / "file" / "report.html", created=CREATED)
 
 
 def test_a_result_without_anything_makes_a_page() -> None:
-    bare = handmade.fit("imported", Result("R-1", "motion", {}), gear_serial="", operator="", start_time="", sha256="")
-    shown = Page(render_report([replace(bare, gear_known=False)], created=CREATED)).text
+    empty = bare("imported", Result("R-1", "motion", {}), gear_serial="", operator="", start_time="", sha256="")
+    shown = Page(render_report([replace(empty, gear_known=False)], created=CREATED)).text
     assert "Harmonic drive CSF" not in shown
     assert "not stated" in shown
     assert "IMPORTED" in shown
 
 
 def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_both() -> None:
-    context = report_context([handmade.fit(result=handmade.kinematic_result())], created=CREATED)
+    context = report_context([bare(result=handmade.kinematic_result())], created=CREATED)
     grid = context["catalogue"]
     assert grid is not None
     quantity, measured, stated, source, here, verdict = grid.rows[0]
@@ -203,13 +215,22 @@ def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_bot
     assert "Beside the catalogue" in Page(render_page(context)).text
 
 
+def test_the_set_points_of_a_starting_torque_are_places_and_not_speeds() -> None:
+    made = handmade.recording(experiment="starting-torque")
+    ramps = tuple(Segment(k, "torque-ramp", k, k + 1, k * math.pi / 4, 1 - 2 * (k % 2)) for k in range(8))
+    conditions = dict(conditions_of(replace(made, segments=ramps), None))
+    assert conditions["Wave-generator positions"] == "8 from 0 to 315°, both directions"
+    assert "Input speeds" not in conditions
+    assert dict(conditions_of(handmade.recording(), None))["Input speeds"] == "60 to 3\u202f000 r/min, both directions"
+
+
 def test_a_gear_that_is_not_known_has_no_catalogue() -> None:
-    fit = replace(handmade.fit(result=handmade.kinematic_result()), gear_known=False)
+    fit = replace(bare(result=handmade.kinematic_result()), gear_known=False)
     assert report_context([fit], created=CREATED)["catalogue"] is None
 
 
 def test_an_expired_calibration_is_said_at_the_top_and_a_missing_one_of_hardware_too() -> None:
-    fit = handmade.fit("hardware")
+    fit = bare("hardware")
     columns = (
         Column("torque", "N m", "int32", 1e-3, 0.0, calibration=Calibration("C-7", "2020-01-01", "2021-01-01")),
         Column("input_angle", "rad", "int32", 1e-3, 0.0),
@@ -225,7 +246,7 @@ def test_an_expired_calibration_is_said_at_the_top_and_a_missing_one_of_hardware
 
 
 def test_a_file_that_could_still_change_is_not_signed() -> None:
-    shown = Page(render_report([handmade.fit("hardware", sha256="")], created=CREATED)).text
+    shown = Page(render_report([bare("hardware", sha256="")], created=CREATED)).text
     assert "Approved by" not in shown
     assert "Not sealed, so that it could still change: R-000042" in shown
 
@@ -236,7 +257,46 @@ def test_every_page_names_the_runs_letter_for_letter() -> None:
     assert run_line([]) == ""
     many = run_line([f"{k:05d}-friction-SN" for k in range(1, 40)])
     assert many == "39 runs, 00001-friction-SN to 00039-friction-SN"
-    assert len(run_line(["x" * 500])) <= 80
+    for line in (run_line(["x" * 500]), run_line(["x" * 500, "y" * 500])):
+        assert len(line) <= 124
+        assert line.endswith("…")
     assert css_text('a"} body { x: url(y) \\ </style>') == (
         '"a\\22 \\7d  body \\7b  x\\3a  url\\28 y\\29  \\5c  \\3c \\2f style\\3e "'
     )
+
+
+def test_runs_of_more_than_one_gear_under_one_verdict_are_said_loudly() -> None:
+    fits = [bare(gear_serial="A1"), bare(result=handmade.kinematic_result(), gear_serial="B2")]
+    context = report_context(fits, created=CREATED)
+    assert context["alarms"] == ("These runs are of more than one gear (B2, A1): the verdict covers them together.",)
+    assert "of more than one gear (B2, A1)" in Page(render_page(context)).text
+
+
+def test_every_printed_page_of_a_run_that_is_none_from_hardware_is_marked() -> None:
+    simulated, hardware = (render_report([bare(origin)], created=CREATED) for origin in ("simulated", "hardware"))
+    assert '<div class="watermark" aria-hidden="true">SIMULATED</div>' in simulated
+    assert '@top-center { content: "SIMULATED"' in simulated
+    assert 'class="watermark"' not in hardware
+    assert "@top-center" not in hardware
+
+
+def test_indices_of_symbols_stand_below_the_line_and_names_stay_whole() -> None:
+    evil = "A_b <i>"
+    text = render_report([bare(gear_serial=evil)], created=CREATED)
+    assert "<td><i>F</i><sub>c</sub></td>" in text
+    assert "serial A_b &lt;i&gt;" in text
+    assert "<i>A</i>" not in text
+
+
+def test_a_budget_of_more_sources_than_quantities_goes_down_the_page() -> None:
+    few = {name: handmade.friction_result().estimates[name] for name in ("F_c", "running_torque")}
+    sources = tuple(BudgetLine(f"source {k}", "B", 0.1) for k in range(9))
+    few = {name: replace(one, budget=(*one.budget, *sources)) for name, one in few.items()}
+    down, across = content.budget_grid(few), content.budget_grid(handmade.friction_result().estimates)
+    assert down is not None
+    assert across is not None
+    assert down.columns == ("Source (type)", "F_c [N]", "running torque [mN m]")
+    assert [row[0] for row in down.rows][-2:] == ["u", "U (k = 2)"]
+    assert len({len(row) for row in down.rows}) == 1
+    assert across.columns[:2] == ("Quantity", "Unit")
+    assert dict(zip(across.columns, across.rows[0], strict=True))["repeats (A)"] == "0.9"

@@ -75,6 +75,8 @@ def test_figures_of_merit_have_their_unit() -> None:
     assert metric("kinematic-error", "mse_curve", 0.71) == "0.71"
     assert metric("kinematic-error", "raw_peak_to_peak_forward", 1.13 * ARCMIN) == "1.13 arcmin"
     assert metric("motor-tare", "torque_zero_drift", 0.0021) == "2.1 mN m"
+    assert metric("starting-torque", "largest_starting_torque", 0.0766) == "76.6 mN m"
+    assert metric("friction", "viscous_friction_per_kelvin", -0.0185) == "−0.0185 1/K"
 
 
 @given(st.text())
