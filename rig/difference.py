@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.recording import Recording, RunMetadata
+from model.identify.estimate import BudgetLine, Estimate
+from rig.report.wording import show
 from rig.results import Analysis, read_analyses
 from rig.runfile.header import read_header
 from rig.runfile.read import FileSource, close_recording, open_run
@@ -236,7 +238,7 @@ def _analysed_otherwise(kind: str, left: Analysis, right: Analysis) -> Iterable[
 def _compared(
     name: str, first: Mapping[str, Any] | None, second: Mapping[str, Any] | None, same: frozenset[str], *, other_subject: bool
 ) -> Change:
-    texts = _shown(first), _shown(second)
+    texts = _shown(first, name), _shown(second, name)
     if first is None or second is None:
         return Change("results", name, *texts, note="found in one of the two only")
     unit = str(first.get("unit", ""))
@@ -271,13 +273,19 @@ def _away(name: str, unit: str, first: float, second: float) -> float:
     return 0.0 if abs(change) <= SAME_NUMBER * max(abs(first), abs(second)) else change
 
 
-def _shown(found: Mapping[str, Any] | None) -> str:
+def _shown(found: Mapping[str, Any] | None, name: str = "") -> str:
+    """A value ± U as the report prints it: in the unit of the laboratory, rounded to two digits of U."""
     value = None if found is None else found.get("value")
     if found is None or value is None:
         return "-"
-    doubt = found.get("expanded_uncertainty")
-    text = f"{value:.6g}" + (f" ± {doubt:.2g}" if doubt is not None else "")
-    return f"{text} {found.get('unit', '')}".removesuffix(" 1").strip()
+    return in_laboratory_units(name, float(value), found.get("expanded_uncertainty"), str(found.get("unit", "1")))
+
+
+def in_laboratory_units(name: str, value: float, doubt: float | None, unit: str) -> str:
+    """`value ± doubt unit` of a quantity in SI, `name` tells which, as it is read in a laboratory."""
+    budget = () if doubt is None else (BudgetLine("", "A", 0.5 * float(doubt)),)
+    estimate = Estimate(name.rpartition(": ")[2], value, unit, math.nan, math.nan, budget=budget)
+    return show(estimate).with_uncertainty
 
 
 def _flat(found: Mapping[str, Any], prefix: str = "") -> dict[str, str]:

@@ -65,6 +65,8 @@ class GearFacts:
     mounting_notes: Annotated[str, Help("shims, screws and torques, coupling, whatever is unusual")] = ""
 
 
+UNITS: Mapping[str, str] = {f.name: f.unit if f.unit != "1" else "" for f in parameter_fields(GearFacts)}
+"""The unit of every fact, "" for words."""
 CHOICES: Mapping[str, tuple[str, ...]] = {"mounting": ("circular-spline-fixed", "flexspline-fixed")}
 """Fields that take one of a few words."""
 REQUIRED = ("part", "mounting")

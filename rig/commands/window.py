@@ -41,9 +41,10 @@ def live(
     except ImportError as error:
         raise ConfigurationError(
             "the window cannot be opened: a library is missing", where=str(error.name or error),
-            remedy="Install it with: pip install 'harmonic-rig[window]'. Every part also works on the command line.",
+            remedy="In the folder of the clone: .venv/bin/pip install -e '.[window]' (Windows: .venv\\Scripts\\pip). "
+            "Every part also works on the command line.",
         ) from error  # fmt: skip
-    if sys.platform == "linux" and not any(name in os.environ for name in SCREENS):
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in SCREENS):
         raise ConfigurationError(
             "there is no screen for a window", where=", ".join(SCREENS), value="none is set",
             remedy="Open it on a desktop. Every part also works on the command line.",

@@ -114,7 +114,7 @@ def _limit(
     if not math.isfinite(limit):
         return [], ""
     if limit > NEAR * float(np.max(np.abs(values), initial=0.0)):
-        return [], f" (limit ±{limit:.4g} {unit}, far beyond)"
+        return [], f" (limit ±{limit:.4g} {unit}, outside the picture)"
     end = _axis(preview)[0] * preview.timeline.duration
     ends = np.array([0.0, end, np.nan, 0.0, end])
     sides = limit * np.array([1.0, 1.0, np.nan, -1.0, -1.0])

@@ -29,6 +29,10 @@ PROGRESS_INTERVAL = 0.1
 """s of wall time between two lines of progress."""
 
 
+PATIENCE = 0.05
+"""s that a question waits for its answer before the rig is held for another window, which is as long (`engine`)."""
+
+
 class RemoteOperator:
     """Whoever sits at the other end of two pipes. `write` takes one line without its end."""
 
@@ -72,7 +76,8 @@ class RemoteOperator:
         if self._is_gone:
             return "(nobody there: not answered)"
         try:
-            answer = self._answers.get_nowait()
+            # A rig in virtual time would count hours while somebody reads the question.
+            answer = self._answers.get(timeout=PATIENCE)
         except queue.Empty:
             return None
         self._asked = None

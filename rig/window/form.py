@@ -6,6 +6,7 @@ A value that the model refuses is marked at its field, with the model's own word
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -15,6 +16,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLabel, QLineEd
 
 from experiments.errors import ExperimentError, PlanError
 from experiments.parameters import ParameterField
+from rig.report.wording import pretty
 from rig.window.prepare_request import heading
 
 Checker = Callable[[str, Any], None]
@@ -50,14 +52,14 @@ class FieldRow(QObject):
         self.field, self.choices, self.suggestions = field, choices, suggestions
         self._optional = optional or field.optional
         self.label = QLabel(heading(field.name))
-        self.unit = QLabel(field.unit if field.unit != "1" else "")
+        self.unit = QLabel(printed(field.unit) if field.unit != "1" else "")
         self.note = QLabel()
         self.note.setWordWrap(True)
         self.note.setTextFormat(Qt.TextFormat.PlainText)
         self.unit.setProperty("part", "muted")
         self.editor = self._made_editor()
         self.editor.setObjectName(field.name)
-        self.editor.setAccessibleName(f"{self.label.text()} {field.unit}".strip())
+        self.editor.setAccessibleName(f"{self.label.text()} {self.unit.text()}".strip())
         self.editor.setAccessibleDescription(field.help)
         self.label.setBuddy(self.editor)
         self.problem = ""
@@ -118,7 +120,7 @@ class FieldRow(QObject):
         """What the parameter is, its range, and its default where it has been changed."""
         parts = [self.field.help]
         if self.field.limit:
-            parts.append(self.field.limit.replace(">=", "≥").replace("<=", "≤"))
+            parts.append(printed(self.field.limit))
         default = self.field.default
         if default not in (None, "", ()) and self.differs:
             parts.append(f"default {as_text(default)}")
@@ -216,6 +218,12 @@ class ParameterForm(QWidget):
         self.changed.emit()
 
     def _refusal(self, name: str, row: FieldRow) -> str:
+        text = str(row.value)
+        if row.field.kind in (float, tuple) and (pointed := _DECIMAL_COMMA.sub(r"\1.\2", text)) != text:
+            # In a list 7,5 could be 7.5 or 7 and 5: nothing is guessed.
+            return f"Write decimals with a point: {pointed}" + (
+                ", and spaces between numbers" if row.field.kind is tuple else ""
+            )
         try:
             self._checker(name, row.value)
         except PlanError as error:
@@ -223,13 +231,25 @@ class ParameterForm(QWidget):
         return ""
 
 
+_DECIMAL_COMMA = re.compile(r"(\d),(\d)")
+_POWER = re.compile(r"\b(\d(?:\.\d+)?e[+-]?\d+)\b")
+
+
+def printed(text: str) -> str:
+    """Units and ranges as they are printed: kg m2 is kg m², um is µm, >= is ≥, 1e+06 is 1 000 000."""
+    text = _POWER.sub(lambda m: f"{float(m[1]):,.0f}".replace(",", "\u202f") if float(m[1]) >= 1.0 else m[1], text)
+    return pretty(re.sub(r"\bum\b", "µm", text.replace(">=", "≥").replace("<=", "≤")))
+
+
 def refusal_text(error: ExperimentError) -> str:
     """The model's refusal without the path, which the field itself shows."""
+    if error.what == "is of the wrong kind":
+        return f"{error.value} is not {error.limit}"
     text = error.what
     if error.value is not None:
-        text += f": {error.value}"
+        text += f": {printed(str(error.value))}"
     if error.limit:
-        text += f", allowed {error.limit}"
+        text += f", allowed {printed(error.limit)}"
     return f"{text}. {error.remedy}" if error.remedy else text
 
 

@@ -24,13 +24,13 @@ from PySide6.QtWidgets import (
 )
 
 from rig.library import IndexedRun
-from rig.window.library_table_model import COLUMNS, RUN_ROLE, LibraryFilter, LibraryModel, Wanted, outcome_of
+from rig.window.library_table_model import COLUMNS, NO_SERIAL, RUN_ROLE, LibraryFilter, LibraryModel, Wanted, outcome_of
 from rig.window.library_table_source import LibrarySource
 from rig.window.session import WindowSession
 
 CHOSEN_PAUSE_MS = 120
 """ms that the selection must rest before the run is opened: arrow keys run through the table without waiting for each."""
-WIDTHS = {"#": 40, "started": 132, "protocol": 112, "gear": 86, "outcome": 106, "operator": 96, "time": 84, "origin": 92,
+WIDTHS = {"#": 40, "started": 130, "protocol": 108, "gear": 82, "outcome": 98, "operator": 96, "time": 84, "origin": 92,
           "part": 96}  # fmt: skip
 MANY = 20
 """Files to be read from which on the progress is shown."""
@@ -178,7 +178,7 @@ class LibraryTable(QWidget):
         self.buttons = {
             "overlay": _button("O&verlay", "Draw the figures of two or more chosen runs over each other"),
             "difference": _button("&Difference", "What differs between two chosen runs, and only that"),
-            "passport": _button("Pass&port", "The chosen run's gear over time"),
+            "passport": _button("Pass&port", "The chosen run's gear over time, and its report; needs a serial number"),
             "report": _button("Repor&t", "Write the report of the chosen runs as a web page (HTML) and open it"),
             "pdf": _button("PD&F", "Write the report of the chosen runs for paper (PDF) and open it"),
         }
@@ -230,7 +230,8 @@ class LibraryTable(QWidget):
         self.says.setVisible(bool(text))
 
     def _serial(self) -> str:
-        return next((run.gear_serial for path in self.selected if (run := self.run_of(path)) and run.gear_serial), "")
+        found = (run.gear_serial for path in self.selected if (run := self.run_of(path)))
+        return next((serial for serial in found if serial not in ("", NO_SERIAL)), "")
 
     def _take(self, runs: Sequence[IndexedRun]) -> None:
         before = [path.name.removesuffix(".part") for path in self.selected]

@@ -16,6 +16,8 @@ from rig.run_words import duration_text
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.palette import Palette
 
+NO_SERIAL = "unknown"
+"""What stands in a run file for a gear without a serial number, and for no gear at all."""
 AnyIndex = QModelIndex | QPersistentModelIndex
 _NOWHERE = QModelIndex()
 SORT_ROLE = Qt.ItemDataRole.UserRole + 1
@@ -70,11 +72,18 @@ def _duration(run: IndexedRun) -> str:
     return duration_text(run.duration)
 
 
+def gear_words(run: IndexedRun) -> str:
+    """The serial number of the gear; a bare motor has none."""
+    if run.gear_serial == NO_SERIAL and run.protocol == "motor-tare":
+        return "no gear"
+    return run.gear_serial or "–"
+
+
 COLUMNS = (
     LibraryColumn("#", lambda r: str(r.number) if r.number else "–", lambda r: r.number, numeric=True),
     LibraryColumn("started", lambda r: local_time(r.start), lambda r: local_time(r.start)),
     LibraryColumn("protocol", lambda r: r.protocol or "–", lambda r: r.protocol),
-    LibraryColumn("gear", lambda r: r.gear_serial or "–", lambda r: r.gear_serial),
+    LibraryColumn("gear", gear_words, lambda r: r.gear_serial),
     LibraryColumn("outcome", lambda r: with_sign(outcome_of(r)), outcome_of),
     LibraryColumn("operator", lambda r: r.operator or "–", lambda r: r.operator),
     LibraryColumn("time", _duration, lambda r: r.duration if math.isfinite(r.duration) else -1.0, numeric=True),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib
+import os
 import signal
 import sys
 import tempfile
@@ -14,9 +16,10 @@ from types import TracebackType
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import Qt, QTimer
-from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
+from PySide6.QtCore import QEvent, QLibraryInfo, QObject, Qt, QTimer, Slot
+from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
+    QAbstractButton,
     QApplication,
     QButtonGroup,
     QFrame,
@@ -29,6 +32,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from rig.errors import ConfigurationError
 from rig.window.collector import collector_in_this_thread
 from rig.window.prepared import PreparedRun
 from rig.window.running import RunPage
@@ -37,6 +41,8 @@ from rig.window.theme import apply_theme, theme_named
 
 PAGES = ("prepare", "run", "review")
 """The pages in the order of the navigation; Ctrl+1, Ctrl+2, Ctrl+3."""
+X11_PACKAGES = ("libxcb-cursor0", "libxcb-icccm4", "libxcb-keysyms1", "libxkbcommon-x11-0")
+"""What Qt needs of a Debian system that has never had a Qt window."""
 SMALLEST = (1120, 640)
 """Logical pixels that the window needs at least."""
 
@@ -77,6 +83,9 @@ class MainWindow(QMainWindow):
             shortcut.setAutoRepeat(False)
             shortcut.activated.connect(action)
         self.stack.currentChanged.connect(lambda _: self._show_stop())
+        application = QApplication.instance()
+        if isinstance(application, QApplication):
+            application.focusChanged.connect(self._change_focus)
         self.show_page("prepare")
 
     def _navigation(self) -> QFrame:
@@ -88,6 +97,7 @@ class MainWindow(QMainWindow):
         for index, name in enumerate(PAGES):
             button = QPushButton(name.capitalize())
             button.setCheckable(True)
+            button.setAccessibleName(name.capitalize())
             button.setProperty("part", "nav")
             if name == "run":
                 button.setStyleSheet("min-width: 210px;")
@@ -150,6 +160,24 @@ class MainWindow(QMainWindow):
         else:
             event.ignore()
 
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Enter presses a button, as Space does: outside of dialogs Qt leaves it without effect.
+
+        Only Enter that was meant for the button: one that ends the writing in a field, and so moves the focus on, is not.
+        """
+        if not isinstance(event, QKeyEvent) or not isinstance(watched, QAbstractButton):
+            return False
+        enter = event.type() is QEvent.Type.KeyPress and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter)
+        if not enter or event.isAutoRepeat() or not watched.isEnabled():
+            return False
+        watched.click()
+        return True
+
+    @Slot(QWidget, QWidget)
+    def _change_focus(self, _: QWidget | None, focused: QWidget | None) -> None:
+        if isinstance(focused, QAbstractButton) and focused.window() is self:
+            focused.installEventFilter(self)
+
     def _apply_theme(self) -> None:
         application = QApplication.instance()
         if isinstance(application, QApplication):
@@ -162,6 +190,30 @@ class MainWindow(QMainWindow):
     def _show_stop(self) -> None:
         """A STOP in the navigation while a run goes on and another page is in front."""
         self.stop.setVisible(self.run.is_active and self.stack.currentWidget() is not self.run)
+
+
+def refuse_a_screen_that_qt_cannot_use(platform: str = sys.platform, plugins: Path | None = None) -> None:
+    """Qt ends the whole program where a system library of X11 is missing: say which one before that.
+
+    Raises `ConfigurationError`. Only Linux leaves those libraries to the system, and only X11 needs them.
+    """
+    chosen = os.environ.get("QT_QPA_PLATFORM", "")
+    wayland = bool(os.environ.get("WAYLAND_DISPLAY")) and not chosen
+    if platform != "linux" or wayland or chosen not in ("", "xcb"):
+        return
+    folder = plugins or Path(QLibraryInfo.path(QLibraryInfo.LibraryPath.PluginsPath)) / "platforms"
+    plugin = folder / "libqxcb.so"
+    if not plugin.is_file():
+        return
+    try:
+        ctypes.CDLL(str(plugin))
+    except OSError as error:
+        missing = str(error).partition(":")[0]
+        raise ConfigurationError(
+            "the window cannot be opened: the system lacks a library of X11", where=missing,
+            remedy=f"On Debian and Ubuntu: sudo apt install {' '.join(X11_PACKAGES)}. "
+            "Every part also works on the command line.",
+        ) from error  # fmt: skip
 
 
 def _page(module: str, name: str, session: WindowSession) -> Any:
@@ -185,6 +237,8 @@ def open_window(
     page: str = "prepare",
 ) -> int:
     """Open the window and stay until it is closed; the exit code."""
+    if QApplication.instance() is None:
+        refuse_a_screen_that_qt_cannot_use()
     application = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(application, QApplication)
     application.setApplicationName("harmonic-rig")

@@ -11,10 +11,10 @@ from typing import Any
 
 from PySide6.QtCore import Qt, QUrl, Signal
 from PySide6.QtGui import QDesktopServices
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout
+from PySide6.QtWidgets import QApplication, QFrame, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout
 
 from model.identify.estimate import BudgetLine, Estimate
-from rig.report.wording import show
+from rig.report.wording import readable, show
 from rig.run.trips import rule_of
 from rig.window.background import BackgroundCommand
 from rig.window.run_state import RunState, State
@@ -29,6 +29,8 @@ RESULTS_ARE = {
     "starting-torque": ("starting_torque",),
 }
 """Which results of a protocol come first, by how their name begins."""
+WITNESSES = {"statusword": "the drive", "input_angle": "the input encoder", "output_angle": "the output encoder"}
+"""Who says that the rig stands, in words."""
 
 
 class OutcomeView(QFrame):
@@ -85,6 +87,9 @@ class OutcomeView(QFrame):
         self.report.setEnabled(path is not None and not str(path).endswith(".part"))
         self.results.hide()
         self.show()
+        # The way on, under Enter; what somebody is writing is not taken out of their hands.
+        if self.review.isEnabled() and not isinstance(QApplication.focusWidget(), QLineEdit):
+            self.review.setFocus()
         if path is not None and state.outcome in ("PASS", "MARGINAL", "FAIL"):
             self.results.setText("Working out the results …")
             self.results.show()
@@ -101,7 +106,7 @@ class OutcomeView(QFrame):
         if not lines:
             self.results.setText(complaint.strip()[-400:] or "The analysis has nothing to tell of this run.")
         else:
-            self.results.setText("   ·   ".join(lines))
+            self.results.setText("\n".join(("   ·   ".join(lines), *remarks(out))))
 
     def _ask_review(self) -> None:
         if self._path is not None:
@@ -122,9 +127,13 @@ class OutcomeView(QFrame):
             else:
                 self._session.message.emit(f"Report: {page}")
                 if self.open_report:
-                    QDesktopServices.openUrl(QUrl.fromLocalFile(str(page)))
+                    self._open(page)
 
         self._run(["report", str(self._path), "--output", str(page)], written)
+
+    def _open(self, page: Path) -> None:
+        if not QDesktopServices.openUrl(QUrl.fromLocalFile(str(page.resolve()))):
+            self._session.message.emit(f"The report is written, but nothing here opens it: {page}")
 
 
 def headline_of(state: RunState, report: dict[str, Any]) -> str:
@@ -155,9 +164,12 @@ def sentence_of(state: RunState, report: dict[str, Any], folder: Path) -> str:
     made_safe = report.get("make_safe") or {}
     if made_safe.get("safe"):
         parts.append(f"Made safe ({made_safe.get('action', '')}), standstill verified by "
-                     f"{', '.join(made_safe.get('verified_by', ()))}.")  # fmt: skip
+                     f"{', '.join(WITNESSES.get(str(w), str(w)) for w in made_safe.get('verified_by', ()))}.")  # fmt: skip
     if state.outcome == "TRIPPED":
-        parts.append(f"The trip is latched: rig acknowledge --operator NAME --output {folder}")
+        parts.append(
+            "The trip is latched: acknowledge it by name on the page Prepare, "
+            f"or with rig acknowledge --operator NAME --output {folder}"
+        )
     return " ".join(parts)
 
 
@@ -173,8 +185,24 @@ def result_lines(out: str, protocol: str) -> list[str]:
     names = sorted(parameters, key=lambda name: next((k for k, begin in enumerate(first) if name.startswith(begin)), 99))
     lines = []
     for name in names[:MOST_LINES]:
-        lines.append(f"{name.replace('_', ' ')} {_shown(name, parameters[name])}")
+        lines.append(f"{readable(name)} {_shown(name, parameters[name])}")
     return lines
+
+
+def remarks(out: str) -> list[str]:
+    """What must not be missed beside the numbers of `rig fit --json`: whose torque it is, and that nothing was judged."""
+    told = json.loads(out)
+    found = told[0] if isinstance(told, list) and told else told
+    if not isinstance(found, dict):
+        return []
+    said = []
+    if (found.get("options") or {}).get("torque_is_of") == "motor + gear":
+        way = " Review fits it with a motor-tare run." if found.get("kind") == "friction" else ""
+        said.append(f"Motor + gear: no tare was subtracted.{way}")
+    outcomes = {str(verdict.get("outcome", "")) for verdict in found.get("verdicts") or ()}
+    if outcomes == {"no verified limit"}:
+        said.append("The gear is not judged: its catalogue limits are not verified.")
+    return said
 
 
 def _shown(name: str, told: dict[str, Any]) -> str:

@@ -6,11 +6,10 @@ held up. Start is one button that says what it is waiting for.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from PySide6.QtCore import QObject, QRunnable, Qt, QThreadPool, QTimer, Signal
+from PySide6.QtCore import Qt, QThreadPool, QTimer, Signal
 from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import (
     QCompleter,
@@ -33,6 +32,7 @@ from rig.window.checklist import Checklist
 from rig.window.checklist_doctor import checks_from
 from rig.window.form import refusal_text
 from rig.window.prepare_gear import GearSection
+from rig.window.prepare_job import OutlookJob
 from rig.window.prepare_process import SideProcess
 from rig.window.prepare_protocol import ProtocolSection
 from rig.window.prepare_request import (
@@ -85,6 +85,7 @@ class PreparePage(QWidget):
         self.sign_button = QPushButton("Sign &all")
         self.doctor_button = QPushButton("Ask the &rig")
         self.training_button = QPushButton("&Training …")
+        self.acknowledge_button = QPushButton("Ac&knowledge the trip …")
         self.waiting = QLabel()
         self._doctor = SideProcess(self)
         self._lay_out()
@@ -100,6 +101,10 @@ class PreparePage(QWidget):
         field.setPlaceholderText(f"your name (last here: {last})" if last else "your name")
         completer = QCompleter(names)
         completer.setCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
+        # An open list takes the next click wherever it goes: once the name is whole, it has nothing more to offer.
+        offered = completer.popup()
+        if offered is not None:
+            field.textEdited.connect(lambda text: QTimer.singleShot(0, offered.hide) if text in names else None)
         field.setCompleter(completer)
         return field
 
@@ -148,7 +153,8 @@ class PreparePage(QWidget):
         title.setProperty("part", "heading")
         head.addWidget(title)
         head.addStretch(1)
-        for button in (self.training_button, self.doctor_button, self.sign_button):
+        # The one whose words change stands first, so that no other moves under the mouse.
+        for button in (self.acknowledge_button, self.sign_button, self.training_button, self.doctor_button):
             head.addWidget(button)
         below.addLayout(head)
         below.addWidget(_scrolled(self.checklist), 1)
@@ -184,6 +190,8 @@ class PreparePage(QWidget):
         self.checklist.changed.connect(self._show_readiness)
         self.sign_button.clicked.connect(self.checklist.tick_all)
         self.start_button.clicked.connect(self.start)
+        self.acknowledge_button.hide()
+        self.acknowledge_button.clicked.connect(self.acknowledge_trip)
         self.training_button.setVisible(not self._session.is_hardware)
         self.training_button.clicked.connect(self.open_training)
         self.doctor_button.setToolTip("Connect and look: nodes, directions, torque zero, limits (rig doctor)")
@@ -266,6 +274,13 @@ class PreparePage(QWidget):
             self.doctor_button.setEnabled(False)
             self.doctor_button.setText("Asking the rig …")
 
+    def acknowledge_trip(self) -> None:
+        """Show the trip that is latched; it is released by name and with what was found."""
+        from rig.window.prepare_latch import AcknowledgeDialog
+
+        AcknowledgeDialog(self._session.folder, self.operator.text().strip(), self).exec()
+        self._ask_for_outlook()
+
     def open_training(self) -> None:
         """Open the training drills; nothing of them exists where hardware is."""
         if self._session.is_hardware:
@@ -277,6 +292,8 @@ class PreparePage(QWidget):
     def showEvent(self, event: QShowEvent) -> None:
         """Coming back, look again: cards, latch and disk may have changed."""
         super().showEvent(event)
+        if not self.operator.text():
+            self.operator.setFocus()
         self.gear.refresh()
         self._ask_for_outlook()
 
@@ -304,7 +321,7 @@ class PreparePage(QWidget):
 
     def _look_ahead(self) -> None:
         self._wanted += 1
-        job = _Job(self._wanted, self.intent, look_ahead)
+        job = OutlookJob(self._wanted, self.intent, look_ahead)
         job.told.done.connect(self._take_outlook)
         QThreadPool.globalInstance().start(job)
 
@@ -351,6 +368,9 @@ class PreparePage(QWidget):
         name = self.operator.text().strip()
         self.sign_button.setText(f"Sign &all as {short_name(name)}" if name else "Sign &all")
         self.sign_button.setEnabled(bool(name) and bool(self.checklist.open))
+        self.acknowledge_button.setVisible(any(check.name == "trip latch" for check in self.checklist.failed))
+        self.acknowledge_button.setEnabled(bool(name))
+        self.acknowledge_button.setToolTip("" if name else "The operator has to be named first")
         self.start_button.setToolTip("\n".join(reasons) or "Ctrl+2 shows the run")
         if reasons:
             more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
@@ -359,25 +379,6 @@ class PreparePage(QWidget):
         else:
             self.waiting.setText("✓ Ready.")
         restyled(self.waiting, "muted" if reasons else "good")
-
-
-class _Told(QObject):
-    """Carries the outcome of a job out of its thread."""
-
-    done = Signal(int, object)
-
-
-class _Job(QRunnable):
-    """An intent that is looked at in a thread of the pool."""
-
-    def __init__(self, number: int, intent: Intent, work: Callable[[Intent], Outlook]) -> None:
-        super().__init__()
-        self.told = _Told()
-        self._number, self._intent, self._work = number, intent, work
-
-    def run(self) -> None:
-        """Do it, and tell."""
-        self.told.done.emit(self._number, self._work(self._intent))
 
 
 def _card(title: str, content: QWidget) -> QFrame:

@@ -44,6 +44,9 @@ class GearSection(QWidget):
         self._operator = ""
         self.choice: QComboBox = CalmComboBox()
         self.choice.setAccessibleName("Gear")
+        # A long serial number must not make the whole column wider than the window shows.
+        self.choice.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.choice.setMinimumContentsLength(12)
         self.choice.activated.connect(lambda _: self.choose(self.choice.currentData() or ""))
         self.form = ParameterForm(parameter_fields(GearFacts), _check_fact, CHOICES, {"part": shipped_parts()})
         self.form.rows["serial"].editor.setAccessibleName("Serial number of the gear")
@@ -185,9 +188,18 @@ class GearSection(QWidget):
 
     def _show_details(self, shown: bool) -> None:
         self.form.setVisible(shown)
+        self.details_button.setText("Hide d&etails" if shown else "Card d&etails")
         self.digest.setVisible(not shown)
         for button in (self.confirm_button, self.revert_button):
             button.setVisible(shown)
+
+    def _why_not(self, shown: GearFacts | None) -> str:
+        """What the confirmation waits for; "" when it may be given."""
+        if not self.form.is_valid:
+            return "A field is refused: put it right first."
+        if shown is None or not shown.serial:
+            return "The serial number is missing."
+        return "" if self._operator else "The operator has to be named first."
 
     def _show_status(self) -> None:
         stored, shown = self._stored, self.facts
@@ -196,12 +208,14 @@ class GearSection(QWidget):
         who = f"&Confirm as {short_name(self._operator)}" if self._operator else "&Confirm this card"
         self.confirm_button.setText(who)
         self.confirm_button.setEnabled(bool(self._operator) and shown is not None)
-        self.confirm_button.setToolTip("" if self._operator else "Name the operator first")
+        self.confirm_button.setToolTip(self._why_not(shown))
         last = stored.confirmation if stored is not None else None
         if edited:
             text, part = "Look at the gear, fill in what is known, then confirm it by name.", "warning"
             if stored is not None:
                 text = "Changed, not confirmed."
+            if why := self._why_not(shown):
+                text += f" {why}"
         elif stored is not None and stored.is_confirmed and last is not None:
             text, part = f"✓ Confirmed by {last.by}, {_day(last.at)}", "good"
         else:

@@ -186,8 +186,8 @@ def latch_checks(folder: Path) -> tuple[Check, ...]:
     unsafe = "" if trip.standstill_verified else "; standstill was NOT verified"
     return (
         Check(
-            "trip latch", "failed", f"{trip.cause} in run {trip.run}, {trip.time}{unsafe}",
-            f"Find and remove the cause, then: rig acknowledge --operator NAME --output {folder}",
+            "trip latch", "failed", f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}{unsafe}",
+            "Find and remove the cause, then press Acknowledge the trip.",
         ),
     )  # fmt: skip
 

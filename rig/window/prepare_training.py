@@ -29,7 +29,7 @@ class TrainingDialog(QDialog):
         self.setWindowTitle("Training drills")
         self.resize(640, 520)
         self.search = QLineEdit()
-        self.search.setPlaceholderText("search")
+        self.search.setPlaceholderText("search, for instance: guard, encoder, heartbeat")
         self.search.setAccessibleName("Search drills")
         self.search.textChanged.connect(self._filter)
         self.drills = QListWidget()
@@ -78,10 +78,18 @@ class TrainingDialog(QDialog):
             item = self.drills.item(row)
             told = f"{item.text()} {item.data(Qt.ItemDataRole.UserRole)}".lower()
             item.setHidden(text.lower() not in told)
+        # What is run is what is seen: a choice that the search has hidden gives way to the first that was found.
+        shown = [self.drills.item(row) for row in range(self.drills.count()) if not self.drills.item(row).isHidden()]
+        if self.drills.currentItem() not in shown:
+            self.drills.setCurrentRow(self.drills.row(shown[0]) if shown else -1)
+        self._show_runnable()
 
     def _describe(self) -> None:
         item = self.drills.currentItem()
-        self.what.setText(str(item.data(Qt.ItemDataRole.UserRole)) if item is not None else "")
+        self.what.setText(str(item.data(Qt.ItemDataRole.UserRole)) if item is not None else "No drill is called so.")
+
+    def _show_runnable(self) -> None:
+        self.run_button.setEnabled(self.drills.currentItem() is not None and not self._process.is_running)
 
     def run(self) -> None:
         """Run the chosen drill."""
@@ -94,7 +102,7 @@ class TrainingDialog(QDialog):
 
     def show_verdict(self, found: Any, code: int, told: str) -> None:
         """What came of the drill."""
-        self.run_button.setEnabled(True)
+        self._show_runnable()
         rows = found.get("faults") if isinstance(found, dict) else None
         if not rows:
             restyled(self.verdict, "bad")

@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
 from model.units import RPM
 from rig.preview.figures import figures_of
 from rig.preview.preview import PlanPreview, PredictedMargin, percent
+from rig.report.wording import number, pretty
 from rig.window.plots import LabPlot
 from rig.window.session import WindowSession
 
@@ -92,13 +93,13 @@ class PreviewPlots(QTabWidget):
 
 
 def _cells(margin: PredictedMargin) -> tuple[str, ...]:
-    factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
+    factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, pretty(margin.limit.unit))
     doubt = f" ± {margin.uncertainty / factor:.2g}" if margin.uncertainty else ""
     least = f"{'! ' if margin.touches else ''}{percent(margin.least_margin)}"
     known = f" ({margin.limit.provenance})" if margin.limit.provenance in ("recalled", "assumed") else ""
     return (
-        margin.quantity.replace("_", " "), f"{margin.value / factor:.4g}{doubt} {unit}",
-        f"{margin.limit.value / factor:.4g} {unit}", percent(margin.margin), least,
+        margin.quantity.replace("_", " "), f"{number(margin.value / factor, 4)}{doubt} {unit}",
+        f"{number(margin.limit.value / factor, 4)} {unit}", percent(margin.margin), least,
         f"{margin.limit.tier}{known}", margin.where,
     )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from datetime import date
 from pathlib import Path
@@ -10,12 +11,14 @@ from PySide6.QtCore import Qt, QTimer, QUrl
 from PySide6.QtGui import QDesktopServices, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QWidget
 
+from rig.errors import RigError
 from rig.library import IndexedRun
+from rig.results import read_analyses
 from rig.window.background import BackgroundCommand
 from rig.window.library_table import HTML, LibraryTable
 from rig.window.overlay_view import OverlayView
 from rig.window.review_difference import DifferenceView
-from rig.window.review_fit import ResultCache, in_words
+from rig.window.review_fit import ResultCache, in_words, order_of
 from rig.window.review_passport import PassportView
 from rig.window.review_results import ChooseFile
 from rig.window.run_details import RunDetails
@@ -26,7 +29,7 @@ EMPTY = (
     "Choose two or more to overlay their figures, two to see what differs. "
     "Search with Ctrl+F; the arrow keys go through the list."
 )
-SIZES = (470, 880)
+SIZES = (490, 860)
 """Pixels of library and details at first."""
 
 
@@ -74,6 +77,7 @@ class ReviewPage(QWidget):
         library.difference_requested.connect(lambda paths: self.show_difference(*paths))
         library.passport_requested.connect(self.show_passport)
         self.passport.run_chosen.connect(self.show_run)
+        self.passport.report_requested.connect(self.make_gear_report)
         library.report_requested.connect(self.make_report)
         self.details.report_requested.connect(self.make_report)
 
@@ -92,6 +96,7 @@ class ReviewPage(QWidget):
         path = Path(path)
         if self.library.selected != [path]:
             self.library.select(path)
+        self.library.table.setFocus()
         self._open(path)
         self.library.source.look()
 
@@ -117,22 +122,51 @@ class ReviewPage(QWidget):
             self._session.message.emit("A report is being written already.")
             return
         page = report_path(paths, suffix)
-        self._report = BackgroundCommand(["report", *(str(path) for path in paths), "--output", str(page)], self)
+        tare = self._tare_of(paths)
+        words = [str(path) for path in paths] + (["--tare", str(tare)] if tare is not None else [])
+        self._write_report(words, page)
+
+    def make_gear_report(self, serial: str, suffix: str = HTML) -> None:
+        """Write the report of a gear over all its runs of this folder, then open it."""
+        if self._report is not None:
+            self._session.message.emit("A report is being written already.")
+            return
+        folder = self._session.folder
+        page = folder / f"gear-{re.sub(r'[^A-Za-z0-9_.-]+', '_', serial)[:80]}{suffix}"
+        self._write_report(["--gear", serial, "--runs", str(folder)], page)
+
+    def _write_report(self, words: Sequence[str], page: Path) -> None:
+        self._report = BackgroundCommand(["report", *words, "--output", str(page)], self)
         self._report.done.connect(lambda code, out, aside: self._open_report(page, code, aside))
         self._say_report(f"Writing the report {page.name} …", busy=True)
         self._report.start()
+
+    def _tare_of(self, paths: Sequence[Path]) -> Path | None:
+        """The tare that the newest analysis of these runs was made with: what was decided here holds in the report."""
+        known = {run.run_id: run.path for run in self.library.model.runs if run.state == "sealed"}
+        for path in reversed(paths):
+            try:
+                analyses = read_analyses(path)
+            except RigError:
+                continue
+            tare = order_of(analyses[-1], path, known).tare if analyses else None
+            if tare is not None and tare not in paths:
+                return tare
+        return None
 
     def _open_report(self, page: Path, code: int, complaint: str) -> None:
         self._report = None
         if code in (2, 6) or not page.exists():
             self._say_report(in_words(complaint), busy=False)
             return
-        self._say_report(f"Report: {page}", busy=False)
-        self._opener(QUrl.fromLocalFile(str(page)))
+        opened = self._opener(QUrl.fromLocalFile(str(page.resolve())))
+        self._say_report(f"Report: {page}" + ("" if opened is not False else " (nothing here opens it)"), busy=False)
 
     def _say_report(self, text: str, *, busy: bool) -> None:
         self.library.say(text)
-        self._session.message.emit(text)
+        if not self.isVisible():
+            self._session.message.emit(text)
+        self.passport.allow_report(not busy)
         self.details.header.allow_report(not busy)
 
     def _choose(self, paths: Sequence[Path]) -> None:

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from rig.difference import Change, Difference, difference
-from rig.report.wording import number, pretty, readable
+from rig.difference import Change, Difference, difference, in_laboratory_units
+from rig.gear_card import UNITS, in_words
+from rig.report.wording import readable
 from rig.window.review_errand import Errand
 from rig.window.review_grid import GridTable
 from rig.window.session import WindowSession
 
-COLUMNS = ("group", "what", "first", "second", "significance", "difference", "remark")
+COLUMNS = ("group", "what", "first", "second", "difference ± U_c", "significance", "remark")
 EVERYTHING = "everything that differs"
 WIDEST = 170
 """Pixels of a column at first, so that the significance of a result is in view."""
@@ -86,7 +87,15 @@ class DifferenceView(QWidget):
         changes = self.difference.of(group) if group else self.difference.changes
         kinds = {change.name.partition(": ")[0] for change in changes if change.group == "results"}
         rows = [change_row(change, several_kinds=len(kinds) > 1) for change in _results_first(changes)]
-        self.table.show_rows(COLUMNS, rows, (False, False, False, False, False, True, False))
+        self.table.show_rows(COLUMNS, rows, (False, False, True, True, True, False, False))
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """A parameter or a fact of a gear card as words, and its unit."""
+    for ending, unit in (("_rpm", "r/min"), ("_kg_m2", "kg m²"), ("_um", "µm"), ("_deg", "°")):
+        if name.endswith(ending):
+            return in_words(name), unit
+    return readable(name), UNITS.get(name, "")
 
 
 def _results_first(changes: Sequence[Change]) -> list[Change]:
@@ -98,10 +107,14 @@ def change_row(change: Change, *, several_kinds: bool = True) -> tuple[str, ...]
     """One line under `COLUMNS`; results name their kind of fit where there are several."""
     kind, _, name = change.name.partition(": ") if change.group == "results" else ("", "", change.name)
     words = readable(name) if name else kind
+    if change.group in ("parameters", "conditions"):
+        # The unit is part of the name in files only.
+        words, unit = _without_unit(name)
+        first, second = (f"{text} {unit}".strip() if text else "–" for text in (change.first, change.second))
+        return (change.group, words, first, second, "", "", change.note)
     what = f"{kind}: {words}" if name and kind and several_kinds else words
     if change.difference is None or change.uncertainty is None:
         return (change.group, what, change.first, change.second, "", "", change.note)
-    # In the unit of the values beside it, which are SI as the analysis keeps them.
-    shown = f"{number(change.difference, 3)} ± {number(change.uncertainty, 2)} {pretty(change.unit)}".rstrip(" 1")
+    shown = in_laboratory_units(change.name, change.difference, change.uncertainty, change.unit)
     verdict = "" if change.significant is None else "significant" if change.significant else "within U"
-    return (change.group, what, change.first, change.second, verdict, shown, change.note)
+    return (change.group, what, change.first, change.second, shown, verdict, change.note)

@@ -44,6 +44,8 @@ class PassportView(QWidget):
     """The passport of one gear. `show_gear` reads it beside the window; `run_chosen` carries a run that was opened."""
 
     run_chosen = Signal(Path)
+    report_requested = Signal(str, str)
+    """Carries the serial number and the suffix of the report."""
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
@@ -59,8 +61,15 @@ class PassportView(QWidget):
         self.says.setProperty("part", "muted")
         self.says.setWordWrap(True)
         self.analyse = QPushButton("Fit what is &missing")
-        self.analyse.setToolTip("Fit every run of this gear that has no analysis yet; each is kept beside its run")
+        self.analyse.setToolTip(
+            "Fit every run of this gear that has no analysis yet, friction with the newest motor tare; kept beside its run"
+        )
         self.analyse.clicked.connect(self.fit_missing)
+        self.report, self.pdf = QPushButton("Gear r&eport"), QPushButton("PDF")
+        self.report.setToolTip("The report of this gear over all its runs, as a web page (HTML), and open it")
+        self.pdf.setToolTip("The report of this gear over all its runs, for paper (PDF), and open it")
+        self.report.clicked.connect(lambda: self.report_requested.emit(self._serial, ".html"))
+        self.pdf.clicked.connect(lambda: self.report_requested.emit(self._serial, ".pdf"))
         self.charts = PlotGallery(session)
         self.state = GridTable(session, "What the charts say", judged=("state",))
         self.runs = GridTable(session, "Runs of the gear")
@@ -82,7 +91,7 @@ class PassportView(QWidget):
         head = QHBoxLayout()
         head.addWidget(self.title, 1)
         head.addWidget(self.mark)
-        for widget in (self.busy, self.cancel, self.analyse):
+        for widget in (self.busy, self.cancel, self.analyse, self.report, self.pdf):
             head.addWidget(widget)
         self.tabs = QTabWidget()
         for page, name in (
@@ -126,6 +135,11 @@ class PassportView(QWidget):
         self._refusals = []
         self._show_busy(True)
         self.desk.ask(*orders)
+
+    def allow_report(self, allowed: bool) -> None:
+        """Whether a report can be asked for: not while one is being written."""
+        for button in (self.report, self.pdf):
+            button.setEnabled(allowed)
 
     def _show_busy(self, busy: bool) -> None:
         self.busy.setVisible(busy)
@@ -192,12 +206,19 @@ def missing_fits(library: Sequence[IndexedRun], serial: str) -> list[FitOrder]:
             or run.outcome not in COUNTED_OUTCOMES
         ):
             continue
+        tares = [
+            r.path for r in library
+            if r.protocol == TARE and r.origin == run.origin and r.state == "sealed" and r.outcome in COUNTED_OUTCOMES
+        ]  # fmt: skip
+        tare = tares[-1] if tares and run.protocol in TARED else None
         try:
-            done = any(analysis.kind == run.protocol for analysis in read_analyses(run.path))
+            # At its end a run is fitted without a tare: of the gear alone nothing is known before it is fitted with one.
+            done = any(
+                analysis.kind == run.protocol and (tare is None or analysis.content.get("tare"))
+                for analysis in read_analyses(run.path)
+            )
         except RigError:
             continue
-        tares = [r.path for r in library if r.protocol == TARE and r.origin == run.origin and r.state == "sealed"]
-        tare = tares[-1] if tares and run.protocol in TARED else None
         if not done:
             orders.append(FitOrder(run.path, tare=tare, keep=True))
     return orders
@@ -209,7 +230,7 @@ def summary(passport: Passport) -> str:
     if not passport.series:
         return f"{count}. Nothing has been fitted yet: fit what is missing."
     out = [series.title for series in passport.series if series.state in ("out of control", "to be watched")]
-    return f"{count}. " + (f"To be looked at: {'; '.join(out)}." if out else "No chart shows a signal.")
+    return f"{count}. " + (f"To be looked at: {'; '.join(out)}." if out else "No run stands out.")
 
 
 def state_row(series: PassportSeries) -> tuple[str, ...]:

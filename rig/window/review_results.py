@@ -22,6 +22,8 @@ from PySide6.QtWidgets import (
 from experiments import catalogue
 from experiments.result import Result
 from model.gear import HarmonicDrive
+from rig.library import IndexedRun
+from rig.window.library_table_model import local_time
 from rig.window.review_fit import FitOrder
 from rig.window.review_grid import GridTable
 from rig.window.review_words import RESULT_COLUMNS, result_page, result_rows
@@ -39,12 +41,16 @@ class FitBar(QWidget):
     """Carries a `FitOrder`."""
     compare_requested = Signal(object)
     """Carries a `FitOrder` whose parameter set is to be held against the run."""
+    save_requested = Signal(object, Path)
+    """Carries a `FitOrder` and the file that takes what it identifies as a parameter set."""
     cancelled = Signal()
 
     def __init__(self, choose_file: ChooseFile | None = None) -> None:
         super().__init__()
         self._run: Path | None = None
         self._choose_file = choose_file or self._ask_file
+        self.choose_target: ChooseFile = self._ask_target
+        """Asks where a parameter set is to be written."""
         self.kind, self.tare, self.parameters = QComboBox(), QComboBox(), QComboBox()
         for box, name in ((self.kind, "kind of fit"), (self.tare, "tare"), (self.parameters, "parameter set")):
             box.setAccessibleName(name.capitalize())
@@ -58,6 +64,11 @@ class FitBar(QWidget):
         self.fit.setToolTip("Identify the model from this run; the analysis is kept beside it")
         self.compare = QPushButton("&Compare")
         self.compare.setToolTip("Hold a parameter set against this run: what it predicts and what was measured")
+        self.save = QPushButton("&Save set …")
+        self.save.setToolTip(
+            "Write what this run identifies into a parameter set (TOML): to hold it against another run, or to plan with it"
+        )
+        self.save.clicked.connect(self._save)
         self.cancel = QPushButton("Cancel")
         self.busy = QProgressBar()
         self.busy.setRange(0, 0)
@@ -79,6 +90,7 @@ class FitBar(QWidget):
             row.addWidget(widget, 1 if isinstance(widget, QComboBox) else 0)
         row.addWidget(self.fit)
         row.addWidget(self.compare)
+        row.addWidget(self.save)
         below = QHBoxLayout()
         below.addWidget(self.busy)
         below.addWidget(self.says, 1)
@@ -89,7 +101,7 @@ class FitBar(QWidget):
         column.addLayout(row)
         column.addLayout(below)
 
-    def show_run(self, run: Path, protocol: str, tares: Sequence[Path], used: FitOrder | None) -> None:
+    def show_run(self, run: Path, protocol: str, tares: Sequence[IndexedRun], used: FitOrder | None) -> None:
         """Another run: the kind is that of its protocol, the tare the one that its analysis used, else the newest."""
         self._run, self._tares = run, tuple(tares)
         kinds = catalogue.kinds()
@@ -104,8 +116,8 @@ class FitBar(QWidget):
         self.parameters.addItem("the run's own", "")
         self.parameters.addItem("from a file …", "?")
         self._offer_tare()
-        if used is not None:
-            self.tare.setCurrentIndex(max(0, self.tare.findData(str(used.tare) if used.tare else "")))
+        if used is not None and used.tare is not None:
+            self.tare.setCurrentIndex(max(0, self.tare.findData(str(used.tare))))
         self.say("")
 
     def order(self, *, keep: bool) -> FitOrder:
@@ -120,7 +132,7 @@ class FitBar(QWidget):
 
     def set_busy(self, busy: bool, words: str = "") -> None:
         """Whether a fit is at work."""
-        for widget in (self.fit, self.compare, self.kind, self.tare, self.parameters):
+        for widget in (self.fit, self.compare, self.save, self.kind, self.tare, self.parameters):
             widget.setDisabled(busy)
         self.busy.setVisible(busy)
         self.cancel.setVisible(busy)
@@ -139,8 +151,9 @@ class FitBar(QWidget):
         needs = self.kind.currentData() in TARED
         self.tare.clear()
         self.tare.addItem("none", "")
-        for path in self._tares:
-            self.tare.addItem(path.name.removesuffix(".h5"), str(path))
+        for run in self._tares:
+            self.tare.addItem(f"run {run.number}, {local_time(run.start)}", str(run.path))
+            self.tare.setItemData(self.tare.count() - 1, run.path.name, Qt.ItemDataRole.ToolTipRole)
         self.tare.setCurrentIndex(len(self._tares))
         self.tare.setVisible(needs)
         self.tare_label.setVisible(needs)
@@ -167,8 +180,20 @@ class FitBar(QWidget):
             order = self.order(keep=False)
         self.compare_requested.emit(order)
 
+    def _save(self) -> None:
+        path = self.choose_target()
+        if path is not None:
+            self.save_requested.emit(self.order(keep=False), path)
+
+    def _ask_target(self) -> Path | None:
+        begin = f"{self._run.name.removesuffix('.h5')}.toml" if self._run is not None else ""
+        title = "Where is the parameter set written?"
+        found, _ = QFileDialog.getSaveFileName(self, title, begin, "Parameter sets (*.toml)")
+        return Path(found).with_suffix(".toml") if found else None
+
     def _ask_file(self) -> Path | None:
-        found, _ = QFileDialog.getOpenFileName(self, "Parameter set", "", "Parameter sets (*.toml)")
+        title = "Which parameter set is held against this run?"
+        found, _ = QFileDialog.getOpenFileName(self, title, "", "Parameter sets (*.toml)")
         return Path(found) if found else None
 
 

@@ -13,8 +13,10 @@ from experiments import catalogue
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive
+from model.gear_file import load_gear
 from rig.errors import RigError
 from rig.library import IndexedRun
+from rig.passport.gather import COUNTED_OUTCOMES
 from rig.result_data import result_from_mapping
 from rig.results import Analysis, read_analyses
 from rig.runfile.header import ORIGIN_WORDS
@@ -24,7 +26,7 @@ from rig.window.library_table import HTML, PDF
 from rig.window.plots_result import PlotGallery
 from rig.window.review_errand import Errand
 from rig.window.review_fit import FitDesk, FitOrder, ResultCache, in_words, order_of
-from rig.window.review_results import TARE, ChooseFile, FitBar, ResultsView
+from rig.window.review_results import TARE, TARED, ChooseFile, FitBar, ResultsView
 from rig.window.review_signals import SignalsView
 from rig.window.run_details_comparison import ComparisonView
 from rig.window.run_details_events import RunEventsView
@@ -107,6 +109,7 @@ class RunDetails(QWidget):
         self.tabs.currentChanged.connect(lambda _: self._fill_page())
         self.bar.fit_requested.connect(self.fit)
         self.bar.compare_requested.connect(self.compare)
+        self.bar.save_requested.connect(self.save_parameters)
         self.bar.cancelled.connect(self.cancel)
         self.desk.fitted.connect(self._take_result)
         self.desk.refused.connect(self._take_refusal)
@@ -183,6 +186,29 @@ class RunDetails(QWidget):
         self.bar.set_busy(True, f"Comparing with {parameters.name} …")
         self._comparing.start()
 
+    def save_parameters(self, order: FitOrder, target: Path) -> None:
+        """Write what a run identifies into a parameter set, in a process of its own; the set can be chosen at once."""
+        words = [word for word in order.arguments if word not in ("--plots",)]
+        self._comparing = BackgroundCommand([*words, "--parameters-out", str(target)], self)
+        self._comparing.done.connect(lambda code, _, aside: self._take_saved(target, code, aside))
+        self.bar.set_busy(True, f"Writing {target.name} …")
+        self._comparing.start()
+
+    def _take_saved(self, target: Path, code: int, complaint: str) -> None:
+        self._comparing = None
+        self.bar.set_busy(False)
+        if code in (2, 6) or not target.exists():
+            self.bar.say(in_words(complaint), "bad")
+            return
+        own = {value.path: value.value for value in self._gear.values()} if self._gear is not None else {}
+        fresh = sum(own.get(value.path) != value.value for value in load_gear(target).values())
+        if fresh:
+            values = f"{fresh} identified {'value' if fresh == 1 else 'values'}"
+            self.bar.say(f"Parameter set: {target}, with {values}. Another run can be compared with it.", "good")
+        else:
+            why = " (friction of motor and gear together stays out: choose a tare)" if self.bar.tare.isVisible() else ""
+            self.bar.say(f"Parameter set: {target}. Nothing that was identified here belongs into it{why}.", "warning")
+
     def cancel(self) -> None:
         """Give up what is at work."""
         busy = self.is_busy
@@ -224,10 +250,13 @@ class RunDetails(QWidget):
         metadata = self.recording.metadata
         newest = self._analyses[-1] if self._analyses else None
         used = order_of(newest, self.path, self._known_runs()) if newest else None
+        # A run that was broken off is no tare: it lacks speeds.
         tares = [
-            r.path for r in self._library if r.protocol == TARE and r.origin == metadata.origin and r.state == "sealed"
-        ]
-        self.bar.show_run(self.path, metadata.experiment, [t for t in tares if t != self.path], used)
+            r for r in self._library
+            if r.protocol == TARE and r.origin == metadata.origin and r.state == "sealed"
+            and r.outcome in COUNTED_OUTCOMES and r.path != self.path
+        ]  # fmt: skip
+        self.bar.show_run(self.path, metadata.experiment, tares, used)
         self.bar.setEnabled(self._state != "being written")
         self._set_figures((), self._why_no_figures())
         if newest is not None:
@@ -248,9 +277,19 @@ class RunDetails(QWidget):
             return
         self.results.show_result(result, self._gear)
         made = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
-        self.bar.say(f"{made}, {analysis.kind}.")
+        tare = str(analysis.content.get("tare", {}).get("run", ""))
+        self.bar.say(f"{made}, {analysis.kind}{self._tare_words(tare, analysis.kind)}.")
         if front:
             self.tabs.setCurrentWidget(self.results)
+
+    def _tare_words(self, tare: str, kind: str) -> str:
+        """Which tare an analysis was made with; nothing for a kind that has none."""
+        if kind not in TARED:
+            return ""
+        if tare:
+            return f", less the motor by {tare}"
+        ready = self.bar.tare.currentData()
+        return ", of motor and gear together: no tare" + (". Fit subtracts the tare that is chosen" if ready else "")
 
     def _fill_page(self) -> None:
         """What the page in front shows is read when it is looked at."""
@@ -302,7 +341,8 @@ class RunDetails(QWidget):
         if order != self._wanted:
             return
         self.bar.set_busy(False)
-        self.bar.say(f"Fitted as {result.kind}." if order.keep else "")
+        tare = order.tare.name.removesuffix(".h5") if order.tare else ""
+        self.bar.say(f"Fitted as {result.kind}{self._tare_words(tare, result.kind)}." if order.keep else "")
         self._set_figures(result.plots, "" if result.plots else "This fit has no figures.")
         self.results.show_result(result, self._gear)
         if order.keep:

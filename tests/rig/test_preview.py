@@ -246,7 +246,7 @@ def test_figures_carry_units_and_the_limit_where_it_is_near() -> None:
     bare = figures_of(preview_plan(planned("motor-tare")))
     assert set(bare) == {"speed", "torque", "friction"}
     assert any("prompts: 1" in series.label for series in bare["speed"].series)
-    assert "far beyond" in bare["torque"].title
+    assert "outside the picture" in bare["torque"].title
 
 
 def test_the_command_prints_json_and_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,32 +2,46 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
+import io
 import os
+import shutil
 import sys
 
 os.environ["QT_QPA_PLATFORM"] = "offscreen"  # before Qt is imported anywhere
 
 from collections.abc import Callable, Iterator
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 import pytest
+from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
+import rig.main
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.run.start import RunRequest, plan_request
+from rig.fit import fit_files, store
+from rig.run.start import RunRequest, plan_request, run_request
+from rig.window.background import BackgroundCommand
 from rig.window.child import RunProcess
 from rig.window.main import MainWindow
 from rig.window.prepared import PreparedRun
+from rig.window.review import ReviewPage
 from rig.window.session import WindowSession
 from rig.window.theme import apply_theme
+from tests.rig.window.reviewing import destroy
 
 CHILDREN = Path(__file__).with_name("children.py")
 LONGEST = 40_000
 """ms that a test waits for something before it fails; nothing takes a fifth of it on an idle computer."""
+
+QUICK = {"points": 6, "lowest_rpm": 300.0, "highest_rpm": 1500.0, "up_and_down": False, "bracket_every": 1000,
+         "measure_time": 0.3, "settle_time": 0.2, "zero_time": 0.5}  # fmt: skip
+TODAY = date(2025, 11, 25)
 
 MakePrepared = Callable[..., PreparedRun]
 
@@ -92,3 +106,59 @@ def prepared(session: WindowSession) -> MakePrepared:
 def child(kind: str, *arguments: str) -> RunProcess:
     """A run of `children.py`."""
     return RunProcess([kind, *arguments], program=(sys.executable, str(CHILDREN)))
+
+
+@pytest.fixture(scope="session")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two short friction runs of one gear on the simulated rig; the second one is analysed."""
+    folder = tmp_path_factory.mktemp("simulated")
+    for seed in (1, 2):
+        request = RunRequest("friction", shipped_gear(), shipped_motor(), folder, QUICK, gear_serial="SN-0815",
+                             operator="A. Example", seed=seed)  # fmt: skip
+        assert run_request(request).outcome == "PASS"
+    store(fit_files(sorted(folder.glob("*.h5"))[1:])[0], "2025-11-21T05:00:00+00:00")
+    return folder
+
+
+@pytest.fixture
+def friction(simulated: Path, session: WindowSession) -> list[Path]:
+    """The two runs, in the folder of the window."""
+    shutil.copytree(simulated, session.folder, dirs_exist_ok=True)
+    return sorted(session.folder.glob("*.h5"))
+
+
+@pytest.fixture
+def opened(session: WindowSession, qtbot: QtBot) -> Iterator[Callable[..., ReviewPage]]:
+    """Opens the page over the folder of the session; waits until the folder was read."""
+    pages: list[ReviewPage] = []
+
+    def make(**given: object) -> ReviewPage:
+        page = ReviewPage(session, today=lambda: TODAY, **given)  # type: ignore[arg-type]
+        pages.append(page)
+        page.resize(1366, 700)
+        page.show()
+        qtbot.waitUntil(lambda: page.library.source.runs is not None, timeout=LONGEST)
+        return page
+
+    yield make
+    for page in pages:
+        page.details.cancel()
+        page.overlay.cancel()
+        destroy(page)
+
+
+@pytest.fixture
+def in_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands work in this process instead of one of their own: the same words, without the seconds of a start."""
+
+    def start(command: BackgroundCommand) -> None:
+        out, aside = io.StringIO(), io.StringIO()
+        code = 0
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(aside):
+            try:
+                rig.main.run(command._arguments[2:])
+            except SystemExit as ended:
+                code = int(ended.code or 0)
+        QTimer.singleShot(0, lambda: command.done.emit(code, out.getvalue(), aside.getvalue()))
+
+    monkeypatch.setattr(BackgroundCommand, "start", start)

@@ -11,14 +11,15 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import Qt, QTimer
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QPushButton
 from pytestqt.qtbot import QtBot
 from typer.testing import CliRunner
 
 from experiments.result import Plot, Series
+from rig.errors import ConfigurationError
 from rig.main import app
 from rig.window.collector import collector_in_this_thread
-from rig.window.main import PAGES, MainWindow, _defects_told, open_window
+from rig.window.main import PAGES, MainWindow, _defects_told, open_window, refuse_a_screen_that_qt_cannot_use
 from rig.window.palette import palette_of
 from rig.window.plots import LabPlot
 from rig.window.session import REMEMBERED_FILE, WindowSession
@@ -155,3 +156,39 @@ def test_a_run_never_loads_qt(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_enter_presses_the_button_that_has_the_focus(window: MainWindow, qtbot: QtBot) -> None:
+    window.activateWindow()
+    review = window._buttons.button(2)
+    review.setFocus()
+    qtbot.waitUntil(review.hasFocus)
+    qtbot.keyClick(review, Qt.Key.Key_Return)
+    assert window.stack.currentIndex() == 2
+
+
+def test_enter_that_answers_a_question_presses_nothing_else(window: MainWindow, qtbot: QtBot) -> None:
+    window.activateWindow()
+    pressed: list[str] = []
+    buttons = window.findChildren(QPushButton)
+    for button in buttons:
+        button.clicked.connect(lambda _=False, name=button.text(): pressed.append(name))
+    next_in_turn = window._buttons.button(0)
+    window.run.prompt.answered.connect(lambda _: next_in_turn.setFocus())
+    window.run.prompt.ask("Ready?", "")
+    qtbot.waitUntil(window.run.prompt.field.hasFocus)
+    with qtbot.waitSignal(window.run.prompt.answered):
+        qtbot.keyClick(window.run.prompt.field, Qt.Key.Key_Return)
+    assert next_in_turn.hasFocus()
+    assert pressed == []
+
+
+def test_a_missing_library_of_x11_is_named_instead_of_an_abort(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("QT_QPA_PLATFORM", "xcb")
+    refuse_a_screen_that_qt_cannot_use("linux", tmp_path)
+    (tmp_path / "libqxcb.so").write_text("no library")
+    with pytest.raises(ConfigurationError, match="sudo apt install libxcb-cursor0"):
+        refuse_a_screen_that_qt_cannot_use("linux", tmp_path)
+    refuse_a_screen_that_qt_cannot_use("win32", tmp_path)
+    monkeypatch.setenv("QT_QPA_PLATFORM", "offscreen")
+    refuse_a_screen_that_qt_cannot_use("linux", tmp_path)

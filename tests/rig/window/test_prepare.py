@@ -17,12 +17,13 @@ from rig.commands.ordering import request_of
 from rig.commands.running import read_protocol
 from rig.gear_card import card_for, now_text, save_card, with_changes, with_confirmation
 from rig.main import app
-from rig.run.latch import TripLatch
+from rig.run.latch import HISTORY_NAME, LatchedTrip, TripLatch
 from rig.run.preflight import Check
 from rig.run.start import plan_request
 from rig.window.checklist import Checklist
 from rig.window.checklist_doctor import checks_from
 from rig.window.prepare import PreparePage
+from rig.window.prepare_latch import AcknowledgeDialog
 from rig.window.prepare_process import SideProcess
 from rig.window.prepare_training import TrainingDialog, verdict_text
 from rig.window.prepared import PreparedRun
@@ -255,10 +256,30 @@ def test_a_latched_trip_and_unsigned_items_stand_in_the_way(session: WindowSessi
     assert any("over-torque" in reason for reason in page.obstacles)
     box = next(b for b, c in zip(page.checklist.boxes, page.checklist.checks, strict=True) if c.name == "trip latch")
     assert not box.isEnabled()
+    assert page.acknowledge_button.isVisible()
+    assert not page.acknowledge_button.isEnabled()
     latch.unlink()
     session.runs_changed.emit()
     settle(page)
     assert page.obstacles[0] == "no operator is named"
+    assert not page.acknowledge_button.isVisible()
+
+
+def test_a_trip_is_acknowledged_by_name_with_what_was_found(session: WindowSession, qtbot: QtBot) -> None:
+    latch = TripLatch(session.folder)
+    latch.leave(LatchedTrip("speed", "00007-friction-SN_0815", "2026-01-01", "too fast", False))
+    dialog = AcknowledgeDialog(session.folder, "A. Example")
+    qtbot.addWidget(dialog)
+    assert "Standstill was NOT verified" in dialog.what.text()
+    assert not dialog.accept_button.isEnabled()
+    qtbot.keyClicks(dialog.remark, "coupling was loose")
+    click(qtbot, dialog.accept_button)
+    assert latch.read() is None
+    kept = (session.folder / HISTORY_NAME).read_text(encoding="utf-8")
+    assert '"acknowledged_by": "A. Example"' in kept
+    assert "coupling was loose" in kept
+    dialog.acknowledge()
+    assert "no trip is latched here" in dialog.problem.text()
 
 
 def test_without_a_gear_no_card_is_asked_for(page: PreparePage, qtbot: QtBot, settle: Settle) -> None:

@@ -1,0 +1,127 @@
+"""What a person types on the Prepare page: commas, units, very long names; names that are offered; drills that are searched."""
+
+from __future__ import annotations
+
+import pytest
+from PySide6.QtCore import Qt, QThreadPool
+from PySide6.QtWidgets import QScrollArea
+from pytestqt.qtbot import QtBot
+
+from experiments import catalogue
+from experiments.parameters import make_parameters, parameter_fields
+from rig.gear_card import GearFacts, now_text, save_card, with_changes, with_confirmation
+from rig.window.form import ParameterForm, printed
+from rig.window.prepare import PreparePage
+from rig.window.prepare_gear import GearSection
+from rig.window.prepare_process import SideProcess
+from rig.window.prepare_training import TrainingDialog
+from rig.window.session import WindowSession
+
+LONG = "SN 0815/ä that somebody pasted out of a spreadsheet with everything that stood in its row, 1234567890"
+
+
+@pytest.mark.parametrize(("text", "as_printed"), [
+    ("kg m2", "kg m²"), ("rad/s2", "rad/s²"), ("um", "µm"), (">= 0 and <= 1e+06", "≥ 0 and ≤ 1\u202f000\u202f000"),
+    ("> 0 and <= 0.5 N m", "> 0 and ≤ 0.5 N m"), ("1e-05", "1e-05"), ("maximum", "maximum"),
+])  # fmt: skip
+def test_units_and_ranges_are_printed_as_people_write_them(text: str, as_printed: str) -> None:
+    assert printed(text) == as_printed
+
+
+def test_what_is_no_number_is_refused_in_plain_words(session: WindowSession, qtbot: QtBot) -> None:
+    gear = GearSection(session)
+    qtbot.addWidget(gear)
+    row = gear.form.rows["load_inertia_kg_m2"]
+    assert row.unit.text() == "kg m²"
+    for typed, said in (
+        ("0,12", "Write decimals with a point: 0.12"), ("abc", "'abc' is not a number"),
+        ("-5", "is out of range: -5.0 kg m², allowed > 0 and ≤ 1000 kg m²"), ("0.12", ""),
+    ):  # fmt: skip
+        row.editor.setText(typed)  # type: ignore[union-attr]
+        assert row.problem == said
+
+
+def test_in_a_list_a_comma_is_not_guessed_at(session: WindowSession, qtbot: QtBot) -> None:
+    model = catalogue.load("velocity-steps").parameters
+    form = ParameterForm(
+        parameter_fields(model), lambda name, value: make_parameters(model, {name: value}, "velocity-steps")
+    )
+    qtbot.addWidget(form)
+    row = form.rows["speeds_rpm"]
+    row.editor.setText("7,5 15")  # type: ignore[union-attr]
+    assert row.problem == "Write decimals with a point: 7.5 15, and spaces between numbers"
+    row.editor.setText("7.5 15")  # type: ignore[union-attr]
+    assert form.is_valid
+
+
+def test_a_gear_card_says_what_its_confirmation_waits_for(session: WindowSession, qtbot: QtBot) -> None:
+    gear = GearSection(session)
+    qtbot.addWidget(gear)
+    gear.set_operator("")
+    assert "The serial number is missing." in gear.status.text()
+    gear.form.rows["serial"].editor.setText("SN-1")  # type: ignore[union-attr]
+    assert "The operator has to be named first." in gear.status.text()
+    gear.set_operator("A. Example")
+    assert gear.confirm_button.isEnabled()
+    gear.form.rows["hours"].editor.setText("many")  # type: ignore[union-attr]
+    assert "A field is refused" in gear.status.text()
+    assert not gear.confirm_button.isEnabled()
+
+
+@pytest.fixture
+def page(session: WindowSession, qtbot: QtBot) -> PreparePage:
+    """The page over a folder in which a gear with a very long serial number is known, and who was here last."""
+    facts = {"serial": LONG, "part": "csf-25-120", "mounting": "circular-spline-fixed"}
+    changed = with_changes(None, facts, "A. Example", now_text())
+    save_card(session.folder, with_confirmation(changed, "A. Example", now_text()))
+    session.remember("gear", LONG)
+    session.remember("operators", ["A. Example"])
+    made = PreparePage(session)
+    qtbot.addWidget(made)
+    made.resize(1366, 700)
+    made.show()
+    return made
+
+
+def test_a_very_long_serial_number_cuts_nothing_off(page: PreparePage, qtbot: QtBot) -> None:
+    area = page.findChild(QScrollArea)
+    assert area is not None
+    assert page.gear.choice.currentData() == LONG
+    inner = area.widget()
+    assert inner is not None
+    qtbot.waitUntil(lambda: area.viewport().width() >= inner.width())
+    QThreadPool.globalInstance().waitForDone()
+
+
+def test_a_whole_name_is_offered_nothing_more(page: PreparePage, qtbot: QtBot) -> None:
+    page.activateWindow()
+    completer = page.operator.completer()
+    assert completer is not None
+    offered = completer.popup()
+    assert offered is not None
+    qtbot.waitUntil(page.operator.hasFocus)
+    qtbot.keyClicks(page.operator, "A. Exampl")
+    assert offered.isVisible()
+    qtbot.keyClicks(page.operator, "e")
+    qtbot.waitUntil(lambda: not offered.isVisible())
+    QThreadPool.globalInstance().waitForDone()
+
+
+def test_a_drill_that_the_search_has_hidden_is_not_run(qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[list[str]] = []
+    monkeypatch.setattr(SideProcess, "start", lambda self, words: bool(started.append(list(words)) or True))
+    dialog = TrainingDialog()
+    qtbot.addWidget(dialog)
+    dialog.search.setText("guard")
+    qtbot.mouseClick(dialog.run_button, Qt.MouseButton.LeftButton)
+    assert started == [["drill", "--fault", "guard opened in motion", "--json"]]
+    dialog.show_verdict(None, 6, "")
+    dialog.search.setText("no such thing")
+    assert not dialog.run_button.isEnabled()
+    assert dialog.what.text() == "No drill is called so."
+
+
+def test_every_fact_of_a_card_has_a_printed_unit() -> None:
+    for field in parameter_fields(GearFacts):
+        assert "2" not in printed(field.unit)
+        assert printed(field.unit) != "um"
