@@ -4,8 +4,8 @@
     python docs/make_screenshots.py run-finished       # one of them
     python docs/make_screenshots.py --theme dark --scale 2 --size 1366x768 --output /tmp/pictures
 
-A state is a function in `STATES`: it is given a `Stage` with an open window, brings the window into the state, and returns.
-Every picture is of a simulated rig and says so.
+A state is a function in `STATES`: it is given a `Stage` with an open window, brings the window into
+the state, and returns. Every picture is of a simulated rig and says so.
 """
 
 from __future__ import annotations
@@ -74,10 +74,25 @@ class Stage:
 
         values = read_flags(protocol, parameter_fields(catalogue.load(protocol).parameters), flags)
         request = RunRequest(
-            protocol, shipped_gear(), shipped_motor(), self.folder, values, gear_serial="SN-0815", operator="A. Example"
+            protocol,
+            shipped_gear(),
+            shipped_motor(),
+            self.folder,
+            values,
+            gear_serial="SN-0815",
+            operator="A. Example",
         )
         planned = plan_request(request)
-        arguments = ["run", protocol, "--backend", "sim", "--gear", "SN-0815", "--operator", "A. Example"]
+        arguments = [
+            "run",
+            protocol,
+            "--backend",
+            "sim",
+            "--gear",
+            "SN-0815",
+            "--operator",
+            "A. Example",
+        ]
         arguments += ["--output", str(self.folder), *flags, "--events", "--stdin-control"]
         self.window.start(PreparedRun(request, planned, arguments, preview_plan(planned)))
 
@@ -85,7 +100,12 @@ class Stage:
         """Wait for the end of the run and for its results."""
         run = self.window.run
         self.wait(lambda: run.state.ended)
-        self.wait(lambda: not run.outcome.results.isVisible() or "Working out" not in run.outcome.results.text())
+        self.wait(
+            lambda: (
+                not run.outcome.results.isVisible()
+                or "Working out" not in run.outcome.results.text()
+            )
+        )
         self.settle()
 
 
@@ -137,10 +157,17 @@ def _prepared(stage: Stage, protocol: str, gear: bool = True) -> None:
     if gear:
         page.operator.setText("A. Example")
         told = {
-            "serial": "SN-0815", "part": "csf-25-120", "mounting": "circular-spline-fixed", "lubricant": "Harmonic Grease SK-1A",
-            "hours": "12", "hours_counted": "log book", "load_inertia_kg_m2": "0.1", "load_inertia_uncertainty_kg_m2": "0.002",
-            "output_radial_runout_um": "8", "output_axial_runout_um": "5",
-        }  # fmt: skip
+            "serial": "SN-0815",
+            "part": "csf-25-120",
+            "mounting": "circular-spline-fixed",
+            "lubricant": "Harmonic Grease SK-1A",
+            "hours": "12",
+            "hours_counted": "log book",
+            "load_inertia_kg_m2": "0.1",
+            "load_inertia_uncertainty_kg_m2": "0.002",
+            "output_radial_runout_um": "8",
+            "output_axial_runout_um": "5",
+        }
         for name, text in told.items():
             page.gear.form.rows[name].set_value(text)
         page.gear.confirm()
@@ -311,9 +338,17 @@ def _some_runs() -> Path:
         values = read_flags(protocol, parameter_fields(catalogue.load(protocol).parameters), flags)
         serial = "" if protocol == "motor-tare" else "SN-0815"
         run_request(
-            RunRequest(protocol, shipped_gear(), shipped_motor(), folder, values, gear_serial=serial, operator="A. Example",
-                       seed=seed)
-        )  # fmt: skip
+            RunRequest(
+                protocol,
+                shipped_gear(),
+                shipped_motor(),
+                folder,
+                values,
+                gear_serial=serial,
+                operator="A. Example",
+                seed=seed,
+            )
+        )
         path = max(folder.glob("*.h5"))
         store(fit_files([path], tare=tare)[0], "2026-01-01T12:00:00+00:00")
         tare = tare or path
@@ -326,7 +361,9 @@ def _play(stage: Stage, kind: str, *arguments: str, end: bool = True) -> None:
 
     run = stage.window.run
     script = HERE.parent / "tests" / "rig" / "window" / "children.py"
-    run._start_process = lambda _: RunProcess([kind, *arguments], program=(sys.executable, str(script)))
+    run._start_process = lambda _: RunProcess(
+        [kind, *arguments], program=(sys.executable, str(script))
+    )
     run.start_command([], "Friction, gear SN-0815, A. Example")
     stage.window.show_page("run")
     if end:
@@ -362,7 +399,9 @@ STATES: dict[str, Callable[[Stage], None]] = {
 """Every state that is shown, by the name of its picture."""
 
 
-def picture(application: QApplication, name: str, size: tuple[int, int], theme: str, target: Path) -> None:
+def picture(
+    application: QApplication, name: str, size: tuple[int, int], theme: str, target: Path
+) -> None:
     """Bring a fresh window into a state and keep what it shows."""
     import pyqtgraph as pg
 
@@ -428,9 +467,13 @@ def _shrink(target: Path) -> None:
 
 def main() -> int:
     """Make the pictures that were asked for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("states", nargs="*", help=f"which: {', '.join(STATES)} (default: all)")
-    parser.add_argument("--size", action="append", choices=SIZES, help="of the window (default: both)")
+    parser.add_argument(
+        "--size", action="append", choices=SIZES, help="of the window (default: both)"
+    )
     parser.add_argument("--theme", choices=("light", "dark"), default="light")
     parser.add_argument("--scale", default="1", help="pixels per logical pixel")
     parser.add_argument("--output", type=Path, default=HERE / "screenshots")

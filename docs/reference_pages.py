@@ -1,7 +1,7 @@
 """The reference pages that are made from the program: protocols, commands, configuration, exit codes, limits.
 
-Nothing here is written twice: protocols come from their parameter models, commands from the command line's own tables, words
-of the configuration from its schema.
+Nothing here is written twice: protocols come from their parameter models, commands from the command
+line's own tables, words of the configuration from its schema.
 """
 
 from __future__ import annotations
@@ -97,7 +97,10 @@ def configuration() -> Iterable[str]:
 
     yield "# Words of rig.toml"
     yield ""
-    yield "`rig config init` writes a file with every word explained; this page lists them with their kinds and defaults."
+    yield (
+        "`rig config init` writes a file with every word explained; this page lists them "
+        "with their kinds and defaults."
+    )
     for path, model in _tables("", RigConfiguration):
         yield f"\n## {path or 'top level'}\n"
         yield plain(inspect.cleandoc(model.__doc__ or ""))
@@ -163,8 +166,13 @@ def kind_text(annotation: Any) -> str:
     if typing.get_origin(annotation) is dict:
         return "table"
     words = {
-        int: "whole number", float: "number", str: "text", bool: "true or false", type(None): "", Ellipsis: "",
-    }  # fmt: skip
+        int: "whole number",
+        float: "number",
+        str: "text",
+        bool: "true or false",
+        type(None): "",
+        Ellipsis: "",
+    }
     found = []
     for kind in arms(annotation):
         if typing.get_origin(kind) is not None:

@@ -48,7 +48,11 @@ class AcquisitionReport:
     @property
     def missed_share(self) -> float:
         """Share of the cycles that are incomplete, late, doubled or short."""
-        return (self.incomplete + self.late + self.doubled + self.short) / self.cycles if self.cycles else 0.0
+        return (
+            (self.incomplete + self.late + self.doubled + self.short) / self.cycles
+            if self.cycles
+            else 0.0
+        )
 
 
 class AcquisitionStatistics:
@@ -70,7 +74,9 @@ class AcquisitionStatistics:
             self.pauses += 1
         self._last_ns = None
 
-    def add(self, time_ns: NDArray[np.int64], latency_ns: NDArray[np.int64], flags: NDArray[np.uint16]) -> None:
+    def add(
+        self, time_ns: NDArray[np.int64], latency_ns: NDArray[np.int64], flags: NDArray[np.uint16]
+    ) -> None:
         """Count a block: stamps (n,), latencies (n,), flags (n,)."""
         if not len(time_ns):
             return
@@ -79,7 +85,10 @@ class AcquisitionStatistics:
             if flag:
                 self._flags[flag] += int(np.count_nonzero(flags & flag))
         before = [] if self._last_ns is None else [self._last_ns]
-        deviation = np.diff(np.concatenate([np.array(before, dtype=np.int64), time_ns])).astype(float) - self._cycle_ns
+        deviation = (
+            np.diff(np.concatenate([np.array(before, dtype=np.int64), time_ns])).astype(float)
+            - self._cycle_ns
+        )
         self._last_ns = int(time_ns[-1])
         if len(deviation):
             self._intervals += len(deviation)
@@ -98,15 +107,27 @@ class AcquisitionStatistics:
         variance = max(0.0, self._sum_squares / n - mean * mean) if n else 0.0
         count = self._flags
         return AcquisitionReport(
-            cycles=self._cycles, duration=n * period * 1e-9, nominal_rate=1e9 / self._cycle_ns,
-            achieved_rate=1e9 / period if n and period > 0.0 else math.nan, jitter_rms=math.sqrt(variance) * 1e-9,
-            jitter_p99=_percentile(self._jitter, 0.99), jitter_max=self._jitter_max * 1e-9,
-            latency_p50=_percentile(self._latency, 0.5), latency_p99=_percentile(self._latency, 0.99),
-            latency_max=self._latency_max * 1e-9, incomplete=count[CycleFlag.INCOMPLETE], late=count[CycleFlag.LATE],
-            doubled=count[CycleFlag.DOUBLED], short=count[CycleFlag.SHORT], jumped=count[CycleFlag.JUMPED],
-            signal_error=count[CycleFlag.SIGNAL_ERROR], saturated=count[CycleFlag.SATURATED],
-            host_time=count[CycleFlag.HOST_TIME], overruns=self.overruns, pauses=self.pauses,
-        )  # fmt: skip
+            cycles=self._cycles,
+            duration=n * period * 1e-9,
+            nominal_rate=1e9 / self._cycle_ns,
+            achieved_rate=1e9 / period if n and period > 0.0 else math.nan,
+            jitter_rms=math.sqrt(variance) * 1e-9,
+            jitter_p99=_percentile(self._jitter, 0.99),
+            jitter_max=self._jitter_max * 1e-9,
+            latency_p50=_percentile(self._latency, 0.5),
+            latency_p99=_percentile(self._latency, 0.99),
+            latency_max=self._latency_max * 1e-9,
+            incomplete=count[CycleFlag.INCOMPLETE],
+            late=count[CycleFlag.LATE],
+            doubled=count[CycleFlag.DOUBLED],
+            short=count[CycleFlag.SHORT],
+            jumped=count[CycleFlag.JUMPED],
+            signal_error=count[CycleFlag.SIGNAL_ERROR],
+            saturated=count[CycleFlag.SATURATED],
+            host_time=count[CycleFlag.HOST_TIME],
+            overruns=self.overruns,
+            pauses=self.pauses,
+        )
 
 
 def _percentile(histogram: NDArray[np.int64], share: float) -> float:

@@ -31,7 +31,9 @@ TimeBase = Literal["hardware", "device", "host", "virtual"]
 Level = Literal["info", "warning", "error"]
 FrameHandler = Callable[[bytes, int], None]
 Pump = Callable[[int], None]
-"""Lets simulated devices of the same process run: it may advance a virtual clock up to the given instant, never beyond."""
+"""Lets simulated devices of the same process run: it may advance a virtual clock up to the given
+instant, never beyond.
+"""
 
 ADAPTERS_WITH_STAMPS: Final = frozenset({"gs_usb", "pcan", "kvaser"})
 """python-can interfaces whose time stamps are the adapter's own clock; socketcan delivers the kernel's receive time."""
@@ -43,7 +45,8 @@ _EVENTS_KEPT: Final = 10_000
 
 @dataclass(frozen=True)
 class BusConfig:
-    """How to reach the bus: python-can's interface, channel, bit rate [bit/s], further arguments, and what its stamps are.
+    """How to reach the bus: python-can's interface, channel, bit rate [bit/s], further arguments,
+    and what its stamps are.
 
     `stamps` None: derived from the interface. `own_node_id` is the node-ID that the computer's heartbeat carries.
     """
@@ -120,12 +123,24 @@ def open_raw_bus(config: BusConfig) -> RawBus:
             from drivers.socketcand import SocketcandBus
 
             return SocketcandBus(str(config.channel), **extra)  # type: ignore[arg-type, return-value]
-        return can.Bus(interface=config.interface, channel=config.channel, bitrate=config.bitrate, **extra)  # type: ignore[arg-type, return-value]
-    except (can.CanError, OSError, ValueError, TypeError, ImportError, NotImplementedError, AttributeError) as error:
+        return can.Bus(
+            interface=config.interface, channel=config.channel, bitrate=config.bitrate, **extra
+        )  # type: ignore[arg-type, return-value]
+    except (
+        can.CanError,
+        OSError,
+        ValueError,
+        TypeError,
+        ImportError,
+        NotImplementedError,
+        AttributeError,
+    ) as error:
         raise BusLostError(
-            f"the bus cannot be opened: {error}", where=f"{config.interface} {config.channel}",
-            remedy="Check interface, channel and bit rate in the rig's configuration, and that the adapter is plugged in.",
-        ) from error  # fmt: skip
+            f"the bus cannot be opened: {error}",
+            where=f"{config.interface} {config.channel}",
+            remedy="Check interface, channel and bit rate in the rig's configuration, and "
+            "that the adapter is plugged in.",
+        ) from error
 
 
 class PumpedBus:
@@ -135,7 +150,13 @@ class PumpedBus:
     """
 
     def __init__(
-        self, raw: RawBus, clock: Clock, *, pump: Pump | None = None, time_base: TimeBase = "host", own_node_id: int = 127
+        self,
+        raw: RawBus,
+        clock: Clock,
+        *,
+        pump: Pump | None = None,
+        time_base: TimeBase = "host",
+        own_node_id: int = 127,
     ) -> None:
         self._raw, self._clock, self._pump = raw, clock, pump
         self.time_base: TimeBase = time_base
@@ -235,7 +256,9 @@ class PumpedBus:
     def watch(self, node_id: int, timeout_ns: int = 0) -> NodeWatch:
         """Listen to a node: heartbeat, boot-up and EMCY. `timeout_ns` > 0 arms the loss detection from now on."""
         if not 1 <= node_id <= HIGHEST_NODE_ID:
-            raise DriverError("not a CANopen node-ID", where="bus", value=node_id, limit=f"1 to {HIGHEST_NODE_ID}")
+            raise DriverError(
+                "not a CANopen node-ID", where="bus", value=node_id, limit=f"1 to {HIGHEST_NODE_ID}"
+            )
         node = self.nodes.setdefault(node_id, NodeWatch(node_id))
         node.timeout_ns, node.heard_ns, node.is_lost = timeout_ns, self._clock.monotonic_ns(), False
         return node
@@ -249,7 +272,9 @@ class PumpedBus:
         """Send the heartbeat if it is due; one frame, however late it is."""
         if self._beat_period_ns and self._clock.monotonic_ns() >= self._beat_due_ns:
             now = self._clock.monotonic_ns()
-            self._beat_due_ns = max(self._beat_due_ns + self._beat_period_ns, now + self._beat_period_ns // 2)
+            self._beat_due_ns = max(
+                self._beat_due_ns + self._beat_period_ns, now + self._beat_period_ns // 2
+            )
             self.send(HEARTBEAT_BASE + self.own_node_id, bytes([NmtState.OPERATIONAL.value]))
 
     def check_heartbeats(self) -> None:
@@ -260,9 +285,11 @@ class PumpedBus:
                 node.is_lost = True
                 silent_ms, allowed_ms = (now - node.heard_ns) / 1e6, node.timeout_ns / 1e6
                 self.emit(
-                    "error", "heartbeat-lost", f"node {node.node_id}",
+                    "error",
+                    "heartbeat-lost",
+                    f"node {node.node_id}",
                     f"no heartbeat for {silent_ms:.0f} ms, allowed {allowed_ms:.0f} ms",
-                )  # fmt: skip
+                )
 
     # --- events
 
@@ -294,7 +321,8 @@ class PumpedBus:
             if now >= deadline_ns:
                 return 0
             if now == before:
-                # A pump that moves no clock: time passes here, in small steps, so that its devices' timers get their turn.
+                # A pump that moves no clock: time passes here, in small steps, so that its devices'
+                # timers get their turn.
                 self._clock.wait_until_ns(min(deadline_ns, now + _IDLE_STEP_NS))
             self.beat()
 
@@ -339,15 +367,30 @@ class PumpedBus:
         if node.state is NmtState.BOOT_UP:
             node.boots += 1
             level: Level = "error" if previous is NmtState.OPERATIONAL else "info"
-            self.emit(level, "boot-up", source, "the node has restarted" if level == "error" else "boot-up")
+            self.emit(
+                level,
+                "boot-up",
+                source,
+                "the node has restarted" if level == "error" else "boot-up",
+            )
         elif previous is NmtState.OPERATIONAL and node.state is not NmtState.OPERATIONAL:
-            self.emit("error", "not-operational", source, f"left OPERATIONAL, now {node.state.name} (0x{data[0]:02X})")
+            self.emit(
+                "error",
+                "not-operational",
+                source,
+                f"left OPERATIONAL, now {node.state.name} (0x{data[0]:02X})",
+            )
 
     def on_emergency(self, node_id: int, data: bytes) -> None:
         """Take an EMCY message of a node; also the handler for one that uses another COB-ID (0x1014)."""
         source = f"node {node_id}"
         if len(data) < 3:
-            self.emit("error", "emcy", source, f"emergency with {len(data)} bytes instead of 8: {data.hex(' ') or 'empty'}")
+            self.emit(
+                "error",
+                "emcy",
+                source,
+                f"emergency with {len(data)} bytes instead of 8: {data.hex(' ') or 'empty'}",
+            )
             return
         emergency = Emergency(node_id, int.from_bytes(data[:2], "little"), data[2], data[3:])
         if node_id in self.nodes:
@@ -359,15 +402,22 @@ class PumpedBus:
         # Somebody else's device on the same bus is worth a line, and does not stop this rig.
         level: Level = "error" if node_id in self.nodes else "warning"
         self.emit(
-            level, "emcy", source,
+            level,
+            "emcy",
+            source,
             f"0x{emergency.code:04X} {text}; register: {error_register_text(emergency.register)}; "
             f"manufacturer: {emergency.vendor.hex(' ')}",
-        )  # fmt: skip
+        )
 
     def _on_error_frame(self) -> None:
         self.error_frames += 1
         if self.error_frames == 1 or self.error_frames % 1000 == 0:
-            self.emit("warning", "error-frame", "bus", f"{self.error_frames} error frames so far; check cable and termination")
+            self.emit(
+                "warning",
+                "error-frame",
+                "bus",
+                f"{self.error_frames} error frames so far; check cable and termination",
+            )
         if getattr(self._raw, "state", None) is can.BusState.ERROR:
             raise self._lost("the adapter is bus-off", None)
 
@@ -377,9 +427,10 @@ class PumpedBus:
 
     def _lost(self, what: str, error: Exception | None) -> BusLostError:
         return BusLostError(
-            what + (f": {error}" if error else ""), where="bus",
+            what + (f": {error}" if error else ""),
+            where="bus",
             remedy="Check cable, termination, adapter or hub, then open the rig again.",
-        )  # fmt: skip
+        )
 
 
 def _stamp_ns(seconds: float) -> int:

@@ -41,7 +41,9 @@ AMBIENT_TEMPERATURE: Final = "ambient_temperature"
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Why a channel's scale can be believed. Uncertainties are standard uncertainties in the channel's unit or relative."""
+    """Why a channel's scale can be believed. Uncertainties are standard uncertainties in the
+    channel's unit or relative.
+    """
 
     certificate: str = ""
     date: str = ""
@@ -55,8 +57,9 @@ class Calibration:
 class Channel:
     """One measured quantity: SI = direction * scale * counts + offset.
 
-    `scale` is in `unit` per count and positive; `modulus` is the wrap range of the device's counter (0: it does not wrap;
-    blocks always carry unwrapped counts). For encoders `lines` and `multiplication` are kept apart.
+    `scale` is in `unit` per count and positive; `modulus` is the wrap range of the device's counter
+    (0: it does not wrap; blocks always carry unwrapped counts). For encoders `lines` and
+    `multiplication` are kept apart.
     """
 
     name: str
@@ -74,9 +77,16 @@ class Channel:
 
     def __post_init__(self) -> None:
         if not self.scale > 0.0:
-            raise DriverError("the scale of a channel must be positive", where=self.name, value=self.scale, limit="> 0")
+            raise DriverError(
+                "the scale of a channel must be positive",
+                where=self.name,
+                value=self.scale,
+                limit="> 0",
+            )
         if self.direction not in (-1, 1):
-            raise DriverError("the direction of a channel is +1 or -1", where=self.name, value=self.direction)
+            raise DriverError(
+                "the direction of a channel is +1 or -1", where=self.name, value=self.direction
+            )
 
     def to_si(self, counts: NDArray[np.int64]) -> NDArray[np.float64]:
         """Counts of any shape as SI values."""
@@ -88,15 +98,30 @@ class Channel:
 
 
 def encoder_channel(
-    name: str, *, lines: int, multiplication: int, direction: int = 1, modulus: int = 0, **details: object
+    name: str,
+    *,
+    lines: int,
+    multiplication: int,
+    direction: int = 1,
+    modulus: int = 0,
+    **details: object,
 ) -> Channel:
     """An angle channel of an incremental encoder with `lines` per revolution counted `multiplication`-fold."""
     if lines <= 0 or multiplication <= 0:
         raise DriverError(
             "an encoder needs a positive number of lines and multiplication",
-            where=name, value=f"{lines} lines, x{multiplication}", limit="> 0",
-        )  # fmt: skip
+            where=name,
+            value=f"{lines} lines, x{multiplication}",
+            limit="> 0",
+        )
     scale = 2.0 * np.pi / (lines * multiplication)
     return Channel(
-        name, "rad", scale, direction=direction, modulus=modulus, lines=lines, multiplication=multiplication, **details  # type: ignore[arg-type]
+        name,
+        "rad",
+        scale,
+        direction=direction,
+        modulus=modulus,
+        lines=lines,
+        multiplication=multiplication,
+        **details,  # type: ignore[arg-type]
     )

@@ -1,4 +1,6 @@
-"""The tables of CANopen's application layer (CiA 301): data types, SDO aborts, emergency codes, NMT, well-known COB-IDs."""
+"""The tables of CANopen's application layer (CiA 301): data types, SDO aborts, emergency codes,
+NMT, well-known COB-IDs.
+"""
 
 from __future__ import annotations
 
@@ -73,7 +75,12 @@ class DataType:
         if not self.is_number:
             raise DecodeError("a data type without fixed length is not a number", where=self.name)
         if len(data) < self.size:
-            raise DecodeError("too few bytes", where=self.name, value=data.hex(" ") or "none", limit=f"{self.size} bytes")
+            raise DecodeError(
+                "too few bytes",
+                where=self.name,
+                value=data.hex(" ") or "none",
+                limit=f"{self.size} bytes",
+            )
         if self.is_float:
             return struct.unpack("<f" if self.size == 4 else "<d", data[: self.size])[0]
         return int.from_bytes(data[: self.size], "little", signed=self.signed)
@@ -81,13 +88,17 @@ class DataType:
     def encode(self, value: float) -> bytes:
         """A number as little-endian bytes. Raises `DriverError` when it does not fit."""
         if not self.is_number:
-            raise DriverError("a data type without fixed length takes no number", where=self.name, value=value)
+            raise DriverError(
+                "a data type without fixed length takes no number", where=self.name, value=value
+            )
         try:
             if self.is_float:
                 return struct.pack("<f" if self.size == 4 else "<d", value)
             return int(value).to_bytes(self.size, "little", signed=self.signed)
         except (OverflowError, struct.error, ValueError) as error:
-            raise DriverError("the value does not fit the object's type", where=self.name, value=value) from error
+            raise DriverError(
+                "the value does not fit the object's type", where=self.name, value=value
+            ) from error
 
 
 _ROWS: tuple[DataType, ...] = (
@@ -252,8 +263,15 @@ EMCY_CODES: Final[Mapping[int, str]] = {
     0xFF00: "device specific",
 }
 ERROR_REGISTER_BITS: Final[tuple[str, ...]] = (
-    "generic", "current", "voltage", "temperature", "communication", "device profile", "reserved", "manufacturer",
-)  # fmt: skip
+    "generic",
+    "current",
+    "voltage",
+    "temperature",
+    "communication",
+    "device profile",
+    "reserved",
+    "manufacturer",
+)
 
 
 def error_code_text(code: int, profile: Mapping[int, str] | None = None) -> str:
@@ -268,4 +286,7 @@ def error_code_text(code: int, profile: Mapping[int, str] | None = None) -> str:
 
 def error_register_text(register: int) -> str:
     """The bits of the error register 0x1001 in words."""
-    return ", ".join(name for bit, name in enumerate(ERROR_REGISTER_BITS) if register >> bit & 1) or "none"
+    return (
+        ", ".join(name for bit, name in enumerate(ERROR_REGISTER_BITS) if register >> bit & 1)
+        or "none"
+    )

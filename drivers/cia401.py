@@ -1,7 +1,8 @@
 """The torque port: the servo amplifier's analog monitor, read by a CiA 401 analog input module.
 
-T = (V - V0) / (volts per rated torque) * T_rated, V = counts * volts per count. V0 is taken with the servo off, before and
-after each run. The port shows the torque reference: motor and gear together, with the motor's own friction and inertia.
+T = (V - V0) / (volts per rated torque) * T_rated, V = counts * volts per count. V0 is taken with
+the servo off, before and after each run. The port shows the torque reference: motor and gear
+together, with the motor's own friction and inertia.
 """
 
 from __future__ import annotations
@@ -50,18 +51,29 @@ class AnalogInput:
     calibration: Calibration = field(default_factory=Calibration)
 
     def __post_init__(self) -> None:
-        for name, value in (("volts_per_count", self.volts_per_count), ("unit_per_volt", self.unit_per_volt)):
+        for name, value in (
+            ("volts_per_count", self.volts_per_count),
+            ("unit_per_volt", self.unit_per_volt),
+        ):
             if not (math.isfinite(value) and value > 0.0):
-                raise DriverError(f"{name} must be positive", where=self.channel, value=value, limit="> 0")
+                raise DriverError(
+                    f"{name} must be positive", where=self.channel, value=value, limit="> 0"
+                )
 
     def as_channel(self) -> Channel:
         """The input as a channel in its SI unit; its offset is the negative zero."""
         scale = self.volts_per_count * self.unit_per_volt
         return Channel(
-            self.channel, self.unit, scale, offset=-self.direction * self.zero_volts * self.unit_per_volt,
-            direction=self.direction, long_name=self.long_name, model=self.model, serial_number=self.serial_number,
+            self.channel,
+            self.unit,
+            scale,
+            offset=-self.direction * self.zero_volts * self.unit_per_volt,
+            direction=self.direction,
+            long_name=self.long_name,
+            model=self.model,
+            serial_number=self.serial_number,
             calibration=self.calibration,
-        )  # fmt: skip
+        )
 
     @property
     def quantum(self) -> float:
@@ -76,26 +88,42 @@ class AnalogInput:
         if self.source.data_type.size and not self.source.data_type.is_float:
             bits = self.source.data_type.size * 8
             top = (1 << (bits - self.source.data_type.signed)) - 1
-            found |= (counts >= top) | (counts <= -top - 1 if self.source.data_type.signed else False)
+            found |= (counts >= top) | (
+                counts <= -top - 1 if self.source.data_type.signed else False
+            )
         if self.open_level is not None:
-            found |= np.abs(counts * self.volts_per_count - self.open_level) <= 0.01 * self.full_scale
+            found |= (
+                np.abs(counts * self.volts_per_count - self.open_level) <= 0.01 * self.full_scale
+            )
         return found
 
 
 def torque_input(
-    rated_torque: float, *, volts_per_rated_torque: float = 1.0, subindex: int = 1, index: int = 0x6401,
-    data_type: DataType = I16, volts_per_count: float = 0.3125e-3, **details: object,
-) -> AnalogInput:  # fmt: skip
+    rated_torque: float,
+    *,
+    volts_per_rated_torque: float = 1.0,
+    subindex: int = 1,
+    index: int = 0x6401,
+    data_type: DataType = I16,
+    volts_per_count: float = 0.3125e-3,
+    **details: object,
+) -> AnalogInput:
     """The torque monitor on one analog input: `rated_torque` [N m] appears as `volts_per_rated_torque` [V]."""
     if not (volts_per_rated_torque > 0.0 and rated_torque > 0.0):
         raise DriverError(
-            "the torque monitor's scale must be positive", where="torque port",
-            value=f"{rated_torque} N m, {volts_per_rated_torque} V", limit="> 0",
-        )  # fmt: skip
+            "the torque monitor's scale must be positive",
+            where="torque port",
+            value=f"{rated_torque} N m, {volts_per_rated_torque} V",
+            limit="> 0",
+        )
     return AnalogInput(
-        "torque", "N m", ObjectRef(index, subindex, data_type, "torque monitor"), volts_per_count,
-        rated_torque / volts_per_rated_torque, **details,  # type: ignore[arg-type]
-    )  # fmt: skip
+        "torque",
+        "N m",
+        ObjectRef(index, subindex, data_type, "torque monitor"),
+        volts_per_count,
+        rated_torque / volts_per_rated_torque,
+        **details,  # type: ignore[arg-type]
+    )
 
 
 @dataclass(frozen=True)
@@ -114,7 +142,9 @@ class AnalogModule:
 
     def __init__(self, bus: PumpedBus, config: AnalogModuleConfig) -> None:
         self.config = config
-        self.device = RemoteDevice(bus, config.node_id, config.description, config.sdo_timeout_ms * _MS)
+        self.device = RemoteDevice(
+            bus, config.node_id, config.description, config.sdo_timeout_ms * _MS
+        )
 
     def bring_up(self, cycle_ns: int) -> Identity:
         """From any NMT state to PRE-OPERATIONAL with every input configured and checked to be there."""
@@ -122,7 +152,12 @@ class AnalogModule:
         device.to_pre_operational()
         identity = device.identity()
         if identity.profile != 401:
-            device.bus.emit("warning", "profile", device.where, f"device type says profile {identity.profile}, expected 401")
+            device.bus.emit(
+                "warning",
+                "profile",
+                device.where,
+                f"device type says profile {identity.profile}, expected 401",
+            )
         device.listen_to_emergencies()
         device.follow_sync(cycle_ns // 1000)
         device.produce_heartbeat(self.config.heartbeat_ms)
@@ -137,19 +172,24 @@ class AnalogModule:
             self.device.read(analog.source)
         except SdoAbortError as error:
             raise DriverError(
-                f"the analog input does not exist: {error.what}", where=f"{self.device.where}, {analog.source}",
+                f"the analog input does not exist: {error.what}",
+                where=f"{self.device.where}, {analog.source}",
                 remedy="Correct index and sub-index of the input in the rig's configuration.",
-            ) from error  # fmt: skip
+            ) from error
         subindex = analog.source.subindex
         trigger = ObjectRef(TRIGGER, subindex, U8, "interrupt trigger selection")
         self.device.write_wished(trigger, 7, "SYNC triggers all the same")
         delta = REAL32 if analog.source.data_type.is_float else U32
-        self.device.write_wished(ObjectRef(DELTA, subindex, delta, "interrupt delta"), 0, "SYNC triggers all the same")
+        self.device.write_wished(
+            ObjectRef(DELTA, subindex, delta, "interrupt delta"), 0, "SYNC triggers all the same"
+        )
 
 
 @dataclass(frozen=True)
 class Zero:
-    """The torque port's reading with the servo off: mean [V], its standard error [V], spread [V], cycles that counted."""
+    """The torque port's reading with the servo off: mean [V], its standard error [V], spread [V],
+    cycles that counted.
+    """
 
     volts: float
     standard_error: float
@@ -157,7 +197,9 @@ class Zero:
     cycles: int
 
 
-def servo_off_zero(counts: NDArray[np.int64], usable: NDArray[np.bool_], analog: AnalogInput, least: int = 50) -> Zero:
+def servo_off_zero(
+    counts: NDArray[np.int64], usable: NDArray[np.bool_], analog: AnalogInput, least: int = 50
+) -> Zero:
     """The zero of an input from its raw counts (n,) while the servo is off; `usable` (n,) leaves out flagged cycles.
 
     The standard error takes neighbouring samples' correlation into account by means over blocks.
@@ -165,9 +207,12 @@ def servo_off_zero(counts: NDArray[np.int64], usable: NDArray[np.bool_], analog:
     good = np.asarray(counts)[np.asarray(usable, dtype=bool)] * analog.volts_per_count
     if len(good) < least:
         raise DriverError(
-            "too few good cycles for a zero", where=analog.channel, value=len(good), limit=f">= {least}",
+            "too few good cycles for a zero",
+            where=analog.channel,
+            value=len(good),
+            limit=f">= {least}",
             remedy="Take the zero again; look at the share of missed cycles.",
-        )  # fmt: skip
+        )
     blocks = min(20, len(good) // 5)
     means = np.array([part.mean() for part in np.array_split(good, blocks)])
     error = float(means.std(ddof=1) / math.sqrt(blocks))
@@ -176,5 +221,7 @@ def servo_off_zero(counts: NDArray[np.int64], usable: NDArray[np.bool_], analog:
 
 def with_zero(analog: AnalogInput, zero: Zero) -> AnalogInput:
     """The input with a measured zero in place of its old one."""
-    calibration = replace(analog.calibration, offset_uncertainty=zero.standard_error * analog.unit_per_volt)
+    calibration = replace(
+        analog.calibration, offset_uncertainty=zero.standard_error * analog.unit_per_volt
+    )
     return replace(analog, zero_volts=zero.volts, calibration=calibration)

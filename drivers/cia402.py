@@ -1,7 +1,8 @@
 """A CiA 402 servo amplifier: brought up from any state, moved by a table of transitions, its numbers in SI.
 
-Torque: T = x / 1000 * (0x6076) with 0x6076 in mN m. Speed: 0x60FF in the drive's velocity unit, taken from the
-configuration, else from 0x60A9, else from 0x6094. What the device does not offer stands in `missing`, with its consequence.
+Torque: T = x / 1000 * (0x6076) with 0x6076 in mN m. Speed: 0x60FF in the drive's velocity unit,
+taken from the configuration, else from 0x60A9, else from 0x6094. What the device does not offer
+stands in `missing`, with its consequence.
 """
 
 from __future__ import annotations
@@ -38,10 +39,11 @@ _RESET_MS: Final = 3000
 class DriveConfig:
     """What has to be known of a servo amplifier beforehand. Zero or None: ask the drive.
 
-    `counts_per_revolution` of 0x6064 per motor revolution; `velocity_unit` [rad/s per count of 0x60FF];
-    `acceleration_unit` [rad/s2 per count of 0x6083]; `rated_torque` [N m]; modes in order of preference; heartbeats and
-    time-outs [ms]; option codes of CiA 402: 0x6007 = 3 quick stop when the computer's heartbeat is lost, 0x605A = 2 quick
-    stop ramp then power off, 0x605E = 2 quick stop ramp in a fault; `gains` further objects to read back.
+    `counts_per_revolution` of 0x6064 per motor revolution; `velocity_unit` [rad/s per count of
+    0x60FF]; `acceleration_unit` [rad/s2 per count of 0x6083]; `rated_torque` [N m]; modes in order
+    of preference; heartbeats and time-outs [ms]; option codes of CiA 402: 0x6007 = 3 quick stop
+    when the computer's heartbeat is lost, 0x605A = 2 quick stop ramp then power off, 0x605E = 2
+    quick stop ramp in a fault; `gains` further objects to read back.
     """
 
     node_id: int = 1
@@ -88,7 +90,9 @@ class ServoAmplifier:
 
     def __init__(self, bus: PumpedBus, config: DriveConfig) -> None:
         self.config, self.bus = config, bus
-        self.device = RemoteDevice(bus, config.node_id, config.description, config.sdo_timeout_ms * _MS)
+        self.device = RemoteDevice(
+            bus, config.node_id, config.description, config.sdo_timeout_ms * _MS
+        )
         self._readings: DriveReadings | None = None
         self._mode_now: OperationMode | None = None
         self._is_mode_unknown = False
@@ -98,7 +102,11 @@ class ServoAmplifier:
     def readings(self) -> DriveReadings:
         """What was read when the drive was brought up."""
         if self._readings is None:
-            raise DriverError("the drive has not been brought up", where=self.device.where, remedy="Open the rig first.")
+            raise DriverError(
+                "the drive has not been brought up",
+                where=self.device.where,
+                remedy="Open the rig first.",
+            )
         return self._readings
 
     # --- bringing up
@@ -110,24 +118,43 @@ class ServoAmplifier:
         self.to_off()
         identity = device.identity()
         if identity.profile != 402:
-            self.bus.emit("warning", "profile", device.where, f"device type says profile {identity.profile}, expected 402")
+            self.bus.emit(
+                "warning",
+                "profile",
+                device.where,
+                f"device type says profile {identity.profile}, expected 402",
+            )
         device.listen_to_emergencies(obj.ERROR_CODES)
         device.follow_sync(cycle_ns // 1000)
         if device.produce_heartbeat(config.heartbeat_ms) and not self.bus.wait_for(
-            lambda: device.watch.state is not NmtState.UNKNOWN, max(10 * config.heartbeat_ms * _MS, device.watch.timeout_ns)
+            lambda: device.watch.state is not NmtState.UNKNOWN,
+            max(10 * config.heartbeat_ms * _MS, device.watch.timeout_ns),
         ):
-            self.bus.emit("warning", "heartbeat", device.where, "a heartbeat was configured, but none was heard")
+            self.bus.emit(
+                "warning",
+                "heartbeat",
+                device.where,
+                "a heartbeat was configured, but none was heard",
+            )
         counts = units.counts_per_revolution(device, config.counts_per_revolution)
         velocity_unit = units.velocity_unit(device, config.velocity_unit, counts)
         settings = self._write_options() | read_settings(device, config.gains)
         write_interpolation_time(device, cycle_ns)
-        supported = device.read_optional(obj.SUPPORTED_MODES, "whether a mode is supported shows only when it is chosen")
+        supported = device.read_optional(
+            obj.SUPPORTED_MODES, "whether a mode is supported shows only when it is chosen"
+        )
         self._is_mode_unknown = supported is None
         self._readings = DriveReadings(
-            identity, units.rated_torque(device, config.rated_torque), counts, velocity_unit,
+            identity,
+            units.rated_torque(device, config.rated_torque),
+            counts,
+            velocity_unit,
             units.acceleration_unit(device, config.acceleration_unit, velocity_unit, counts),
-            self._choose(config.speed_modes, supported), self._choose(config.torque_modes, supported), settings, [],
-        )  # fmt: skip
+            self._choose(config.speed_modes, supported),
+            self._choose(config.torque_modes, supported),
+            settings,
+            [],
+        )
         self._read_torque_slope(self._readings)
         self._readings.missing.extend(device.missing)
         return self._readings
@@ -136,12 +163,17 @@ class ServoAmplifier:
         """Profile torque goes by a slope (0x6087); one of 0 never arrives."""
         if readings.torque_mode is not OperationMode.PROFILE_TORQUE:
             return
-        slope = self.device.read_optional(obj.TORQUE_SLOPE, "how fast torque rises in profile torque mode is not known")
+        slope = self.device.read_optional(
+            obj.TORQUE_SLOPE, "how fast torque rises in profile torque mode is not known"
+        )
         if slope is not None:
             readings.settings[f"{obj.TORQUE_SLOPE}"] = float(slope)
         if slope == 0:
             self.bus.emit(
-                "warning", "torque-slope", self.device.where, "0x6087 is 0: torque may never rise; set it by the drive's manual"
+                "warning",
+                "torque-slope",
+                self.device.where,
+                "0x6087 is 0: torque may never rise; set it by the drive's manual",
             )
 
     def arm_heartbeat(self) -> bool:
@@ -152,9 +184,21 @@ class ServoAmplifier:
     def _write_options(self) -> dict[str, float]:
         config, written = self.config, {}
         for entry, value, consequence in (
-            (obj.ABORT_OPTION, config.abort_connection_option, "the drive's reaction to a lost computer is its own"),
-            (obj.QUICK_STOP_OPTION, config.quick_stop_option, "the quick stop is the drive's default"),
-            (obj.FAULT_REACTION, config.fault_reaction_option, "the reaction to a fault is the drive's default"),
+            (
+                obj.ABORT_OPTION,
+                config.abort_connection_option,
+                "the drive's reaction to a lost computer is its own",
+            ),
+            (
+                obj.QUICK_STOP_OPTION,
+                config.quick_stop_option,
+                "the quick stop is the drive's default",
+            ),
+            (
+                obj.FAULT_REACTION,
+                config.fault_reaction_option,
+                "the reaction to a fault is the drive's default",
+            ),
         ):
             try:
                 done = self.device.write_checked(entry, value, consequence)
@@ -165,7 +209,9 @@ class ServoAmplifier:
                 written[entry.name] = float(value)
         return written
 
-    def _choose(self, preferred: tuple[int, ...], supported: int | float | None) -> OperationMode | None:
+    def _choose(
+        self, preferred: tuple[int, ...], supported: int | float | None
+    ) -> OperationMode | None:
         for mode in preferred:
             if supported is None or int(supported) >> (mode - 1) & 1:
                 return OperationMode(mode)
@@ -184,26 +230,43 @@ class ServoAmplifier:
     def error_text(self) -> str:
         """The error code 0x603F in words."""
         code = self.device.read_optional(obj.ERROR_CODE, "faults have no code")
-        return "no error code" if code is None else f"0x{int(code):04X} {error_code_text(int(code), obj.ERROR_CODES)}"
+        return (
+            "no error code"
+            if code is None
+            else f"0x{int(code):04X} {error_code_text(int(code), obj.ERROR_CODES)}"
+        )
 
     def to_off(self, *, resets_fault: bool = True) -> None:
         """Servo off from any state: a turning drive is quick-stopped first, a fault is reset where its cause is gone.
 
-        A fault that persists, or that is not to be reset, leaves the power stage off all the same; one that persists is an
-        event. Raises if the drive does not obey, and if its fault reaction does not end.
+        A fault that persists, or that is not to be reset, leaves the power stage off all the same;
+        one that persists is an event. Raises if the drive does not obey, and if its fault reaction
+        does not end.
         """
         state = self.state()
         if state is DriveState.ENABLED:
-            self.bus.emit("warning", "found-enabled", self.device.where, "the drive was found enabled; quick stop")
+            self.bus.emit(
+                "warning",
+                "found-enabled",
+                self.device.where,
+                "the drive was found enabled; quick stop",
+            )
             self._control(obj.QUICK_STOP)
         if state in (DriveState.ENABLED, DriveState.QUICK_STOP):
             self._await_standstill()
         if state in (DriveState.FAULT, DriveState.FAULT_REACTION) and not resets_fault:
-            self._await(lambda s: s is not DriveState.FAULT_REACTION, "the end of the fault reaction")
+            self._await(
+                lambda s: s is not DriveState.FAULT_REACTION, "the end of the fault reaction"
+            )
             self._control(obj.DISABLE_VOLTAGE)
             return
         if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
-            self.bus.emit("warning", "found-faulted", self.device.where, f"the drive was found in fault: {self.error_text()}")
+            self.bus.emit(
+                "warning",
+                "found-faulted",
+                self.device.where,
+                f"the drive was found in fault: {self.error_text()}",
+            )
             try:
                 self.reset_fault()
             except DriverError as error:
@@ -221,37 +284,48 @@ class ServoAmplifier:
         """Operation enabled in the drive's speed or torque mode; set-points are zero. Raises `DriverError`."""
         readings, config = self.readings, self.config
         operation, preferred = (
-            (readings.speed_mode, config.speed_modes) if mode is Mode.SPEED else (readings.torque_mode, config.torque_modes)
+            (readings.speed_mode, config.speed_modes)
+            if mode is Mode.SPEED
+            else (readings.torque_mode, config.torque_modes)
         )
         if operation is None:
             raise DriverError(
-                f"the drive supports none of the modes for {mode.value}", where=f"{self.device.where}, 0x6502:0",
+                f"the drive supports none of the modes for {mode.value}",
+                where=f"{self.device.where}, 0x6502:0",
                 limit=", ".join(str(m) for m in preferred),
-            )  # fmt: skip
+            )
         if mode is Mode.SPEED and not readings.velocity_unit > 0.0:
             raise _unknown_unit(self.device.where, "velocity_unit", "rad/s per count of 0x60FF")
         if mode is Mode.TORQUE and not readings.rated_torque > 0.0:
             raise _unknown_unit(self.device.where, "rated_torque", "N m")
         if mode is Mode.TORQUE and (self.limits is None or not math.isfinite(self.limits.speed)):
             raise DriverError(
-                "torque mode needs a speed limit that the drive holds itself", where=self.device.where,
-                limit="0x6080 written and read back", remedy="Write the limits first; a drive without 0x6080 cannot do this.",
-            )  # fmt: skip
+                "torque mode needs a speed limit that the drive holds itself",
+                where=self.device.where,
+                limit="0x6080 written and read back",
+                remedy="Write the limits first; a drive without 0x6080 cannot do this.",
+            )
         if mode is Mode.TORQUE:
             self.device.write(obj.TARGET_TORQUE, 0)
         elif self.state() is not DriveState.ENABLED:
             self.device.write(obj.TARGET_VELOCITY, 0)
         try:
-            self._choose_one([OperationMode(m) for m in preferred] if self._is_mode_unknown else [operation])
+            self._choose_one(
+                [OperationMode(m) for m in preferred] if self._is_mode_unknown else [operation]
+            )
             self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
         except DriverError:
             self._give_up()
             raise
 
     def _give_up(self) -> None:
-        """Enabling has failed, and nothing may come of it later: an enabled drive is quick-stopped, any other switched off."""
+        """Enabling has failed, and nothing may come of it later: an enabled drive is quick-stopped,
+        any other switched off.
+        """
         with contextlib.suppress(DriverError):
-            self._control(obj.QUICK_STOP if self.state() is DriveState.ENABLED else obj.DISABLE_VOLTAGE)
+            self._control(
+                obj.QUICK_STOP if self.state() is DriveState.ENABLED else obj.DISABLE_VOLTAGE
+            )
 
     def _choose_one(self, candidates: Sequence[OperationMode]) -> None:
         """The first of the modes that the drive takes: one without 0x6502 shows by refusing what it does not have."""
@@ -265,19 +339,25 @@ class ServoAmplifier:
         self._choose_anyhow(candidates[-1])
 
     def _choose_anyhow(self, operation: OperationMode) -> None:
-        """Choose a mode; a drive that does not change it while it is enabled is disabled for the change (transition 5)."""
+        """Choose a mode; a drive that does not change it while it is enabled is disabled for the
+        change (transition 5).
+        """
         try:
             self.choose_mode(operation)
         except (SdoAbortError, ReadbackError):
             if self.state() is not DriveState.ENABLED:
                 raise
             self._control(obj.SWITCH_ON)
-            self._await(lambda state: state is not DriveState.ENABLED, "the end of operation enabled", 500)
+            self._await(
+                lambda state: state is not DriveState.ENABLED, "the end of operation enabled", 500
+            )
             self.choose_mode(operation)
 
     @property
     def mode(self) -> OperationMode | None:
-        """The mode of operation that the drive was given and took; None before the first and while it is not certain."""
+        """The mode of operation that the drive was given and took; None before the first and while
+        it is not certain.
+        """
         return self._mode_now
 
     def choose_mode(self, operation: OperationMode) -> None:
@@ -288,13 +368,18 @@ class ServoAmplifier:
         self.device.write(obj.MODE, operation)
         shown: int | float | None = None
         for _ in range(250):
-            shown = self.device.read_optional(obj.MODE_DISPLAY, "whether the drive took a mode is not known")
+            shown = self.device.read_optional(
+                obj.MODE_DISPLAY, "whether the drive took a mode is not known"
+            )
             if shown is None or shown == operation:
                 self._mode_now = operation
                 return
             self.bus.idle(_POLL_NS)
         raise ReadbackError(
-            "the drive does not take the mode", where=f"{self.device.where}, 0x6061:0", value=shown, limit=operation.name
+            "the drive does not take the mode",
+            where=f"{self.device.where}, 0x6061:0",
+            value=shown,
+            limit=operation.name,
         )
 
     def reset_fault(self) -> None:
@@ -308,9 +393,10 @@ class ServoAmplifier:
                 self._await(lambda s: s is not DriveState.FAULT, "the end of the fault", _RESET_MS)
             except DriverError as error:
                 raise DriverError(
-                    f"the fault cannot be reset: {self.error_text()}", where=self.device.where,
+                    f"the fault cannot be reset: {self.error_text()}",
+                    where=self.device.where,
                     remedy="Remove the cause (see the drive's manual), then acknowledge again.",
-                ) from error  # fmt: skip
+                ) from error
             finally:
                 self._control(obj.DISABLE_VOLTAGE)
             self.bus.emit("info", "fault-reset", self.device.where, f"fault reset; it was {was}")
@@ -323,9 +409,10 @@ class ServoAmplifier:
         while (state := self.state()) is not goal:
             if state is DriveState.FAULT:
                 raise DriverError(
-                    f"the drive is in fault: {self.error_text()}", where=self.device.where,
+                    f"the drive is in fault: {self.error_text()}",
+                    where=self.device.where,
                     remedy="Remove the cause, acknowledge the fault, then start again.",
-                )  # fmt: skip
+                )
             if state in table and state is not sent_in:
                 self._control(table[state])
                 sent_in = state
@@ -337,11 +424,17 @@ class ServoAmplifier:
                 word = self.statusword()
                 remedy = "Is the main power on, the STO input closed, and the drive not locked by a panel?"
                 if not word & obj.REMOTE_BIT:
-                    remedy = "It says that it does not listen to the bus (remote, bit 9): release it from its panel or its tool."
+                    remedy = (
+                        "It says that it does not listen to the bus (remote, bit 9): "
+                        "release it from its panel or its tool."
+                    )
                 raise DriverError(
-                    f"the drive does not reach {words}", where=self.device.where, value=f"{state.value} (0x{word:04X})",
-                    limit=f"within {self.config.state_timeout_ms} ms", remedy=remedy,
-                )  # fmt: skip
+                    f"the drive does not reach {words}",
+                    where=self.device.where,
+                    value=f"{state.value} (0x{word:04X})",
+                    limit=f"within {self.config.state_timeout_ms} ms",
+                    remedy=remedy,
+                )
             self.bus.idle(_POLL_NS)
 
     def _await_standstill(self) -> None:
@@ -352,19 +445,32 @@ class ServoAmplifier:
             speed = self.device.read_optional(obj.VELOCITY, "standstill shows only by the encoders")
             first = speed if first is None else first
             # At standstill the reading of many drives trembles around zero and hardly ever is zero.
-            if self.state() is DriveState.QUICK_STOP and speed is not None and (first or 0) * speed <= 0:
+            if (
+                self.state() is DriveState.QUICK_STOP
+                and speed is not None
+                and (first or 0) * speed <= 0
+            ):
                 return
             if self.bus.clock.monotonic_ns() >= deadline:
-                self.bus.emit("warning", "quick-stop", self.device.where, "no standstill after a quick stop; power off")
+                self.bus.emit(
+                    "warning",
+                    "quick-stop",
+                    self.device.where,
+                    "no standstill after a quick stop; power off",
+                )
                 return
             self.bus.idle(_POLL_NS)
 
-    def _await(self, holds: Callable[[DriveState], bool], words: str, timeout_ms: int | None = None) -> None:
+    def _await(
+        self, holds: Callable[[DriveState], bool], words: str, timeout_ms: int | None = None
+    ) -> None:
         timeout = timeout_ms or self.config.state_timeout_ms
         deadline = self.bus.clock.monotonic_ns() + timeout * _MS
         while not holds(self.state()):
             if self.bus.clock.monotonic_ns() >= deadline:
-                raise DriverError(f"waited in vain for {words}", where=self.device.where, limit=f"{timeout} ms")
+                raise DriverError(
+                    f"waited in vain for {words}", where=self.device.where, limit=f"{timeout} ms"
+                )
             self.bus.idle(_POLL_NS)
 
     def _control(self, word: int) -> None:
@@ -377,9 +483,12 @@ class ServoAmplifier:
         readings = self.readings
         torque_unit = units.torque_limit_unit(self.device, readings.rated_torque)
         self.limits, profile = write_limits(
-            self.device, limits, torque_unit=torque_unit, velocity_unit=readings.velocity_unit,
+            self.device,
+            limits,
+            torque_unit=torque_unit,
+            velocity_unit=readings.velocity_unit,
             acceleration_unit=readings.acceleration_unit,
-        )  # fmt: skip
+        )
         readings.missing[:] = self.device.missing
         if math.isfinite(self.limits.speed):
             return self.limits
@@ -388,6 +497,8 @@ class ServoAmplifier:
 
 def _unknown_unit(where: str, entry: str, unit: str) -> DriverError:
     return DriverError(
-        "the drive does not tell its unit", where=where, value=entry,
+        "the drive does not tell its unit",
+        where=where,
+        value=entry,
         remedy=f"Give `{entry}` [{unit}] from the drive's manual or nameplate in the rig's configuration.",
-    )  # fmt: skip
+    )

@@ -16,9 +16,15 @@ _RPM: Final = 2.0 * math.pi / 60.0
 
 
 def write_limits(
-    device: RemoteDevice, limits: DriveLimits, *, torque_unit: float, velocity_unit: float, acceleration_unit: float
+    device: RemoteDevice,
+    limits: DriveLimits,
+    *,
+    torque_unit: float,
+    velocity_unit: float,
+    acceleration_unit: float,
 ) -> tuple[DriveLimits, float]:
-    """Write `limits` [SI] in the drive's units [N m, rad/s, rad/s2 per count]; what it holds, and its profile velocity's limit.
+    """Write `limits` [SI] in the drive's units [N m, rad/s, rad/s2 per count]; what it holds, and
+    its profile velocity's limit.
 
     The speed is that of 0x6080, which holds in every mode; 0x607F, the second value, holds for profiles. inf: not held.
     Raises `DriverError` for a limit that cannot be expressed, `ReadbackError` for one that reads back differently.
@@ -27,22 +33,39 @@ def write_limits(
     torque = _limit(device, obj.MAX_TORQUE, limits.torque, torque_unit, no_torque_limit)
     if not math.isfinite(torque):
         either = (obj.POSITIVE_TORQUE_LIMIT, obj.NEGATIVE_TORQUE_LIMIT)
-        torque = max(_limit(device, entry, limits.torque, torque_unit, no_torque_limit) for entry in either)
-    speed = _limit(device, obj.MAX_MOTOR_SPEED, limits.speed, _RPM, "the drive does not limit the motor's speed")
+        torque = max(
+            _limit(device, entry, limits.torque, torque_unit, no_torque_limit) for entry in either
+        )
+    speed = _limit(
+        device,
+        obj.MAX_MOTOR_SPEED,
+        limits.speed,
+        _RPM,
+        "the drive does not limit the motor's speed",
+    )
     profile = _limit(
-        device, obj.MAX_PROFILE_VELOCITY, limits.speed, velocity_unit, "the drive does not limit profile velocities"
+        device,
+        obj.MAX_PROFILE_VELOCITY,
+        limits.speed,
+        velocity_unit,
+        "the drive does not limit profile velocities",
     )
     ramps = [
-        _limit(device, entry, value, acceleration_unit, f"the drive does not shape its {entry.name}")
+        _limit(
+            device, entry, value, acceleration_unit, f"the drive does not shape its {entry.name}"
+        )
         for entry, value in (
-            (obj.ACCELERATION, limits.acceleration), (obj.DECELERATION, limits.deceleration),
+            (obj.ACCELERATION, limits.acceleration),
+            (obj.DECELERATION, limits.deceleration),
             (obj.QUICK_STOP_DECELERATION, limits.quick_stop_deceleration),
         )
-    ]  # fmt: skip
+    ]
     return DriveLimits(torque, speed, *ramps), profile
 
 
-def _limit(device: RemoteDevice, entry: ObjectRef, value: float, unit: float, consequence: str) -> float:
+def _limit(
+    device: RemoteDevice, entry: ObjectRef, value: float, unit: float, consequence: str
+) -> float:
     """Write one limit in the drive's unit; what it means in SI, inf when the drive has no such limit."""
     typed = device.typed(entry)
     if not unit > 0.0:
@@ -52,7 +75,9 @@ def _limit(device: RemoteDevice, entry: ObjectRef, value: float, unit: float, co
     most = (1 << (typed.data_type.size * 8 - typed.data_type.signed)) - 1
     if not 1 <= counts <= most:
         raise DriverError(
-            f"{entry.name} cannot be expressed in the drive's unit", where=f"{device.where}, {entry}", value=value,
+            f"{entry.name} cannot be expressed in the drive's unit",
+            where=f"{device.where}, {entry}",
+            value=value,
             limit=f"{unit:g} to {most * unit:g}",
-        )  # fmt: skip
+        )
     return counts * unit if device.write_checked(typed, counts, consequence) else math.inf

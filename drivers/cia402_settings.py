@@ -12,9 +12,16 @@ def read_settings(device: RemoteDevice, gains: tuple[ObjectRef, ...]) -> dict[st
     """Electronic gear, factors and servo gains, as they stand; `gains` further objects of the manufacturer."""
     settings: dict[str, float] = {}
     for entry in (
-        obj.GEAR_MOTOR, obj.GEAR_SHAFT, obj.POSITION_FACTOR, obj.POSITION_DIVISOR, obj.VELOCITY_FACTOR,
-        obj.VELOCITY_DIVISOR, obj.FEED, obj.FEED_REVOLUTIONS, *gains,
-    ):  # fmt: skip
+        obj.GEAR_MOTOR,
+        obj.GEAR_SHAFT,
+        obj.POSITION_FACTOR,
+        obj.POSITION_DIVISOR,
+        obj.VELOCITY_FACTOR,
+        obj.VELOCITY_DIVISOR,
+        obj.FEED,
+        obj.FEED_REVOLUTIONS,
+        *gains,
+    ):
         value = device.read_optional(entry, "not in the run file")
         if value is not None:
             settings[f"{entry}"] = float(value)
@@ -25,7 +32,9 @@ def read_settings(device: RemoteDevice, gains: tuple[ObjectRef, ...]) -> dict[st
 
 def _read_record(device: RemoteDevice, index: int, name: str) -> dict[str, float]:
     """All numbers of a record, their width taken from the answer where no EDS tells it."""
-    count = device.read_optional(ObjectRef(index, 0, U8, name), "servo gains are not in the run file")
+    count = device.read_optional(
+        ObjectRef(index, 0, U8, name), "servo gains are not in the run file"
+    )
     found: dict[str, float] = {}
     for subindex in range(1, min(int(count or 0), 16) + 1):
         try:
@@ -33,8 +42,14 @@ def _read_record(device: RemoteDevice, index: int, name: str) -> dict[str, float
         except SdoAbortError:
             continue
         described = device.description.entry(index, subindex) if device.description else None
-        if described is not None and described.data_type.is_number and len(data) >= described.data_type.size:
-            found[f"0x{index:04X}:{subindex} {described.name or name}"] = float(described.data_type.decode(data))
+        if (
+            described is not None
+            and described.data_type.is_number
+            and len(data) >= described.data_type.size
+        ):
+            found[f"0x{index:04X}:{subindex} {described.name or name}"] = float(
+                described.data_type.decode(data)
+            )
         elif 0 < len(data) <= 8:
             found[f"0x{index:04X}:{subindex} {name}"] = float(int.from_bytes(data, "little"))
     return found
@@ -53,8 +68,13 @@ def write_interpolation_time(device: RemoteDevice, cycle_ns: int) -> None:
         value = cycle_ns / 10.0 ** (9 + exponent) if -9 <= exponent <= 0 else 0.0
         if value != int(value) or not 0 < value <= 255:
             continue
-        if exponent != present and not device.write_wished(obj.INTERPOLATION_EXPONENT, exponent, consequence):
+        if exponent != present and not device.write_wished(
+            obj.INTERPOLATION_EXPONENT, exponent, consequence
+        ):
             return
-        if not device.write_wished(obj.INTERPOLATION_TIME, int(value), consequence) and exponent != present:
+        if (
+            not device.write_wished(obj.INTERPOLATION_TIME, int(value), consequence)
+            and exponent != present
+        ):
             device.write_wished(obj.INTERPOLATION_EXPONENT, present, consequence)
         return

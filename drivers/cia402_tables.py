@@ -30,7 +30,9 @@ DECELERATION: Final = ObjectRef(0x6084, 0, U32, "profile deceleration")
 QUICK_STOP_DECELERATION: Final = ObjectRef(0x6085, 0, U32, "quick stop deceleration")
 TORQUE_SLOPE: Final = ObjectRef(0x6087, 0, U32, "torque slope")
 ENCODER_INCREMENTS: Final = ObjectRef(0x608F, 1, U32, "encoder increments")
-ENCODER_REVOLUTIONS: Final = ObjectRef(0x608F, 2, U32, "motor revolutions of the encoder increments")
+ENCODER_REVOLUTIONS: Final = ObjectRef(
+    0x608F, 2, U32, "motor revolutions of the encoder increments"
+)
 GEAR_MOTOR: Final = ObjectRef(0x6091, 1, U32, "gear ratio, motor revolutions")
 GEAR_SHAFT: Final = ObjectRef(0x6091, 2, U32, "gear ratio, shaft revolutions")
 FEED: Final = ObjectRef(0x6092, 1, U32, "feed constant, feed")
@@ -53,8 +55,10 @@ NEGATIVE_TORQUE_LIMIT: Final = ObjectRef(0x60E1, 0, U16, "negative torque limit"
 TARGET_VELOCITY: Final = ObjectRef(0x60FF, 0, I32, "target velocity")
 SUPPORTED_MODES: Final = ObjectRef(0x6502, 0, U32, "supported drive modes")
 GAINS: Final[tuple[tuple[int, str], ...]] = (
-    (0x60F6, "torque control parameter"), (0x60F9, "velocity control parameter"), (0x60FB, "position control parameter"),
-)  # fmt: skip
+    (0x60F6, "torque control parameter"),
+    (0x60F9, "velocity control parameter"),
+    (0x60FB, "position control parameter"),
+)
 """Records of servo gains whose sub-objects are the manufacturer's."""
 
 TOUCH_PROBE_ON_INDEX: Final = 0x0015 | 0x0002
@@ -78,7 +82,14 @@ class OperationMode(IntEnum):
 REMOTE_BIT: Final = 0x0200
 """Statusword bit 9: the drive obeys the controlword; clear while a panel or a tool holds it."""
 
-SHUTDOWN, SWITCH_ON, ENABLE, DISABLE_VOLTAGE, QUICK_STOP, FAULT_RESET = 0x06, 0x07, 0x0F, 0x00, 0x02, 0x80
+SHUTDOWN, SWITCH_ON, ENABLE, DISABLE_VOLTAGE, QUICK_STOP, FAULT_RESET = (
+    0x06,
+    0x07,
+    0x0F,
+    0x00,
+    0x02,
+    0x80,
+)
 
 TO_ENABLED: Final[Mapping[DriveState, int]] = {
     DriveState.SWITCH_ON_DISABLED: SHUTDOWN,
@@ -95,7 +106,9 @@ TO_OFF: Final[Mapping[DriveState, int]] = {
     DriveState.ENABLED: DISABLE_VOLTAGE,
     DriveState.QUICK_STOP: DISABLE_VOLTAGE,
 }
-"""Controlword that takes the power off in each state (transitions 7, 9, 10 and 12): it does not depend on an option code."""
+"""Controlword that takes the power off in each state (transitions 7, 9, 10 and 12): it does not
+depend on an option code.
+"""
 
 ERROR_CODES: Final[Mapping[int, str]] = {
     0x0000: "no error",

@@ -35,10 +35,11 @@ _MS: Final = 1_000_000
 class CounterConfig:
     """A counter: node-ID, lines and multiplication of its encoder, the object that carries the count, and its range.
 
-    `modulus` 0: from 0x6002, else the range of the object's type. `direction` +1 or -1 turns the sense on the computer's
-    side; `operating_parameters` is written to 0x6000 where given. `alarms` is mapped beside the position, and a value with
-    any bit of `alarm_mask` marks the cycle as a signal error. `index_position` is the object that holds the count latched
-    at the index mark, `index_status` and `index_mask` tell that a mark has been seen; CiA 406 knows none of them.
+    `modulus` 0: from 0x6002, else the range of the object's type. `direction` +1 or -1 turns the
+    sense on the computer's side; `operating_parameters` is written to 0x6000 where given. `alarms`
+    is mapped beside the position, and a value with any bit of `alarm_mask` marks the cycle as a
+    signal error. `index_position` is the object that holds the count latched at the index mark,
+    `index_status` and `index_mask` tell that a mark has been seen; CiA 406 knows none of them.
     `largest_speed` [rad/s] of the shaft bounds a count's step per cycle.
     """
 
@@ -68,15 +69,29 @@ class CounterConfig:
     def as_channel(self, modulus: int) -> Channel:
         """The count as an angle channel."""
         return encoder_channel(
-            self.channel, lines=self.lines, multiplication=self.multiplication, direction=self.direction, modulus=modulus,
-            long_name=self.long_name, model=self.model, serial_number=self.serial_number, calibration=self.calibration,
-        )  # fmt: skip
+            self.channel,
+            lines=self.lines,
+            multiplication=self.multiplication,
+            direction=self.direction,
+            modulus=modulus,
+            long_name=self.long_name,
+            model=self.model,
+            serial_number=self.serial_number,
+            calibration=self.calibration,
+        )
 
     def largest_step(self, cycle_ns: int) -> int:
         """Counts that the shaft can turn within one cycle, with one count to spare; 0: not bounded."""
         if not self.largest_speed > 0.0:
             return 0
-        return 1 + math.ceil(self.largest_speed * cycle_ns * 1e-9 * self.lines * self.multiplication / (2.0 * math.pi))
+        return 1 + math.ceil(
+            self.largest_speed
+            * cycle_ns
+            * 1e-9
+            * self.lines
+            * self.multiplication
+            / (2.0 * math.pi)
+        )
 
 
 class Counter:
@@ -84,7 +99,9 @@ class Counter:
 
     def __init__(self, bus: PumpedBus, config: CounterConfig) -> None:
         self.config = config
-        self.device = RemoteDevice(bus, config.node_id, config.description, config.sdo_timeout_ms * _MS)
+        self.device = RemoteDevice(
+            bus, config.node_id, config.description, config.sdo_timeout_ms * _MS
+        )
         self.modulus = config.modulus
         self.has_alarms = False
 
@@ -94,7 +111,12 @@ class Counter:
         device.to_pre_operational()
         identity = device.identity()
         if identity.profile != 406 and config.position.key == POSITION.key:
-            device.bus.emit("warning", "profile", device.where, f"device type says profile {identity.profile}, expected 406")
+            device.bus.emit(
+                "warning",
+                "profile",
+                device.where,
+                f"device type says profile {identity.profile}, expected 406",
+            )
         device.listen_to_emergencies()
         device.follow_sync(cycle_ns // 1000)
         device.produce_heartbeat(config.heartbeat_ms)
@@ -102,11 +124,16 @@ class Counter:
             device.read(config.position)
         except SdoAbortError as error:
             raise DriverError(
-                f"the counter's position object does not exist: {error.what}", where=f"{device.where}, {config.position}",
+                f"the counter's position object does not exist: {error.what}",
+                where=f"{device.where}, {config.position}",
                 remedy="Correct index, sub-index and type of the counter in the rig's configuration.",
-            ) from error  # fmt: skip
+            ) from error
         if config.operating_parameters is not None:
-            device.write_checked(OPERATING_PARAMETERS, config.operating_parameters, "its sense and scaling are its own")
+            device.write_checked(
+                OPERATING_PARAMETERS,
+                config.operating_parameters,
+                "its sense and scaling are its own",
+            )
         device.write_wished(CYCLIC_TIMER, 0, "transmission is by SYNC all the same")
         self._check_resolution()
         self.modulus = self._range()
@@ -114,23 +141,35 @@ class Counter:
         return identity
 
     def _check_resolution(self) -> None:
-        """Hold lines times multiplication against what the device says; contradictions are events, the configuration holds."""
+        """Hold lines times multiplication against what the device says; contradictions are events,
+        the configuration holds.
+        """
         counts = self.config.lines * self.config.multiplication
         for entry in (UNITS_PER_REVOLUTION, STEPS_PER_REVOLUTION):
-            told = self.device.read_optional(entry, "the configured resolution cannot be checked against the device")
+            told = self.device.read_optional(
+                entry, "the configured resolution cannot be checked against the device"
+            )
             if told is None or int(told) == counts:
                 continue
-            operating = self.device.read_optional(OPERATING_PARAMETERS, "sense and scaling are not known")
-            if entry is UNITS_PER_REVOLUTION and operating is not None and not int(operating) & 0x04:
+            operating = self.device.read_optional(
+                OPERATING_PARAMETERS, "sense and scaling are not known"
+            )
+            if (
+                entry is UNITS_PER_REVOLUTION
+                and operating is not None
+                and not int(operating) & 0x04
+            ):
                 # Bit 2 clear: the scaling objects are not in force.
                 continue
             if entry is STEPS_PER_REVOLUTION and operating is not None and int(operating) & 0x04:
                 continue
             self.device.bus.emit(
-                "warning", "resolution", self.device.where,
+                "warning",
+                "resolution",
+                self.device.where,
                 f"{entry} says {int(told)} counts per revolution, the configuration {self.config.lines} lines x "
                 f"{self.config.multiplication} = {counts}; the configuration holds",
-            )  # fmt: skip
+            )
 
     def _range(self) -> int:
         """The count's range: configured, else 0x6002, else that of the object's type."""
@@ -140,7 +179,9 @@ class Counter:
             return self.config.modulus
         if position.key != POSITION.key:
             return whole
-        told = self.device.read_optional(TOTAL_RANGE, "the count is taken to wrap at the end of its type")
+        told = self.device.read_optional(
+            TOTAL_RANGE, "the count is taken to wrap at the end of its type"
+        )
         self._check_range(int(told or 0))
         return int(told) if told is not None and 2 <= int(told) <= whole else whole
 
@@ -148,22 +189,40 @@ class Counter:
         """Say where 0x6002 may not be in force: it belongs to the scaling, without which the physical range holds."""
         why = "whether the count wraps at 0x6002 cannot be checked"
         operating, steps, turns = (
-            self.device.read_optional(entry, why) for entry in (OPERATING_PARAMETERS, STEPS_PER_REVOLUTION, REVOLUTIONS)
+            self.device.read_optional(entry, why)
+            for entry in (OPERATING_PARAMETERS, STEPS_PER_REVOLUTION, REVOLUTIONS)
         )
-        if told and operating is not None and not int(operating) & 0x04 and steps and turns and told != int(steps) * int(turns):
+        if (
+            told
+            and operating is not None
+            and not int(operating) & 0x04
+            and steps
+            and turns
+            and told != int(steps) * int(turns)
+        ):
             self.device.bus.emit(
-                "warning", "range", self.device.where,
-                f"scaling is off, yet 0x6002 says {told} and 0x6501 times 0x6502 {int(steps) * int(turns)}: the count is taken "
+                "warning",
+                "range",
+                self.device.where,
+                f"scaling is off, yet 0x6002 says {told} and 0x6501 times 0x6502 "
+                f"{int(steps) * int(turns)}: the count is taken "
                 "to wrap at 0x6002; give `modulus` if it does not",
-            )  # fmt: skip
+            )
 
     def _check_alarms(self) -> None:
         if self.config.alarms is None:
             return
-        found = self.device.read_optional(self.config.alarms, "a signal error shows only by emergency messages and jumps")
+        found = self.device.read_optional(
+            self.config.alarms, "a signal error shows only by emergency messages and jumps"
+        )
         self.has_alarms = found is not None
         if found is not None and int(found) & self.config.alarm_mask:
-            self.device.bus.emit("error", "signal-error", self.device.where, f"{self.config.alarms} is 0x{int(found):04X}")
+            self.device.bus.emit(
+                "error",
+                "signal-error",
+                self.device.where,
+                f"{self.config.alarms} is 0x{int(found):04X}",
+            )
 
     @property
     def objects(self) -> list[ObjectRef]:
@@ -171,7 +230,9 @@ class Counter:
         config = self.config
         objects = [config.position]
         objects += [config.alarms] if config.alarms is not None and self.has_alarms else []
-        return objects + [entry for entry in (config.index_position, config.index_status) if entry is not None]
+        return objects + [
+            entry for entry in (config.index_position, config.index_status) if entry is not None
+        ]
 
     @property
     def optional(self) -> frozenset[tuple[int, int]]:

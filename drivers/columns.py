@@ -28,9 +28,10 @@ _DOUBTFUL: Final = CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | C
 class Column:
     """One channel of the blocks: what kind of number it is and which fields of the record it comes from.
 
-    `field` its own field (-1: none); `of` the column of the counter that a latch belongs to; `seen_fields` (field, mask)
-    of latch states, one bit each, or of a contact, which is 1 when the masked field equals `closed`; `largest_step` counts per
-    cycle; `analog` its input, for saturation.
+    `field` its own field (-1: none); `of` the column of the counter that a latch belongs to;
+    `seen_fields` (field, mask) of latch states, one bit each, or of a contact, which is 1 when the
+    masked field equals `closed`; `largest_step` counts per cycle; `analog` its input, for
+    saturation.
     """
 
     channel: Channel
@@ -55,12 +56,18 @@ class ColumnDecoder:
     """Decodes blocks and rows of one rig; keeps the unwrapping state between blocks."""
 
     def __init__(
-        self, layout: FrameLayout, columns: Sequence[Column], validities: Sequence[Validity] = (), cycle_ns: int = 0
+        self,
+        layout: FrameLayout,
+        columns: Sequence[Column],
+        validities: Sequence[Validity] = (),
+        cycle_ns: int = 0,
     ) -> None:
         self.layout, self.columns, self.validities = layout, tuple(columns), tuple(validities)
         self._cycle_ns = cycle_ns
         self._last_sent: int | None = None
-        self._unwrappers = {i: Unwrapper(c.channel.modulus) for i, c in enumerate(columns) if c.kind == "count"}
+        self._unwrappers = {
+            i: Unwrapper(c.channel.modulus) for i, c in enumerate(columns) if c.kind == "count"
+        }
         # Counter columns first: a latch is placed relative to its counter.
         self._order = sorted(range(len(columns)), key=lambda i: columns[i].kind != "count")
         self._stale_marks = [self._stale_mark(slot) for slot in range(len(layout.pdos))]
@@ -70,13 +77,20 @@ class ColumnDecoder:
         self._gap = 0
 
     def block(
-        self, raw: NDArray[np.int64], bad: NDArray[np.bool_], flags: NDArray[np.uint16], speeds: NDArray[np.int64],
-        torques: NDArray[np.int64], absent: NDArray[np.int64] | None = None, sent: NDArray[np.int64] | None = None,
-    ) -> NDArray[np.int64]:  # fmt: skip
+        self,
+        raw: NDArray[np.int64],
+        bad: NDArray[np.bool_],
+        flags: NDArray[np.uint16],
+        speeds: NDArray[np.int64],
+        torques: NDArray[np.int64],
+        absent: NDArray[np.int64] | None = None,
+        sent: NDArray[np.int64] | None = None,
+    ) -> NDArray[np.int64]:
         """Counts (n, columns) of raw values (n, fields) and set-points (n,); sets what it finds in `flags` (n,).
 
-        `absent` (n,) are the slots without a frame, one bit each: their channels are marked stale. `sent` (n,) [ns] is when
-        the SYNCs went out: where one came late, the shaft had the time to turn further.
+        `absent` (n,) are the slots without a frame, one bit each: their channels are marked stale.
+        `sent` (n,) [ns] is when the SYNCs went out: where one came late, the shaft had the time to
+        turn further.
         """
         counts = np.zeros((len(raw), len(self.columns)), dtype=np.int64)
         paired = flags.copy()
@@ -95,7 +109,9 @@ class ColumnDecoder:
             elif column.kind == "count":
                 outside = self._outside(raw[:, column.field], column)
                 flags[outside] |= np.uint16(CycleFlag.SIGNAL_ERROR)
-                counts[:, i] = self._unwrappers[i].unwrap(raw[:, column.field], (paired & _DOUBTFUL == 0) & ~outside)
+                counts[:, i] = self._unwrappers[i].unwrap(
+                    raw[:, column.field], (paired & _DOUBTFUL == 0) & ~outside
+                )
             elif column.kind == "latch":
                 counts[:, i] = self._latch(raw, counts, column)
             else:
@@ -128,7 +144,9 @@ class ColumnDecoder:
             elif column.kind == "target_torque":
                 counts[i] = torque
             elif column.kind == "seen":
-                counts[i] = sum((raw[f] & mask != 0) << bit for bit, (f, mask) in enumerate(column.seen_fields))
+                counts[i] = sum(
+                    (raw[f] & mask != 0) << bit for bit, (f, mask) in enumerate(column.seen_fields)
+                )
             elif column.kind == "contact":
                 field, mask = column.seen_fields[0]
                 counts[i] = int(raw[field] & mask == column.closed)
@@ -156,7 +174,9 @@ class ColumnDecoder:
             return -_FAR, _FAR
         return (-modulus if self.layout.fields[column.field].data_type.signed else 0), modulus
 
-    def _latch(self, raw: NDArray[np.int64], counts: NDArray[np.int64], column: Column) -> NDArray[np.int64]:
+    def _latch(
+        self, raw: NDArray[np.int64], counts: NDArray[np.int64], column: Column
+    ) -> NDArray[np.int64]:
         """The latched count beside its unwrapped counter; 0 until a mark has been seen."""
         counter = self.columns[column.of]
         latched, now = raw[:, column.field], raw[:, counter.field]
@@ -169,7 +189,11 @@ class ColumnDecoder:
     def _row_latch(self, raw: list[int], counts: list[int], column: Column) -> int:
         counter = self.columns[column.of]
         latched, modulus = raw[column.field], counter.channel.modulus
-        is_seen = raw[column.seen_fields[0][0]] & column.seen_fields[0][1] if column.seen_fields else latched
+        is_seen = (
+            raw[column.seen_fields[0][0]] & column.seen_fields[0][1]
+            if column.seen_fields
+            else latched
+        )
         if not is_seen:
             return 0
         return counts[column.of] + _wrapped(latched - raw[counter.field], modulus)
@@ -188,13 +212,19 @@ class ColumnDecoder:
         return count
 
     def _mark(
-        self, raw: NDArray[np.int64], bad: NDArray[np.bool_], counts: NDArray[np.int64], flags: NDArray[np.uint16],
+        self,
+        raw: NDArray[np.int64],
+        bad: NDArray[np.bool_],
+        counts: NDArray[np.int64],
+        flags: NDArray[np.uint16],
         elapsed: NDArray[np.int64],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Signal errors and jumps."""
         flags[bad.any(axis=1)] |= np.uint16(CycleFlag.SIGNAL_ERROR)
         for validity in self.validities:
-            flags[(raw[:, validity.field] & validity.mask) != 0] |= np.uint16(CycleFlag.SIGNAL_ERROR)
+            flags[(raw[:, validity.field] & validity.mask) != 0] |= np.uint16(
+                CycleFlag.SIGNAL_ERROR
+            )
         if not len(counts):
             return
         gaps = self._gaps((flags & CycleFlag.INCOMPLETE) != 0, elapsed)
@@ -220,7 +250,9 @@ class ColumnDecoder:
         return np.maximum((steps + self._cycle_ns // 2) // self._cycle_ns, 1)
 
     def _gaps(self, incomplete: NDArray[np.bool_], elapsed: NDArray[np.int64]) -> NDArray[np.int64]:
-        """For each cycle (n,): the periods since the latest complete one before it, `elapsed` (n,) since the one before."""
+        """For each cycle (n,): the periods since the latest complete one before it, `elapsed` (n,)
+        since the one before.
+        """
         now = np.cumsum(elapsed) - 1
         latest_good = np.maximum.accumulate(np.where(incomplete, -1 - self._gap, now))
         before = np.concatenate([[-1 - self._gap], latest_good[:-1]])

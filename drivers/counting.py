@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from drivers.errors import DriverError
 
 
-def wrapped_difference(later: NDArray[np.int64], earlier: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
+def wrapped_difference(
+    later: NDArray[np.int64], earlier: NDArray[np.int64], modulus: int
+) -> NDArray[np.int64]:
     """The shortest way from `earlier` to `later` on a counter of range `modulus` (0: it does not wrap); any shape.
 
     The result lies in [-modulus/2, modulus/2): a step of half the range or more cannot be told from one the other way.
@@ -23,15 +25,18 @@ def wrapped_difference(later: NDArray[np.int64], earlier: NDArray[np.int64], mod
 
 
 class Unwrapper:
-    """One counter's history: raw values of any range in, counts that never jump out. The first trusted value is kept as it is.
+    """One counter's history: raw values of any range in, counts that never jump out. The first
+    trusted value is kept as it is.
 
-    A value that is not trusted is placed beside the latest trusted one and then forgotten: a stray value half a range away
-    must not cost a whole turn for good.
+    A value that is not trusted is placed beside the latest trusted one and then forgotten: a stray
+    value half a range away must not cost a whole turn for good.
     """
 
     def __init__(self, modulus: int) -> None:
         if modulus < 0 or modulus == 1:
-            raise DriverError("a counter's range is 0 (no wrap) or at least 2", where="counter", value=modulus)
+            raise DriverError(
+                "a counter's range is 0 (no wrap) or at least 2", where="counter", value=modulus
+            )
         self.modulus = modulus
         self._raw: int | None = None
         self._count = 0
@@ -41,8 +46,12 @@ class Unwrapper:
         """The latest trusted raw value (None before the first) and its count."""
         return self._raw, self._count
 
-    def unwrap(self, raw: NDArray[np.int64], trusted: NDArray[np.bool_] | None = None) -> NDArray[np.int64]:
-        """Counts (n,) of raw values (n,) that follow those of the last call; `trusted` (n,) all of them if not given."""
+    def unwrap(
+        self, raw: NDArray[np.int64], trusted: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.int64]:
+        """Counts (n,) of raw values (n,) that follow those of the last call; `trusted` (n,) all of
+        them if not given.
+        """
         good = np.flatnonzero(trusted) if trusted is not None else np.arange(len(raw))
         if not self.modulus or not len(raw) or (self._raw is None and not len(good)):
             return raw.astype(np.int64)
@@ -50,7 +59,9 @@ class Unwrapper:
         if self._raw is None:
             self._raw = self._count = int(raw[good[0]])
         anchors = np.concatenate([[self._raw], raw[good]]).astype(np.int64)
-        at_anchor = self._count + np.concatenate([[0], np.cumsum(wrapped_difference(anchors[1:], anchors[:-1], self.modulus))])
+        at_anchor = self._count + np.concatenate(
+            [[0], np.cumsum(wrapped_difference(anchors[1:], anchors[:-1], self.modulus))]
+        )
         # For every row, the latest anchor at or before it; 0 is the one of the last call.
         latest = np.searchsorted(good, np.arange(len(raw)), side="right")
         counts = at_anchor[latest] + wrapped_difference(raw, anchors[latest], self.modulus)
@@ -74,14 +85,20 @@ def index_intervals(
 ) -> list[IndexInterval]:
     """Counts between successive different latched positions (n,) of an index mark, held against whole revolutions.
 
-    `latched` are unwrapped counts, one per cycle or one per mark; equal neighbours are the same mark. With several marks
-    per revolution their spacing is counts_per_revolution / marks_per_revolution.
+    `latched` are unwrapped counts, one per cycle or one per mark; equal neighbours are the same
+    mark. With several marks per revolution their spacing is counts_per_revolution /
+    marks_per_revolution.
     """
-    if counts_per_revolution <= 0 or marks_per_revolution <= 0 or counts_per_revolution % marks_per_revolution:
+    if (
+        counts_per_revolution <= 0
+        or marks_per_revolution <= 0
+        or counts_per_revolution % marks_per_revolution
+    ):
         raise DriverError(
-            "counts per revolution must be a positive multiple of the marks", where="index mark",
+            "counts per revolution must be a positive multiple of the marks",
+            where="index mark",
             value=f"{counts_per_revolution} counts, {marks_per_revolution} marks",
-        )  # fmt: skip
+        )
     spacing = counts_per_revolution // marks_per_revolution
     steps = np.diff(np.asarray(latched, dtype=np.int64))
     intervals = []
@@ -92,7 +109,8 @@ def index_intervals(
 
 
 def lost_counts(intervals: list[IndexInterval], tolerance: int) -> list[IndexInterval]:
-    """The intervals whose excess is larger than the mark's own repeatability of `tolerance` counts: lost or extra counts.
+    """The intervals whose excess is larger than the mark's own repeatability of `tolerance` counts:
+    lost or extra counts.
 
     The excess of a mark passed from the other side is the mark's width, so pass only marks approached from one side.
     """

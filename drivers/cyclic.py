@@ -5,8 +5,8 @@ once; cycle k holds what was latched at SYNC k. The next SYNC goes out when it i
 the patience with a missing frame is over: a slow computer lowers the achieved rate, which is reported, and never shifts
 a sample to another cycle. Enabling the servo and choosing a mode go by SDO between two cycles.
 
-The time of a cycle is the stamp of its own SYNC where the bus hands it back, else that of its first frame; with a host's
-stamps, or with none, the cycle says `HOST_TIME`.
+The time of a cycle is the stamp of its own SYNC where the bus hands it back, else that of its first
+frame; with a host's stamps, or with none, the cycle says `HOST_TIME`.
 """
 
 from __future__ import annotations
@@ -43,8 +43,11 @@ from drivers.set_points import command_frames, set_point_counts
 from drivers.sync_time import SyncTime
 
 _CONTROLWORD: Final = {
-    Mode.OFF: obj.DISABLE_VOLTAGE, Mode.QUICK_STOP: obj.QUICK_STOP, Mode.SPEED: obj.ENABLE, Mode.TORQUE: obj.ENABLE,
-}  # fmt: skip
+    Mode.OFF: obj.DISABLE_VOLTAGE,
+    Mode.QUICK_STOP: obj.QUICK_STOP,
+    Mode.SPEED: obj.ENABLE,
+    Mode.TORQUE: obj.ENABLE,
+}
 _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
 
 
@@ -52,10 +55,11 @@ _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
 class CanRigConfig:
     """A rig on one bus: SYNC period [ns], the drive and its encoder, counters and analog modules, the guard's contact.
 
-    `patience_cycles`: how long a frame is waited for before its cycle counts as incomplete; `first_patience_ns`: the same
-    for the very first cycle; `settle_factor`: how much longer is waited, once, after a lost frame for its late arrival;
-    `stale_cycles`: incomplete cycles in a row after which an active drive raises; `stamp_wrap_ns`: range of an adapter's
-    clock that wraps (a 32-bit microsecond counter: 4294967296000), 0 if it does not.
+    `patience_cycles`: how long a frame is waited for before its cycle counts as incomplete;
+    `first_patience_ns`: the same for the very first cycle; `settle_factor`: how much longer is
+    waited, once, after a lost frame for its late arrival; `stale_cycles`: incomplete cycles in a
+    row after which an active drive raises; `stamp_wrap_ns`: range of an adapter's clock that wraps
+    (a 32-bit microsecond counter: 4294967296000), 0 if it does not.
     """
 
     cycle_ns: int = 1_000_000
@@ -74,21 +78,36 @@ class CanRigConfig:
 
     def __post_init__(self) -> None:
         if not 100_000 <= self.cycle_ns <= 1_000_000_000:
-            raise DriverError("the SYNC period is out of range", where="rig", value=self.cycle_ns, limit="0.1 ms to 1 s")
+            raise DriverError(
+                "the SYNC period is out of range",
+                where="rig",
+                value=self.cycle_ns,
+                limit="0.1 ms to 1 s",
+            )
         if not self.patience_cycles >= 1.0 or not self.settle_factor >= 1.0:
             raise DriverError(
-                "patience and settle factor must be at least one", where="rig",
+                "patience and settle factor must be at least one",
+                where="rig",
                 value=f"{self.patience_cycles}, {self.settle_factor}",
-            )  # fmt: skip
+            )
 
 
 class CanRig:
-    """A rig on a CAN bus. `connect` opens the raw bus; `pump` lets devices of the same process run; see `drivers.bus`."""
+    """A rig on a CAN bus. `connect` opens the raw bus; `pump` lets devices of the same process run;
+    see `drivers.bus`.
+    """
 
     def __init__(
-        self, config: CanRigConfig, clock: Clock, connect: Callable[[], RawBus], *, pump: Pump | None = None,
-        time_base: TimeBase = "host", origin: Origin = "hardware", truth: Mapping[str, object] | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        config: CanRigConfig,
+        clock: Clock,
+        connect: Callable[[], RawBus],
+        *,
+        pump: Pump | None = None,
+        time_base: TimeBase = "host",
+        origin: Origin = "hardware",
+        truth: Mapping[str, object] | None = None,
+    ) -> None:
         self._config, self._clock, self._connect, self._pump = config, clock, connect, pump
         self._wanted_base: TimeBase = time_base
         self._origin: Origin = origin
@@ -116,15 +135,27 @@ class CanRig:
         return self._wanted_base
 
     def open(self) -> RigDescription:
-        """Bring every node from any state to OPERATIONAL with the servo off, mapped and watched. Raises `DriverError`."""
+        """Bring every node from any state to OPERATIONAL with the servo off, mapped and watched.
+        Raises `DriverError`.
+        """
         bus = PumpedBus(
-            self._connect(), self._clock, pump=self._pump, time_base=self._wanted_base, own_node_id=self._config.own_node_id
+            self._connect(),
+            self._clock,
+            pump=self._pump,
+            time_base=self._wanted_base,
+            own_node_id=self._config.own_node_id,
         )
         self._bus = bus
         config = self._config
         try:
             nodes = RigNodes(
-                bus, config.cycle_ns, config.drive, config.motor_encoder, config.counters, config.modules, config.guard
+                bus,
+                config.cycle_ns,
+                config.drive,
+                config.motor_encoder,
+                config.counters,
+                config.modules,
+                config.guard,
             )
             nodes.bring_up()
             self._nodes = nodes
@@ -156,7 +187,9 @@ class CanRig:
         self._enter(command.mode)
         if self._kept_is_old:
             self._kept, self._kept_is_old = nodes.kept_values(), False
-        frames = command_frames(nodes.commands, _CONTROLWORD[command.mode], speeds, torques, self._kept)
+        frames = command_frames(
+            nodes.commands, _CONTROLWORD[command.mode], speeds, torques, self._kept
+        )
         is_judged = bool(guard.bounds) or guard.stale_cycles > 0
         self._store.begin_block(cycles)
         self._sent: list[int] = []
@@ -169,7 +202,9 @@ class CanRig:
                 times.append(stamp)
                 latencies.append(latency)
                 if is_judged:
-                    counts = self._decoder.row(self._store.last_record, int(speeds[row]), int(torques[row]), flags)
+                    counts = self._decoder.row(
+                        self._store.last_record, int(speeds[row]), int(torques[row]), flags
+                    )
                     broken = self._judge.judge(counts, flags, row, stamp)
                 broken = broken or self._trouble(bus, command.mode, flags, row)
                 if broken is not None:
@@ -191,12 +226,16 @@ class CanRig:
         self._mode = Mode.OFF
 
     def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        """Raw counts by SDO of the channels whose devices answer that: where their process data stay away. Never raises."""
+        """Raw counts by SDO of the channels whose devices answer that: where their process data
+        stay away. Never raises.
+        """
         self._pause()
         return self._opened().ask(channels) if self._lost is None else {}
 
     def switch_off(self) -> None:
-        """Servo off by SDO, for a drive that hears no process data. Never raises: what came of it is for `ask` to say."""
+        """Servo off by SDO, for a drive that hears no process data. Never raises: what came of it
+        is for `ask` to say.
+        """
         self._pause()
         with contextlib.suppress(DriverError):
             self._opened().drive.switch_off()
@@ -221,7 +260,9 @@ class CanRig:
         self._bus = None
 
     def _let_go(self, bus: PumpedBus, nodes: RigNodes | None) -> None:
-        """The drive does not answer: servo off by process data all the same, then NMT STOP, to which it reacts by 0x6007."""
+        """The drive does not answer: servo off by process data all the same, then NMT STOP, to
+        which it reacts by 0x6007.
+        """
         none = np.zeros(1, dtype=np.int64)
         with contextlib.suppress(DriverError):
             if nodes is not None:
@@ -262,7 +303,8 @@ class CanRig:
         return self._opened()
 
     def quick_stop_frames(self) -> list[tuple[int, bytes]]:
-        """(COB-ID, data) of the frames that quick-stop the drive without this loop: for a watchdog with a bus of its own.
+        """(COB-ID, data) of the frames that quick-stop the drive without this loop: for a watchdog
+        with a bus of its own.
 
         The controlword goes by SDO, so that it acts without SYNC.
         """
@@ -273,11 +315,17 @@ class CanRig:
 
     def _origin_of(self, nodes: RigNodes) -> Origin:
         """Devices that call themselves simulated make the rig simulated, however it is reached."""
-        return "simulated" if any(found.is_simulated for found in nodes.identities.values()) else self._origin
+        return (
+            "simulated"
+            if any(found.is_simulated for found in nodes.identities.values())
+            else self._origin
+        )
 
     def _opened(self) -> RigNodes:
         if self._nodes is None:
-            raise DriverError("the rig is not open", where=self._config.title, remedy="Open it first.")
+            raise DriverError(
+                "the rig is not open", where=self._config.title, remedy="Open it first."
+            )
         return self._nodes
 
     def _live_bus(self) -> PumpedBus:
@@ -288,8 +336,12 @@ class CanRig:
     def _prepare(self, bus: PumpedBus, nodes: RigNodes) -> None:
         """Everything that one opening of the rig needs anew."""
         self._store = CycleStore(nodes.layout)
-        self._decoder = ColumnDecoder(nodes.layout, nodes.columns, nodes.validities, self._config.cycle_ns)
-        self._judge = CycleJudge([column.channel for column in nodes.columns], self._config.cycle_ns)
+        self._decoder = ColumnDecoder(
+            nodes.layout, nodes.columns, nodes.validities, self._config.cycle_ns
+        )
+        self._judge = CycleJudge(
+            [column.channel for column in nodes.columns], self._config.cycle_ns
+        )
         self._statistics = AcquisitionStatistics(self._config.cycle_ns)
         self._mode = Mode.OFF
         self._first_cycle = 0
@@ -341,19 +393,29 @@ class CanRig:
         elif not self._was_enabled:
             state = drive.state()
             raise DriverError(
-                f"the drive is no longer enabled: {drive.error_text()}", where=drive.device.where, value=state.value,
+                f"the drive is no longer enabled: {drive.error_text()}",
+                where=drive.device.where,
+                value=state.value,
                 remedy="Command OFF, find and remove the cause, acknowledge the fault; there is no automatic restart.",
-            )  # fmt: skip
+            )
         if self._silent >= self._config.stale_cycles:
             raise StaleDataError(
-                "no complete cycle came back", where=self._silent_text(), value=f"{self._silent} cycles",
-                limit=f"< {self._config.stale_cycles}", remedy="Stop the drive; is the node powered and on the bus?",
-            )  # fmt: skip
+                "no complete cycle came back",
+                where=self._silent_text(),
+                value=f"{self._silent} cycles",
+                limit=f"< {self._config.stale_cycles}",
+                remedy="Stop the drive; is the node powered and on the bus?",
+            )
 
     def _silent_text(self) -> str:
         layout = self._opened().layout
         slots = self._store.missing_slots()
-        return ", ".join(f"node {layout.pdos[s].node_id} (0x{layout.pdos[s].cob_id:03X})" for s in slots) or "bus"
+        return (
+            ", ".join(
+                f"node {layout.pdos[s].node_id} (0x{layout.pdos[s].cob_id:03X})" for s in slots
+            )
+            or "bus"
+        )
 
     def _pause(self) -> None:
         """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
@@ -375,7 +437,9 @@ class CanRig:
         self._collect(bus, sent, patience)
         latency = self._clock.monotonic_ns() - sent
         flags = self._store.end_cycle()
-        stamp, is_host = self._sync_time.of_cycle(self._echo_stamp, self._store.stamps(), sent, calendar)
+        stamp, is_host = self._sync_time.of_cycle(
+            self._echo_stamp, self._store.stamps(), sent, calendar
+        )
         if is_host:
             self._host_rows.append(row)
         self._silent = self._silent + 1 if flags & CycleFlag.INCOMPLETE else 0
@@ -429,26 +493,37 @@ class CanRig:
         if bus.errors_seen != self._errors_seen:
             self._errors_seen = bus.errors_seen
             event = bus.last_error
-            return Break(row, event.code.replace("-", "_") if event else "bus_error", 1.0, 0.0, True)
+            return Break(
+                row, event.code.replace("-", "_") if event else "bus_error", 1.0, 0.0, True
+            )
         if mode in _ACTIVE and not flags & CycleFlag.INCOMPLETE and self._was_enabled:
             word = int.from_bytes(self._store.last_record[self._statusword], "little")
             if drive_state(word) is not DriveState.ENABLED:
                 self._was_enabled = False
-                bus.emit("error", "drive-state", f"node {self._config.drive.node_id}", _dropped_out(word))
+                bus.emit(
+                    "error", "drive-state", f"node {self._config.drive.node_id}", _dropped_out(word)
+                )
                 self._errors_seen = bus.errors_seen
                 return Break(row, "drive_state", float(word), 0.0, True)
         return None
 
     def _finish(
-        self, times: list[int], latencies: list[int], speeds: NDArray[np.int64], torques: NDArray[np.int64],
-        broken: Break | None, is_judged: bool,
-    ) -> SampleBlock:  # fmt: skip
+        self,
+        times: list[int],
+        latencies: list[int],
+        speeds: NDArray[np.int64],
+        torques: NDArray[np.int64],
+        broken: Break | None,
+        is_judged: bool,
+    ) -> SampleBlock:
         """Decode the block, mark it, count it."""
         rows = len(times)
         raw, bad = self._store.decoded()
         flags = self._store.flags()
         sent = np.array(self._sent[:rows], dtype=np.int64)
-        counts = self._decoder.block(raw, bad, flags, speeds[:rows], torques[:rows], self._store.absent(), sent)
+        counts = self._decoder.block(
+            raw, bad, flags, speeds[:rows], torques[:rows], self._store.absent(), sent
+        )
         host_rows = [row for row in self._host_rows if row < rows]
         flags[host_rows] |= np.uint16(CycleFlag.HOST_TIME)
         time_ns = np.array(times, dtype=np.int64)

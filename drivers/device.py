@@ -72,17 +72,28 @@ class Identity:
     def as_text(self) -> dict[str, str]:
         """For a run file."""
         return {
-            "profile": str(self.profile), "vendor_id": f"0x{self.vendor_id:08X}", "product_code": f"0x{self.product_code:08X}",
-            "revision": f"0x{self.revision:08X}", "serial_number": str(self.serial_number), "name": self.name,
-            "hardware_version": self.hardware_version, "software_version": self.software_version,
-        }  # fmt: skip
+            "profile": str(self.profile),
+            "vendor_id": f"0x{self.vendor_id:08X}",
+            "product_code": f"0x{self.product_code:08X}",
+            "revision": f"0x{self.revision:08X}",
+            "serial_number": str(self.serial_number),
+            "name": self.name,
+            "hardware_version": self.hardware_version,
+            "software_version": self.software_version,
+        }
 
 
 class RemoteDevice:
-    """A node on the bus. What its dictionary lacks is collected in `missing`, once per entry, never raised for optional ones."""
+    """A node on the bus. What its dictionary lacks is collected in `missing`, once per entry, never
+    raised for optional ones.
+    """
 
     def __init__(
-        self, bus: PumpedBus, node_id: int, description: DeviceDescription | None = None, sdo_timeout_ns: int = 300_000_000
+        self,
+        bus: PumpedBus,
+        node_id: int,
+        description: DeviceDescription | None = None,
+        sdo_timeout_ns: int = 300_000_000,
     ) -> None:
         self.bus, self.node_id, self.description = bus, node_id, description
         self.sdo = SdoClient(bus, node_id, sdo_timeout_ns)
@@ -107,10 +118,14 @@ class RemoteDevice:
 
     def typed(self, entry: ObjectRef) -> ObjectRef:
         """The entry with the number type that the device's EDS gives it, where it gives one."""
-        described = self.description.entry(entry.index, entry.subindex) if self.description else None
+        described = (
+            self.description.entry(entry.index, entry.subindex) if self.description else None
+        )
         if described is None or not described.data_type.is_number or not entry.data_type.is_number:
             return entry
-        return ObjectRef(entry.index, entry.subindex, described.data_type, entry.name or described.name)
+        return ObjectRef(
+            entry.index, entry.subindex, described.data_type, entry.name or described.name
+        )
 
     def read(self, entry: ObjectRef) -> int | float:
         """Read an entry that must be there; a device that keeps it in fewer bytes than the standard is understood."""
@@ -122,7 +137,10 @@ class RemoteDevice:
             return typed.data_type.decode(data)
         except DecodeError as error:
             raise DecodeError(
-                error.what, where=f"{self.where}, {entry}", value=error.value, limit=f"{error.limit} ({typed.data_type.name})"
+                error.what,
+                where=f"{self.where}, {entry}",
+                value=error.value,
+                limit=f"{error.limit} ({typed.data_type.name})",
             ) from error
 
     def read_integer(self, entry: ObjectRef) -> int:
@@ -146,11 +164,15 @@ class RemoteDevice:
             length = len(self.sdo.upload(*entry.key)) if error.code in _LENGTH_ABORTS else 0
             if not 0 < length <= 8 or length == typed.data_type.size or typed.data_type.is_float:
                 raise
-            own = DataType(typed.data_type.code, f"{length}-byte integer", length, typed.data_type.signed)
+            own = DataType(
+                typed.data_type.code, f"{length}-byte integer", length, typed.data_type.signed
+            )
             self.sdo.write(ObjectRef(entry.index, entry.subindex, own, entry.name), value)
 
     def write_checked(self, entry: ObjectRef, value: float, consequence: str = "") -> bool:
-        """Write an optional entry and read it back; False if the device refuses it. Raises `ReadbackError` if it differs."""
+        """Write an optional entry and read it back; False if the device refuses it. Raises
+        `ReadbackError` if it differs.
+        """
         try:
             self.write(entry, value)
             found = self.read(entry)
@@ -159,35 +181,56 @@ class RemoteDevice:
             return False
         if found != value:
             raise ReadbackError(
-                f"{entry.name or 'a value'} reads back differently", where=f"{self.where}, {object_text(*entry.key)}",
-                value=found, limit=f"{value} as written", remedy="The device has its own limit for it: see its manual.",
-            )  # fmt: skip
+                f"{entry.name or 'a value'} reads back differently",
+                where=f"{self.where}, {object_text(*entry.key)}",
+                value=found,
+                limit=f"{value} as written",
+                remedy="The device has its own limit for it: see its manual.",
+            )
         return True
 
     def write_wished(self, entry: ObjectRef, value: float, consequence: str = "") -> bool:
-        """Write an entry that the rig can do without; False, and a warning, where the device keeps a value of its own."""
+        """Write an entry that the rig can do without; False, and a warning, where the device keeps
+        a value of its own.
+        """
         try:
             return self.write_checked(entry, value, consequence)
         except ReadbackError as error:
             self.bus.emit("warning", "own-value", self.where, str(error))
             return False
 
-    def note_missing(self, entry: ObjectRef, consequence: str, error: SdoAbortError | None = None) -> None:
+    def note_missing(
+        self, entry: ObjectRef, consequence: str, error: SdoAbortError | None = None
+    ) -> None:
         """Remember that an entry is not offered."""
         if error is not None and not error.is_missing:
             consequence = f"{consequence} ({error.what})" if consequence else error.what
-        self._missing.setdefault(entry.key, Missing(entry.index, entry.subindex, entry.name, consequence))
+        self._missing.setdefault(
+            entry.key, Missing(entry.index, entry.subindex, entry.name, consequence)
+        )
 
     def identity(self) -> Identity:
         """Read who it is. Also the first contact: raises `SdoTimeoutError` when nobody is there."""
         numbers = [
-            self.read_optional(ObjectRef(0x1018, sub, U32, name), "the device cannot be told from another of its kind")
-            for sub, name in ((1, "vendor-ID"), (2, "product code"), (3, "revision"), (4, "serial number"))
+            self.read_optional(
+                ObjectRef(0x1018, sub, U32, name),
+                "the device cannot be told from another of its kind",
+            )
+            for sub, name in (
+                (1, "vendor-ID"),
+                (2, "product code"),
+                (3, "revision"),
+                (4, "serial number"),
+            )
         ]
         vendor, product, revision, serial = (int(n or 0) for n in numbers)
         texts = [
             self._text(index, name)
-            for index, name in ((0x1008, "device name"), (0x1009, "hardware version"), (0x100A, "software version"))
+            for index, name in (
+                (0x1008, "device name"),
+                (0x1009, "hardware version"),
+                (0x100A, "software version"),
+            )
         ]
         kind = int(self.read_optional(DEVICE_TYPE, "the device does not say what it is") or 0)
         return Identity(kind, vendor, product, revision, serial, *texts)
@@ -196,7 +239,9 @@ class RemoteDevice:
         try:
             return self.sdo.read_text(index)
         except SdoAbortError as error:
-            self.note_missing(ObjectRef(index, 0, VISIBLE_STRING, name), "not in the run file", error)
+            self.note_missing(
+                ObjectRef(index, 0, VISIBLE_STRING, name), "not in the run file", error
+            )
             return ""
 
     def to_pre_operational(self) -> None:
@@ -228,9 +273,11 @@ class RemoteDevice:
         patience = max(timeout_ns, self.watch.timeout_ns)
         if not self.bus.wait_for(lambda: self.watch.state is NmtState.OPERATIONAL, patience):
             raise DriverError(
-                "the node does not become OPERATIONAL", where=self.where, value=self.watch.state.name,
+                "the node does not become OPERATIONAL",
+                where=self.where,
+                value=self.watch.state.name,
                 remedy="Its emergency messages and its error register 0x1001 say why.",
-            )  # fmt: skip
+            )
 
     def produce_heartbeat(self, period_ms: int, lost_after: int = 3) -> bool:
         """Let the device send a heartbeat and arm the loss detection after `lost_after` periods; False if it cannot.
@@ -247,7 +294,9 @@ class RemoteDevice:
         return True
 
     def consume_heartbeat(self, timeout_ms: int) -> bool:
-        """Let the device watch the computer's heartbeat (0x1016); False if it cannot, which costs the last line of defence."""
+        """Let the device watch the computer's heartbeat (0x1016); False if it cannot, which costs
+        the last line of defence.
+        """
         value = self.bus.own_node_id << 16 | timeout_ms
         consequence = "the drive does not notice when the computer dies"
         entry = self._consumer_entry()
@@ -273,7 +322,9 @@ class RemoteDevice:
 
     def _consumer_entry(self) -> ObjectRef | None:
         """The entry of 0x1016 that is ours already, else the first free one, else the first."""
-        count = self.read_optional(ObjectRef(0x1016, 0, U8, "consumer heartbeat time"), "nobody is watched by the device")
+        count = self.read_optional(
+            ObjectRef(0x1016, 0, U8, "consumer heartbeat time"), "nobody is watched by the device"
+        )
         found: ObjectRef | None = None
         for subindex in range(1, int(count or 0) + 1):
             entry = ObjectRef(0x1016, subindex, U32, "consumer heartbeat time")
@@ -296,26 +347,41 @@ class RemoteDevice:
         if int(cob_id) >> 31 & 1:
             self.note_missing(EMCY_COB, "emergency messages are switched off in the device")
         elif int(cob_id) & 0x7FF != EMCY_BASE + self.node_id:
-            self.bus.subscribe(int(cob_id) & 0x7FF, lambda data, stamp_ns: self.bus.on_emergency(self.node_id, data))
+            self.bus.subscribe(
+                int(cob_id) & 0x7FF,
+                lambda data, stamp_ns: self.bus.on_emergency(self.node_id, data),
+            )
 
     def follow_sync(self, cycle_us: int) -> None:
-        """Make the device a consumer of our SYNC on 0x080 without counter. Raises `DriverError` if it insists on another."""
-        cob_id = self.read_optional(SYNC_COB, "whether the device follows SYNC 0x080 cannot be checked")
+        """Make the device a consumer of our SYNC on 0x080 without counter. Raises `DriverError` if
+        it insists on another.
+        """
+        cob_id = self.read_optional(
+            SYNC_COB, "whether the device follows SYNC 0x080 cannot be checked"
+        )
         if cob_id is not None and int(cob_id) & SYNC_GENERATE_BIT:
             # The identifier may change only while the device produces no SYNC.
-            self._write_sync(int(cob_id) & ~SYNC_GENERATE_BIT, "the device produces SYNC itself and cannot be told not to")
+            self._write_sync(
+                int(cob_id) & ~SYNC_GENERATE_BIT,
+                "the device produces SYNC itself and cannot be told not to",
+            )
         if cob_id is not None and int(cob_id) & SYNC_IDENTIFIER != 0x080:
             self._write_sync(0x080, "the device follows another SYNC than 0x080: it would be deaf")
         if overflow := self._sync_overflow():
             raise DriverError(
-                "the device insists on a SYNC with counter", where=f"{self.where}, {object_text(*SYNC_OVERFLOW.key)}",
-                value=overflow, limit="0",
-                remedy="Set the synchronous counter overflow value to 0 with the vendor's tool: without it the device is deaf.",
-            )  # fmt: skip
+                "the device insists on a SYNC with counter",
+                where=f"{self.where}, {object_text(*SYNC_OVERFLOW.key)}",
+                value=overflow,
+                limit="0",
+                remedy="Set the synchronous counter overflow value to 0 with the vendor's "
+                "tool: without it the device is deaf.",
+            )
         self.write_wished(CYCLE_PERIOD, cycle_us, "the device does not supervise the SYNC period")
 
     def _write_sync(self, value: int, otherwise: str) -> None:
-        """Write 0x1005; bit 31 means nothing there. Raises `DriverError` saying `otherwise` if the device keeps its own."""
+        """Write 0x1005; bit 31 means nothing there. Raises `DriverError` saying `otherwise` if the
+        device keeps its own.
+        """
         try:
             self.write(SYNC_COB, value)
             found = self.read_integer(SYNC_COB)
@@ -323,9 +389,12 @@ class RemoteDevice:
             found = self.read_integer(SYNC_COB)
         if (found ^ value) & (SYNC_GENERATE_BIT | SYNC_IDENTIFIER):
             raise DriverError(
-                otherwise, where=f"{self.where}, {object_text(*SYNC_COB.key)}", value=f"0x{found:08X}", limit="0x00000080",
+                otherwise,
+                where=f"{self.where}, {object_text(*SYNC_COB.key)}",
+                value=f"0x{found:08X}",
+                limit="0x00000080",
                 remedy="Set the COB-ID of SYNC with the vendor's tool.",
-            )  # fmt: skip
+            )
 
     def _sync_overflow(self) -> int:
         overflow = int(self.read_optional(SYNC_OVERFLOW, "SYNC without counter") or 0)

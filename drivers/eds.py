@@ -1,8 +1,9 @@
 """Vendors' EDS and DCF files (CiA 306): what a device says that it has. Tolerant of their defects, which it lists.
 
-A file is read line by line and never refused for a single wrong entry: an empty `VendorNumber`, a comment count that does
-not match, an empty `PDOMapping`, sub-objects without their object, foreign encodings. What could not be understood stands
-in `DeviceDescription.defects`; only a file in which no object at all is described is an error.
+A file is read line by line and never refused for a single wrong entry: an empty `VendorNumber`, a
+comment count that does not match, an empty `PDOMapping`, sub-objects without their object, foreign
+encodings. What could not be understood stands in `DeviceDescription.defects`; only a file in which
+no object at all is described is an error.
 """
 
 from __future__ import annotations
@@ -20,12 +21,34 @@ from drivers.errors import DecodeError, DriverError
 _OBJECT = re.compile(r"^(?:0x)?([0-9a-f]{1,4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?$")
 _COMPACT = re.compile(r"^(?:0x)?([0-9a-f]{1,4})(name|value)$")
 _LIKE_AN_OBJECT = re.compile(r"^\W*(?:0x)?[0-9a-f]{4}(?!.*(?:denotation|objectlinks)$)")
-_OBJECT_TYPES: Final = {"domain": 2, "deftype": 5, "defstruct": 6, "var": 7, "array": 8, "record": 9}
+_OBJECT_TYPES: Final = {
+    "domain": 2,
+    "deftype": 5,
+    "defstruct": 6,
+    "var": 7,
+    "array": 8,
+    "record": 9,
+}
 _ACCESS: Final = {
-    "ro": "ro", "wo": "wo", "rw": "rw", "rwr": "rwr", "rww": "rww", "const": "const", "r": "ro", "w": "wo", "r/w": "rw",
-    "constant": "const", "read": "ro", "readonly": "ro", "read only": "ro", "writeonly": "wo", "write only": "wo",
-    "readwrite": "rw", "read/write": "rw", "wr": "rw",
-}  # fmt: skip
+    "ro": "ro",
+    "wo": "wo",
+    "rw": "rw",
+    "rwr": "rwr",
+    "rww": "rww",
+    "const": "const",
+    "r": "ro",
+    "w": "wo",
+    "r/w": "rw",
+    "constant": "const",
+    "read": "ro",
+    "readonly": "ro",
+    "read only": "ro",
+    "writeonly": "wo",
+    "write only": "wo",
+    "readwrite": "rw",
+    "read/write": "rw",
+    "wr": "rw",
+}
 """Access types, and how they are spelled elsewhere."""
 _LONGEST_FILE: Final = 32 << 20
 _MOST_COMPACT: Final = 254
@@ -84,30 +107,41 @@ def load_eds(path: str | Path, node_id: int | None = None) -> DeviceDescription:
             # A pipe or a device could be waited for without end.
             raise DriverError("this is not a file", where=str(path), remedy=_WHAT_IT_IS)
         if Path(path).stat().st_size > _LONGEST_FILE:
-            raise DriverError("this is not an EDS file", where=str(path), limit=f"at most {_LONGEST_FILE >> 20} MiB")
+            raise DriverError(
+                "this is not an EDS file",
+                where=str(path),
+                limit=f"at most {_LONGEST_FILE >> 20} MiB",
+            )
         data = Path(path).read_bytes()
     except (OSError, ValueError) as error:
         raise DriverError(f"the EDS file cannot be read: {error}", where=str(path)) from error
     return parse_eds(data, node_id, where=str(path))
 
 
-def parse_eds(data: bytes | str, node_id: int | None = None, *, where: str = "EDS") -> DeviceDescription:
+def parse_eds(
+    data: bytes | str, node_id: int | None = None, *, where: str = "EDS"
+) -> DeviceDescription:
     """The description in the bytes of a file; `node_id` is what `$NODEID` stands for. Raises `DecodeError`."""
     defects: list[str] = []
     sections = _sections(data if isinstance(data, str) else _text(data, defects), defects)
     if node_id is None:
         # The standard spells it with one m, not every tool does.
-        commissioning = sections.get("devicecomissioning") or sections.get("devicecommissioning") or {}
+        commissioning = (
+            sections.get("devicecomissioning") or sections.get("devicecommissioning") or {}
+        )
         node_id = integer(commissioning.get("nodeid", ""))
     entries: dict[tuple[int, int], EdsEntry] = {}
-    matches = [(match, section) for name, section in sections.items() if (match := _OBJECT.match(name))]
+    matches = [
+        (match, section) for name, section in sections.items() if (match := _OBJECT.match(name))
+    ]
     # Objects before their sub-objects, which say more, wherever they stand.
     matches.sort(key=lambda found: found[0][2] is not None)
     _check_families(matches, defects)
     defects += [
-        f"section [{name[:40]}] is not an object's" for name in sections
+        f"section [{name[:40]}] is not an object's"
+        for name in sections
         if _LIKE_AN_OBJECT.match(name) and not _OBJECT.match(name) and not _COMPACT.match(name)
-    ]  # fmt: skip
+    ]
     for match, section in matches:
         if len(entries) >= _MOST_ENTRIES:
             defects.insert(0, f"only the first {_MOST_ENTRIES} entries were taken")
@@ -118,8 +152,12 @@ def parse_eds(data: bytes | str, node_id: int | None = None, *, where: str = "ED
             rename_or_fill = _rename_compact if match[2] == "name" else _fill_compact
             rename_or_fill(int(match[1], 16), section, entries, node_id)
     if not entries:
-        is_xml = (data.encode("utf-8", "replace") if isinstance(data, str) else data).lstrip(b"\xef\xbb\xbf \r\n")[:1] == b"<"
-        remedy = "This is XML (XDD, CiA 311): ask for the EDS of the device." if is_xml else _WHAT_IT_IS
+        is_xml = (data.encode("utf-8", "replace") if isinstance(data, str) else data).lstrip(
+            b"\xef\xbb\xbf \r\n"
+        )[:1] == b"<"
+        remedy = (
+            "This is XML (XDD, CiA 311): ask for the EDS of the device." if is_xml else _WHAT_IT_IS
+        )
         raise DecodeError("no object is described in it", where=where, remedy=remedy)
     _check_lists(sections, entries, defects)
     info = sections.get("deviceinfo", {})
@@ -129,17 +167,28 @@ def parse_eds(data: bytes | str, node_id: int | None = None, *, where: str = "ED
         if key in info and integer(info[key]) is None:
             defects.append(f"[DeviceInfo] {key} is {info[key]!r}, not a number")
     return DeviceDescription(
-        vendor_name=unquoted(info.get("vendorname", "")), vendor_number=integer(info.get("vendornumber", "")),
-        product_name=unquoted(info.get("productname", "")), product_number=integer(info.get("productnumber", "")),
+        vendor_name=unquoted(info.get("vendorname", "")),
+        vendor_number=integer(info.get("vendornumber", "")),
+        product_name=unquoted(info.get("productname", "")),
+        product_number=integer(info.get("productnumber", "")),
         revision_number=integer(info.get("revisionnumber", "")),
-        bit_rates=tuple(r * 1000 for r in (10, 20, 50, 125, 250, 500, 800, 1000) if integer(info.get(f"baudrate_{r}", ""))),
-        entries=entries, defects=tuple(defects[:_DEFECTS_KEPT]),
-    )  # fmt: skip
+        bit_rates=tuple(
+            r * 1000
+            for r in (10, 20, 50, 125, 250, 500, 800, 1000)
+            if integer(info.get(f"baudrate_{r}", ""))
+        ),
+        entries=entries,
+        defects=tuple(defects[:_DEFECTS_KEPT]),
+    )
 
 
 def _text(data: bytes, defects: list[str]) -> str:
     """Bytes as text: by the byte order mark, else UTF-8, else what Windows editors write."""
-    for mark, encoding in ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be")):
+    for mark, encoding in (
+        (b"\xef\xbb\xbf", "utf-8"),
+        (b"\xff\xfe", "utf-16-le"),
+        (b"\xfe\xff", "utf-16-be"),
+    ):
         if data.startswith(mark):
             return data[len(mark) :].decode(encoding, "replace")
     try:
@@ -168,7 +217,9 @@ def _sections(text: str, defects: list[str]) -> dict[str, Section]:
         else:
             key, value = (part.strip() for part in line.split("=", 1))
             if current.get(key.lower(), value) != value and len(defects) < _DEFECTS_KEPT:
-                defects.append(f"line {number}: {key} stands twice in its section; the last one holds")
+                defects.append(
+                    f"line {number}: {key} stands twice in its section; the last one holds"
+                )
             current[key.lower()] = value
     return sections
 
@@ -184,9 +235,14 @@ def _check_families(matches: Sequence[tuple[re.Match[str], Section]], defects: l
     for index, subs in families.items():
         section = parents.get(index)
         if section is None:
-            defects += [f"{object_text(index, sub)}: a sub-object without its object" for sub in sorted(subs)]
+            defects += [
+                f"{object_text(index, sub)}: a sub-object without its object"
+                for sub in sorted(subs)
+            ]
             continue
-        if _object_type(section.get("objecttype", "7")) not in (8, 9) or integer(section.get("compactsubobj", "")):
+        if _object_type(section.get("objecttype", "7")) not in (8, 9) or integer(
+            section.get("compactsubobj", "")
+        ):
             continue
         counted = integer(section.get("subnumber", ""))
         if not subs:
@@ -198,9 +254,13 @@ def _check_families(matches: Sequence[tuple[re.Match[str], Section]], defects: l
 
 
 def _take_object(
-    index: int, sub: str | None, section: Section, node_id: int | None,
-    entries: dict[tuple[int, int], EdsEntry], defects: list[str],
-) -> None:  # fmt: skip
+    index: int,
+    sub: str | None,
+    section: Section,
+    node_id: int | None,
+    entries: dict[tuple[int, int], EdsEntry],
+    defects: list[str],
+) -> None:
     """Take an object's or a sub-object's section into `entries`."""
     subindex = int(sub, 16) if sub is not None else 0
     where = object_text(index, subindex)
@@ -210,21 +270,29 @@ def _take_object(
             defects.append(f"{where}: objecttype is {section['objecttype']!r}; taken as VAR")
         if compact := _number_or(section, "compactsubobj", 0, where, defects):
             count = max(0, min(int(compact), _MOST_COMPACT))
-            entries[index, 0] = EdsEntry(index, 0, "Number of entries", DATA_TYPES[0x05], "ro", False, default=count)
+            entries[index, 0] = EdsEntry(
+                index, 0, "Number of entries", DATA_TYPES[0x05], "ro", False, default=count
+            )
             each = _entry(index, 1, section, node_id, defects)
-            entries.update({(index, number): replace(each, subindex=number) for number in range(1, count + 1)})
+            entries.update(
+                {(index, number): replace(each, subindex=number) for number in range(1, count + 1)}
+            )
             return
         if object_type in (8, 9):
             return
     entries[index, subindex] = _entry(index, subindex, section, node_id, defects)
 
 
-def _entry(index: int, subindex: int, section: Section, node_id: int | None, defects: list[str]) -> EdsEntry:
+def _entry(
+    index: int, subindex: int, section: Section, node_id: int | None, defects: list[str]
+) -> EdsEntry:
     where = object_text(index, subindex)
     data_type = _data_type(section.get("datatype", ""))
     if data_type is None:
         if _object_type(section.get("objecttype", "7")) != 2:
-            defects.append(f"{where}: data type {section.get('datatype', 'missing')!r} is not known; taken as DOMAIN")
+            defects.append(
+                f"{where}: data type {section.get('datatype', 'missing')!r} is not known; taken as DOMAIN"
+            )
         data_type = DATA_TYPES[_DOMAIN]
     spelled = " ".join(bare(section.get("accesstype", "")).lower().split())
     access = _ACCESS.get(spelled, "rw")
@@ -232,22 +300,31 @@ def _entry(index: int, subindex: int, section: Section, node_id: int | None, def
         defects.append(f"{where}: access type {spelled!r}; taken as {access}")
     if data_type.is_number:
         _check_numbers(section, data_type, node_id, where, defects)
-    low, high = (number_of(section.get(key), data_type, node_id) for key in ("lowlimit", "highlimit"))
+    low, high = (
+        number_of(section.get(key), data_type, node_id) for key in ("lowlimit", "highlimit")
+    )
     if low is not None and high is not None and low > high:
-        defects.append(f"{where}: its lowest value {low} is above its highest {high}; both left out")
+        defects.append(
+            f"{where}: its lowest value {low} is above its highest {high}; both left out"
+        )
         low = high = None
     return EdsEntry(
-        index, subindex, unquoted(section.get("parametername", "")), data_type, access,
+        index,
+        subindex,
+        unquoted(section.get("parametername", "")),
+        data_type,
+        access,
         bool(_number_or(section, "pdomapping", 0, where, defects)),
         default=value_of(section.get("defaultvalue"), data_type, node_id),
         configured=value_of(section.get("parametervalue"), data_type, node_id),
-        low=low, high=high,
-    )  # fmt: skip
+        low=low,
+        high=high,
+    )
 
 
 def _check_numbers(
     section: Section, data_type: DataType, node_id: int | None, where: str, defects: list[str]
-) -> None:  # fmt: skip
+) -> None:
     """Note values and limits that are no numbers, or that the entry cannot hold."""
     for key in ("defaultvalue", "parametervalue", "lowlimit", "highlimit"):
         text = section.get(key, "")
@@ -256,7 +333,10 @@ def _check_numbers(
         number = number_of(text, data_type, node_id)
         if number is None:
             defects.append(f"{where}: {key} is {text[:40]!r}, not a number; left out")
-        elif not data_type.is_float and not -(1 << data_type.size * 8 - 1) <= number < 1 << data_type.size * 8:
+        elif (
+            not data_type.is_float
+            and not -(1 << data_type.size * 8 - 1) <= number < 1 << data_type.size * 8
+        ):
             defects.append(f"{where}: {key} is {text[:40]!r}, which {data_type.name} cannot hold")
 
 
@@ -279,31 +359,51 @@ def _object_type(text: str) -> int | None:
 
 def _rename_compact(
     index: int, section: Section, entries: dict[tuple[int, int], EdsEntry], node_id: int | None
-) -> None:  # fmt: skip
+) -> None:
     """Give the sub-objects of a compact array the names of its [xxxxName] section."""
     for key, name in section.items():
         subindex = integer(key)
         entry = entries.get((index, subindex)) if subindex is not None else None
         if entry is not None and subindex:
             entries[index, subindex] = EdsEntry(
-                index, subindex, name, entry.data_type, entry.access, entry.is_pdo_mappable, entry.default,
-                entry.configured, entry.low, entry.high,
-            )  # fmt: skip
+                index,
+                subindex,
+                name,
+                entry.data_type,
+                entry.access,
+                entry.is_pdo_mappable,
+                entry.default,
+                entry.configured,
+                entry.low,
+                entry.high,
+            )
 
 
-def _fill_compact(index: int, section: Section, entries: dict[tuple[int, int], EdsEntry], node_id: int | None) -> None:
+def _fill_compact(
+    index: int, section: Section, entries: dict[tuple[int, int], EdsEntry], node_id: int | None
+) -> None:
     """Give the sub-objects of a compact array the configured values of its [xxxxValue] section."""
     for key, text in section.items():
         subindex = integer(key)
         entry = entries.get((index, subindex)) if subindex is not None else None
         if entry is not None and subindex:
             entries[index, subindex] = EdsEntry(
-                index, subindex, entry.name, entry.data_type, entry.access, entry.is_pdo_mappable, entry.default,
-                value_of(text, entry.data_type, node_id), entry.low, entry.high,
-            )  # fmt: skip
+                index,
+                subindex,
+                entry.name,
+                entry.data_type,
+                entry.access,
+                entry.is_pdo_mappable,
+                entry.default,
+                value_of(text, entry.data_type, node_id),
+                entry.low,
+                entry.high,
+            )
 
 
-def _check_lists(sections: Mapping[str, Section], entries: Mapping[tuple[int, int], EdsEntry], defects: list[str]) -> None:
+def _check_lists(
+    sections: Mapping[str, Section], entries: Mapping[tuple[int, int], EdsEntry], defects: list[str]
+) -> None:
     """Note what the file's own lists and counts get wrong."""
     described = {index for index, _ in entries}
     for name in ("mandatoryobjects", "optionalobjects", "manufacturerobjects"):
@@ -313,7 +413,9 @@ def _check_lists(sections: Mapping[str, Section], entries: Mapping[tuple[int, in
             continue
         listed = [integer(value) for key, value in section.items() if key.isdigit()]
         if integer(section.get("supportedobjects", "")) != len(listed):
-            defects.append(f"[{name}] counts {section.get('supportedobjects', 'nothing')!r} objects, lists {len(listed)}")
+            defects.append(
+                f"[{name}] counts {section.get('supportedobjects', 'nothing')!r} objects, lists {len(listed)}"
+            )
         for index in listed:
             if index is not None and index not in described:
                 defects.append(f"[{name}] lists 0x{index:04X}, which is not described")

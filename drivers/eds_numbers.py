@@ -36,7 +36,9 @@ def integer(text: str) -> int | None:
     return sign * int(digits)
 
 
-def value_of(text: str | None, data_type: DataType, node_id: int | None) -> int | float | str | None:
+def value_of(
+    text: str | None, data_type: DataType, node_id: int | None
+) -> int | float | str | None:
     """A default or configured value: a number for numbers ($NODEID resolved), else the text itself."""
     if text is None or text == "":
         return None
@@ -90,7 +92,9 @@ def _sum(spelled: str, node_id: int | None) -> int | None:
 def _real(spelled: str, data_type: DataType) -> float | None:
     number = integer(spelled) if spelled.lower().startswith("0x") else None
     if number is not None:
-        return float(data_type.decode(number.to_bytes(8, "little"))) if 0 <= number < 1 << 64 else None
+        return (
+            float(data_type.decode(number.to_bytes(8, "little"))) if 0 <= number < 1 << 64 else None
+        )
     try:
         value = float(spelled)
     except ValueError:

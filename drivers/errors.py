@@ -6,12 +6,20 @@ from __future__ import annotations
 class DriverError(RuntimeError):
     """A device, a bus or a frame that is not what it must be.
 
-    `what` is the sentence; `where` the node, object or channel; `value` what was found; `limit` what is allowed; `remedy`
-    what to do next. All of them stay readable as attributes.
+    `what` is the sentence; `where` the node, object or channel; `value` what was found; `limit`
+    what is allowed; `remedy` what to do next. All of them stay readable as attributes.
     """
 
-    def __init__(self, what: str, *, where: str = "", value: object = None, limit: str = "", remedy: str = "") -> None:
-        self.what, self.where, self.value, self.limit, self.remedy = what, where, value, limit, remedy
+    def __init__(
+        self, what: str, *, where: str = "", value: object = None, limit: str = "", remedy: str = ""
+    ) -> None:
+        self.what, self.where, self.value, self.limit, self.remedy = (
+            what,
+            where,
+            value,
+            limit,
+            remedy,
+        )
         text = f"{where}: {what}" if where else what
         if value is not None:
             text += f"; value {value}"

@@ -1,12 +1,14 @@
 """Process data as it came off the bus: one fixed record of raw bytes per SYNC cycle, decoded for a whole block at once.
 
-Each expected TPDO has a slot of eight bytes in the record. A frame is copied into its slot and nothing else is done with
-it until the block is complete; then one structured view of the buffer gives all channels of all cycles.
+Each expected TPDO has a slot of eight bytes in the record. A frame is copied into its slot and
+nothing else is done with it until the block is complete; then one structured view of the buffer
+gives all channels of all cycles.
 
-Pairing is by SYNC index: what arrives after a SYNC went out belongs to that SYNC, unless a frame of its COB-ID is still
-owed from before. Then frames are counted in their order, and cycles are marked LATE until the count comes out or the line
-has been quiet for so long that the frame must be lost.
-LATE and DOUBLED stand at the cycle in which they were noticed, because a block that was handed out is never changed.
+Pairing is by SYNC index: what arrives after a SYNC went out belongs to that SYNC, unless a frame of
+its COB-ID is still owed from before. Then frames are counted in their order, and cycles are marked
+LATE until the count comes out or the line has been quiet for so long that the frame must be lost.
+LATE and DOUBLED stand at the cycle in which they were noticed, because a block that was handed out
+is never changed.
 """
 
 from __future__ import annotations
@@ -26,9 +28,15 @@ from drivers.samples import CycleFlag
 
 SLOT_BYTES: Final = 8
 _FORMATS: Final = {
-    (1, True): "<i1", (1, False): "<u1", (2, True): "<i2", (2, False): "<u2", (4, True): "<i4", (4, False): "<u4",
-    (8, True): "<i8", (8, False): "<u8",
-}  # fmt: skip
+    (1, True): "<i1",
+    (1, False): "<u1",
+    (2, True): "<i2",
+    (2, False): "<u2",
+    (4, True): "<i4",
+    (4, False): "<u4",
+    (8, True): "<i8",
+    (8, False): "<u8",
+}
 
 
 @dataclass(frozen=True)
@@ -49,7 +57,12 @@ class Field:
         if kind.is_float:
             return "<f4" if kind.size == 4 else "<f8"
         if (kind.size, kind.signed) not in _FORMATS:
-            raise DriverError("this type cannot be acquired", where=self.name, value=kind.name, limit="1, 2, 4 or 8 bytes")
+            raise DriverError(
+                "this type cannot be acquired",
+                where=self.name,
+                value=kind.name,
+                limit="1, 2, 4 or 8 bytes",
+            )
         return _FORMATS[kind.size, kind.signed]
 
 
@@ -63,7 +76,9 @@ class FrameLayout:
         self.all_slots = (1 << len(pdos)) - 1
         for field in fields:
             if field.data_type.is_float and not field.quantum > 0.0:
-                raise DriverError("a floating-point channel needs the size of one count", where=field.name)
+                raise DriverError(
+                    "a floating-point channel needs the size of one count", where=field.name
+                )
         self._row = _row_struct(fields, self.stride)
         self._dtype = np.dtype(
             {
@@ -74,9 +89,15 @@ class FrameLayout:
             }
         )
 
-    def decode(self, buffer: bytes | bytearray | memoryview, rows: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    def decode(
+        self, buffer: bytes | bytearray | memoryview, rows: int
+    ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Raw counts (rows, fields) and where a number is none (NaN, infinite, too large): there the count is 0."""
-        records = np.frombuffer(buffer, dtype=self._dtype, count=rows) if rows else np.empty(0, dtype=self._dtype)
+        records = (
+            np.frombuffer(buffer, dtype=self._dtype, count=rows)
+            if rows
+            else np.empty(0, dtype=self._dtype)
+        )
         counts = np.empty((rows, len(self.fields)), dtype=np.int64)
         bad = np.zeros((rows, len(self.fields)), dtype=bool)
         for column, field in enumerate(self.fields):
@@ -92,7 +113,6 @@ class FrameLayout:
                     bad[:, column] = values > np.uint64(2**63 - 1)
                     counts[bad[:, column], column] = 0
         return counts, bad
-
 
     def decode_row(self, record: bytes) -> list[int]:
         """Raw counts of one record, in the order of the fields; a number that is none becomes 0, as in `decode`."""
@@ -117,7 +137,18 @@ def _row_struct(fields: Sequence[Field], stride: int) -> tuple[struct.Struct, li
         start = field.slot * SLOT_BYTES + field.offset
         if start < at:
             raise DriverError("two channels share bytes of one frame", where=field.name)
-        letter = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q", "f4": "f", "f8": "d"}
+        letter = {
+            "i1": "b",
+            "u1": "B",
+            "i2": "h",
+            "u2": "H",
+            "i4": "i",
+            "u4": "I",
+            "i8": "q",
+            "u8": "Q",
+            "f4": "f",
+            "f8": "d",
+        }
         form += "x" * (start - at) + letter[field.numpy_format[1:]]
         at = start + field.data_type.size
     return struct.Struct(form + "x" * (stride - at)), order
@@ -149,7 +180,9 @@ class CycleStore:
         self.rows, self._flags, self._absent = 0, [], []
 
     def begin_cycle(self, awaits_echo: bool) -> None:
-        """Open the next record: it starts as a copy of the one before, so that a missing frame leaves its last values."""
+        """Open the next record: it starts as a copy of the one before, so that a missing frame
+        leaves its last values.
+        """
         start = self.rows * self.layout.stride
         self._buffer[start : start + self.layout.stride] = self._last
         self._flags.append(self._pending)
@@ -228,7 +261,10 @@ class CycleStore:
 
     def stamps(self) -> list[int]:
         """The time stamps [ns] of the present cycle's frames, 0 for a frame that has not come."""
-        return [stamp if received else 0 for stamp, received in zip(self._stamps, self._received, strict=True)]
+        return [
+            stamp if received else 0
+            for stamp, received in zip(self._stamps, self._received, strict=True)
+        ]
 
     def end_cycle(self) -> int:
         """Close the record and return its flags."""
@@ -261,7 +297,9 @@ class CycleStore:
 
     def decoded(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """All records of the block, decoded at once."""
-        return self.layout.decode(memoryview(self._buffer)[: self.rows * self.layout.stride], self.rows)
+        return self.layout.decode(
+            memoryview(self._buffer)[: self.rows * self.layout.stride], self.rows
+        )
 
     def flags(self) -> NDArray[np.uint16]:
         """The flags of the block's cycles."""

@@ -1,7 +1,8 @@
 """The guard held against one cycle at a time, while the block is still being exchanged.
 
-The same rule as `drivers.port.GuardWatch`, written for a single row: only the channels that the bounds name are decoded.
-Where a SYNC came late the shaft had more time: a quantity that is a change over `lag` cycles is then taken per nominal time,
+The same rule as `drivers.port.GuardWatch`, written for a single row: only the channels that the
+bounds name are decoded. Where a SYNC came late the shaft had more time: a quantity that is a change
+over `lag` cycles is then taken per nominal time,
 
     quantity * lag * period / elapsed      for elapsed > 1.5 lag * period,
 
@@ -40,28 +41,44 @@ class CycleJudge:
         self._stale = 0
 
     def adopt(self, guard: Guard) -> None:
-        """Prepare a guard. Raises `DriverError` when it names a channel that this rig has not, or looks too far back."""
+        """Prepare a guard. Raises `DriverError` when it names a channel that this rig has not, or
+        looks too far back.
+        """
         if guard is self._guard:
             return
         if guard.history >= _MEMORY:
-            raise DriverError("the guard looks too far back", where="guard", value=guard.history, limit=f"< {_MEMORY} cycles")
+            raise DriverError(
+                "the guard looks too far back",
+                where="guard",
+                value=guard.history,
+                limit=f"< {_MEMORY} cycles",
+            )
         try:
-            self._compiled = [(b, [(self._column[name], w) for name, w in b.weights.items()]) for b in guard.bounds]
+            self._compiled = [
+                (b, [(self._column[name], w) for name, w in b.weights.items()])
+                for b in guard.bounds
+            ]
         except KeyError as error:
             raise DriverError(
-                "the guard names a channel that this rig has not", where="guard", value=error.args[0],
+                "the guard names a channel that this rig has not",
+                where="guard",
+                value=error.args[0],
                 limit=", ".join(self._column),
-            ) from error  # fmt: skip
+            ) from error
         self._guard = guard
 
-    def remember(self, counts: NDArray[np.int64], flags: NDArray[np.uint16], time_ns: NDArray[np.int64]) -> None:
+    def remember(
+        self, counts: NDArray[np.int64], flags: NDArray[np.uint16], time_ns: NDArray[np.int64]
+    ) -> None:
         """Remember the cycles (n, channels) of a block that was exchanged without a guard, and their stamps."""
         self._rows.extend(counts[-_MEMORY:].tolist())
         self._times.extend(time_ns[-_MEMORY:].tolist())
         complete = (flags & CycleFlag.INCOMPLETE) == 0
         self._good.extend(complete[-_MEMORY:].tolist())
         good_rows = np.flatnonzero(complete)
-        self._stale = len(flags) - 1 - int(good_rows[-1]) if len(good_rows) else self._stale + len(flags)
+        self._stale = (
+            len(flags) - 1 - int(good_rows[-1]) if len(good_rows) else self._stale + len(flags)
+        )
 
     def judge(self, counts: Sequence[int], flags: int, row: int, time_ns: int = 0) -> Break | None:
         """Remember a cycle with its stamp and return the break that it makes of the adopted guard, if any."""
@@ -80,7 +97,13 @@ class CycleJudge:
             if value is None or bound.low <= value <= bound.high:
                 continue
             if all(self._is_outside(bound, weights, back) for back in range(1, bound.consecutive)):
-                return Break(row, bound.cause, value, bound.high if value > bound.high else bound.low, bound.is_trip)
+                return Break(
+                    row,
+                    bound.cause,
+                    value,
+                    bound.high if value > bound.high else bound.low,
+                    bound.is_trip,
+                )
         return None
 
     def _is_outside(self, bound: Bound, weights: list[tuple[int, float]], back: int) -> bool:
@@ -96,7 +119,11 @@ class CycleJudge:
         if bound.lag:
             before = self._rows[there]
             for column, weight in weights:
-                now, then = (counts[column] & mask, before[column] & mask) if mask else (counts[column], before[column])
+                now, then = (
+                    (counts[column] & mask, before[column] & mask)
+                    if mask
+                    else (counts[column], before[column])
+                )
                 total += weight * (now - then)
             total *= self._per_nominal_time(here, there, bound.lag)
         else:

@@ -2,8 +2,9 @@
 
     sign(1) number(10) blank(1) unit(1) class(1) mode(1) CR LF
 
-For stop-and-read work and checks: 20 to 50 readings per second. The value is latched within t1 after the STX, so its time
-is that of the request plus t1/2, never that of the arrival. One string names the line: a device, a pty, `socket://host:port`.
+For stop-and-read work and checks: 20 to 50 readings per second. The value is latched within t1
+after the STX, so its time is that of the request plus t1/2, never that of the arrival. One string
+names the line: a device, a pty, `socket://host:port`.
 """
 
 from __future__ import annotations
@@ -36,9 +37,15 @@ _SEPARATED = re.compile(r"^ *(\d+)[.:°'\" ](\d{1,2})[.:'\" ](\d{1,2})(?:[.,\"](
 _PACKED = re.compile(r"^ *(\d+)\.(\d{2})(\d{2})(\d*)$")
 
 UNITS: Final[dict[str, tuple[str, float]]] = {
-    " ": ("m", 1e-3), '"': ("m", 25.4e-3), "G": ("rad", math.pi / 180.0), "M": ("rad", math.pi / 180.0), "R": ("rad", 1.0),
-    "m": ("m/s", 1e-3 / 60.0), "i": ("m/s", 25.4e-3 / 60.0), "U": ("rad/s", 2.0 * math.pi / 60.0),
-}  # fmt: skip
+    " ": ("m", 1e-3),
+    '"': ("m", 25.4e-3),
+    "G": ("rad", math.pi / 180.0),
+    "M": ("rad", math.pi / 180.0),
+    "R": ("rad", 1.0),
+    "m": ("m/s", 1e-3 / 60.0),
+    "i": ("m/s", 25.4e-3 / 60.0),
+    "U": ("rad/s", 2.0 * math.pi / 60.0),
+}
 """Unit character: SI unit and factor. Blank is mm, G degrees, M degrees-minutes-seconds, U revolutions per minute."""
 CLASSES: Final = frozenset("<=>? ")
 MODES: Final = frozenset("SAGD12F ")
@@ -65,24 +72,40 @@ def parse_line(line: bytes) -> Reading:
     """The reading in a line of 17 characters. Raises `DecodeError` for everything else."""
     if len(line) != LINE_LENGTH or not line.endswith(b"\r\n"):
         raise DecodeError(
-            "not a measured-value line", where="ND 287", value=_shown(line), limit=f"{LINE_LENGTH} characters with CR LF"
+            "not a measured-value line",
+            where="ND 287",
+            value=_shown(line),
+            limit=f"{LINE_LENGTH} characters with CR LF",
         )
     if any(byte > 0x7E or byte < 0x20 for byte in line[:15]):
         raise DecodeError(
-            "characters that are not ASCII", where="ND 287", value=_shown(line),
+            "characters that are not ASCII",
+            where="ND 287",
+            value=_shown(line),
             remedy="Check data bits and parity (7E2 or 8N1) on both sides.",
-        )  # fmt: skip
+        )
     text = line[:15].decode("ascii")
-    sign, number, blank, unit, sorting, mode = text[0], text[1:11], text[11], text[12], text[13], text[14]
+    sign, number, blank, unit, sorting, mode = (
+        text[0],
+        text[1:11],
+        text[11],
+        text[12],
+        text[13],
+        text[14],
+    )
     if sign not in "+- " or blank != " " or sorting not in CLASSES or mode not in MODES:
-        raise DecodeError("a character stands in the wrong column", where="ND 287", value=_shown(line))
+        raise DecodeError(
+            "a character stands in the wrong column", where="ND 287", value=_shown(line)
+        )
     if unit == "?" or sorting == "?":
         return Reading(math.nan, UNITS.get(unit, ("", 0.0))[0], math.nan, sorting, mode, True)
     if unit not in UNITS:
         raise DecodeError("unknown unit", where="ND 287", value=repr(unit), limit=" ".join(UNITS))
     si, factor = UNITS[unit]
     value, last = _sexagesimal(number, line) if unit == "M" else _decimal(number, line)
-    return Reading((-value if sign == "-" else value) * factor, si, last * factor, sorting, mode, False)
+    return Reading(
+        (-value if sign == "-" else value) * factor, si, last * factor, sorting, mode, False
+    )
 
 
 def _decimal(number: str, line: bytes) -> tuple[float, float]:
@@ -96,7 +119,9 @@ def _decimal(number: str, line: bytes) -> tuple[float, float]:
 
 
 def _sexagesimal(number: str, line: bytes) -> tuple[float, float]:
-    """Degrees, minutes and seconds, separated (123.45.06) or packed behind the point (123.4506), and the last digit's value."""
+    """Degrees, minutes and seconds, separated (123.45.06) or packed behind the point (123.4506),
+    and the last digit's value.
+    """
     match = _SEPARATED.match(number) or _PACKED.match(number)
     if match is None or int(match[2]) > 59 or int(match[3]) > 59:
         raise DecodeError("not degrees, minutes and seconds", where="ND 287", value=_shown(line))
@@ -125,8 +150,8 @@ class SerialPort(Protocol):
 class ReadoutConfig:
     """The serial line: URL for `serial_for_url`, rate, framing as set in the readout's INTERFACE SETTINGS, delays.
 
-    `storage_delay_ms` is t1, within which the value is latched; `answer_ms` how long an answer may take; `silence_ms` how
-    much of the line's quiet ends an answer of several lines.
+    `storage_delay_ms` is t1, within which the value is latched; `answer_ms` how long an answer may
+    take; `silence_ms` how much of the line's quiet ends an answer of several lines.
     """
 
     url: str
@@ -148,25 +173,37 @@ def open_port(config: ReadoutConfig) -> SerialPort:
         except _LINE_ERRORS as error:
             if error.args[:1] != (errno.EINVAL,):
                 raise
-            # A pseudo-terminal keeps neither parity nor data bits, and refuses settings of which nothing else is new, as when
-            # it is opened a second time: with other stop bits in between there is something new.
-            other = serial.STOPBITS_ONE if config.stop_bits != serial.STOPBITS_ONE else serial.STOPBITS_TWO
+            # A pseudo-terminal keeps neither parity nor data bits, and refuses settings of which
+            # nothing else is new, as when it is opened a second time: with other stop bits in
+            # between there is something new.
+            other = (
+                serial.STOPBITS_ONE
+                if config.stop_bits != serial.STOPBITS_ONE
+                else serial.STOPBITS_TWO
+            )
             _opened(replace(config, data_bits=8, parity="N", stop_bits=other)).close()
             return _opened(config)
     except ValueError as error:
         raise DriverError(f"the serial line cannot be set so: {error}", where=config.url) from error
     except _LINE_ERRORS as error:
         raise BusLostError(
-            f"the serial line cannot be opened: {error}", where=config.url,
+            f"the serial line cannot be opened: {error}",
+            where=config.url,
             remedy="Check the device's name, its permissions, and that no other program has it open.",
-        ) from error  # fmt: skip
+        ) from error
 
 
 def _opened(config: ReadoutConfig) -> SerialPort:
     return serial.serial_for_url(
-        config.url, baudrate=config.baud, bytesize=config.data_bits, parity=config.parity, stopbits=config.stop_bits,
-        xonxoff=config.xon_xoff, timeout=0.01, write_timeout=1.0,
-    )  # fmt: skip
+        config.url,
+        baudrate=config.baud,
+        bytesize=config.data_bits,
+        parity=config.parity,
+        stopbits=config.stop_bits,
+        xonxoff=config.xon_xoff,
+        timeout=0.01,
+        write_timeout=1.0,
+    )
 
 
 class Readout:
@@ -184,7 +221,13 @@ class Readout:
         reading = parse_line(line)
         latched = asked + round(self._config.storage_delay_ms * _MS / 2.0)
         return Reading(
-            reading.value, reading.unit, reading.quantum, reading.sorting, reading.mode, reading.is_fault, latched
+            reading.value,
+            reading.unit,
+            reading.quantum,
+            reading.sorting,
+            reading.mode,
+            reading.is_fault,
+            latched,
         )
 
     def read_again(self, attempts: int = 3) -> Reading:
@@ -195,7 +238,9 @@ class Readout:
             except (DecodeError, StaleDataError):
                 if attempt == attempts - 1:
                     raise
-        raise DriverError("no attempt was allowed", where=self._config.url, value=attempts, limit=">= 1")
+        raise DriverError(
+            "no attempt was allowed", where=self._config.url, value=attempts, limit=">= 1"
+        )
 
     def identification(self) -> list[str]:
         """What the readout calls itself (A0000): name, part number, software version."""
@@ -227,7 +272,9 @@ class Readout:
         return found
 
     def key(self, command: str) -> None:
-        """Press a key or run a function (ESC Txxxx, Fxxxx or Sxxxx CR): ACK or NAK. Raises `DriverError` when refused."""
+        """Press a key or run a function (ESC Txxxx, Fxxxx or Sxxxx CR): ACK or NAK. Raises
+        `DriverError` when refused.
+        """
         self._command(command)
         answer = self._take(1, self._deadline(self._config.answer_ms))
         if answer == ACK:
@@ -249,7 +296,12 @@ class Readout:
 
     def _command(self, command: str) -> None:
         if not re.fullmatch(r"[A-Z]\d{4}", command):
-            raise DriverError("not a command of the readout", where=self._config.url, value=command, limit="letter, 4 digits")
+            raise DriverError(
+                "not a command of the readout",
+                where=self._config.url,
+                value=command,
+                limit="letter, 4 digits",
+            )
         self._flush()
         self._send(ESC + command.encode("ascii") + b"\r")
 
@@ -264,14 +316,18 @@ class Readout:
                 # The output tail of the answer before.
                 data, empty = b"", empty + 1
                 if empty > _MOST_EMPTY_LINES:
-                    raise DecodeError("nothing but empty lines", where=self._config.url, value=empty)
+                    raise DecodeError(
+                        "nothing but empty lines", where=self._config.url, value=empty
+                    )
             elif data.endswith(b"\r\n"):
                 break
             elif len(data) >= _LONGEST_ANSWER:
                 raise DecodeError("a line does not end", where=self._config.url, value=_shown(data))
         if starts_with:
             if not data.startswith(starts_with):
-                raise DecodeError("the answer does not begin with STX", where=self._config.url, value=_shown(data))
+                raise DecodeError(
+                    "the answer does not begin with STX", where=self._config.url, value=_shown(data)
+                )
             data = data[len(starts_with) :]
         return data
 
@@ -292,20 +348,28 @@ class Readout:
 
     def _raise_silent(self, data: bytes) -> bytes:
         if data:
-            raise DecodeError("half a line", where=self._config.url, value=_shown(data), limit="a line with CR LF")
+            raise DecodeError(
+                "half a line", where=self._config.url, value=_shown(data), limit="a line with CR LF"
+            )
         raise self._silent()
 
     def _silent(self) -> StaleDataError:
         return StaleDataError(
-            "the readout does not answer", where=self._config.url, limit=f"within {self._config.answer_ms:g} ms",
+            "the readout does not answer",
+            where=self._config.url,
+            limit=f"within {self._config.answer_ms:g} ms",
             remedy="Is it switched on, and are rate and framing those of its INTERFACE SETTINGS?",
-        )  # fmt: skip
+        )
 
     def _refused(self, command: str) -> DriverError:
         return DriverError(f"the readout refuses {command} (NAK)", where=self._config.url)
 
     def _gone(self, error: Exception) -> BusLostError:
-        return BusLostError(f"the serial line is gone: {error}", where=self._config.url, remedy="Check cable and adapter.")
+        return BusLostError(
+            f"the serial line is gone: {error}",
+            where=self._config.url,
+            remedy="Check cable and adapter.",
+        )
 
     def _send(self, data: bytes) -> None:
         try:

@@ -1,7 +1,8 @@
 """PDO communication and mapping (CiA 301, 7.5.2.35-38): written by the standard's procedure, read back, never assumed.
 
-Procedure: invalidate the COB-ID (bit 31), set the number of entries to 0, write the entries, set their number, write the
-transmission type, make the COB-ID valid again. A device with fixed mapping keeps its own, and is used as it is.
+Procedure: invalidate the COB-ID (bit 31), set the number of entries to 0, write the entries, set
+their number, write the transmission type, make the COB-ID valid again. A device with fixed mapping
+keeps its own, and is used as it is.
 """
 
 from __future__ import annotations
@@ -10,7 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.cia301 import COB_ID_EXTENDED_BIT, COB_ID_INVALID_BIT, I32, U8, U16, U32, DataType, ObjectRef, object_text
+from drivers.cia301 import (
+    COB_ID_EXTENDED_BIT,
+    COB_ID_INVALID_BIT,
+    I32,
+    U8,
+    U16,
+    U32,
+    DataType,
+    ObjectRef,
+    object_text,
+)
 from drivers.device import RemoteDevice
 from drivers.errors import DriverError, ReadbackError
 from drivers.sdo import SdoAbortError
@@ -73,9 +84,14 @@ def pack(entries: Sequence[ObjectRef], most_bytes: int = 8) -> list[list[ObjectR
 
 
 def map_objects(
-    device: RemoteDevice, entries: Sequence[ObjectRef], *, is_transmit: bool, optional: frozenset[tuple[int, int]] = frozenset()
+    device: RemoteDevice,
+    entries: Sequence[ObjectRef],
+    *,
+    is_transmit: bool,
+    optional: frozenset[tuple[int, int]] = frozenset(),
 ) -> list[MappedPdo]:
-    """Map `entries` into the device's PDOs, every SYNC; entries in `optional` may stay out and are then noted as missing.
+    """Map `entries` into the device's PDOs, every SYNC; entries in `optional` may stay out and are
+    then noted as missing.
 
     Raises `DriverError` when an entry that is not optional cannot be transferred, `ReadbackError` when a mapping reads
     back differently.
@@ -110,9 +126,11 @@ def map_objects(
             device.note_missing(entry, "cannot be mapped into a PDO")
             continue
         raise untied or DriverError(
-            "an object cannot be transferred by PDO", where=device.where, value=str(entry),
+            "an object cannot be transferred by PDO",
+            where=device.where,
+            value=str(entry),
             remedy="The device can neither map it nor has it mapped: configure its PDOs with the vendor's tool.",
-        )  # fmt: skip
+        )
     if is_transmit:
         _silence_others(device, {p.number for p in mapped})
     return mapped
@@ -130,9 +148,12 @@ def _as_answered(device: RemoteDevice, entry: ObjectRef) -> ObjectRef:
     if length != entry.data_type.size:
         return typed
     device.bus.emit(
-        "warning", "eds-type", device.where,
-        f"the EDS has {entry} as {typed.data_type.name}, the device answers {length} bytes: {entry.data_type.name} is taken",
-    )  # fmt: skip
+        "warning",
+        "eds-type",
+        device.where,
+        f"the EDS has {entry} as {typed.data_type.name}, the device answers {length} bytes: "
+        f"{entry.data_type.name} is taken",
+    )
     return entry
 
 
@@ -149,10 +170,16 @@ def read_pdo(device: RemoteDevice, number: int, *, is_transmit: bool) -> MappedP
     except SdoAbortError:
         return None
     entries = _whole_bytes(device, words)
-    return None if entries is None else MappedPdo(device.node_id, is_transmit, number, cob_id & 0x7FF, kind, entries)
+    return (
+        None
+        if entries is None
+        else MappedPdo(device.node_id, is_transmit, number, cob_id & 0x7FF, kind, entries)
+    )
 
 
-def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: list[ObjectRef]) -> MappedPdo | None:
+def _write_longest(
+    device: RemoteDevice, number: int, is_transmit: bool, frame: list[ObjectRef]
+) -> MappedPdo | None:
     """Write as many leading entries of `frame` as the device takes into PDO `number`; None if it takes none."""
     communication, mapping = _indices(number, is_transmit)
     try:
@@ -161,7 +188,9 @@ def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: 
         if not own and number > PREDEFINED_PDOS:
             # It has no COB-ID, and none that is surely free can be given to it.
             return None
-        identifier = own or (0x180 if is_transmit else 0x200) + 0x100 * (number - 1) + device.node_id
+        identifier = (
+            own or (0x180 if is_transmit else 0x200) + 0x100 * (number - 1) + device.node_id
+        )
         keep = cob_id & 0x40000000
         _try_download(device, communication, 1, U32.encode(COB_ID_INVALID_BIT | keep | identifier))
         device.sdo.download(mapping, 0, U8.encode(0))
@@ -184,15 +213,21 @@ def _write_longest(device: RemoteDevice, number: int, is_transmit: bool, frame: 
     if pdo is not None and is_transmit and pdo.transmission_type != EVERY_SYNC:
         _try_download(device, communication, 1, U32.encode(COB_ID_INVALID_BIT | keep | identifier))
         raise _not_by_sync(device, communication, pdo)
-    is_timed = pdo is not None and (pdo.transmission_type == EVERY_SYNC or not (is_transmit or by_sync))
+    is_timed = pdo is not None and (
+        pdo.transmission_type == EVERY_SYNC or not (is_transmit or by_sync)
+    )
     if pdo is None or not is_timed or tuple(e.mapping for e in pdo.entries) != expected:
         raise ReadbackError(
-            "the PDO mapping reads back differently", where=f"{device.where}, {object_text(mapping, 0)}",
-            value=str(pdo), limit=", ".join(str(entry) for entry in written),
-        )  # fmt: skip
+            "the PDO mapping reads back differently",
+            where=f"{device.where}, {object_text(mapping, 0)}",
+            value=str(pdo),
+            limit=", ".join(str(entry) for entry in written),
+        )
     named = {entry.key: entry for entry in written}
     entries = tuple(named[e.key] for e in pdo.entries)
-    return MappedPdo(device.node_id, is_transmit, number, pdo.cob_id, pdo.transmission_type, entries)
+    return MappedPdo(
+        device.node_id, is_transmit, number, pdo.cob_id, pdo.transmission_type, entries
+    )
 
 
 def _try_download(device: RemoteDevice, index: int, subindex: int, data: bytes) -> bool:
@@ -225,7 +260,9 @@ def _write_entries(device: RemoteDevice, mapping: int, frame: list[ObjectRef]) -
     return written
 
 
-def _as_found(device: RemoteDevice, is_transmit: bool, wanted: list[ObjectRef], used: set[int]) -> list[MappedPdo]:
+def _as_found(
+    device: RemoteDevice, is_transmit: bool, wanted: list[ObjectRef], used: set[int]
+) -> list[MappedPdo]:
     """PDOs of a fixed mapping that carry any of the wanted entries, switched to every SYNC where the device lets."""
     found: list[MappedPdo] = []
     if not wanted:
@@ -243,8 +280,15 @@ def _as_found(device: RemoteDevice, is_transmit: bool, wanted: list[ObjectRef], 
             if not is_transmit:
                 _tell_type(device, pdo)
         typed = {e.key: e for e in wanted}
-        entries = tuple(typed.get(e.key, e) if typed.get(e.key, e).mapping == e.mapping else e for e in pdo.entries)
-        found.append(MappedPdo(device.node_id, is_transmit, number, pdo.cob_id, pdo.transmission_type, entries))
+        entries = tuple(
+            typed.get(e.key, e) if typed.get(e.key, e).mapping == e.mapping else e
+            for e in pdo.entries
+        )
+        found.append(
+            MappedPdo(
+                device.node_id, is_transmit, number, pdo.cob_id, pdo.transmission_type, entries
+            )
+        )
     return found
 
 
@@ -263,18 +307,23 @@ def _tell_type(device: RemoteDevice, pdo: MappedPdo) -> None:
     """Say that set-points act with their frame, where a device does not keep them for the SYNC."""
     if pdo.transmission_type > LAST_SYNCHRONOUS:
         device.bus.emit(
-            "warning", "rpdo-type", device.where,
-            f"RPDO{pdo.number} keeps transmission type {pdo.transmission_type}: set-points act before SYNC, not with it",
-        )  # fmt: skip
+            "warning",
+            "rpdo-type",
+            device.where,
+            f"RPDO{pdo.number} keeps transmission type {pdo.transmission_type}: set-points act "
+            "before SYNC, not with it",
+        )
 
 
 def _not_by_sync(device: RemoteDevice, communication: int, pdo: MappedPdo) -> UntiedPdoError:
     """A TPDO that is not sent with every SYNC cannot be paired: on change, by timer, or on request only."""
     return UntiedPdoError(
-        "a TPDO cannot be tied to every SYNC", where=f"{device.where}, {object_text(communication, 2)}",
-        value=f"transmission type {pdo.transmission_type}", limit=str(EVERY_SYNC),
+        "a TPDO cannot be tied to every SYNC",
+        where=f"{device.where}, {object_text(communication, 2)}",
+        value=f"transmission type {pdo.transmission_type}",
+        limit=str(EVERY_SYNC),
         remedy="Set transmission type 1 with the vendor's tool, or use another TPDO or device for this signal.",
-    )  # fmt: skip
+    )
 
 
 def _silence_others(device: RemoteDevice, used: set[int]) -> None:
@@ -293,7 +342,9 @@ def _silence_others(device: RemoteDevice, used: set[int]) -> None:
 
 
 def _quieten(device: RemoteDevice, communication: int) -> None:
-    """No inhibit time, no event timer, no SYNC start value: nothing that could delay or add a frame; all are optional."""
+    """No inhibit time, no event timer, no SYNC start value: nothing that could delay or add a
+    frame; all are optional.
+    """
     for subindex, data_type in ((3, U16), (5, U16), (6, U8)):
         try:
             if device.sdo.read_as(communication, subindex, data_type):
@@ -344,7 +395,9 @@ def _whole_bytes(device: RemoteDevice, words: Sequence[int]) -> tuple[ObjectRef,
         if word & 0x07 or bits:
             bits += word & 0xFF
             if bits % 8 == 0:
-                entries.append(ObjectRef(0, 0, DataType(0x0F, f"{bits} bits", bits // 8), f"{bits} bits"))
+                entries.append(
+                    ObjectRef(0, 0, DataType(0x0F, f"{bits} bits", bits // 8), f"{bits} bits")
+                )
                 bits = 0
             continue
         if word & 0xFF:

@@ -1,8 +1,8 @@
 """The one seam: everything that turns is behind `RigPort.exchange(Command, cycles, Guard) -> SampleBlock`.
 
-target[k] acts from SYNC k on, counts[k] are latched at SYNC k, and the call returns at the first cycle that breaks the
-guard. Every rig implements it: simulated, on the wire, replayed, hardware. How a run is cut into blocks (1, 7, 100, 1000
-cycles) must not change a single count.
+target[k] acts from SYNC k on, counts[k] are latched at SYNC k, and the call returns at the first
+cycle that breaks the guard. Every rig implements it: simulated, on the wire, replayed, hardware.
+How a run is cut into blocks (1, 7, 100, 1000 cycles) must not change a single count.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ class Mode(Enum):
 
 @dataclass(frozen=True)
 class Command:
-    """Set-points for the coming cycles: `target` (cycles,) in rad/s (SPEED) or N m (TORQUE); empty in OFF and QUICK_STOP."""
+    """Set-points for the coming cycles: `target` (cycles,) in rad/s (SPEED) or N m (TORQUE); empty
+    in OFF and QUICK_STOP.
+    """
 
     mode: Mode
     target: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
@@ -98,7 +100,9 @@ class DriveLimits:
 
 @dataclass(frozen=True)
 class RigDescription:
-    """What stands on the other side of the port: origin, one line in words, devices, and the truth if it is simulated."""
+    """What stands on the other side of the port: origin, one line in words, devices, and the truth
+    if it is simulated.
+    """
 
     origin: Origin
     title: str
@@ -182,7 +186,9 @@ class GuardWatch:
                 return Break(index - keep, STALE_DATA, float(run), float(cycles), True)
         return None
 
-    def _judge(self, bound: Bound, joined: NDArray[np.int64], good: NDArray[np.bool_], keep: int) -> Break | None:
+    def _judge(
+        self, bound: Bound, joined: NDArray[np.int64], good: NDArray[np.bool_], keep: int
+    ) -> Break | None:
         total = np.full(len(joined), bound.offset)
         for name, weight in bound.weights.items():
             column = joined[:, self._column[name]]
@@ -207,4 +213,6 @@ class GuardWatch:
             return None
         row = int(rows[0])
         value = float(total[keep + row])
-        return Break(row, bound.cause, value, bound.high if value > bound.high else bound.low, bound.is_trip)
+        return Break(
+            row, bound.cause, value, bound.high if value > bound.high else bound.low, bound.is_trip
+        )

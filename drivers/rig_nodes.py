@@ -22,10 +22,19 @@ from drivers.pdo import MappedPdo, map_objects
 from drivers.set_points import COMMANDED
 
 _ORDER = (
-    names.INPUT_ANGLE, names.OUTPUT_ANGLE, names.TORQUE, names.DRIVE_TORQUE, names.TARGET_SPEED, names.TARGET_TORQUE,
-    names.INPUT_INDEX, names.OUTPUT_INDEX, names.INDEX_SEEN, names.STATUSWORD, names.HOUSING_TEMPERATURE,
+    names.INPUT_ANGLE,
+    names.OUTPUT_ANGLE,
+    names.TORQUE,
+    names.DRIVE_TORQUE,
+    names.TARGET_SPEED,
+    names.TARGET_TORQUE,
+    names.INPUT_INDEX,
+    names.OUTPUT_INDEX,
+    names.INDEX_SEEN,
+    names.STATUSWORD,
+    names.HOUSING_TEMPERATURE,
     names.AMBIENT_TEMPERATURE,
-)  # fmt: skip
+)
 """The order of the columns; channels of other names come after these."""
 _PROBE_LATCHED = 0x0002
 """Bit 1 of the touch probe status: a position of the positive edge is stored."""
@@ -33,10 +42,12 @@ _PROBE_LATCHED = 0x0002
 
 @dataclass(frozen=True)
 class MotorEncoder:
-    """The motor encoder as the drive reports it in 0x6064: lines and multiplication apart, sense, largest speed [rad/s].
+    """The motor encoder as the drive reports it in 0x6064: lines and multiplication apart, sense,
+    largest speed [rad/s].
 
-    `index_position` is the object in which the drive latches the position at the encoder's index mark, `index_status` and
-    `index_mask` tell that one has been seen; None: touch probe 1 of CiA 402, where the drive has it.
+    `index_position` is the object in which the drive latches the position at the encoder's index
+    mark, `index_status` and `index_mask` tell that one has been seen; None: touch probe 1 of CiA
+    402, where the drive has it.
     """
 
     lines: int = 8192
@@ -55,9 +66,16 @@ class MotorEncoder:
     def as_channel(self, name: str) -> Channel:
         """The position as an angle channel."""
         return encoder_channel(
-            name, lines=self.lines, multiplication=self.multiplication, direction=self.direction, modulus=self.modulus,
-            long_name=self.long_name, model=self.model, serial_number=self.serial_number, calibration=self.calibration,
-        )  # fmt: skip
+            name,
+            lines=self.lines,
+            multiplication=self.multiplication,
+            direction=self.direction,
+            modulus=self.modulus,
+            long_name=self.long_name,
+            model=self.model,
+            serial_number=self.serial_number,
+            calibration=self.calibration,
+        )
 
 
 @dataclass(frozen=True)
@@ -87,20 +105,29 @@ class _Source:
 
 
 class RigNodes:
-    """Servo amplifier, counters and analog modules of one bus. `bring_up` leaves them PRE-OPERATIONAL, mapped and off."""
+    """Servo amplifier, counters and analog modules of one bus. `bring_up` leaves them
+    PRE-OPERATIONAL, mapped and off.
+    """
 
     def __init__(
-        self, bus: PumpedBus, cycle_ns: int, drive: DriveConfig, motor_encoder: MotorEncoder,
-        counters: tuple[CounterConfig, ...], modules: tuple[AnalogModuleConfig, ...],
+        self,
+        bus: PumpedBus,
+        cycle_ns: int,
+        drive: DriveConfig,
+        motor_encoder: MotorEncoder,
+        counters: tuple[CounterConfig, ...],
+        modules: tuple[AnalogModuleConfig, ...],
         guard: GuardContact | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._bus, self._cycle_ns, self._encoder, self._guard = bus, cycle_ns, motor_encoder, guard
         node_ids = [drive.node_id, *(c.node_id for c in counters), *(m.node_id for m in modules)]
         if len(set(node_ids)) != len(node_ids) or bus.own_node_id in node_ids:
             raise DriverError(
-                "every node needs a node-ID of its own", where="bus", value=node_ids,
+                "every node needs a node-ID of its own",
+                where="bus",
+                value=node_ids,
                 limit=f"distinct, and not {bus.own_node_id}, the computer's own",
-            )  # fmt: skip
+            )
         self.drive = ServoAmplifier(bus, drive)
         self.counters = [Counter(bus, c) for c in counters]
         self.modules = [AnalogModule(bus, m) for m in modules]
@@ -115,7 +142,11 @@ class RigNodes:
     @property
     def devices(self) -> list[RemoteDevice]:
         """All nodes, the drive first."""
-        return [self.drive.device, *(c.device for c in self.counters), *(m.device for m in self.modules)]
+        return [
+            self.drive.device,
+            *(c.device for c in self.counters),
+            *(m.device for m in self.modules),
+        ]
 
     def missing(self) -> dict[int, list[Missing]]:
         """What each node does not offer, by node-ID."""
@@ -130,7 +161,9 @@ class RigNodes:
         for counter in self.counters:
             self.identities[f"counter {counter.config.channel}"] = counter.bring_up(self._cycle_ns)
         for module in self.modules:
-            self.identities[f"analog module {module.config.node_id}"] = module.bring_up(self._cycle_ns)
+            self.identities[f"analog module {module.config.node_id}"] = module.bring_up(
+                self._cycle_ns
+            )
         transmitted = self._map_drive()
         for counter in self.counters:
             transmitted += self._map_counter(counter)
@@ -143,10 +176,12 @@ class RigNodes:
         counts = self._encoder.lines * self._encoder.multiplication
         if not math.isclose(told, counts, rel_tol=1e-9):
             self._bus.emit(
-                "warning", "counts-per-revolution", self.drive.device.where,
+                "warning",
+                "counts-per-revolution",
+                self.drive.device.where,
                 f"0x6064 has {told:g} counts per revolution by the drive, {counts} by the configuration "
                 f"({self._encoder.lines} lines x {self._encoder.multiplication}); the configuration holds",
-            )  # fmt: skip
+            )
 
     # --- mapping
 
@@ -164,10 +199,19 @@ class RigNodes:
                 turns = encoder.largest_speed * self._cycle_ns * 1e-9 / (2.0 * math.pi)
                 step = 1 + math.ceil(turns * encoder.lines * encoder.multiplication)
             self._sources.append(
-                _Source(encoder.as_channel(names.INPUT_ANGLE), "count", node_id, obj.POSITION, largest_step=step)
+                _Source(
+                    encoder.as_channel(names.INPUT_ANGLE),
+                    "count",
+                    node_id,
+                    obj.POSITION,
+                    largest_step=step,
+                )
             )
             optional += self._latch_sources()
-        torque, unit = self.drive.config.actual_torque, self.drive.config.torque_unit or readings.rated_torque / 1000.0
+        torque, unit = (
+            self.drive.config.actual_torque,
+            self.drive.config.torque_unit or readings.rated_torque / 1000.0,
+        )
         if self._is_offered(torque, "no cross-check of the torque port") and unit > 0.0:
             optional.append(torque)
             long_name = f"torque by the drive (0x{torque.index:04X})"
@@ -175,24 +219,34 @@ class RigNodes:
             self._sources.append(_Source(channel, "plain", node_id, torque))
         optional += self._guard_of(node_id, [*wanted, *optional])
         mapped = map_objects(
-            device, sorted([*wanted, *optional], key=_by_importance), is_transmit=True,
+            device,
+            sorted([*wanted, *optional], key=_by_importance),
+            is_transmit=True,
             optional=frozenset(e.key for e in optional),
-        )  # fmt: skip
+        )
         self.commands = self._map_commands()
         return mapped
 
     def _map_commands(self) -> list[MappedPdo]:
         readings, sense = self.drive.readings, self._encoder.direction
         entries = [obj.CONTROLWORD]
-        if readings.speed_mode is not None and self._is_offered(obj.TARGET_VELOCITY, "no speed mode"):
+        if readings.speed_mode is not None and self._is_offered(
+            obj.TARGET_VELOCITY, "no speed mode"
+        ):
             entries.append(obj.TARGET_VELOCITY)
             if readings.velocity_unit > 0.0:
-                channel = Channel(names.TARGET_SPEED, "rad/s", readings.velocity_unit, direction=sense)
+                channel = Channel(
+                    names.TARGET_SPEED, "rad/s", readings.velocity_unit, direction=sense
+                )
                 self._sources.append(_Source(channel, "target_speed"))
-        if readings.torque_mode is not None and self._is_offered(obj.TARGET_TORQUE, "no torque mode"):
+        if readings.torque_mode is not None and self._is_offered(
+            obj.TARGET_TORQUE, "no torque mode"
+        ):
             entries.append(obj.TARGET_TORQUE)
             if readings.rated_torque > 0.0:
-                channel = Channel(names.TARGET_TORQUE, "N m", readings.rated_torque / 1000.0, direction=sense)
+                channel = Channel(
+                    names.TARGET_TORQUE, "N m", readings.rated_torque / 1000.0, direction=sense
+                )
                 self._sources.append(_Source(channel, "target_torque"))
         optional = frozenset({obj.TARGET_TORQUE.key})
         mapped = map_objects(self.drive.device, entries, is_transmit=False, optional=optional)
@@ -209,15 +263,23 @@ class RigNodes:
         if position is None:
             if not self.drive.config.latch_index or not self._is_offered(obj.TOUCH_PROBE, why):
                 return []
-            position, status, mask = obj.TOUCH_PROBE_POSITION, obj.TOUCH_PROBE_STATUS, _PROBE_LATCHED
+            position, status, mask = (
+                obj.TOUCH_PROBE_POSITION,
+                obj.TOUCH_PROBE_STATUS,
+                _PROBE_LATCHED,
+            )
         objects = [entry for entry in (position, status) if entry is not None]
         if not all([self._is_offered(entry, why) for entry in objects]):
             return []
-        if position is obj.TOUCH_PROBE_POSITION and not device.write_checked(obj.TOUCH_PROBE, obj.TOUCH_PROBE_ON_INDEX, why):
+        if position is obj.TOUCH_PROBE_POSITION and not device.write_checked(
+            obj.TOUCH_PROBE, obj.TOUCH_PROBE_ON_INDEX, why
+        ):
             return []
         seen = (device.node_id, status, mask) if status is not None else None
         channel = encoder.as_channel(names.INPUT_INDEX)
-        self._sources.append(_Source(channel, "latch", device.node_id, position, of=names.INPUT_ANGLE, seen=seen))
+        self._sources.append(
+            _Source(channel, "latch", device.node_id, position, of=names.INPUT_ANGLE, seen=seen)
+        )
         self._seen[0] = seen
         return objects
 
@@ -226,7 +288,13 @@ class RigNodes:
         whole = counter.modulus if counter.modulus <= 1 << 32 else 0
         channel = config.as_channel(whole)
         self._sources.append(
-            _Source(channel, "count", config.node_id, config.position, largest_step=config.largest_step(self._cycle_ns))
+            _Source(
+                channel,
+                "count",
+                config.node_id,
+                config.position,
+                largest_step=config.largest_step(self._cycle_ns),
+            )
         )
         if config.index_position is not None:
             seen = None
@@ -234,26 +302,48 @@ class RigNodes:
                 seen = (config.node_id, config.index_status, config.index_mask)
                 self._seen[1 if config.channel == names.OUTPUT_ANGLE else 0] = seen
             latch = encoder_channel(
-                config.index_channel, lines=config.lines, multiplication=config.multiplication, direction=config.direction,
+                config.index_channel,
+                lines=config.lines,
+                multiplication=config.multiplication,
+                direction=config.direction,
                 modulus=whole,
-            )  # fmt: skip
+            )
             self._sources.append(
-                _Source(latch, "latch", config.node_id, config.index_position, of=config.channel, seen=seen)
+                _Source(
+                    latch,
+                    "latch",
+                    config.node_id,
+                    config.index_position,
+                    of=config.channel,
+                    seen=seen,
+                )
             )
         guard = self._guard_of(config.node_id, counter.objects)
         optional = counter.optional | {entry.key for entry in guard}
-        return map_objects(counter.device, [*counter.objects, *guard], is_transmit=True, optional=optional)
+        return map_objects(
+            counter.device, [*counter.objects, *guard], is_transmit=True, optional=optional
+        )
 
     def _map_module(self, module: AnalogModule) -> list[MappedPdo]:
         for analog in module.config.inputs:
             self._sources.append(
                 _Source(
-                    analog.as_channel(), "plain", module.config.node_id, analog.source, quantum=analog.quantum, analog=analog
+                    analog.as_channel(),
+                    "plain",
+                    module.config.node_id,
+                    analog.source,
+                    quantum=analog.quantum,
+                    analog=analog,
                 )
             )
         wanted = [analog.source for analog in module.config.inputs]
         guard = self._guard_of(module.config.node_id, wanted)
-        return map_objects(module.device, [*wanted, *guard], is_transmit=True, optional=frozenset(e.key for e in guard))
+        return map_objects(
+            module.device,
+            [*wanted, *guard],
+            is_transmit=True,
+            optional=frozenset(e.key for e in guard),
+        )
 
     def _guard_of(self, node_id: int, others: Sequence[ObjectRef]) -> list[ObjectRef]:
         """The guard's input, where it is one of this node and not mapped with its other objects anyway."""
@@ -273,7 +363,9 @@ class RigNodes:
     def _lay_out(self, pdos: list[MappedPdo]) -> None:
         """Fields and columns from the sources, in the order of the channels' names."""
         if any(self._seen):
-            self._sources.append(_Source(Channel(names.INDEX_SEEN, "1", 1.0, long_name="index marks seen"), "seen"))
+            self._sources.append(
+                _Source(Channel(names.INDEX_SEEN, "1", 1.0, long_name="index marks seen"), "seen")
+            )
         fields: list[Field] = []
         place: dict[tuple[int, tuple[int, int]], int] = {}
 
@@ -289,12 +381,22 @@ class RigNodes:
                         break
             return place.get(key, -1)
 
-        present = [s for s in self._sources if s.entry is None or field_of(s.node_id, s.entry, s.quantum) >= 0]
+        present = [
+            s
+            for s in self._sources
+            if s.entry is None or field_of(s.node_id, s.entry, s.quantum) >= 0
+        ]
         present = [s for s in present if s.seen is None or field_of(s.seen[0], s.seen[1]) >= 0]
-        present.sort(key=lambda s: _ORDER.index(s.channel.name) if s.channel.name in _ORDER else len(_ORDER))
+        present.sort(
+            key=lambda s: _ORDER.index(s.channel.name) if s.channel.name in _ORDER else len(_ORDER)
+        )
         column_of = {s.channel.name: i for i, s in enumerate(present)}
         if len(column_of) != len(present):
-            raise DriverError("two channels have the same name", where="rig", value=[s.channel.name for s in present])
+            raise DriverError(
+                "two channels have the same name",
+                where="rig",
+                value=[s.channel.name for s in present],
+            )
         self.columns = [self._column(s, column_of, field_of) for s in present]
         for counter in self.counters:
             if counter.has_alarms and counter.config.alarms is not None:
@@ -303,12 +405,16 @@ class RigNodes:
         self.layout = FrameLayout(pdos, fields)
         if self._guard is not None and names.GUARD_CLOSED not in column_of:
             self._bus.emit(
-                "warning", "guard-not-mapped", f"node {self._guard.node_id}",
+                "warning",
+                "guard-not-mapped",
+                f"node {self._guard.node_id}",
                 f"{self._guard.entry} cannot be sent with every SYNC: the guard is looked at when the rig is armed, "
                 "and nobody notices when it is opened in motion",
-            )  # fmt: skip
+            )
 
-    def _column(self, source: _Source, column_of: Mapping[str, int], field_of: Callable[..., int]) -> Column:
+    def _column(
+        self, source: _Source, column_of: Mapping[str, int], field_of: Callable[..., int]
+    ) -> Column:
         seen: tuple[tuple[int, int], ...] = ()
         if source.kind == "seen":
             # Bit 0 input, bit 1 output; a side without latch state stays 0.
@@ -316,11 +422,21 @@ class RigNodes:
             seen = tuple((at, mask if at >= 0 else 0) for at, mask in pairs)
         elif source.seen is not None:
             seen = ((field_of(source.seen[0], source.seen[1]), source.seen[2]),)
-        own = field_of(source.node_id, source.entry, source.quantum) if source.entry is not None else -1
+        own = (
+            field_of(source.node_id, source.entry, source.quantum)
+            if source.entry is not None
+            else -1
+        )
         return Column(
-            source.channel, source.kind, own, of=column_of.get(source.of, -1), seen_fields=seen,  # type: ignore[arg-type]
-            largest_step=source.largest_step, closed=source.closed, analog=source.analog,  # type: ignore[arg-type]
-        )  # fmt: skip
+            source.channel,
+            source.kind,
+            own,
+            of=column_of.get(source.of, -1),
+            seen_fields=seen,  # type: ignore[arg-type]
+            largest_step=source.largest_step,
+            closed=source.closed,
+            analog=source.analog,  # type: ignore[arg-type]
+        )
 
     # --- starting and stopping
 
@@ -331,21 +447,33 @@ class RigNodes:
         self.drive.arm_heartbeat()
 
     def require_unbroken(self) -> None:
-        """Raise `DriverError` if a node has restarted since it was brought up: mapping, limits and watch are gone with it."""
+        """Raise `DriverError` if a node has restarted since it was brought up: mapping, limits and
+        watch are gone with it.
+        """
         restarted = [device.where for device in self.devices if device.has_restarted]
         if restarted:
             raise DriverError(
-                "the node has restarted and is no longer as it was set up", where=", ".join(restarted),
+                "the node has restarted and is no longer as it was set up",
+                where=", ".join(restarted),
                 remedy="Close the rig and open it again.",
             )
 
     def kept_values(self) -> dict[tuple[int, int], int]:
-        """What the entries of a fixed RPDO mapping hold that no cycle sets: the mode, a limit. They must be sent as they are.
+        """What the entries of a fixed RPDO mapping hold that no cycle sets: the mode, a limit. They
+        must be sent as they are.
 
         Dummy entries (below 0x1000) take anything.
         """
-        others = [e for pdo in self.commands for e in pdo.entries if e.key not in COMMANDED and e.index >= 0x1000]
-        values = {e.key: self.drive.device.read_optional(e, "it is sent as 0 in a fixed RPDO") for e in others}
+        others = [
+            e
+            for pdo in self.commands
+            for e in pdo.entries
+            if e.key not in COMMANDED and e.index >= 0x1000
+        ]
+        values = {
+            e.key: self.drive.device.read_optional(e, "it is sent as 0 in a fixed RPDO")
+            for e in others
+        }
         if obj.MODE.key in values and self.drive.mode is not None:
             # Older drives let 0x6060 be written only; what they were given is known here.
             values[obj.MODE.key] = self.drive.mode
@@ -356,7 +484,11 @@ class RigNodes:
         found: dict[str, int] = {}
         deaf: set[int] = set()
         for source in self._sources:
-            if source.channel.name not in channels or source.entry is None or source.node_id in deaf:
+            if (
+                source.channel.name not in channels
+                or source.entry is None
+                or source.node_id in deaf
+            ):
                 continue
             device = next(d for d in self.devices if d.node_id == source.node_id)
             try:
@@ -372,17 +504,20 @@ class RigNodes:
         described = {name: identity.as_text() for name, identity in self.identities.items()}
         readings = self.drive.readings
         described["servo amplifier"] |= {
-            "rated_torque": f"{readings.rated_torque:g} N m", "velocity_unit": f"{readings.velocity_unit:g} rad/s",
+            "rated_torque": f"{readings.rated_torque:g} N m",
+            "velocity_unit": f"{readings.velocity_unit:g} rad/s",
             "speed_mode": str(readings.speed_mode.name if readings.speed_mode else "none"),
             "torque_mode": str(readings.torque_mode.name if readings.torque_mode else "none"),
             **{name: f"{value:g}" for name, value in readings.settings.items()},
-        }  # fmt: skip
+        }
         described["mapping"] = {f"slot {i}": str(pdo) for i, pdo in enumerate(self.layout.pdos)}
         described["mapping"] |= {f"command {i}": str(pdo) for i, pdo in enumerate(self.commands)}
         for node_id, missing in self.missing().items():
             for entry in missing:
                 text = f"{entry.name}: {entry.consequence}" if entry.consequence else entry.name
-                described.setdefault("missing", {})[f"node {node_id} 0x{entry.index:04X}:{entry.subindex}"] = text
+                described.setdefault("missing", {})[
+                    f"node {node_id} 0x{entry.index:04X}:{entry.subindex}"
+                ] = text
         return described
 
 
@@ -393,9 +528,13 @@ def _require_own_identifiers(pdos: Sequence[MappedPdo]) -> None:
         other = found.setdefault(pdo.cob_id, pdo)
         if other is not pdo:
             raise DriverError(
-                "two PDOs share a COB-ID", where="bus", value=f"{other}; {pdo}", limit="one PDO per COB-ID",
-                remedy="Give one of them another COB-ID with the vendor's tool, or reset the device to its factory settings.",
-            )  # fmt: skip
+                "two PDOs share a COB-ID",
+                where="bus",
+                value=f"{other}; {pdo}",
+                limit="one PDO per COB-ID",
+                remedy="Give one of them another COB-ID with the vendor's tool, or reset the "
+                "device to its factory settings.",
+            )
 
 
 def _by_importance(entry: ObjectRef) -> int:

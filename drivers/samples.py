@@ -14,7 +14,9 @@ from drivers import channel as names
 
 
 class CycleFlag(IntFlag):
-    """What was wrong with one SYNC cycle; 0 is a complete cycle on time. A flagged value is kept, never interpolated."""
+    """What was wrong with one SYNC cycle; 0 is a complete cycle on time. A flagged value is kept,
+    never interpolated.
+    """
 
     COMPLETE = 0
     INCOMPLETE = 1
@@ -46,9 +48,11 @@ class CycleFlag(IntFlag):
 
 
 STALE_OF: Final[Mapping[str, CycleFlag]] = {
-    names.STATUSWORD: CycleFlag.STALE_STATUSWORD, names.INPUT_ANGLE: CycleFlag.STALE_INPUT,
-    names.OUTPUT_ANGLE: CycleFlag.STALE_OUTPUT, names.TORQUE: CycleFlag.STALE_TORQUE,
-}  # fmt: skip
+    names.STATUSWORD: CycleFlag.STALE_STATUSWORD,
+    names.INPUT_ANGLE: CycleFlag.STALE_INPUT,
+    names.OUTPUT_ANGLE: CycleFlag.STALE_OUTPUT,
+    names.TORQUE: CycleFlag.STALE_TORQUE,
+}
 """The mark of each channel that has one of its own; every other channel has STALE_OTHER."""
 _STALE: Final = CycleFlag.STALE_OTHER | CycleFlag(sum(STALE_OF.values()))
 
@@ -56,7 +60,8 @@ _STALE: Final = CycleFlag.STALE_OTHER | CycleFlag(sum(STALE_OF.values()))
 def is_stale(flags: NDArray[np.uint16], channel: str) -> NDArray[np.bool_]:
     """In which cycles (n,) a channel holds an earlier cycle's value.
 
-    An incomplete cycle that does not say which channels are meant (of a rig or a file that cannot tell) means all of them.
+    An incomplete cycle that does not say which channels are meant (of a rig or a file that cannot
+    tell) means all of them.
     """
     own = STALE_OF.get(channel, CycleFlag.STALE_OTHER)
     incomplete, told = (flags & CycleFlag.INCOMPLETE) != 0, (flags & _STALE) != 0

@@ -29,7 +29,9 @@ class SdoAbortError(DriverError):
 
     def __init__(self, where: str, code: int) -> None:
         self.code = code
-        super().__init__(f"the device refuses: {abort_text(code)}", where=where, value=f"0x{code:08X}")
+        super().__init__(
+            f"the device refuses: {abort_text(code)}", where=where, value=f"0x{code:08X}"
+        )
 
     @property
     def is_missing(self) -> bool:
@@ -70,7 +72,9 @@ class Condition(Protocol):
 class SdoClient:
     """The default SDO channel of one node. Transfers are bounded by `timeout_ns` per answer and `longest` bytes."""
 
-    def __init__(self, bus: SdoBus, node_id: int, timeout_ns: int = 300_000_000, longest: int = 1 << 20) -> None:
+    def __init__(
+        self, bus: SdoBus, node_id: int, timeout_ns: int = 300_000_000, longest: int = 1 << 20
+    ) -> None:
         self._bus, self.node_id, self._timeout_ns, self._longest = bus, node_id, timeout_ns, longest
         self._answers: deque[bytes] = deque(maxlen=16)
         self._is_waiting = False
@@ -87,9 +91,11 @@ class SdoClient:
         if size is not None and size > self._longest:
             self._abort(index, subindex, 0x05040005)
             raise SdoProtocolError(
-                "the object is longer than anything expected", where=self._where(index, subindex), value=size,
+                "the object is longer than anything expected",
+                where=self._where(index, subindex),
+                value=size,
                 limit=f"<= {self._longest} bytes",
-            )  # fmt: skip
+            )
         return self._upload_segments(index, subindex, size)
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
@@ -97,7 +103,9 @@ class SdoClient:
         head = struct.pack("<HB", index, subindex)
         if 0 < len(data) <= 4:
             command = 0x23 | (4 - len(data)) << 2
-            self._request(bytes([command]) + head + data.ljust(4, b"\0"), index, subindex, expects=3)
+            self._request(
+                bytes([command]) + head + data.ljust(4, b"\0"), index, subindex, expects=3
+            )
             return
         self._request(b"\x21" + head + len(data).to_bytes(4, "little"), index, subindex, expects=3)
         toggle = 0
@@ -105,7 +113,13 @@ class SdoClient:
         for number, piece in enumerate(pieces):
             is_last = number == len(pieces) - 1
             command = toggle << 4 | (7 - len(piece)) << 1 | is_last
-            answer = self._request(bytes([command]) + piece.ljust(7, b"\0"), index, subindex, expects=1, is_segment=True)
+            answer = self._request(
+                bytes([command]) + piece.ljust(7, b"\0"),
+                index,
+                subindex,
+                expects=1,
+                is_segment=True,
+            )
             self._check_toggle(answer[0], toggle, index, subindex)
             toggle ^= 1
 
@@ -129,23 +143,31 @@ class SdoClient:
         data = bytearray()
         toggle = 0
         while True:
-            answer = self._request(bytes([0x60 | toggle << 4]) + bytes(7), index, subindex, expects=0, is_segment=True)
+            answer = self._request(
+                bytes([0x60 | toggle << 4]) + bytes(7), index, subindex, expects=0, is_segment=True
+            )
             self._check_toggle(answer[0], toggle, index, subindex)
             data += answer[1 : 8 - (answer[0] >> 1 & 7)]
             if answer[0] & 0x01:
                 break
             if len(data) > self._longest:
                 self._abort(index, subindex, 0x05040005)
-                raise SdoProtocolError("a segmented upload does not end", where=self._where(index, subindex))
+                raise SdoProtocolError(
+                    "a segmented upload does not end", where=self._where(index, subindex)
+                )
             toggle ^= 1
         if size is not None and len(data) != size:
             raise SdoProtocolError(
-                "a segmented upload has another length than announced", where=self._where(index, subindex),
-                value=len(data), limit=f"{size} bytes",
-            )  # fmt: skip
+                "a segmented upload has another length than announced",
+                where=self._where(index, subindex),
+                value=len(data),
+                limit=f"{size} bytes",
+            )
         return bytes(data)
 
-    def _request(self, frame: bytes, index: int, subindex: int, *, expects: int, is_segment: bool = False) -> bytes:
+    def _request(
+        self, frame: bytes, index: int, subindex: int, *, expects: int, is_segment: bool = False
+    ) -> bytes:
         """Send a frame and return the answer with the server command specifier `expects`."""
         answers_left = 8
         self._answers.clear()
@@ -155,23 +177,33 @@ class SdoClient:
             while answers_left:
                 if not self._bus.wait_for(lambda: bool(self._answers), self._timeout_ns):
                     break
-                if (found := self._judge(self._answers.popleft(), index, subindex, expects, is_segment)) is not None:
+                if (
+                    found := self._judge(
+                        self._answers.popleft(), index, subindex, expects, is_segment
+                    )
+                ) is not None:
                     return found
                 answers_left -= 1
         finally:
             self._is_waiting = False
         self._abort(index, subindex, _TIMED_OUT)
         raise SdoTimeoutError(
-            "no SDO answer", where=self._where(index, subindex), limit=f"within {self._timeout_ns / 1e6:g} ms",
+            "no SDO answer",
+            where=self._where(index, subindex),
+            limit=f"within {self._timeout_ns / 1e6:g} ms",
             remedy="Is the node powered, on this bus and this bit rate, and not stopped?",
-        )  # fmt: skip
+        )
 
-    def _judge(self, answer: bytes, index: int, subindex: int, expects: int, is_segment: bool) -> bytes | None:
+    def _judge(
+        self, answer: bytes, index: int, subindex: int, expects: int, is_segment: bool
+    ) -> bytes | None:
         """The answer if it belongs to the request, None if it is an old one. Raises on aborts and nonsense."""
         if len(answer) < 8:
             self._abort(index, subindex, _LENGTH)
             raise SdoProtocolError(
-                "an SDO answer must have 8 bytes", where=self._where(index, subindex), value=answer.hex(" ") or "none"
+                "an SDO answer must have 8 bytes",
+                where=self._where(index, subindex),
+                value=answer.hex(" ") or "none",
             )
         specifier = answer[0] >> 5
         names_object = specifier in (2, 3, 4)
@@ -189,17 +221,23 @@ class SdoClient:
                 return None
             self._abort(index, subindex, _BAD_COMMAND)
             raise SdoProtocolError(
-                "unexpected SDO command", where=self._where(index, subindex), value=f"0x{answer[0]:02X}"
+                "unexpected SDO command",
+                where=self._where(index, subindex),
+                value=f"0x{answer[0]:02X}",
             )
         return answer
 
     def _check_toggle(self, command: int, toggle: int, index: int, subindex: int) -> None:
         if command >> 4 & 1 != toggle:
             self._abort(index, subindex, _TOGGLE_ERROR)
-            raise SdoProtocolError("the toggle bit did not alternate", where=self._where(index, subindex))
+            raise SdoProtocolError(
+                "the toggle bit did not alternate", where=self._where(index, subindex)
+            )
 
     def _abort(self, index: int, subindex: int, code: int) -> None:
-        self._bus.send(SDO_REQUEST_BASE + self.node_id, struct.pack("<BHBL", 0x80, index, subindex, code))
+        self._bus.send(
+            SDO_REQUEST_BASE + self.node_id, struct.pack("<BHBL", 0x80, index, subindex, code)
+        )
 
     def _on_answer(self, data: bytes, stamp_ns: int) -> None:
         if self._is_waiting:

@@ -25,10 +25,16 @@ def set_point_counts(
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Speed and torque set-points (cycles,) in counts of 0x60FF and 0x6071, as the drive will receive them.
 
-    Raises `DriverError` when there is not one finite set-point per cycle, or one does not fit the object: none is clipped.
+    Raises `DriverError` when there is not one finite set-point per cycle, or one does not fit the
+    object: none is clipped.
     """
     if not 1 <= cycles <= LONGEST_BLOCK:
-        raise DriverError("a block needs at least one cycle", where="exchange", value=cycles, limit=f"1 to {LONGEST_BLOCK}")
+        raise DriverError(
+            "a block needs at least one cycle",
+            where="exchange",
+            value=cycles,
+            limit=f"1 to {LONGEST_BLOCK}",
+        )
     none = np.zeros(cycles, dtype=np.int64)
     if command.mode not in _TARGETS:
         return none, none
@@ -36,22 +42,28 @@ def set_point_counts(
     target = np.asarray(command.target, dtype=np.float64)
     if target.shape != (cycles,) or not np.isfinite(target).all():
         raise DriverError(
-            "there must be one finite set-point for every cycle", where="exchange", value=target.shape, limit=f"({cycles},)"
+            "there must be one finite set-point for every cycle",
+            where="exchange",
+            value=target.shape,
+            limit=f"({cycles},)",
         )
     channel = next((c for c in channels if c.name == name), None)
     if channel is None:
         raise DriverError(
-            f"this drive takes no set-points for {command.mode.value}", where=name,
+            f"this drive takes no set-points for {command.mode.value}",
+            where=name,
             remedy="See the list of missing objects; a unit may have to be given in the rig's configuration.",
-        )  # fmt: skip
+        )
     counts = np.rint((target - channel.offset) / (channel.direction * channel.scale))
     largest = 2 ** (bits - 1) - 1
     if np.abs(counts).max() > largest:
         worst = float(target[np.argmax(np.abs(counts))])
         raise DriverError(
-            "a set-point does not fit the drive's object", where=name, value=f"{worst:g} {channel.unit}",
+            "a set-point does not fit the drive's object",
+            where=name,
+            value=f"{worst:g} {channel.unit}",
             limit=f"+-{largest * channel.scale:g} {channel.unit}",
-        )  # fmt: skip
+        )
     whole = counts.astype(np.int64)
     return (whole, none) if command.mode is Mode.SPEED else (none, whole)
 
@@ -61,17 +73,28 @@ COMMANDED: Final = frozenset({obj.CONTROLWORD.key, obj.TARGET_VELOCITY.key, obj.
 
 
 def command_frames(
-    pdos: Sequence[MappedPdo], controlword: int, speeds: NDArray[np.int64], torques: NDArray[np.int64],
+    pdos: Sequence[MappedPdo],
+    controlword: int,
+    speeds: NDArray[np.int64],
+    torques: NDArray[np.int64],
     kept: Mapping[tuple[int, int], int] | None = None,
-) -> list[list[bytes]]:  # fmt: skip
-    """The bytes of every RPDO (outer) for every cycle (inner); `kept` are the values of a fixed mapping's other entries."""
+) -> list[list[bytes]]:
+    """The bytes of every RPDO (outer) for every cycle (inner); `kept` are the values of a fixed
+    mapping's other entries.
+    """
     words = np.full(len(speeds), controlword)
     values = {key: np.full(len(speeds), value) for key, value in (kept or {}).items()}
-    values |= {obj.CONTROLWORD.key: words, obj.TARGET_VELOCITY.key: speeds, obj.TARGET_TORQUE.key: torques}
+    values |= {
+        obj.CONTROLWORD.key: words,
+        obj.TARGET_VELOCITY.key: speeds,
+        obj.TARGET_TORQUE.key: torques,
+    }
     return [_pack(pdo, values, len(speeds)) for pdo in pdos]
 
 
-def _pack(pdo: MappedPdo, values: Mapping[tuple[int, int], NDArray[np.int64]], rows: int) -> list[bytes]:
+def _pack(
+    pdo: MappedPdo, values: Mapping[tuple[int, int], NDArray[np.int64]], rows: int
+) -> list[bytes]:
     """One RPDO's bytes for every cycle: little-endian fields side by side; entries without a value are 0."""
     table = np.zeros((rows, pdo.length), dtype=np.uint8)
     offset = 0

@@ -1,7 +1,8 @@
 """python-can's socketcand client with what it lacks: a hub that is not there, silent or gone is said at once.
 
-The client of python-can tries for ten seconds to reach a hub, waits for its answers without end, does not get onto a bus that
-is already busy, and takes the end of the connection for silence. A hub that dies in motion is a lost bus.
+The client of python-can tries for ten seconds to reach a hub, waits for its answers without end,
+does not get onto a bus that is already busy, and takes the end of the connection for silence. A hub
+that dies in motion is a lost bus.
 """
 
 from __future__ import annotations
@@ -23,9 +24,13 @@ SEND_TIMEOUT: Final = 0.5
 
 
 class SocketcandBus(SocketCanDaemonBus):
-    """A client of a socketcand hub. Raises `can.CanError` or `OSError` when it cannot connect, and when the hub is gone."""
+    """A client of a socketcand hub. Raises `can.CanError` or `OSError` when it cannot connect, and
+    when the hub is gone.
+    """
 
-    def __init__(self, channel: str, host: str = "127.0.0.1", port: int = 29536, **options: Any) -> None:
+    def __init__(
+        self, channel: str, host: str = "127.0.0.1", port: int = 29536, **options: Any
+    ) -> None:
         # It logs each loss with a traceback and warns of every frame that TCP has cut in two; what matters is raised.
         logging.getLogger("can.interfaces.socketcand").setLevel(logging.CRITICAL)
         require_greeting(host, int(port))

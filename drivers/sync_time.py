@@ -1,4 +1,6 @@
-"""The time of every SYNC: its own stamp where the bus hands it back, else its first frame's, else the host's, and said so."""
+"""The time of every SYNC: its own stamp where the bus hands it back, else its first frame's, else
+the host's, and said so.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ class SyncTime:
         self._last_ns: int | None = None
         self._last_sent_ns = 0
 
-    def of_cycle(self, echo_ns: int, frames_ns: list[int], sent_ns: int, calendar_ns: int) -> tuple[int, bool]:
+    def of_cycle(
+        self, echo_ns: int, frames_ns: list[int], sent_ns: int, calendar_ns: int
+    ) -> tuple[int, bool]:
         """The time [ns] of a cycle and whether it is only the host's.
 
         `echo_ns` stamp of the SYNC itself (0: none), `frames_ns` those of its frames, `sent_ns` when it was sent on the
@@ -31,18 +35,32 @@ class SyncTime:
 
     def now(self, monotonic_ns: int, calendar_ns: int) -> int:
         """This instant in the base of the samples; the calendar's before the first."""
-        return calendar_ns if self._last_ns is None else self._last_ns + monotonic_ns - self._last_sent_ns
+        return (
+            calendar_ns
+            if self._last_ns is None
+            else self._last_ns + monotonic_ns - self._last_sent_ns
+        )
 
-    def _choose(self, echo_ns: int, frames_ns: list[int], sent_ns: int, calendar_ns: int) -> tuple[int, bool]:
+    def _choose(
+        self, echo_ns: int, frames_ns: list[int], sent_ns: int, calendar_ns: int
+    ) -> tuple[int, bool]:
         if self._base == "virtual":
             return echo_ns or calendar_ns, False
         if self._base == "host":
             return echo_ns or calendar_ns, True
         stamp = echo_ns or min((s for s in frames_ns if s), default=0)
         if not stamp:
-            return (calendar_ns if self._last_ns is None else self._last_ns + sent_ns - self._last_sent_ns), True
+            return (
+                calendar_ns
+                if self._last_ns is None
+                else self._last_ns + sent_ns - self._last_sent_ns
+            ), True
         stamp += self._wraps * self._wrap_ns
-        if self._wrap_ns and self._last_ns is not None and stamp < self._last_ns - self._wrap_ns // 2:
+        if (
+            self._wrap_ns
+            and self._last_ns is not None
+            and stamp < self._last_ns - self._wrap_ns // 2
+        ):
             self._wraps += 1
             stamp += self._wrap_ns
         return stamp, False

@@ -9,7 +9,8 @@ from experiments.result import Table
 from model.identify.estimate import BudgetLine, Estimate
 
 ASSUMED_SCALE = 0.03
-"""Relative standard uncertainty of a torque port without a certificate: torque constant by tolerance and temperature (5 % of
+"""Relative standard uncertainty of a torque port without a certificate: torque constant by
+tolerance and temperature (5 % of
 rectangular bounds, k = 1)."""
 
 
@@ -34,8 +35,21 @@ def budget_table(estimates: Iterable[Estimate]) -> Table:
         if not estimate.budget:
             continue
         for line in estimate.budget:
-            rows.append((estimate.name, line.source, line.kind, line.standard_uncertainty, estimate.unit, line.note))
-        rows.append((estimate.name, "combined", "", estimate.standard_uncertainty, estimate.unit, ""))
-        rows.append((estimate.name, "expanded, k = 2", "", estimate.expanded_uncertainty, estimate.unit, ""))
+            rows.append(
+                (
+                    estimate.name,
+                    line.source,
+                    line.kind,
+                    line.standard_uncertainty,
+                    estimate.unit,
+                    line.note,
+                )
+            )
+        rows.append(
+            (estimate.name, "combined", "", estimate.standard_uncertainty, estimate.unit, "")
+        )
+        rows.append(
+            (estimate.name, "expanded, k = 2", "", estimate.expanded_uncertainty, estimate.unit, "")
+        )
     columns = ("quantity", "contribution", "type", "standard uncertainty", "unit", "remark")
     return Table("budget", "Uncertainty budget", columns, tuple(rows))

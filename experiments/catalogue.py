@@ -41,7 +41,11 @@ ENTRIES: tuple[Entry, ...] = (
         "experiments.velocity_steps",
         "speed steps, simulated output against measured output per speed (figure 19)",
     ),
-    Entry("motor-tare", "experiments.motor_tare", "friction and cogging of the bare motor, gear removed"),
+    Entry(
+        "motor-tare",
+        "experiments.motor_tare",
+        "friction and cogging of the bare motor, gear removed",
+    ),
     Entry("warm-up", "experiments.warm_up", "turn until the running torque is steady"),
     Entry(
         "starting-torque",
@@ -49,11 +53,24 @@ ENTRIES: tuple[Entry, ...] = (
         "slow torque ramps at several wave-generator positions, ended by first motion",
     ),
     Entry("home", "experiments.home", "index marks of both encoders, slowly, from one side"),
-    Entry("motion", "experiments.motion", "inertia and friction from any motion (inverse dynamics)", has_plan=False),
     Entry(
-        "revolution", "experiments.revolution", "Fourier series of a channel per revolution, both ways", has_plan=False
+        "motion",
+        "experiments.motion",
+        "inertia and friction from any motion (inverse dynamics)",
+        has_plan=False,
     ),
-    Entry("order-spectrum", "experiments.order_spectrum", "order spectrum of a channel over an angle", has_plan=False),
+    Entry(
+        "revolution",
+        "experiments.revolution",
+        "Fourier series of a channel per revolution, both ways",
+        has_plan=False,
+    ),
+    Entry(
+        "order-spectrum",
+        "experiments.order_spectrum",
+        "order spectrum of a channel over an angle",
+        has_plan=False,
+    ),
 )
 """Protocols first, in the order of a day on the rig; then the analyses that need no plan."""
 
@@ -73,7 +90,9 @@ def entry(name: str) -> Entry:
     for found in ENTRIES:
         if found.name == name:
             return found
-    raise PlanError("no such protocol or analysis", where="protocol", value=repr(name), limit=", ".join(kinds()))
+    raise PlanError(
+        "no such protocol or analysis", where="protocol", value=repr(name), limit=", ".join(kinds())
+    )
 
 
 def load(name: str) -> Experiment:

@@ -1,4 +1,6 @@
-"""Which channel of a recording is meant: the one that the setting names, else the first of the usual ones that is there."""
+"""Which channel of a recording is meant: the one that the setting names, else the first of the
+usual ones that is there.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,11 @@ EFFORTS = ("torque", "drive_torque", "force", "current", "motor_current", "volta
 
 
 def chosen_channel(
-    recording: Recording, settings: Mapping[str, Any], key: str, usual: tuple[str, ...], purpose: str
+    recording: Recording,
+    settings: Mapping[str, Any],
+    key: str,
+    usual: tuple[str, ...],
+    purpose: str,
 ) -> str:
     """The name of a channel for `purpose`; `AnalysisError` where it is not there."""
     wanted = settings.get(key)

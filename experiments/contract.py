@@ -17,9 +17,10 @@ from model.gear import HarmonicDrive
 class Evidence:
     """What an analysis may lean on besides the recording.
 
-    `gear` is the parameter set to compare with (and the source of everything that is not identified); `tare` the result of a
-    motor-tare run of the same rig, if there is one; `maximum_missed_share` the share of incomplete cycles above which a run
-    is refused; `settings` what an analysis offers to choose (each names its own and refuses others).
+    `gear` is the parameter set to compare with (and the source of everything that is not
+    identified); `tare` the result of a motor-tare run of the same rig, if there is one;
+    `maximum_missed_share` the share of incomplete cycles above which a run is refused; `settings`
+    what an analysis offers to choose (each names its own and refuses others).
     """
 
     gear: HarmonicDrive
@@ -30,12 +31,14 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A protocol. `parameters` is a frozen dataclass whose annotations are the only definition of flags, form and ranges.
+    """A protocol. `parameters` is a frozen dataclass whose annotations are the only definition of
+    flags, form and ranges.
 
-    `plan(parameters, gear)` yields steps and is pure; `analyse(recording, evidence)` returns a `Result`. `gear_mounted` is
-    False for protocols that run the bare motor. `compare(recording, gear, evidence)` scores given parameters on a run
-    without fitting any; `identified(result, gear)` is the gear with what the analysis identified written into it. Both are
-    None where a protocol has nothing of the kind. `has_plan` is False for analyses of recordings only.
+    `plan(parameters, gear)` yields steps and is pure; `analyse(recording, evidence)` returns a
+    `Result`. `gear_mounted` is False for protocols that run the bare motor. `compare(recording,
+    gear, evidence)` scores given parameters on a run without fitting any; `identified(result,
+    gear)` is the gear with what the analysis identified written into it. Both are None where a
+    protocol has nothing of the kind. `has_plan` is False for analyses of recordings only.
     """
 
     name: str

@@ -2,8 +2,9 @@
 
 (18) F_fb, (19) F_fm, (20) T_f(v), in the torque balance that the parameter set names
 
-Half-difference of the directions is friction, half-sum is offset and asymmetry. The torque port shows motor + gear: a valid
-motor tare is subtracted with its uncertainty, without one everything is labelled "motor + gear". Figures 9 and 17.
+Half-difference of the directions is friction, half-sum is offset and asymmetry. The torque port
+shows motor + gear: a valid motor tare is subtracted with its uncertainty, without one everything is
+labelled "motor + gear". Figures 9 and 17.
 """
 
 from __future__ import annotations
@@ -20,9 +21,20 @@ from annotated_types import Ge, Gt, Le
 from experiments.budget import budget_table, torque_scale_uncertainty
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
-from experiments.friction_estimates import genetic_metrics, offset_estimate, running_torques, type_b, with_warmth
+from experiments.friction_estimates import (
+    genetic_metrics,
+    offset_estimate,
+    running_torques,
+    type_b,
+    with_warmth,
+)
 from experiments.friction_foreign import friction_in_foreign_unit
-from experiments.friction_plots import fit_table, friction_plots, friction_prediction_plot, point_table
+from experiments.friction_plots import (
+    fit_table,
+    friction_plots,
+    friction_prediction_plot,
+    point_table,
+)
 from experiments.friction_points import (
     Correction,
     MeasuredFriction,
@@ -32,7 +44,15 @@ from experiments.friction_points import (
     weighed,
 )
 from experiments.parameters import Help, Unit
-from experiments.plan_parts import between_zeros, checked, longest, ramp, stop, whole_revolutions, window_of
+from experiments.plan_parts import (
+    between_zeros,
+    checked,
+    longest,
+    ramp,
+    stop,
+    whole_revolutions,
+    window_of,
+)
 from experiments.quality import known_settings
 from experiments.recording import Recording
 from experiments.result import Result, Verdict, judge_upper
@@ -45,7 +65,15 @@ from experiments.speeds import (
     refuse_speed,
     resonance_speeds,
 )
-from experiments.steps import HoldRevolutions, HoldTime, Mark, MoveRevolutions, SegmentLabel, Settle, Step
+from experiments.steps import (
+    HoldRevolutions,
+    HoldTime,
+    Mark,
+    MoveRevolutions,
+    SegmentLabel,
+    Settle,
+    Step,
+)
 from model.friction import bearing_lever, bearing_magnitude, friction_torque, mesh_lever
 from model.gear import HarmonicDrive, Origin
 from model.identify.estimate import Estimate
@@ -57,11 +85,14 @@ from model.units import DEGREE, RPM
 NAME = "friction"
 
 GOLDEN_STEP = 0.6180339887498949
-"""Output revolutions between the start positions of successive speeds: neighbouring speeds lie far apart on the output, any
+"""Output revolutions between the start positions of successive speeds: neighbouring speeds lie far
+apart on the output, any
 number of positions is spread evenly, and none repeats."""
 
 WIND_UP = 10.0 * DEGREE
-"""Input angle within which friction winds the gear up after a reversal (hysteresis of 1 arcmin is 2 degrees at the input)."""
+"""Input angle within which friction winds the gear up after a reversal (hysteresis of 1 arcmin is 2
+degrees at the input).
+"""
 
 
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -72,29 +103,53 @@ class Parameters:
     """What a friction run can be told."""
 
     lowest_rpm: Annotated[
-        float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("lowest input speed; below a tenth of the Stribeck velocity")
+        float,
+        Gt(0.0),
+        Le(6000.0),
+        Unit("r/min"),
+        Help("lowest input speed; below a tenth of the Stribeck velocity"),
     ] = 1.0
-    highest_rpm: Annotated[float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")] = 3000.0
+    highest_rpm: Annotated[
+        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")
+    ] = 3000.0
     points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
     speeds_rpm: Annotated[
-        tuple[float, ...], Gt(0.0), Le(10000.0), Unit("r/min"), Help("speeds to run instead of the list above")
+        tuple[float, ...],
+        Gt(0.0),
+        Le(10000.0),
+        Unit("r/min"),
+        Help("speeds to run instead of the list above"),
     ] = ()
     up_and_down: Annotated[bool, Help("go up the list and down again")] = True
     repeats: Repeats = 1
     bracket_rpm: Annotated[
         float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("reference speed that brackets the sweep")
     ] = 600.0
-    bracket_every: Annotated[int, Ge(1), Le(1000), Unit(""), Help("speeds between two brackets")] = 5
-    measure_time: Annotated[float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")] = 1.0
-    settle_time: Annotated[float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")] = 0.6
+    bracket_every: Annotated[
+        int, Ge(1), Le(1000), Unit(""), Help("speeds between two brackets")
+    ] = 5
+    measure_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
+    ] = 1.0
+    settle_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
+    ] = 0.6
     settle_tolerance: Annotated[
         float, Gt(0.0), Le(1.0), Unit("N m"), Help("agreement of consecutive torque windows")
     ] = 0.002
     resonance_band: Annotated[
-        float, Ge(0.0), Le(0.5), Unit("1"), Help("share of a resonance speed that is steered clear of")
+        float,
+        Ge(0.0),
+        Le(0.5),
+        Unit("1"),
+        Help("share of a resonance speed that is steered clear of"),
     ] = 0.08
     move_rpm: Annotated[
-        float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("speed of the moves that spread the start positions")
+        float,
+        Gt(0.0),
+        Le(6000.0),
+        Unit("r/min"),
+        Help("speed of the moves that spread the start positions"),
     ] = 1500.0
     acceleration: Acceleration = 800.0
     zero_time: ZeroTime = 3.0
@@ -122,12 +177,16 @@ def sweep_speeds(p: Parameters, gear: HarmonicDrive, name: str = NAME) -> tuple[
             value=f"{p.highest_rpm:g} r/min",
             limit=f">= {p.lowest_rpm:g} r/min",
         )
-    wanted = sorted(p.speeds_rpm) if p.speeds_rpm else log_speeds(p.lowest_rpm, p.highest_rpm, p.points)
+    wanted = (
+        sorted(p.speeds_rpm) if p.speeds_rpm else log_speeds(p.lowest_rpm, p.highest_rpm, p.points)
+    )
     for rpm in wanted:
         refuse_speed(rpm, gear, f"{name}.speeds_rpm" if p.speeds_rpm else f"{name}.highest_rpm")
     low, high = wanted[0] * RPM, wanted[-1] * RPM
     resonances = resonance_speeds(gear)
-    moved = (clear_of_resonances(rpm * RPM, resonances, p.resonance_band, low, high) for rpm in wanted)
+    moved = (
+        clear_of_resonances(rpm * RPM, resonances, p.resonance_band, low, high) for rpm in wanted
+    )
     ceiling = gear.ratings.maximum_input_speed
     return tuple(incommensurate(w, p.sync_rate, p.measure_time, ceiling=ceiling) for w in moved)
 
@@ -137,7 +196,9 @@ def _sweeps(p: Parameters, gear: HarmonicDrive, speeds: tuple[float, ...]) -> It
     for speed in speeds:
         order = near_resonance(speed, resonances, p.resonance_band)
         if order is not None:
-            text = f"{speed / RPM:.4g} r/min lies where order {order:g} meets the first torsional mode"
+            text = (
+                f"{speed / RPM:.4g} r/min lies where order {order:g} meets the first torsional mode"
+            )
             yield Mark("near-resonance", text)
     position = 0
     for sweep in range(p.repeats * (2 if p.up_and_down else 1)):
@@ -163,7 +224,9 @@ def _start_position(p: Parameters, gear: HarmonicDrive, position: int) -> Step:
     here, there = ((GOLDEN_STEP * k) % 1.0 for k in (position, position + 1))
     turns = (there - here) * gear.ratio
     speed = p.move_rpm * RPM
-    return MoveRevolutions(turns, speed, p.acceleration, longest(abs(turns), speed) + 5.0, SegmentLabel("position"))
+    return MoveRevolutions(
+        turns, speed, p.acceleration, longest(abs(turns), speed) + 5.0, SegmentLabel("position")
+    )
 
 
 def constant_speed(p: Parameters, setpoint: float, label: str, repeat: int) -> Iterator[Step]:
@@ -178,7 +241,9 @@ def constant_speed(p: Parameters, setpoint: float, label: str, repeat: int) -> I
     else:
         yield Settle(window, p.settle_tolerance, 6.0 * window, settle)
     turns = whole_revolutions(speed, p.measure_time)
-    yield HoldRevolutions(turns, longest(turns, speed), SegmentLabel(label, setpoint, direction, repeat))
+    yield HoldRevolutions(
+        turns, longest(turns, speed), SegmentLabel(label, setpoint, direction, repeat)
+    )
     yield stop(p.acceleration)
 
 
@@ -188,8 +253,9 @@ SETTINGS = ("channel", "balance", "bracket_limit", "bracket_refusal", "genetic",
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Friction parameters with profile intervals, running torque at the catalogue's speeds, offset and asymmetry.
 
-    Settings: channel ("torque"), balance ("energy" or "published", the gear's own), bracket_limit (0.03; above it a warning),
-    bracket_refusal (0.25; above it refused), genetic (True: the paper's search beside it), seed of that search (0).
+    Settings: channel ("torque"), balance ("energy" or "published", the gear's own), bracket_limit
+    (0.03; above it a warning), bracket_refusal (0.25; above it refused), genetic (True: the paper's
+    search beside it), seed of that search (0).
     """
     known_settings(evidence.settings, SETTINGS, NAME)
     measured = measure_friction(recording, evidence)
@@ -212,17 +278,26 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     )
     run = recording.metadata.run_id
     return Result(
-        run, NAME, estimates, metrics, (*measured.warnings, *fit.warnings), _verdicts(fit, estimates, evidence.gear),
+        run,
+        NAME,
+        estimates,
+        metrics,
+        (*measured.warnings, *fit.warnings),
+        _verdicts(fit, estimates, evidence.gear),
         friction_plots(fit, brought.holds, measured.bracket, measured.tare),
         (
-            fit_table(fit), point_table(measured.holds, measured.bracket, measured.tare),
+            fit_table(fit),
+            point_table(measured.holds, measured.bracket, measured.tare),
             budget_table(estimates.values()),
         ),
         {
-            "torque_is_of": fit.subject, "torque_balance": fit.torque_balance, "channel": measured.channel,
-            "low_speed_branch": evidence.gear.options.low_speed_branch, "points_brought_to": correction.words(),
+            "torque_is_of": fit.subject,
+            "torque_balance": fit.torque_balance,
+            "channel": measured.channel,
+            "low_speed_branch": evidence.gear.options.low_speed_branch,
+            "points_brought_to": correction.words(),
         },
-    )  # fmt: skip
+    )
 
 
 def _fit(
@@ -234,10 +309,15 @@ def _fit(
     def fit_of(points: MeasuredFriction, correction: Correction, *, profile: bool) -> FrictionFit:
         uncertainty = type_b(recording, evidence.gear, measured, correction)
         return fit_friction(
-            weighed(points.holds, reproducibility(points.bracket), evidence.gear), evidence.gear, tare=points.tare,
-            bracket=[h.torque for h in measured.bracket], uncertainty=uncertainty, balance=settings.get("balance"),
-            bracket_limit=float(settings.get("bracket_limit", 0.03)), profile=profile,
-        )  # fmt: skip
+            weighed(points.holds, reproducibility(points.bracket), evidence.gear),
+            evidence.gear,
+            tare=points.tare,
+            bracket=[h.torque for h in measured.bracket],
+            uncertainty=uncertainty,
+            balance=settings.get("balance"),
+            bracket_limit=float(settings.get("bracket_limit", 0.03)),
+            profile=profile,
+        )
 
     points, correction = measured, Correction()
     for _ in range(2):
@@ -247,7 +327,9 @@ def _fit(
 
 
 def _curves_of(fit: FrictionFit, gear: HarmonicDrive) -> tuple[Curve, Curve]:
-    """The fitted friction torque over speed, and its dry part: Stribeck curve and the bearing's torque at rest [N m]."""
+    """The fitted friction torque over speed, and its dry part: Stribeck curve and the bearing's
+    torque at rest [N m].
+    """
 
     def whole(speed: np.ndarray) -> np.ndarray:
         return np.interp(np.log(speed), np.log(fit.curve_speed), fit.curve_torque)
@@ -256,7 +338,10 @@ def _curves_of(fit: FrictionFit, gear: HarmonicDrive) -> tuple[Curve, Curve]:
         coulomb, static, velocity, shape, _ = fit.stribeck.values
         mesh = coulomb + (static - coulomb) * np.exp(-((speed / velocity) ** shape))
         still = bearing_magnitude(gear.bearing, 0.0, low_speed_branch=gear.options.low_speed_branch)
-        return mesh_lever(gear, fit.torque_balance) * mesh + bearing_lever(gear, fit.torque_balance) * still
+        return (
+            mesh_lever(gear, fit.torque_balance) * mesh
+            + bearing_lever(gear, fit.torque_balance) * still
+        )
 
     return whole, dry
 
@@ -266,10 +351,15 @@ def _warmth(measured: MeasuredFriction) -> dict[str, float]:
     warmth = measured.warmth
     if not np.isfinite(warmth).all():
         return {}
-    return {"housing_temperature": float(warmth.mean()), "housing_temperature_span": float(np.ptp(warmth))}
+    return {
+        "housing_temperature": float(warmth.mean()),
+        "housing_temperature_span": float(np.ptp(warmth)),
+    }
 
 
-def _verdicts(fit: FrictionFit, estimates: dict[str, Estimate], gear: HarmonicDrive) -> tuple[Verdict, ...]:
+def _verdicts(
+    fit: FrictionFit, estimates: dict[str, Estimate], gear: HarmonicDrive
+) -> tuple[Verdict, ...]:
     """The largest running torque at the catalogue's speeds against the catalogue's value, if it is the gear's alone."""
     judged = [e for name, e in estimates.items() if name.startswith("running_torque_")]
     if fit.subject != "gear" or not judged:
@@ -277,11 +367,16 @@ def _verdicts(fit: FrictionFit, estimates: dict[str, Estimate], gear: HarmonicDr
     worst = max(judged, key=lambda e: e.value)
     limit = gear.value("ratings.running_torque")
     definition = (
-        "torque that keeps the input turning at a constant speed, nothing on the output; largest of the speeds run"
+        "torque that keeps the input turning at a constant speed, nothing on the "
+        "output; largest of the speeds run"
     )
     rpm = worst.name.removeprefix("running_torque_").removesuffix("_rpm")
     name = f"no-load running torque at {rpm} r/min"
-    return (judge_upper(name, definition, worst, limit.value, limit.origin.provenance, limit.origin.source),)
+    return (
+        judge_upper(
+            name, definition, worst, limit.value, limit.origin.provenance, limit.origin.source
+        ),
+    )
 
 
 def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:
@@ -293,26 +388,38 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
     measured = measure_friction(recording, evidence)
     if measured.unit != "N m":
         raise AnalysisError(
-            "a parameter set gives torques; this recording has none", where=recording.metadata.run_id,
-            value=f"{measured.channel} in {measured.unit}", limit="N m",
-        )  # fmt: skip
+            "a parameter set gives torques; this recording has none",
+            where=recording.metadata.run_id,
+            value=f"{measured.channel} in {measured.unit}",
+            limit="N m",
+        )
     with analysing(recording.metadata.run_id):
         points = pair_directions([h.torque for h in measured.holds])
-    torque = points.friction - (measured.tare.at(points.speed)[0] if measured.tare is not None else 0.0)
+    torque = points.friction - (
+        measured.tare.at(points.speed)[0] if measured.tare is not None else 0.0
+    )
     predicted = friction_torque(gear, points.speed)
     metrics = _scores(points, torque, predicted)
     subject = "gear" if measured.tare is not None else "motor + gear"
     warnings = [*measured.warnings, *points.warnings]
     if subject != "gear":
-        warnings.append("Without a valid tare a gear's parameter set is compared with motor and gear together.")
+        warnings.append(
+            "Without a valid tare a gear's parameter set is compared with motor and gear together."
+        )
     return Result(
-        recording.metadata.run_id, NAME, {}, metrics, tuple(warnings),
+        recording.metadata.run_id,
+        NAME,
+        {},
+        metrics,
+        tuple(warnings),
         plots=(friction_prediction_plot(gear, points, torque, predicted, subject),),
         options={
-            "torque_is_of": subject, "torque_balance": gear.options.torque_balance, "parameter_set": gear.name,
+            "torque_is_of": subject,
+            "torque_balance": gear.options.torque_balance,
+            "parameter_set": gear.name,
             "fitted": "nothing",
         },
-    )  # fmt: skip
+    )
 
 
 def _scores(points: FrictionPoints, torque: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
@@ -320,7 +427,11 @@ def _scores(points: FrictionPoints, torque: np.ndarray, predicted: np.ndarray) -
     residual = torque - predicted
     rms = float(np.sqrt(np.mean(residual**2)))
     spread = float(np.std(torque))
-    line = np.polyfit(points.speed, torque, 1) if len(torque) > 2 else np.array([0.0, float(torque.mean())])
+    line = (
+        np.polyfit(points.speed, torque, 1)
+        if len(torque) > 2
+        else np.array([0.0, float(torque.mean())])
+    )
     straight = float(np.sqrt(np.mean((torque - np.polyval(line, points.speed)) ** 2)))
     return {
         "mse": 100.0 * (rms / spread) ** 2 if spread > 0.0 else math.nan,
@@ -336,25 +447,39 @@ def _scores(points: FrictionPoints, torque: np.ndarray, predicted: np.ndarray) -
 def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
     """The gear with the identified mesh friction and its uncertainty, in the torque balance of the fit.
 
-    Friction of motor + gear does not belong in a gear's parameter set: without a valid tare the gear comes back as it was.
+    Friction of motor + gear does not belong in a gear's parameter set: without a valid tare the
+    gear comes back as it was.
     """
     if result.kind != NAME:
-        raise AnalysisError("is the result of another protocol", where=result.run, value=result.kind, limit=NAME)
+        raise AnalysisError(
+            "is the result of another protocol", where=result.run, value=result.kind, limit=NAME
+        )
     if result.options.get("torque_is_of") != "gear":
         return gear
-    changed = gear.with_values({f"mesh_friction.{name}": result.estimates[name].value for name in NAMES})
+    changed = gear.with_values(
+        {f"mesh_friction.{name}": result.estimates[name].value for name in NAMES}
+    )
     origins = dict(changed.origins)
     for name in NAMES:
         estimate = result.estimates[name]
         u = estimate.standard_uncertainty
         source = f"run {result.run}" + (f"; {estimate.note}" if estimate.note else "")
-        origins[f"mesh_friction.{name}"] = Origin("identified", source, u if math.isfinite(u) else None)
+        origins[f"mesh_friction.{name}"] = Origin(
+            "identified", source, u if math.isfinite(u) else None
+        )
     balance = result.options["torque_balance"]
     options = dataclasses.replace(changed.options, torque_balance=balance)
     return dataclasses.replace(changed, options=options, origins=origins)
 
 
 EXPERIMENT = Experiment(
-    NAME, "Friction", "no-load running torque at constant speeds, both directions, up and down", Parameters, plan, analyse,
-    needs=("input_angle", "torque"), compare=compare, identified=identified,
-)  # fmt: skip
+    NAME,
+    "Friction",
+    "no-load running torque at constant speeds, both directions, up and down",
+    Parameters,
+    plan,
+    analyse,
+    needs=("input_angle", "torque"),
+    compare=compare,
+    identified=identified,
+)

@@ -1,4 +1,6 @@
-"""What a friction fit says beyond its parameters: uncertainties of type B, torques at catalogue speeds, the paper's search."""
+"""What a friction fit says beyond its parameters: uncertainties of type B, torques at catalogue
+speeds, the paper's search.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ TEMPERATURE_COEFFICIENT = -0.04
 UNKNOWN_WARMTH = 0.5
 """K, standard uncertainty of the warmth of a run without a thermometer on the housing."""
 MOTOR_WARMTH = 1e-3
-"""Relative standard uncertainty of the torque constant within a day: magnets lose 0.1 % per kelvin, and nothing measures the
+"""Relative standard uncertainty of the torque constant within a day: magnets lose 0.1 % per kelvin,
+and nothing measures the
 motor's warmth. It is common to all points of a run, so more points do not average it out."""
 THERMOMETER = 0.2
 """K, standard uncertainty of a thermometer without calibration."""
@@ -66,10 +69,14 @@ def type_b(
 def with_warmth(estimates: dict[str, Estimate], scale: float) -> dict[str, Estimate]:
     """The parameters with the warmth of the motor in their 95 % intervals.
 
-    It changes from run to run and is common to the points of one: the scatter between points does not show it. `scale` is the
-    relative uncertainty that the budget's line "torque scale" stands for.
+    It changes from run to run and is common to the points of one: the scatter between points does
+    not show it. `scale` is the relative uncertainty that the budget's line "torque scale" stands
+    for.
     """
-    return {name: _widened(estimate, scale) if name in NAMES else estimate for name, estimate in estimates.items()}
+    return {
+        name: _widened(estimate, scale) if name in NAMES else estimate
+        for name, estimate in estimates.items()
+    }
 
 
 def _widened(estimate: Estimate, scale: float) -> Estimate:
@@ -78,7 +85,9 @@ def _widened(estimate: Estimate, scale: float) -> Estimate:
     common = 1.96 * motor
     low = estimate.value - math.hypot(estimate.value - estimate.low, common)
     high = estimate.value + math.hypot(estimate.high - estimate.value, common)
-    return dataclasses.replace(estimate, low=low, high=high).with_budget([BudgetLine("warmth of the motor", "A", motor)])
+    return dataclasses.replace(estimate, low=low, high=high).with_budget(
+        [BudgetLine("warmth of the motor", "A", motor)]
+    )
 
 
 def _forces(fit: FrictionFit, gear: HarmonicDrive) -> tuple[np.ndarray, np.ndarray]:
@@ -108,8 +117,8 @@ def running_torques(
 ) -> dict[str, Estimate]:
     """The no-load running torque at the catalogue's input speeds that lie within the run.
 
-    Interpolated between the points of the two nearest speeds, along the fitted curve: where the curve misses the points,
-    the points are right.
+    Interpolated between the points of the two nearest speeds, along the fitted curve: where the
+    curve misses the points, the points are right.
     """
     found: dict[str, Estimate] = {}
     scale, source = torque_scale_uncertainty(recording, measured.channel)
@@ -120,13 +129,16 @@ def running_torques(
         value, error = _between_points(fit, speed)
         motor = MOTOR_WARMTH * value
         budget = [
-            BudgetLine("points nearby", "A", error), BudgetLine("warmth of the motor", "A", motor),
+            BudgetLine("points nearby", "A", error),
+            BudgetLine("warmth of the motor", "A", motor),
             BudgetLine("torque scale", "B", scale * value, source),
-        ]  # fmt: skip
+        ]
         half = 1.96 * math.hypot(error, motor)
         if measured.tare is not None:
             at, _, _ = measured.tare.at(np.array([speed]))
-            budget.append(BudgetLine("tare", "B", TARE_RELATIVE * float(at[0]), "same motor, another day"))
+            budget.append(
+                BudgetLine("tare", "B", TARE_RELATIVE * float(at[0]), "same motor, another day")
+            )
         name = f"running_torque_{rpm:.0f}_rpm"
         found[name] = Estimate(
             name, value, "N m", value - half, value + half, "yes", fit.subject, tuple(budget)

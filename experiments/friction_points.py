@@ -1,13 +1,15 @@
 """The points of a friction run, and what else than speed they depend on: place on the output, warmth, reproducibility.
 
-Friction varies over the output revolution (mesh depth) and with heat. Points start at places spread over the output and go up
-and down, so that both can be told from speed. With y = friction/fitted curve - 1 of every point, reference speed included,
+Friction varies over the output revolution (mesh depth) and with heat. Points start at places spread
+over the output and go up and down, so that both can be told from speed. With y = friction/fitted
+curve - 1 of every point, reference speed included,
 
     y = c_0 + sum_k (a_k cos k theta_o + b_k sin k theta_o) + (temperature - mean) (d_0 + d_1 viscous share(speed))    k = 1..4
 
-is solved by least squares and divided out where it is significant: what is left holds at mean place and mean warmth. Near a
-resonance the vibrating output takes power that is no friction: such points count less.
-"""
+is solved by least squares and divided out where it is significant: what is left holds at mean place
+and mean warmth. Near a resonance the vibrating output takes power that is no friction: such points
+count less.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -64,18 +66,26 @@ class MeasuredFriction:
 
 
 def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFriction:
-    """Holds, reference speed, zero and tare of a run; raises `AnalysisError` for what cannot be averaged over revolutions."""
+    """Holds, reference speed, zero and tare of a run; raises `AnalysisError` for what cannot be
+    averaged over revolutions.
+    """
     channel = str(evidence.settings.get("channel", "torque"))
     if channel == "torque" and not recording.has("torque"):
-        channel = next((name for name in ("drive_torque", "current") if recording.has(name)), channel)
+        channel = next(
+            (name for name in ("drive_torque", "current") if recording.has(name)), channel
+        )
     recording.require("running torque", "input_angle", channel)
     if recording.signals["input_angle"].unit != "rad":
         raise AnalysisError(
-            "running torque is averaged over revolutions and needs a rotary input", where=recording.metadata.run_id,
-            value=f"input_angle in {recording.signals['input_angle'].unit}", limit="rad",
+            "running torque is averaged over revolutions and needs a rotary input",
+            where=recording.metadata.run_id,
+            value=f"input_angle in {recording.signals['input_angle'].unit}",
+            limit="rad",
             remedy="For a linear axis use the kind `motion`.",
-        )  # fmt: skip
-    warnings = list(check_recording(recording, "running torque", evidence.maximum_missed_share).warnings)
+        )
+    warnings = list(
+        check_recording(recording, "running torque", evidence.maximum_missed_share).warnings
+    )
     warnings += time_base_remark(recording)
     zero = torque_zero(recording, channel)
     warnings += zero.warnings
@@ -88,9 +98,10 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         holds, remarks = foreign_holds(recording, zero, channel)
     if not holds:
         raise AnalysisError(
-            "no stretch at constant speed over a whole input revolution was found", where=recording.metadata.run_id,
+            "no stretch at constant speed over a whole input revolution was found",
+            where=recording.metadata.run_id,
             remedy="Hold each speed for whole revolutions.",
-        )  # fmt: skip
+        )
     speeds = [abs(h.torque.speed) for h in holds]
     tare, said = read_tare(evidence.tare, min(speeds), max(speeds))
     unit = recording.signals[channel].unit
@@ -144,26 +155,35 @@ def resonance_loss(gear: HarmonicDrive, speed: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Correction:
-    """What was divided out: relative amplitude per output order, and the change per kelvin of the dry and the viscous part."""
+    """What was divided out: relative amplitude per output order, and the change per kelvin of the
+    dry and the viscous part.
+    """
 
     place: tuple[float, ...] = ()
     per_kelvin: tuple[float, float] | None = None
 
     def metrics(self) -> dict[str, float]:
         """The correction as numbers of a result."""
-        found = {f"friction_over_output_order_{k}": a for k, a in zip(PLACE_ORDERS, self.place, strict=False)}
+        found = {
+            f"friction_over_output_order_{k}": a
+            for k, a in zip(PLACE_ORDERS, self.place, strict=False)
+        }
         if self.per_kelvin is not None:
             found["dry_friction_per_kelvin"], found["viscous_friction_per_kelvin"] = self.per_kelvin
         return found
 
     def words(self) -> str:
         """What the points were brought to."""
-        parts = (["mean place on the output"] if self.place else []) + (["mean warmth"] if self.per_kelvin else [])
+        parts = (["mean place on the output"] if self.place else []) + (
+            ["mean warmth"] if self.per_kelvin else []
+        )
         return " and ".join(parts) if parts else "nothing"
 
 
 def corrected(
-    measured: MeasuredFriction, curve: Callable[[FloatArray], FloatArray], dry: Callable[[FloatArray], FloatArray]
+    measured: MeasuredFriction,
+    curve: Callable[[FloatArray], FloatArray],
+    dry: Callable[[FloatArray], FloatArray],
 ) -> tuple[MeasuredFriction, Correction]:
     """The points brought to mean place and mean warmth, seen from a fitted friction curve [N m] over speed [rad/s].
 
@@ -195,7 +215,9 @@ def corrected(
         for h, t in zip(every, brought, strict=True)
     ]
     split = len(measured.holds)
-    return dataclasses.replace(measured, holds=moved[:split], bracket=moved[split:]), _told(solution[1:], place, warmth)
+    return dataclasses.replace(measured, holds=moved[:split], bracket=moved[split:]), _told(
+        solution[1:], place, warmth
+    )
 
 
 def _told(solution: FloatArray, place: FloatArray, warmth: FloatArray) -> Correction:
@@ -222,9 +244,15 @@ def _place_columns(holds: list[Hold], count: int) -> FloatArray:
 
 
 def _warmth_columns(holds: list[Hold], viscous: FloatArray, about: FloatArray) -> FloatArray:
-    """Temperature about the mean of `about`, and the same times the viscous share; none where heat and speed went together."""
+    """Temperature about the mean of `about`, and the same times the viscous share; none where heat
+    and speed went together.
+    """
     warmth = np.array([h.torque.temperature for h in holds])
-    if not np.isfinite(warmth).all() or float(np.ptp(warmth)) < LEAST_WARMING or float(np.ptp(viscous)) < 0.05:
+    if (
+        not np.isfinite(warmth).all()
+        or float(np.ptp(warmth)) < LEAST_WARMING
+        or float(np.ptp(viscous)) < 0.05
+    ):
         return np.empty((len(holds), 0))
     speed = np.array([abs(h.torque.speed) for h in holds])
     correlation = float(np.corrcoef(warmth, np.log(speed))[0, 1])

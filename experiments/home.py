@@ -39,7 +39,11 @@ class Parameters:
         int, Ge(1), Le(50), Unit(""), Help("how often the input mark is passed, always forward")
     ] = 3
     output_passes: Annotated[
-        int, Ge(1), Le(10), Unit(""), Help("how often the output mark is passed; each takes one output revolution")
+        int,
+        Ge(1),
+        Le(10),
+        Unit(""),
+        Help("how often the output mark is passed; each takes one output revolution"),
     ] = 1
     mounting: Mounted = "circular-spline-fixed"
     acceleration: Acceleration = 50.0
@@ -56,7 +60,9 @@ def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
 
 
 def _marks(p: Parameters, output_turn: float) -> Iterator[Step]:
-    """Every pass goes on from where the last one ended: a whole revolution ahead the mark comes again, from the same side."""
+    """Every pass goes on from where the last one ended: a whole revolution ahead the mark comes
+    again, from the same side.
+    """
     searches = (
         ("input", p.input_speed_rpm, 1.0, p.input_passes),
         ("output", p.output_speed_rpm, output_turn, p.output_passes),
@@ -83,21 +89,40 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     warnings = list(checked_.warnings)
     for which, bit in (("input", INPUT_SEEN), ("output", OUTPUT_SEEN)):
         if not recording.has(f"{which}_index"):
-            warnings.append(f"There is no {which}_index channel: the {which} mark was not looked for.")
+            warnings.append(
+                f"There is no {which}_index channel: the {which} mark was not looked for."
+            )
             continue
-        marks = [m for s in recording.labelled(f"home-{which}") if (m := _mark(recording, s, which, bit)) is not None]
+        marks = [
+            m
+            for s in recording.labelled(f"home-{which}")
+            if (m := _mark(recording, s, which, bit)) is not None
+        ]
         rows += [(which, k + 1, mark % REVOLUTION / DEGREE) for k, mark in enumerate(marks)]
         if not marks:
-            warnings.append(f"The {which} index mark was not seen: phases cannot be carried to another run.")
+            warnings.append(
+                f"The {which} index mark was not seen: phases cannot be carried to another run."
+            )
             continue
-        estimates[f"{which}_index"] = _circular_mean(f"{which}_index", marks, recording.signals[f"{which}_index"])
+        estimates[f"{which}_index"] = _circular_mean(
+            f"{which}_index", marks, recording.signals[f"{which}_index"]
+        )
     if not estimates:
         raise AnalysisError(
-            "no index mark was seen", where=recording.metadata.run_id, remedy="Check the index lines of both encoders."
+            "no index mark was seen",
+            where=recording.metadata.run_id,
+            remedy="Check the index lines of both encoders.",
         )
-    table = Table("index-marks", "Index marks within the revolution", ("encoder", "pass", "angle [deg]"), tuple(rows))
+    table = Table(
+        "index-marks",
+        "Index marks within the revolution",
+        ("encoder", "pass", "angle [deg]"),
+        tuple(rows),
+    )
     metrics = {f"{name}_spread": e.high - e.low for name, e in estimates.items()}
-    return Result(recording.metadata.run_id, NAME, estimates, metrics, tuple(warnings), tables=(table,))
+    return Result(
+        recording.metadata.run_id, NAME, estimates, metrics, tuple(warnings), tables=(table,)
+    )
 
 
 def _mark(recording: Recording, segment: Segment, which: str, bit: int) -> float | None:
@@ -120,11 +145,19 @@ def _circular_mean(name: str, marks: list[float], signal: Signal) -> Estimate:
     half = student_quantile(len(marks) - 1) * spread if len(marks) > 1 else 0.0
     half = math.hypot(half, 2.0 * quantum)
     note = "" if len(marks) > 1 else "one pass only: repeatability is not known"
-    budget = (BudgetLine("passes", "A", spread), BudgetLine("one count of the encoder", "B", quantum))
+    budget = (
+        BudgetLine("passes", "A", spread),
+        BudgetLine("one count of the encoder", "B", quantum),
+    )
     return Estimate(name, mean, "rad", mean - half, mean + half, "yes", note, budget)
 
 
 EXPERIMENT = Experiment(
-    NAME, "Index marks", "index marks of both encoders, slowly, from one side", Parameters, plan, analyse,
+    NAME,
+    "Index marks",
+    "index marks of both encoders, slowly, from one side",
+    Parameters,
+    plan,
+    analyse,
     needs=("input_angle", "input_index", "index_seen"),
-)  # fmt: skip
+)

@@ -35,7 +35,13 @@ from experiments.stretches import stretches
 from experiments.zero import TorqueZero, torque_zero
 from model.gear import Harmonic, HarmonicDrive, Origin
 from model.gear_file import harmonic_path
-from model.identify.angle_regression import AngleFit, AngleRegression, Basis, solve_angle, standard_basis
+from model.identify.angle_regression import (
+    AngleFit,
+    AngleRegression,
+    Basis,
+    solve_angle,
+    standard_basis,
+)
 from model.identify.directions import CombinedKinematicError, PhaseRelation, combine, phase_relation
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.kinematic_error import (
@@ -55,19 +61,33 @@ class Parameters:
     """What a kinematic-error run can be told."""
 
     speed_rpm: Annotated[
-        float, Gt(0.0), Le(300.0), Unit("r/min"), Help("input speed, incommensurate with SYNC and quasi-static")
+        float,
+        Gt(0.0),
+        Le(300.0),
+        Unit("r/min"),
+        Help("input speed, incommensurate with SYNC and quasi-static"),
     ] = 30.3
-    output_revolutions: Annotated[int, Ge(1), Le(100), Unit("rev"), Help("whole output revolutions each way")] = 1
+    output_revolutions: Annotated[
+        int, Ge(1), Le(100), Unit("rev"), Help("whole output revolutions each way")
+    ] = 1
     repeats: Repeats = 1
     approach_revolutions: Annotated[
-        float, Ge(1.0), Le(50.0), Unit("rev"), Help("input revolutions discarded after each reversal (wind-up)")
+        float,
+        Ge(1.0),
+        Le(50.0),
+        Unit("rev"),
+        Help("input revolutions discarded after each reversal (wind-up)"),
     ] = 1.5
     mounting: Mounted = "circular-spline-fixed"
     acceleration: Acceleration = 100.0
     zero_time: ZeroTime = 3.0
     sync_rate: SyncRate = 1000.0
     output_counts: Annotated[
-        int, Ge(1), Le(100_000_000), Unit("1/rev"), Help("counts per revolution of the output encoder")
+        int,
+        Ge(1),
+        Le(100_000_000),
+        Unit("1/rev"),
+        Help("counts per revolution of the output encoder"),
     ] = 72000
 
 
@@ -88,9 +108,13 @@ def _traverses(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
             setpoint = direction * speed
             yield ramp(setpoint, p.acceleration, direction)
             approach = SegmentLabel("approach", setpoint, direction, repeat)
-            yield HoldRevolutions(p.approach_revolutions, longest(p.approach_revolutions, speed), approach)
             yield HoldRevolutions(
-                travel, longest(travel, speed, 0.1), SegmentLabel("traverse", setpoint, direction, repeat)
+                p.approach_revolutions, longest(p.approach_revolutions, speed), approach
+            )
+            yield HoldRevolutions(
+                travel,
+                longest(travel, speed, 0.1),
+                SegmentLabel("traverse", setpoint, direction, repeat),
             )
             yield stop(p.acceleration)
 
@@ -143,7 +167,8 @@ class _Context:
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
-    """Kinematic error, transmission accuracy per direction, orders with intervals, and figure 16 where torque was recorded.
+    """Kinematic error, transmission accuracy per direction, orders with intervals, and figure 16
+    where torque was recorded.
 
     Settings: highest_order (12) of the input orders, accuracy_order (the highest) of the transmission accuracy,
     edge_triggered (False). Raises `AnalysisError` for missing channels, too many missed cycles, a wrong ratio.
@@ -158,33 +183,55 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         combined = [combine(ahead.fit, back.fit) for ahead, back in pairs]
         relation = _figure_16(pairs[0], combined[0], abs(segments[0].setpoint))
     estimates = _pooled([c.estimates for c in combined])
-    estimates = with_amplification(estimates, evidence.gear, context.ratio, abs(segments[0].setpoint))
+    estimates = with_amplification(
+        estimates, evidence.gear, context.ratio, abs(segments[0].setpoint)
+    )
     metrics = _metrics(context, traverses, combined, evidence.gear, abs(segments[0].setpoint))
     options: dict[str, object] = _options(context)
     for one in combined:
         warnings += one.warnings
     if relation is not None:
         estimates |= {
-            f"figure_16_{name}": e.with_budget([scale_line(recording, e.value)]) if e.unit == "N m" else e
+            f"figure_16_{name}": e.with_budget([scale_line(recording, e.value)])
+            if e.unit == "N m"
+            else e
             for name, e in relation.estimates.items()
         }
         options["figure_16"] = relation.sentence
-    verdicts = [_verdict(evidence.gear, name, e) for name, e in estimates.items() if name.startswith("transmission_")]
+    verdicts = [
+        _verdict(evidence.gear, name, e)
+        for name, e in estimates.items()
+        if name.startswith("transmission_")
+    ]
     return Result(
-        recording.metadata.run_id, NAME, estimates, metrics, tuple(dict.fromkeys(warnings)), tuple(verdicts),
-        kinematic_error_plots([t.fit for t in traverses], combined[0], relation, recording, context.reference),
-        (order_table(combined[0]), budget_table(estimates.values())), options,
-    )  # fmt: skip
+        recording.metadata.run_id,
+        NAME,
+        estimates,
+        metrics,
+        tuple(dict.fromkeys(warnings)),
+        tuple(verdicts),
+        kinematic_error_plots(
+            [t.fit for t in traverses], combined[0], relation, recording, context.reference
+        ),
+        (order_table(combined[0]), budget_table(estimates.values())),
+        options,
+    )
 
 
-def _prepare(recording: Recording, evidence: Evidence) -> tuple[_Context, tuple[Segment, ...], list[str]]:
+def _prepare(
+    recording: Recording, evidence: Evidence
+) -> tuple[_Context, tuple[Segment, ...], list[str]]:
     recording.require("the kinematic error", "input_angle", "output_angle")
-    warnings = list(check_recording(recording, "the kinematic error", evidence.maximum_missed_share).warnings)
+    warnings = list(
+        check_recording(recording, "the kinematic error", evidence.maximum_missed_share).warnings
+    )
     ratio = rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
     segments = recording.labelled("traverse") or recording.labelled("traverse (cut)")
     if not segments and not recording.segments:
         segments = stretches(recording)
-        warnings.append("The recording has no segments: stretches in one direction were found from the input angle.")
+        warnings.append(
+            "The recording has no segments: stretches in one direction were found from the input angle."
+        )
     if not segments:
         raise AnalysisError(
             "there is no traverse: no stretch in which the input turns one way by more than a revolution",
@@ -225,7 +272,10 @@ def _traverse(context: _Context, segment: Segment) -> Traverse:
     """Stream one segment through the regressions of kinematic error and torque."""
     recording = context.recording
     error = KinematicErrorAccumulator(
-        context.ratio, basis=context.basis, encoders=context.encoders, edge_triggered=context.edge_triggered
+        context.ratio,
+        basis=context.basis,
+        encoders=context.encoders,
+        edge_triggered=context.edge_triggered,
     )
     torque = AngleRegression(context.basis) if context.zero is not None else None
     for rows in recording.blocks(segment):
@@ -233,7 +283,10 @@ def _traverse(context: _Context, segment: Segment) -> Traverse:
         angle = recording.si("input_angle", rows)[good] - context.reference.input_angle
         error.add(angle, recording.output_angle(rows)[good])
         if torque is not None and context.zero is not None:
-            torque.add(angle, recording.si("torque", rows)[good] - context.zero.at(recording.time(rows)[good]))
+            torque.add(
+                angle,
+                recording.si("torque", rows)[good] - context.zero.at(recording.time(rows)[good]),
+            )
     fit = error.fit(accuracy_order=context.accuracy_order)
     return Traverse(segment, fit, solve_angle(torque.sums())[0] if torque is not None else None)
 
@@ -243,21 +296,28 @@ def with_amplification(
 ) -> dict[str, Estimate]:
     """The estimates with what the torsional vibration adds to them in their budgets.
 
-    An output that is carried by a spring answers the order n of a kinematic error at the input speed w amplified by
-    1/(1 - r^2), r = n w/w_1, w_1 the first torsional mode of the parameter set: far below w_1 by the share r^2/(1 - r^2),
-    which is not corrected. It is taken as the half-width of a rectangular distribution.
+    An output that is carried by a spring answers the order n of a kinematic error at the input
+    speed w amplified by 1/(1 - r^2), r = n w/w_1, w_1 the first torsional mode of the parameter
+    set: far below w_1 by the share r^2/(1 - r^2), which is not corrected. It is taken as the
+    half-width of a rectangular distribution.
     """
     first = first_resonances(gear)[0]
     lines: dict[str, float] = {}
     for name, estimate in estimates.items():
         if name.startswith("amplitude_"):
             share = (_order_of(name.removeprefix("amplitude_"), ratio) * speed / first) ** 2
-            lines[name] = share / abs(1.0 - share) * estimate.value / math.sqrt(3.0) if share != 1.0 else math.inf
+            lines[name] = (
+                share / abs(1.0 - share) * estimate.value / math.sqrt(3.0)
+                if share != 1.0
+                else math.inf
+            )
     whole = 2.0 * sum(u for name, u in lines.items() if estimates[name].identifiable == "yes")
     lines |= {name: whole for name in estimates if name.startswith("transmission_accuracy")}
     note = f"first torsional mode {first / (2.0 * math.pi):.0f} Hz by the parameter set; less at a lower speed"
     return {
-        name: estimate.with_budget([BudgetLine("torsional amplification, not corrected", "B", lines[name], note)])
+        name: estimate.with_budget(
+            [BudgetLine("torsional amplification, not corrected", "B", lines[name], note)]
+        )
         if lines.get(name, 0.0) > 0.0 and estimate.budget
         else estimate
         for name, estimate in estimates.items()
@@ -271,27 +331,47 @@ def _pairs(traverses: list[Traverse]) -> list[tuple[Traverse, Traverse]]:
     return list(zip(ahead, back, strict=False))
 
 
-def _figure_16(pair: tuple[Traverse, Traverse], combined: CombinedKinematicError, speed: float) -> PhaseRelation | None:
+def _figure_16(
+    pair: tuple[Traverse, Traverse], combined: CombinedKinematicError, speed: float
+) -> PhaseRelation | None:
     ahead, back = pair
     if ahead.torque is None or back.torque is None:
         return None
-    return phase_relation(combined, ahead.torque, back.torque, torque_lag_angle=(0.0, TORQUE_LAG * speed))
+    return phase_relation(
+        combined, ahead.torque, back.torque, torque_lag_angle=(0.0, TORQUE_LAG * speed)
+    )
 
 
-def _one_direction(context: _Context, traverses: list[Traverse], evidence: Evidence, warnings: list[str]) -> Result:
+def _one_direction(
+    context: _Context, traverses: list[Traverse], evidence: Evidence, warnings: list[str]
+) -> Result:
     """A recording of one direction only: no half-difference, so nothing about wind-up, friction or figure 16."""
     warnings = [*warnings, "One direction only: wind-up and skew stand in the kinematic error."]
     estimates = _pooled([t.fit.estimates for t in traverses])
-    estimates = with_amplification(estimates, evidence.gear, context.ratio, abs(traverses[0].segment.setpoint))
+    estimates = with_amplification(
+        estimates, evidence.gear, context.ratio, abs(traverses[0].segment.setpoint)
+    )
     metrics = _metrics(context, traverses, [], evidence.gear, abs(traverses[0].segment.setpoint))
     for t in traverses:
         warnings += t.fit.warnings
-    verdicts = (_verdict(evidence.gear, "transmission_accuracy", estimates["transmission_accuracy"]),)
-    plots = kinematic_error_plots([t.fit for t in traverses], None, None, context.recording, context.reference)
+    verdicts = (
+        _verdict(evidence.gear, "transmission_accuracy", estimates["transmission_accuracy"]),
+    )
+    plots = kinematic_error_plots(
+        [t.fit for t in traverses], None, None, context.recording, context.reference
+    )
     tables = (budget_table(estimates.values()),)
     run = context.recording.metadata.run_id
     return Result(
-        run, NAME, estimates, metrics, tuple(dict.fromkeys(warnings)), verdicts, plots, tables, _options(context)
+        run,
+        NAME,
+        estimates,
+        metrics,
+        tuple(dict.fromkeys(warnings)),
+        verdicts,
+        plots,
+        tables,
+        _options(context),
     )
 
 
@@ -317,7 +397,9 @@ def _mean_of(name: str, estimates: list[Estimate]) -> Estimate:
     half = max(within, 2.0 * between)
     first = estimates[0]
     budget = tuple(
-        replace(line, standard_uncertainty=line.standard_uncertainty / math.sqrt(n)) if line.kind == "A" else line
+        replace(line, standard_uncertainty=line.standard_uncertainty / math.sqrt(n))
+        if line.kind == "A"
+        else line
         for line in first.budget
     )
     if budget:
@@ -367,11 +449,17 @@ def _verdict(gear: HarmonicDrive, name: str, estimate: Estimate) -> Verdict:
     way = name.removeprefix("transmission_accuracy").replace("_", " ").strip()
     definition = "largest positive plus largest negative deviation of the fitted curve over one output revolution"
     verdict = judge_upper(
-        f"transmission accuracy {way}".strip(), f"{definition}, {way or 'one direction'}", estimate, limit.value,
-        limit.origin.provenance, limit.origin.source,
-    )  # fmt: skip
+        f"transmission accuracy {way}".strip(),
+        f"{definition}, {way or 'one direction'}",
+        estimate,
+        limit.value,
+        limit.origin.provenance,
+        limit.origin.source,
+    )
     return (
-        replace(verdict, outcome="MARGINAL") if estimate.identifiable == "no" and verdict.outcome == "PASS" else verdict
+        replace(verdict, outcome="MARGINAL")
+        if estimate.identifiable == "no" and verdict.outcome == "PASS"
+        else verdict
     )
 
 
@@ -385,7 +473,9 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
     with analysing(recording.metadata.run_id):
         traverses = [_traverse(context, segment) for segment in segments]
     if not gear.kinematic_error:
-        raise AnalysisError("the parameter set has no kinematic error", where="kinematic_error.orders")
+        raise AnalysisError(
+            "the parameter set has no kinematic error", where="kinematic_error.orders"
+        )
     metrics: dict[str, float] = {}
     for t in traverses:
         way = f"{'forward' if t.fit.direction > 0 else 'reverse'}_{t.segment.repeat}"
@@ -401,38 +491,61 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
         )
     plots = tuple(prediction_plot(gear, t.fit) for t in traverses[:2])
     return Result(
-        recording.metadata.run_id, NAME, {}, metrics, tuple(warnings), plots=plots,
+        recording.metadata.run_id,
+        NAME,
+        {},
+        metrics,
+        tuple(warnings),
+        plots=plots,
         options={**_options(context), "parameter_set": gear.name, "fitted": "nothing"},
-    )  # fmt: skip
+    )
 
 
 def _mse_of(gear: HarmonicDrive, fit: KinematicErrorFit, shift: float) -> float:
     whole = [h for h in gear.kinematic_error if abs(h.order - round(h.order)) < 1e-9]
     predicted = series_value(whole, fit.input_angle + shift)
-    return normalised_mse(fit.measured_curve, predicted - predicted.mean() + fit.measured_curve.mean())
+    return normalised_mse(
+        fit.measured_curve, predicted - predicted.mean() + fit.measured_curve.mean()
+    )
 
 
 def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
-    """The gear with the orders that the run identified, each with its uncertainty; others are taken out of the series."""
+    """The gear with the orders that the run identified, each with its uncertainty; others are taken
+    out of the series.
+    """
     if result.kind != NAME:
-        raise PlanError("is the result of another protocol", where=result.run, value=result.kind, limit=NAME)
+        raise PlanError(
+            "is the result of another protocol", where=result.run, value=result.kind, limit=NAME
+        )
     series: list[Harmonic] = []
-    origins = {path: o for path, o in gear.origins.items() if not path.startswith("kinematic_error.")}
+    origins = {
+        path: o for path, o in gear.origins.items() if not path.startswith("kinematic_error.")
+    }
     ratio = float(result.options.get("ratio", gear.ratio))
     for name, amplitude in result.estimates.items():
-        if not name.startswith("amplitude_") or amplitude.identifiable == "no" or not amplitude.low > 0.0:
+        if (
+            not name.startswith("amplitude_")
+            or amplitude.identifiable == "no"
+            or not amplitude.low > 0.0
+        ):
             # What is above the noise belongs to gear and encoders together; it is kept, with the doubt who made it.
             continue
         label = name.removeprefix("amplitude_")
         phase = result.estimates[f"phase_{label}"].value
         order = _order_of(label, ratio)
-        series.append(Harmonic(order, amplitude.value * math.cos(phase), amplitude.value * math.sin(phase)))
-        source = f"run {result.run}, phases from {result.options.get('phases_count_from', 'unknown')}"
+        series.append(
+            Harmonic(order, amplitude.value * math.cos(phase), amplitude.value * math.sin(phase))
+        )
+        source = (
+            f"run {result.run}, phases from {result.options.get('phases_count_from', 'unknown')}"
+        )
         origins[harmonic_path(order)] = Origin("identified", source, amplitude.standard_uncertainty)
     if not series:
         return gear
     return replace(
-        gear, kinematic_error=tuple(sorted(series, key=lambda h: h.order)), origins=MappingProxyType(origins)
+        gear,
+        kinematic_error=tuple(sorted(series, key=lambda h: h.order)),
+        origins=MappingProxyType(origins),
     )
 
 
@@ -445,6 +558,12 @@ def _order_of(label: str, ratio: float) -> float:
 
 
 EXPERIMENT = Experiment(
-    NAME, "Kinematic error", "kinematic error over whole output revolutions at low speed, both directions",
-    Parameters, plan, analyse, compare=compare, identified=identified,
-)  # fmt: skip
+    NAME,
+    "Kinematic error",
+    "kinematic error over whole output revolutions at low speed, both directions",
+    Parameters,
+    plan,
+    analyse,
+    compare=compare,
+    identified=identified,
+)

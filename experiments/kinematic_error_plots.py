@@ -1,4 +1,6 @@
-"""Figures 12, 13 and 16 and the table of orders, as data: kinematic error over the input, its spectrum, torque beside it."""
+"""Figures 12, 13 and 16 and the table of orders, as data: kinematic error over the input, its
+spectrum, torque beside it.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,12 @@ def kinematic_error_plots(
     reference: PhaseReference,
 ) -> tuple[Plot, ...]:
     """Every figure of a kinematic-error run."""
-    plots = [_over_input(fits[0], recording, reference), _averaged(fits), _spectrum(fits, combined), _over_output(fits)]
+    plots = [
+        _over_input(fits[0], recording, reference),
+        _averaged(fits),
+        _spectrum(fits, combined),
+        _over_output(fits),
+    ]
     if relation is not None:
         plots += _figure_16(relation)
     return tuple(plots)
@@ -57,8 +64,20 @@ def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseRe
     fitted = _value(fit, fitted_at)
     middle = float(np.mean(raw - _value(fit, angle))) if len(angle) else 0.0
     series = (
-        Series("measured", np.abs(angle[pick] - start) / REVOLUTION, (raw[pick] - middle) / ARCMIN, "points", group=0),
-        Series("fitted, equation 16", np.abs(fitted_at - start) / REVOLUTION, fitted / ARCMIN, "line", group=1),
+        Series(
+            "measured",
+            np.abs(angle[pick] - start) / REVOLUTION,
+            (raw[pick] - middle) / ARCMIN,
+            "points",
+            group=0,
+        ),
+        Series(
+            "fitted, equation 16",
+            np.abs(fitted_at - start) / REVOLUTION,
+            fitted / ARCMIN,
+            "line",
+            group=1,
+        ),
     )
     return Plot(
         "kinematic-error",
@@ -71,7 +90,9 @@ def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseRe
 
 
 def _rows_from(recording: Recording, angle: float, way: float) -> slice:
-    """Rows from where a traverse that begins at `angle` was entered: found by the segments, else by the angle itself."""
+    """Rows from where a traverse that begins at `angle` was entered: found by the segments, else by
+    the angle itself.
+    """
     for segment in recording.labelled("traverse", "traverse (cut)"):
         first = float(recording.si("input_angle", slice(segment.start, segment.start + 1))[0])
         if segment.direction * way > 0 and abs(first - angle) < 0.1 * REVOLUTION:
@@ -88,7 +109,9 @@ def _value(fit: KinematicErrorFit, angle: FloatArray) -> FloatArray:
     """The fitted series without constant and trend at these input angles."""
     total = np.zeros_like(angle)
     for order in fit.orders:
-        total += order.cosine.value * np.cos(order.order * angle) + order.sine.value * np.sin(order.order * angle)
+        total += order.cosine.value * np.cos(order.order * angle) + order.sine.value * np.sin(
+            order.order * angle
+        )
     return total
 
 
@@ -105,9 +128,14 @@ def _averaged(fits: list[KinematicErrorFit]) -> Plot:
         for f in _one_each_way(fits)
     )
     return Plot(
-        "kinematic-error-fit", "Kinematic error, averaged per input angle", "input angle [deg]", "kinematic error [arcmin]",
-        tuple(series), figure="13", note=note,
-    )  # fmt: skip
+        "kinematic-error-fit",
+        "Kinematic error, averaged per input angle",
+        "input angle [deg]",
+        "kinematic error [arcmin]",
+        tuple(series),
+        figure="13",
+        note=note,
+    )
 
 
 def _spectrum(fits: list[KinematicErrorFit], combined: CombinedKinematicError | None) -> Plot:
@@ -122,9 +150,14 @@ def _spectrum(fits: list[KinematicErrorFit], combined: CombinedKinematicError | 
         label = "one direction"
     bars = Series(label, orders, amplitude / ARCSEC, "bars")
     return Plot(
-        "kinematic-error-orders", "Orders of the kinematic error", "order per input revolution", "amplitude [arcsec]", (bars,),
-        y_scale="log", figure="13",
-    )  # fmt: skip
+        "kinematic-error-orders",
+        "Orders of the kinematic error",
+        "order per input revolution",
+        "amplitude [arcsec]",
+        (bars,),
+        y_scale="log",
+        figure="13",
+    )
 
 
 def _over_output(fits: list[KinematicErrorFit]) -> Plot:
@@ -136,17 +169,35 @@ def _over_output(fits: list[KinematicErrorFit]) -> Plot:
         way = "forward" if fit.direction > 0 else "reverse"
         series.append(Series(way, x[pick], fit.output_curve[pick] / ARCMIN, group=k))
     return Plot(
-        "transmission-accuracy", "Fitted error over one output revolution", "output angle [deg]", "kinematic error [arcmin]",
-        tuple(series), note="its peak-to-peak is the transmission accuracy",
-    )  # fmt: skip
+        "transmission-accuracy",
+        "Fitted error over one output revolution",
+        "output angle [deg]",
+        "kinematic error [arcmin]",
+        tuple(series),
+        note="its peak-to-peak is the transmission accuracy",
+    )
 
 
 def _figure_16(relation: PhaseRelation) -> list[Plot]:
-    """Figure 16: friction torque and kinematic error over one input revolution with their extremes, alone and together."""
+    """Figure 16: friction torque and kinematic error over one input revolution with their extremes,
+    alone and together.
+    """
     x = relation.input_angle / DEGREE
     both = (
-        ("friction torque", relation.friction_torque, 1e-3, "friction torque [mN m]", "figure-16-torque"),
-        ("kinematic error", relation.kinematic_error, ARCMIN, "kinematic error [arcmin]", "figure-16-error"),
+        (
+            "friction torque",
+            relation.friction_torque,
+            1e-3,
+            "friction torque [mN m]",
+            "figure-16-torque",
+        ),
+        (
+            "kinematic error",
+            relation.kinematic_error,
+            ARCMIN,
+            "kinematic error [arcmin]",
+            "figure-16-error",
+        ),
     )
     plots, together = [], []
     for k, (name, curve, unit, label, key) in enumerate(both):
@@ -160,11 +211,24 @@ def _figure_16(relation: PhaseRelation) -> list[Plot]:
         size = 0.5 * float(np.ptp(curve))
         if size > 0.0:
             together.append(Series(name, x, curve / size, "line", group=k))
-            together.append(Series(f"extremes of the {name}", x[extremes], curve[extremes] / size, "points", group=k))
+            together.append(
+                Series(
+                    f"extremes of the {name}",
+                    x[extremes],
+                    curve[extremes] / size,
+                    "points",
+                    group=k,
+                )
+            )
     overlay = Plot(
-        "figure-16", "Do friction torque and kinematic error have their extremes together?", "input angle [deg]",
-        "share of half the peak-to-peak", tuple(together), figure="16", note=relation.sentence,
-    )  # fmt: skip
+        "figure-16",
+        "Do friction torque and kinematic error have their extremes together?",
+        "input angle [deg]",
+        "share of half the peak-to-peak",
+        tuple(together),
+        figure="16",
+        note=relation.sentence,
+    )
     return [overlay, *plots]
 
 
@@ -195,9 +259,13 @@ def prediction_plot(gear: HarmonicDrive, fit: KinematicErrorFit) -> Plot:
         Series("residual", x, (fit.measured_curve - predicted) / ARCMIN, "line", group=2),
     )
     return Plot(
-        f"kinematic-error-prediction-{way}", f"Kinematic error of {gear.name} against the run, {way}", "input angle [deg]",
-        "kinematic error [arcmin]", series, figure="13",
-    )  # fmt: skip
+        f"kinematic-error-prediction-{way}",
+        f"Kinematic error of {gear.name} against the run, {way}",
+        "input angle [deg]",
+        "kinematic error [arcmin]",
+        series,
+        figure="13",
+    )
 
 
 def order_table(combined: CombinedKinematicError) -> Table:
@@ -209,9 +277,18 @@ def order_table(combined: CombinedKinematicError) -> Table:
         block = combined.covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         error = math.sqrt(max(float(np.trace(block)) / 2.0, 0.0))
         phase = math.atan2(b, a)
-        rows.append((label, order, a / ARCSEC, b / ARCSEC, size / ARCSEC, phase / DEGREE, error / ARCSEC))
+        rows.append(
+            (label, order, a / ARCSEC, b / ARCSEC, size / ARCSEC, phase / DEGREE, error / ARCSEC)
+        )
     columns = (
-        "order", "cycles per input revolution", "a [arcsec]", "b [arcsec]", "amplitude [arcsec]", "phase [deg]",
+        "order",
+        "cycles per input revolution",
+        "a [arcsec]",
+        "b [arcsec]",
+        "amplitude [arcsec]",
+        "phase [deg]",
         "standard error of a, b [arcsec]",
-    )  # fmt: skip
-    return Table("orders", "Orders of the kinematic error, mean of both directions", columns, tuple(rows))
+    )
+    return Table(
+        "orders", "Orders of the kinematic error, mean of both directions", columns, tuple(rows)
+    )

@@ -24,7 +24,14 @@ from experiments.recording import Recording
 from experiments.result import Plot, Result, Series
 from experiments.zero import torque_zero
 from model.identify.estimate import BudgetLine, Estimate
-from model.identify.motion import MotionFilter, MotionFit, MotionScore, Variant, fit_motion, score_motion
+from model.identify.motion import (
+    MotionFilter,
+    MotionFit,
+    MotionScore,
+    Variant,
+    fit_motion,
+    score_motion,
+)
 
 NAME = "motion"
 SETTINGS = ("variant", "position", "effort", "cutoff_hz", "decimation", "start", "stop")
@@ -50,8 +57,9 @@ class _Channels:
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Inertia, viscous and Coulomb friction and offset of one axis, with intervals that respect autocorrelation.
 
-    Settings: variant ("symmetric" or "asymmetric"), position and effort (channel names), cutoff_hz and decimation of the
-    filter, start and stop [s] of the part of the run. Raises `AnalysisError` without a true time base.
+    Settings: variant ("symmetric" or "asymmetric"), position and effort (channel names), cutoff_hz
+    and decimation of the filter, start and stop [s] of the part of the run. Raises `AnalysisError`
+    without a true time base.
     """
     settings = evidence.settings
     known_settings(settings, SETTINGS, NAME)
@@ -61,13 +69,21 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     estimates = _with_units(recording, fit, data)
     plots = (_force_plot(fit, data), _friction_plot(fit, data))
     options = {
-        "variant": fit.variant, "effort": data.effort_name, "torque_is_of": "the whole axis",
+        "variant": fit.variant,
+        "effort": data.effort_name,
+        "torque_is_of": "the whole axis",
         "filter": dataclasses.asdict(_recipe(settings)),
-    }  # fmt: skip
+    }
     return Result(
-        recording.metadata.run_id, NAME, estimates, dict(fit.metrics), (*data.warnings, *fit.warnings), plots=plots,
-        tables=(budget_table(estimates.values()),), options=options,
-    )  # fmt: skip
+        recording.metadata.run_id,
+        NAME,
+        estimates,
+        dict(fit.metrics),
+        (*data.warnings, *fit.warnings),
+        plots=plots,
+        tables=(budget_table(estimates.values()),),
+        options=options,
+    )
 
 
 def cross_validate(fitted: Recording, other: Recording, evidence: Evidence) -> MotionScore:
@@ -78,7 +94,11 @@ def cross_validate(fitted: Recording, other: Recording, evidence: Evidence) -> M
     second = _channels(other, settings, evidence.maximum_missed_share)
     with analysing(other.metadata.run_id):
         return score_motion(
-            _fit(first, settings), second.time, second.position, second.effort, recipe=_recipe(settings)
+            _fit(first, settings),
+            second.time,
+            second.position,
+            second.effort,
+            recipe=_recipe(settings),
         )
 
 
@@ -86,7 +106,10 @@ def _fit(data: _Channels, settings: Mapping[str, Any]) -> MotionFit:
     variant: Variant = settings.get("variant", "symmetric")
     if variant not in ("symmetric", "asymmetric"):
         raise AnalysisError(
-            "no such variant", where=f"{NAME}.variant", value=repr(variant), limit="symmetric, asymmetric"
+            "no such variant",
+            where=f"{NAME}.variant",
+            value=repr(variant),
+            limit="symmetric, asymmetric",
         )
     return fit_motion(
         data.time,
@@ -106,7 +129,9 @@ def _recipe(settings: Mapping[str, Any]) -> MotionFilter:
     )
 
 
-def _channels(recording: Recording, settings: Mapping[str, Any], maximum_missed_share: float) -> _Channels:
+def _channels(
+    recording: Recording, settings: Mapping[str, Any], maximum_missed_share: float
+) -> _Channels:
     position = chosen_channel(recording, settings, "position", ANGLES, "the motion")
     effort = chosen_channel(recording, settings, "effort", EFFORTS, "inverse dynamics")
     warnings = list(check_recording(recording, "inverse dynamics", maximum_missed_share).warnings)
@@ -114,7 +139,9 @@ def _channels(recording: Recording, settings: Mapping[str, Any], maximum_missed_
     rows = _rows(recording, settings)
     good = usable(recording, rows)
     time = recording.time(rows)[good]
-    place = recording.output_angle(rows) if position == "output_angle" else recording.si(position, rows)
+    place = (
+        recording.output_angle(rows) if position == "output_angle" else recording.si(position, rows)
+    )
     force = recording.si(effort, rows)[good]
     if recording.labelled(ZERO_BEFORE, ZERO_AFTER):
         zero = torque_zero(recording, effort)
@@ -122,7 +149,9 @@ def _channels(recording: Recording, settings: Mapping[str, Any], maximum_missed_
         warnings += zero.warnings
     time, place, force, said = _even(time, place[good], force)
     signals = recording.signals
-    return _Channels(time, place, force, signals[position].unit, signals[effort].unit, effort, warnings + said)
+    return _Channels(
+        time, place, force, signals[position].unit, signals[effort].unit, effort, warnings + said
+    )
 
 
 def _rows(recording: Recording, settings: Mapping[str, Any]) -> slice:
@@ -137,7 +166,9 @@ def _rows(recording: Recording, settings: Mapping[str, Any]) -> slice:
         first = int(np.searchsorted(time, float(settings.get("start", time[0]))))
         last = int(np.searchsorted(time, float(settings.get("stop", time[-1])), side="right"))
     if last - first < 2:
-        raise AnalysisError("the chosen part of the run is empty", where=f"{NAME}.start, {NAME}.stop")
+        raise AnalysisError(
+            "the chosen part of the run is empty", where=f"{NAME}.start, {NAME}.stop"
+        )
     return slice(first, last)
 
 
@@ -154,14 +185,17 @@ def _even(
         return time, position, effort, []
     axis = np.arange(time[0], time[-1], period)
     text = (
-        f"Sampling steps differ by up to {100.0 * worst:.2g} %: the channels were brought onto an even axis by their true "
+        f"Sampling steps differ by up to {100.0 * worst:.2g} %: the channels were brought onto "
+        "an even axis by their true "
         "times."
     )
     return axis, np.interp(axis, time, position), np.interp(axis, time, effort), [text]
 
 
 def _with_units(recording: Recording, fit: MotionFit, data: _Channels) -> dict[str, Estimate]:
-    """The estimates with budget, in the units of the channels where these are not torque and angle or force and length."""
+    """The estimates with budget, in the units of the channels where these are not torque and angle
+    or force and length.
+    """
     derived = {
         "inertia": f"{data.effort_unit} s2/{data.position_unit}",
         "viscous": f"{data.effort_unit} s/{data.position_unit}",
@@ -188,9 +222,12 @@ def _force_plot(fit: MotionFit, data: _Channels) -> Plot:
         Series("residual", fit.time, fit.measured - fit.predicted, "line", group=2),
     )
     return Plot(
-        "motion-effort", f"{data.effort_name}, measured and predicted", "time [s]",
-        f"{data.effort_name} [{data.effort_unit}]", series,
-    )  # fmt: skip
+        "motion-effort",
+        f"{data.effort_name}, measured and predicted",
+        "time [s]",
+        f"{data.effort_name} [{data.effort_unit}]",
+        series,
+    )
 
 
 def _friction_plot(fit: MotionFit, data: _Channels) -> Plot:
@@ -201,12 +238,21 @@ def _friction_plot(fit: MotionFit, data: _Channels) -> Plot:
     friction = fit.measured - inertia * acceleration
     series = (Series("effort without inertia", fit.velocity[order], friction[order], "points"),)
     return Plot(
-        "motion-friction", "Friction over velocity", f"velocity [{data.position_unit}/s]",
-        f"{data.effort_name} [{data.effort_unit}]", series,
-    )  # fmt: skip
+        "motion-friction",
+        "Friction over velocity",
+        f"velocity [{data.position_unit}/s]",
+        f"{data.effort_name} [{data.effort_unit}]",
+        series,
+    )
 
 
 EXPERIMENT = Experiment(
-    NAME, "Inertia and friction from any motion", "inertia and friction from any motion (inverse dynamics)", NoParameters,
-    no_plan, analyse, needs=(), has_plan=False,
-)  # fmt: skip
+    NAME,
+    "Inertia and friction from any motion",
+    "inertia and friction from any motion (inverse dynamics)",
+    NoParameters,
+    no_plan,
+    analyse,
+    needs=(),
+    has_plan=False,
+)

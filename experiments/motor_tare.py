@@ -41,20 +41,40 @@ NAME = "motor-tare"
 class Parameters:
     """What a motor-tare run can be told; speeds are those of the friction protocol."""
 
-    lowest_rpm: Annotated[float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("lowest input speed")] = 1.0
-    highest_rpm: Annotated[float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")] = 3000.0
+    lowest_rpm: Annotated[float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("lowest input speed")] = (
+        1.0
+    )
+    highest_rpm: Annotated[
+        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")
+    ] = 3000.0
     points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
     speeds_rpm: Annotated[
-        tuple[float, ...], Gt(0.0), Le(10000.0), Unit("r/min"), Help("speeds to run instead of the list above")
+        tuple[float, ...],
+        Gt(0.0),
+        Le(10000.0),
+        Unit("r/min"),
+        Help("speeds to run instead of the list above"),
     ] = ()
     repeats: Repeats = 1
-    measure_time: Annotated[float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")] = 1.0
-    settle_time: Annotated[float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")] = 0.6
+    measure_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
+    ] = 1.0
+    settle_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
+    ] = 0.6
     disc_inertia: Annotated[
-        float, Ge(0.0), Le(1.0), Unit("kg m2"), Help("inertia of a known disc on the shaft, 0 for none (torque scale)")
+        float,
+        Ge(0.0),
+        Le(1.0),
+        Unit("kg m2"),
+        Help("inertia of a known disc on the shaft, 0 for none (torque scale)"),
     ] = 0.0
     rotor_inertia: Annotated[
-        float, Ge(0.0), Le(1.0), Unit("kg m2"), Help("inertia of the rotor itself, as its data sheet says")
+        float,
+        Ge(0.0),
+        Le(1.0),
+        Unit("kg m2"),
+        Help("inertia of the rotor itself, as its data sheet says"),
     ] = 2.59e-5
     acceleration: Acceleration = 800.0
     zero_time: ZeroTime = 3.0
@@ -83,9 +103,12 @@ def _as_friction(p: Parameters) -> friction.Parameters:
     )
 
 
-def _points(p: Parameters, settings: friction.Parameters, speeds: tuple[float, ...]) -> Iterator[Step]:
+def _points(
+    p: Parameters, settings: friction.Parameters, speeds: tuple[float, ...]
+) -> Iterator[Step]:
     yield Prompt(
-        "The gear is removed and the motor is as warm as in the run that this tare is for. Ready?", "gear-removed"
+        "The gear is removed and the motor is as warm as in the run that this tare is for. Ready?",
+        "gear-removed",
     )
     for repeat in range(p.repeats):
         for speed in speeds:
@@ -107,7 +130,9 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             where=recording.metadata.run_id,
             remedy="Remove the gear and run motor-tare.",
         )
-    warnings = list(check_recording(recording, "motor tare", evidence.maximum_missed_share).warnings)
+    warnings = list(
+        check_recording(recording, "motor tare", evidence.maximum_missed_share).warnings
+    )
     warnings += time_base_remark(recording)
     zero = torque_zero(recording)
     warnings += zero.warnings
@@ -125,19 +150,35 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     metrics = {"speeds": float(len(tare.speed)), "torque_zero_drift": zero.drift}
     if patterns is not None:
         amplitude = np.abs(patterns.cogging.amplitude)
-        metrics["cogging_peak_to_peak"] = float(np.ptp(patterns.cogging.curve(np.linspace(0.0, 2.0 * math.pi, 2048))))
+        metrics["cogging_peak_to_peak"] = float(
+            np.ptp(patterns.cogging.curve(np.linspace(0.0, 2.0 * math.pi, 2048)))
+        )
         metrics["strongest_cogging_order"] = float(np.argmax(amplitude) + 1)
-        bars = Series("half-sum of the directions", patterns.cogging.orders, amplitude * 1e3, "bars")
+        bars = Series(
+            "half-sum of the directions", patterns.cogging.orders, amplitude * 1e3, "bars"
+        )
         plots.append(
-            Plot("cogging", "Cogging of the bare motor", "order per input revolution", "amplitude [mN m]", (bars,))
+            Plot(
+                "cogging",
+                "Cogging of the bare motor",
+                "order per input revolution",
+                "amplitude [mN m]",
+                (bars,),
+            )
         )
     scale = torque_scale(recording, zero)
     if scale is not None:
         estimates[scale.name] = scale
     return Result(
-        recording.metadata.run_id, NAME, estimates, metrics, (*warnings, *remarks), plots=tuple(plots),
-        tables=(tare_table(tare), budget_table(estimates.values())), options={"torque_is_of": "motor"},
-    )  # fmt: skip
+        recording.metadata.run_id,
+        NAME,
+        estimates,
+        metrics,
+        (*warnings, *remarks),
+        plots=tuple(plots),
+        tables=(tare_table(tare), budget_table(estimates.values())),
+        options={"torque_is_of": "motor"},
+    )
 
 
 def _straight_line(recording: Recording, points: FrictionPoints) -> dict[str, Estimate]:
@@ -148,7 +189,10 @@ def _straight_line(recording: Recording, points: FrictionPoints) -> dict[str, Es
     if len(speed) >= 4:
         # Every speed counts alike: the misfit of the straight line is larger than the noise of its points.
         fit = solve(design, torque, where="motor friction")
-        found = [(float(v), *fit.interval(k), float(fit.standard_error[k])) for k, v in enumerate(fit.values)]
+        found = [
+            (float(v), *fit.interval(k), float(fit.standard_error[k]))
+            for k, v in enumerate(fit.values)
+        ]
     else:
         values = np.linalg.lstsq(design, torque, rcond=None)[0]
         found = [(float(v), -math.inf, math.inf, math.inf) for v in values]
@@ -156,7 +200,9 @@ def _straight_line(recording: Recording, points: FrictionPoints) -> dict[str, Es
         found, ("motor_coulomb", "motor_viscous"), ("N m", "N m s/rad"), strict=True
     ):
         budget = (BudgetLine("scatter about the line", "A", error), scale_line(recording, value))
-        estimates[name] = Estimate(name, value, unit, low, high, "yes" if math.isfinite(low) else "no", "", budget)
+        estimates[name] = Estimate(
+            name, value, unit, low, high, "yes" if math.isfinite(low) else "no", "", budget
+        )
     offset = points.offset[points.paired]
     if len(offset) > 1:
         spread = float(offset.std(ddof=1)) / math.sqrt(len(offset))
@@ -176,7 +222,11 @@ def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
     if disc <= 0.0:
         return None
     inertia = disc + float(p.get("rotor_inertia", Parameters.rotor_inertia))
-    rows = [r for s in recording.labelled("ramp") if (r := _acceleration(recording, s, zero)) is not None]
+    rows = [
+        r
+        for s in recording.labelled("ramp")
+        if (r := _acceleration(recording, s, zero)) is not None
+    ]
     if len(rows) < 8:
         return None
     data = np.array(rows)
@@ -188,10 +238,14 @@ def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
         BudgetLine("scatter of the ramps", "A", error),
         BudgetLine("inertia of disc and rotor", "B", 0.005, "assumed"),
     )
-    return Estimate("torque_scale", float(fit.values[0]), "1", low, high, "yes", "disc of known inertia", budget)
+    return Estimate(
+        "torque_scale", float(fit.values[0]), "1", low, high, "yes", "disc of known inertia", budget
+    )
 
 
-def _acceleration(recording: Recording, segment: Segment, zero: TorqueZero) -> tuple[float, float, float] | None:
+def _acceleration(
+    recording: Recording, segment: Segment, zero: TorqueZero
+) -> tuple[float, float, float] | None:
     """Mean acceleration [rad/s2], speed [rad/s] and torque [N m] of the middle half of a ramp."""
     span = segment.stop - segment.start
     rows = slice(segment.start + span // 4, segment.stop - span // 4)
@@ -215,7 +269,9 @@ def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
         x = np.array([abs(p.speed) / RPM for p in chosen])
         y = np.array([direction * p.torque * 1e3 for p in chosen])
         spread = np.array([1.96e3 * p.standard_error for p in chosen])
-        series.append(Series(label, x, y, "points", y - spread, y + spread, 0 if direction > 0 else 1))
+        series.append(
+            Series(label, x, y, "points", y - spread, y + spread, 0 if direction > 0 else 1)
+        )
     every = [abs(h.torque.speed) for h in holds]
     speed = np.geomspace(min(every), max(every), 200)
     line = estimates["motor_coulomb"].value + estimates["motor_viscous"].value * speed
@@ -231,6 +287,12 @@ def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
 
 
 EXPERIMENT = Experiment(
-    NAME, "Motor tare", "friction and cogging of the bare motor, gear removed", Parameters, plan, analyse,
-    needs=("input_angle", "torque"), gear_mounted=False,
-)  # fmt: skip
+    NAME,
+    "Motor tare",
+    "friction and cogging of the bare motor, gear removed",
+    Parameters,
+    plan,
+    analyse,
+    needs=("input_angle", "torque"),
+    gear_mounted=False,
+)

@@ -40,7 +40,9 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     angle_name = chosen_channel(recording, settings, "angle", ANGLES, "an order spectrum")
     channel, unit = _channel(recording, settings)
     highest = float(settings.get("highest_order", 64.0))
-    warnings = list(check_recording(recording, "an order spectrum", evidence.maximum_missed_share).warnings)
+    warnings = list(
+        check_recording(recording, "an order spectrum", evidence.maximum_missed_share).warnings
+    )
     ratio = rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
     found: dict[int, OrderPeaks] = {}
     for segment in _longest_each_way(recording, angle_name):
@@ -51,15 +53,20 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             warnings.append(f"{'forward' if segment.direction > 0 else 'reverse'}: {error.what}.")
     if not found:
         raise AnalysisError(
-            "there is no stretch of a whole revolution in one direction", where=recording.metadata.run_id,
+            "there is no stretch of a whole revolution in one direction",
+            where=recording.metadata.run_id,
             remedy="Record at least one whole revolution.",
-        )  # fmt: skip
+        )
     return Result(
-        recording.metadata.run_id, NAME, _strongest(found, unit),
-        {f"revolutions_{_way(d)}": float(s.revolutions) for d, s in found.items()}, tuple(warnings),
-        plots=(_plot(found, channel, unit, angle_name),), tables=(_table(found, unit),),
+        recording.metadata.run_id,
+        NAME,
+        _strongest(found, unit),
+        {f"revolutions_{_way(d)}": float(s.revolutions) for d, s in found.items()},
+        tuple(warnings),
+        plots=(_plot(found, channel, unit, angle_name),),
+        tables=(_table(found, unit),),
         options={"channel": channel, "angle": angle_name},
-    )  # fmt: skip
+    )
 
 
 def _way(direction: int) -> str:
@@ -83,7 +90,10 @@ def _longest_each_way(recording: Recording, angle_name: str) -> list[Segment]:
     if not candidates and angle_name == "input_angle":
         candidates = stretches(recording, approach=0.0)
     if not candidates:
-        way = recording.si(angle_name, slice(recording.rows - 1, None))[0] - recording.si(angle_name, slice(0, 1))[0]
+        way = (
+            recording.si(angle_name, slice(recording.rows - 1, None))[0]
+            - recording.si(angle_name, slice(0, 1))[0]
+        )
         candidates = (Segment(0, "traverse", 0, recording.rows, 0.0, 1 if way >= 0.0 else -1),)
     best: dict[int, Segment] = {}
     for segment in candidates:
@@ -98,7 +108,11 @@ def _channels(
 ) -> tuple[FloatArray, FloatArray]:
     rows = slice(segment.start, min(segment.stop, segment.start + LARGEST))
     good = usable(recording, rows)
-    angle = (recording.output_angle(rows) if angle_name == "output_angle" else recording.si(angle_name, rows))[good]
+    angle = (
+        recording.output_angle(rows)
+        if angle_name == "output_angle"
+        else recording.si(angle_name, rows)
+    )[good]
     if channel == KINEMATIC_ERROR:
         value = recording.output_angle(rows)[good] - recording.si("input_angle", rows)[good] / ratio
     else:
@@ -107,7 +121,9 @@ def _channels(
 
 
 def _strongest(found: dict[int, OrderPeaks], unit: str) -> dict[str, Estimate]:
-    """Amplitudes of the strongest orders that rise above the noise, mean of the directions; interval from the noise nearby."""
+    """Amplitudes of the strongest orders that rise above the noise, mean of the directions;
+    interval from the noise nearby.
+    """
     first = found[max(found)]
     estimates: dict[str, Estimate] = {}
     for order in first.peaks[:STRONGEST].tolist():
@@ -127,26 +143,41 @@ def _plot(found: dict[int, OrderPeaks], channel: str, unit: str, angle_name: str
         for d, s in found.items()
         for series in (
             Series(_way(d), s.orders, s.amplitude, "line", group=0 if d > 0 else 1),
-            Series(f"noise floor, {_way(d)}", s.orders, s.noise_floor, "line", group=2 if d > 0 else 3),
+            Series(
+                f"noise floor, {_way(d)}", s.orders, s.noise_floor, "line", group=2 if d > 0 else 3
+            ),
         )
     )
     name = angle_name.replace("_", " ")
     return Plot(
-        "order-spectrum", f"Orders of the {channel.replace('_', ' ')}", f"order per revolution of the {name}",
-        f"amplitude [{unit}]", series, y_scale="log",
-    )  # fmt: skip
+        "order-spectrum",
+        f"Orders of the {channel.replace('_', ' ')}",
+        f"order per revolution of the {name}",
+        f"amplitude [{unit}]",
+        series,
+        y_scale="log",
+    )
 
 
 def _table(found: dict[int, OrderPeaks], unit: str) -> Table:
     rows: list[tuple[float | int | str, ...]] = []
     for d, s in found.items():
         strongest = sorted(range(len(s.orders)), key=lambda k: -s.amplitude[k])[:40]
-        rows += [(_way(d), float(s.orders[k]), float(s.amplitude[k]), float(s.phase[k]) / DEGREE) for k in strongest]
+        rows += [
+            (_way(d), float(s.orders[k]), float(s.amplitude[k]), float(s.phase[k]) / DEGREE)
+            for k in strongest
+        ]
     columns = ("direction", "order", f"amplitude [{unit}]", "phase [deg]")
     return Table("orders", "Strongest orders", columns, tuple(rows))
 
 
 EXPERIMENT = Experiment(
-    NAME, "Order spectrum", "order spectrum of a channel over an angle", NoParameters, no_plan, analyse, needs=(),
+    NAME,
+    "Order spectrum",
+    "order spectrum of a channel over an angle",
+    NoParameters,
+    no_plan,
+    analyse,
+    needs=(),
     has_plan=False,
-)  # fmt: skip
+)

@@ -1,4 +1,5 @@
-"""The parameter model of a protocol: a frozen dataclass whose `Annotated` fields are the only definition of its numbers.
+"""The parameter model of a protocol: a frozen dataclass whose `Annotated` fields are the only
+definition of its numbers.
 
 CLI flags, the window's form, file attributes and the table of the documentation are all made from it. Constraints come
 from annotated_types (`Ge`, `Gt`, `Le`, `Lt`), the unit and the explanation from `Unit` and `Help`:
@@ -84,7 +85,9 @@ def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
         limit = " and ".join(_COMPARE[type(c)][1](c) for c in checks)
         default = f.default if f.default is not dataclasses.MISSING else None
         kind = typing.cast(type, base)
-        found.append(ParameterField(f.name, kind, default, unit, text, limit, checks, type(None) in arms))
+        found.append(
+            ParameterField(f.name, kind, default, unit, text, limit, checks, type(None) in arms)
+        )
     return tuple(found)
 
 
@@ -94,7 +97,11 @@ def make_parameters(model: type[Any], values: Mapping[str, Any], where: str = ""
     for name in values:
         if name not in fields:
             known = ", ".join(fields)
-            raise PlanError("no such parameter", where=f"{where}.{name}" if where else name, remedy=f"Known: {known}.")
+            raise PlanError(
+                "no such parameter",
+                where=f"{where}.{name}" if where else name,
+                remedy=f"Known: {known}.",
+            )
     made = {name: _convert(fields[name], value, where) for name, value in values.items()}
     parameters = model(**made)
     check_parameters(parameters, where)
@@ -122,20 +129,33 @@ def _convert(f: ParameterField, value: Any, where: str) -> Any:
         if f.kind is bool:
             if isinstance(value, bool):
                 return value
-            return {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}[str(value).lower()]
+            return {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}[
+                str(value).lower()
+            ]
         if f.kind is int and isinstance(value, float) and value != int(value):
             raise ValueError
         return f.kind(value)
     except (ValueError, KeyError, TypeError, OverflowError):
-        wanted = {int: "a whole number", float: "a number", bool: "true or false", tuple: "numbers"}.get(f.kind, "text")
-        raise PlanError("is of the wrong kind", where=path, value=repr(value), limit=wanted) from None
+        wanted = {
+            int: "a whole number",
+            float: "a number",
+            bool: "true or false",
+            tuple: "numbers",
+        }.get(f.kind, "text")
+        raise PlanError(
+            "is of the wrong kind", where=path, value=repr(value), limit=wanted
+        ) from None
 
 
 def _check(f: ParameterField, value: Any, where: str) -> None:
     path = f"{where}.{f.name}" if where else f.name
     unit = f" {f.unit}" if f.unit else ""
     if isinstance(value, float) and not math.isfinite(value):
-        raise PlanError("is not a finite number", where=path, value=value, limit=f.limit or "finite")
+        raise PlanError(
+            "is not a finite number", where=path, value=value, limit=f.limit or "finite"
+        )
     for c in f.checks:
         if not _COMPARE[type(c)][0](value, c):
-            raise PlanError("is out of range", where=path, value=f"{value}{unit}", limit=f"{f.limit}{unit}")
+            raise PlanError(
+                "is out of range", where=path, value=f"{value}{unit}", limit=f"{f.limit}{unit}"
+            )

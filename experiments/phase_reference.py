@@ -1,7 +1,7 @@
 """Where angles are counted from: the index mark of the motor encoder where the run saw it, else the start of the run.
 
-Phases of orders are stored against the index mark; without it they die with the power, and a kinematic error cannot be carried
-to another run.
+Phases of orders are stored against the index mark; without it they die with the power, and a
+kinematic error cannot be carried to another run.
 """
 
 from __future__ import annotations
@@ -32,7 +32,9 @@ class PhaseReference:
     def warnings(self) -> list[str]:
         """What must be said of phases against this reference."""
         if self.what == "start of the run":
-            return ["No index mark was seen: phases count from the start of this run and cannot be carried to another."]
+            return [
+                "No index mark was seen: phases count from the start of this run and cannot be carried to another."
+            ]
         if self.what == "input index":
             return [
                 "No output index mark was seen: phases of output orders and sidebands cannot be carried to another run."
@@ -43,7 +45,8 @@ class PhaseReference:
 def phase_reference(recording: Recording) -> PhaseReference:
     """The input index mark; the one that precedes the output's index mark where both were seen.
 
-    Whole orders repeat at every input mark. Output orders and sidebands do not, so that the output mark chooses the turn.
+    Whole orders repeat at every input mark. Output orders and sidebands do not, so that the output
+    mark chooses the turn.
     """
     if not recording.has("input_index", "index_seen"):
         return PhaseReference(0.0, "start of the run")

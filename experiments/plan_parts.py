@@ -24,10 +24,25 @@ from model.units import REVOLUTION
 
 ZERO_BEFORE = "torque-zero-before"
 ZERO_AFTER = "torque-zero-after"
-LABELS = frozenset({
-    ZERO_BEFORE, ZERO_AFTER, "ramp", "position", "rest", "approach", "settle", "traverse", "hold", "bracket", "step",
-    "warm-up", "torque-ramp", "home-input", "home-output",
-})  # fmt: skip
+LABELS = frozenset(
+    {
+        ZERO_BEFORE,
+        ZERO_AFTER,
+        "ramp",
+        "position",
+        "rest",
+        "approach",
+        "settle",
+        "traverse",
+        "hold",
+        "bracket",
+        "step",
+        "warm-up",
+        "torque-ramp",
+        "home-input",
+        "home-output",
+    }
+)
 """Every label that a plan may use."""
 
 STANDSTILL = 0.5
@@ -79,7 +94,9 @@ def checked(parameters: Any, expected: type[Any], name: str) -> None:
     check_parameters(parameters, name)
 
 
-def output_travel(gear: HarmonicDrive, mounting: str, output_revolutions: float, where: str) -> float:
+def output_travel(
+    gear: HarmonicDrive, mounting: str, output_revolutions: float, where: str
+) -> float:
     """Input revolutions of that many output revolutions: N (circular spline fixed) or N + 1 (flexspline fixed)."""
     if mounting not in ("circular-spline-fixed", "flexspline-fixed"):
         raise PlanError(

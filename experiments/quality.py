@@ -1,4 +1,6 @@
-"""What a recording must be before anything is computed from it: complete cycles, a true time base, a few rows, known units."""
+"""What a recording must be before anything is computed from it: complete cycles, a true time base,
+a few rows, known units.
+"""
 
 from __future__ import annotations
 
@@ -43,8 +45,12 @@ class Checked:
         return self.missed / self.cycles if self.cycles else 0.0
 
 
-def check_recording(recording: Recording, purpose: str, maximum_missed_share: float, least_rows: int = 100) -> Checked:
-    """Refuse an empty or too short recording and one with too many missed cycles; return what must be said otherwise."""
+def check_recording(
+    recording: Recording, purpose: str, maximum_missed_share: float, least_rows: int = 100
+) -> Checked:
+    """Refuse an empty or too short recording and one with too many missed cycles; return what must
+    be said otherwise.
+    """
     where = recording.metadata.run_id
     if recording.rows < least_rows:
         raise AnalysisError(
@@ -102,29 +108,37 @@ def _acquisition(recording: Recording, name: str) -> Mapping[str, Any]:
 
 
 def index_remarks(recording: Recording) -> list[str]:
-    """Encoders whose index marks did not come back to their place while the run was recorded: counts were lost or added."""
+    """Encoders whose index marks did not come back to their place while the run was recorded:
+    counts were lost or added.
+    """
     remarks = []
     for name, found in _acquisition(recording, "index_marks").items():
         worst = found.get("worst_excess", 0) if isinstance(found, Mapping) else 0
         if isinstance(worst, (int, float)) and abs(worst) > MARK_REPEATABILITY:
             remarks.append(
-                f"{name}: counts between index marks were off by up to {abs(worst):g}: its angle has lost or gained counts."
+                f"{name}: counts between index marks were off by up to {abs(worst):g}: its "
+                "angle has lost or gained counts."
             )
     return remarks
 
 
 def skew_remark(recording: Recording) -> list[str]:
-    """What the skew between the encoders makes of the fastest set-point, where it is more than a count of the output encoder."""
+    """What the skew between the encoders makes of the fastest set-point, where it is more than a
+    count of the output encoder.
+    """
     skew = _acquisition(recording, "skew").get("encoder_skew", {})
     value = skew.get("value") if isinstance(skew, Mapping) else None
     output = recording.signals.get("output_angle")
     if not isinstance(value, (int, float)) or output is None or not output.quantum > 0.0:
         return []
-    period = 1.0 / recording.metadata.sample_rate if recording.metadata.sample_rate > 0.0 else math.inf
+    period = (
+        1.0 / recording.metadata.sample_rate if recording.metadata.sample_rate > 0.0 else math.inf
+    )
     if abs(value) > WHOLE_CYCLE * period:
         later, earlier = ("output", "input") if value > 0.0 else ("input", "output")
         return [
-            f"The {later} angle is {1e6 * abs(value):.0f} us behind the {earlier} angle, {abs(value) / period:.2f} SYNC cycles: "
+            f"The {later} angle is {1e6 * abs(value):.0f} us behind the {earlier} angle, "
+            f"{abs(value) / period:.2f} SYNC cycles: "
             f"its process data are of an earlier cycle. Set the device to transmit what it latched at the same SYNC."
         ]
     ratio = rotary_ratio(recording, math.inf)
@@ -163,10 +177,15 @@ def time_base_remark(recording: Recording) -> list[str]:
         return []
     if found == "none":
         raise AnalysisError(
-            "a recording without time has no speeds", where=recording.metadata.run_id, value='time base "none"',
-            limit="stamps, or at least a known rate", remedy="Import it again with its time column or its rate.",
-        )  # fmt: skip
-    return [f'The time base is "{found}": speeds are means over whole stretches and rest on its average rate.']
+            "a recording without time has no speeds",
+            where=recording.metadata.run_id,
+            value='time base "none"',
+            limit="stamps, or at least a known rate",
+            remedy="Import it again with its time column or its rate.",
+        )
+    return [
+        f'The time base is "{found}": speeds are means over whole stretches and rest on its average rate.'
+    ]
 
 
 def usable(recording: Recording, where: Segment | slice | None = None) -> NDArray[np.bool_]:
@@ -186,5 +205,7 @@ def known_settings(settings: Iterable[str], allowed: Iterable[str], kind: str) -
     for name in settings:
         if name not in names:
             raise AnalysisError(
-                "no such setting", where=f"{kind}.{name}", limit=", ".join(names) if names else "none for this analysis"
+                "no such setting",
+                where=f"{kind}.{name}",
+                limit=", ".join(names) if names else "none for this analysis",
             )

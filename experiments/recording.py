@@ -1,4 +1,6 @@
-"""A recording as analyses see it: SI arrays, segments, events, metadata. Simulated, recorded, replayed or imported: one type."""
+"""A recording as analyses see it: SI arrays, segments, events, metadata. Simulated, recorded,
+replayed or imported: one type.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Signal:
-    """What a channel of a recording is: SI = scale * stored + offset; `quantum` is the size of one count in SI (0: none)."""
+    """What a channel of a recording is: SI = scale * stored + offset; `quantum` is the size of one
+    count in SI (0: none).
+    """
 
     name: str
     unit: str
@@ -167,7 +171,9 @@ class Recording:
         """A channel in SI over a segment (or slice, or all of it)."""
         signal = self.signals[name]
         start, stop = self.rows_of(where)
-        return np.asarray(self.source.stored(name, start, stop) * signal.scale + signal.offset, dtype=np.float64)
+        return np.asarray(
+            self.source.stored(name, start, stop) * signal.scale + signal.offset, dtype=np.float64
+        )
 
     def stored(self, name: str, where: Segment | slice | None = None) -> NDArray[Any]:
         """A channel as stored: counts, or floats of an imported recording."""
@@ -182,7 +188,8 @@ class Recording:
         start, stop = self.rows_of(where)
         origin = self.source.time_ns(0, 1)
         return np.asarray(
-            (self.source.time_ns(start, stop) - (origin[0] if len(origin) else 0)) * 1e-9, dtype=np.float64
+            (self.source.time_ns(start, stop) - (origin[0] if len(origin) else 0)) * 1e-9,
+            dtype=np.float64,
         )
 
     def flags(self, where: Segment | slice | None = None) -> NDArray[np.uint16]:

@@ -15,7 +15,9 @@ from model.identify.estimate import Estimate
 SeriesStyle = Literal["line", "points", "band", "steps", "bars"]
 VerdictOutcome = Literal["PASS", "MARGINAL", "FAIL", "no verified limit"]
 
-VERIFIED_PROVENANCES: frozenset[Provenance] = frozenset({"catalogue", "measured", "identified", "published"})
+VERIFIED_PROVENANCES: frozenset[Provenance] = frozenset(
+    {"catalogue", "measured", "identified", "published"}
+)
 """A limit of any other provenance gives "no verified limit", never PASS or FAIL."""
 
 
@@ -73,7 +75,12 @@ class Verdict:
 
 
 def judge_upper(
-    name: str, definition: str, estimate: Estimate, limit: float, provenance: Provenance, source: str
+    name: str,
+    definition: str,
+    estimate: Estimate,
+    limit: float,
+    provenance: Provenance,
+    source: str,
 ) -> Verdict:
     """The verdict on a quantity that must not exceed `limit`."""
     if provenance not in VERIFIED_PROVENANCES:
@@ -118,11 +125,17 @@ class Result:
             "warnings": list(self.warnings),
             "verdicts": [
                 {
-                    "name": v.name, "definition": v.definition, "value": v.estimate.value, "unit": v.estimate.unit,
-                    "expanded_uncertainty": v.estimate.expanded_uncertainty, "limit": v.limit,
-                    "limit_source": v.limit_source, "limit_provenance": v.limit_provenance, "outcome": v.outcome,
+                    "name": v.name,
+                    "definition": v.definition,
+                    "value": v.estimate.value,
+                    "unit": v.estimate.unit,
+                    "expanded_uncertainty": v.estimate.expanded_uncertainty,
+                    "limit": v.limit,
+                    "limit_source": v.limit_source,
+                    "limit_provenance": v.limit_provenance,
+                    "outcome": v.outcome,
                 }
                 for v in self.verdicts
             ],
             "options": dict(self.options),
-        }  # fmt: skip
+        }

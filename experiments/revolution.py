@@ -19,7 +19,12 @@ from experiments.quality import check_recording, known_settings, usable
 from experiments.recording import Recording
 from experiments.result import Plot, Result, Series, Table
 from experiments.zero import torque_zero
-from model.identify.revolution import HIGHEST_ORDER, RevolutionFit, directions_of_travel, fit_revolution
+from model.identify.revolution import (
+    HIGHEST_ORDER,
+    RevolutionFit,
+    directions_of_travel,
+    fit_revolution,
+)
 from model.units import DEGREE, REVOLUTION
 
 NAME = "revolution"
@@ -36,21 +41,30 @@ FloatArray = NDArray[np.float64]
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Amplitude and phase of the orders that rise above the noise, mean and friction of the channel.
 
-    Settings: channel (the torque, force or current that is there), angle ("input_angle" or "position"), highest_order (200).
-    Of a run with segments those at constant speed are used, of a foreign recording all of it.
+    Settings: channel (the torque, force or current that is there), angle ("input_angle" or
+    "position"), highest_order (200). Of a run with segments those at constant speed are used, of a
+    foreign recording all of it.
     """
     settings = evidence.settings
     known_settings(settings, SETTINGS, NAME)
-    angle_name = chosen_channel(recording, settings, "angle", ANGLES, "a Fourier series per revolution")
-    channel = chosen_channel(recording, settings, "channel", EFFORTS, "a Fourier series per revolution")
+    angle_name = chosen_channel(
+        recording, settings, "angle", ANGLES, "a Fourier series per revolution"
+    )
+    channel = chosen_channel(
+        recording, settings, "channel", EFFORTS, "a Fourier series per revolution"
+    )
     if recording.signals[angle_name].unit != "rad":
         raise AnalysisError(
-            "a revolution needs an angle", where=recording.metadata.run_id,
-            value=f"{angle_name} in {recording.signals[angle_name].unit}", limit="rad",
-        )  # fmt: skip
+            "a revolution needs an angle",
+            where=recording.metadata.run_id,
+            value=f"{angle_name} in {recording.signals[angle_name].unit}",
+            limit="rad",
+        )
     highest = int(settings.get("highest_order", HIGHEST_ORDER))
     warnings = list(
-        check_recording(recording, "a Fourier series", evidence.maximum_missed_share, least_rows=60).warnings
+        check_recording(
+            recording, "a Fourier series", evidence.maximum_missed_share, least_rows=60
+        ).warnings
     )
     angle, value, reference, said = _channels(recording, angle_name, channel)
     unit = recording.signals[channel].unit
@@ -58,15 +72,24 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         angle, value = _averaged(angle, value, highest)
         fit = fit_revolution(angle, value, highest_order=highest, unit=unit)
     return Result(
-        recording.metadata.run_id, NAME, fit.estimates, dict(fit.metrics), (*warnings, *said, *fit.warnings),
-        plots=_plots(fit, channel, unit), tables=(_table(fit, unit),),
+        recording.metadata.run_id,
+        NAME,
+        fit.estimates,
+        dict(fit.metrics),
+        (*warnings, *said, *fit.warnings),
+        plots=_plots(fit, channel, unit),
+        tables=(_table(fit, unit),),
         options={"channel": channel, "angle": angle_name, "phases_count_from": reference},
-    )  # fmt: skip
+    )
 
 
-def _channels(recording: Recording, angle_name: str, channel: str) -> tuple[FloatArray, FloatArray, str, list[str]]:
+def _channels(
+    recording: Recording, angle_name: str, channel: str
+) -> tuple[FloatArray, FloatArray, str, list[str]]:
     """Angle from its phase reference and the channel, of everything that counts, in order of time."""
-    parts = [slice(s.start, s.stop) for s in recording.labelled(*COUNTED)] or [slice(0, recording.rows)]
+    parts = [slice(s.start, s.stop) for s in recording.labelled(*COUNTED)] or [
+        slice(0, recording.rows)
+    ]
     reference, what = 0.0, "the recorded angle"
     if angle_name == "input_angle":
         found = phase_reference(recording)
@@ -79,7 +102,11 @@ def _channels(recording: Recording, angle_name: str, channel: str) -> tuple[Floa
     angles, values = [], []
     for rows in parts:
         good = usable(recording, rows)
-        angle = recording.output_angle(rows) if angle_name == "output_angle" else recording.si(angle_name, rows)
+        angle = (
+            recording.output_angle(rows)
+            if angle_name == "output_angle"
+            else recording.si(angle_name, rows)
+        )
         value = recording.si(channel, rows)[good]
         angles.append(angle[good] - reference)
         values.append(value if zero is None else value - zero.at(recording.time(rows)[good]))
@@ -111,7 +138,10 @@ def _plots(fit: RevolutionFit, channel: str, unit: str) -> tuple[Plot, ...]:
     degrees = fit.angle / DEGREE
     label = f"{channel.replace('_', ' ')} [{unit}]"
     series = [Series("mean of the directions", degrees, fit.mean_curve, "line", group=0)]
-    for name, curve, group in (("forward", fit.forward_curve, 1), ("reverse", fit.reverse_curve, 2)):
+    for name, curve, group in (
+        ("forward", fit.forward_curve, 1),
+        ("reverse", fit.reverse_curve, 2),
+    ):
         if curve is not None:
             series.append(Series(name, degrees, curve, "line", group=group))
     orders = fit.spectrum_order.astype(np.float64)
@@ -120,17 +150,32 @@ def _plots(fit: RevolutionFit, channel: str, unit: str) -> tuple[Plot, ...]:
         Series("noise floor", orders, fit.noise_floor, "line", group=1),
     )
     return (
-        Plot("revolution", f"{channel.replace('_', ' ')} over one revolution", "angle [deg]", label, tuple(series)),
         Plot(
-            "revolution-orders", "Orders and their noise floor", "order per revolution", f"amplitude [{unit}]", spectrum,
+            "revolution",
+            f"{channel.replace('_', ' ')} over one revolution",
+            "angle [deg]",
+            label,
+            tuple(series),
+        ),
+        Plot(
+            "revolution-orders",
+            "Orders and their noise floor",
+            "order per revolution",
+            f"amplitude [{unit}]",
+            spectrum,
             y_scale="log",
         ),
-    )  # fmt: skip
+    )
 
 
 def _table(fit: RevolutionFit, unit: str) -> Table:
     rows = tuple(
-        (int(n), float(a), fit.estimates[f"phase_{n}"].value / DEGREE, float(fit.noise_floor[n - 1]))
+        (
+            int(n),
+            float(a),
+            fit.estimates[f"phase_{n}"].value / DEGREE,
+            float(fit.noise_floor[n - 1]),
+        )
         for n, a in zip(fit.orders.tolist(), fit.amplitude, strict=True)
     )
     columns = ("order", f"amplitude [{unit}]", "phase [deg]", f"noise floor [{unit}]")
@@ -138,6 +183,12 @@ def _table(fit: RevolutionFit, unit: str) -> Table:
 
 
 EXPERIMENT = Experiment(
-    NAME, "Fourier series per revolution", "Fourier series of a channel per revolution, both ways", NoParameters, no_plan,
-    analyse, needs=(), has_plan=False,
-)  # fmt: skip
+    NAME,
+    "Fourier series per revolution",
+    "Fourier series of a channel per revolution, both ways",
+    NoParameters,
+    no_plan,
+    analyse,
+    needs=(),
+    has_plan=False,
+)

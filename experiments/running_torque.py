@@ -45,7 +45,11 @@ def measured_holds(
     unused: list[str] = []
     for segment in segments:
         try:
-            holds.append(Hold(segment, _average(recording, segment, zero, channel), _place(recording, segment)))
+            holds.append(
+                Hold(
+                    segment, _average(recording, segment, zero, channel), _place(recording, segment)
+                )
+            )
         except IdentificationError as error:
             unused.append(f"{segment.label} {segment.index} ({error.what})")
     warnings = []
@@ -55,14 +59,22 @@ def measured_holds(
     return holds, warnings
 
 
-def _average(recording: Recording, segment: Segment, zero: TorqueZero, channel: str) -> RunningTorque:
+def _average(
+    recording: Recording, segment: Segment, zero: TorqueZero, channel: str
+) -> RunningTorque:
     # A guard counts revolutions from the row before the segment: without it the last of them would be short by a cycle.
     rows = slice(max(segment.start - 1, segment.stop - LARGEST_HOLD, 0), segment.stop)
     good = usable(recording, rows)
     time = recording.time(rows)[good]
     torque = recording.si(channel, rows)[good] - zero.at(time)
-    temperature = float(np.mean(recording.si(TEMPERATURE, rows)[good])) if recording.has(TEMPERATURE) else math.nan
-    return average_torque(time, recording.si("input_angle", rows)[good], torque, temperature=temperature)
+    temperature = (
+        float(np.mean(recording.si(TEMPERATURE, rows)[good]))
+        if recording.has(TEMPERATURE)
+        else math.nan
+    )
+    return average_torque(
+        time, recording.si("input_angle", rows)[good], torque, temperature=temperature
+    )
 
 
 def _place(recording: Recording, segment: Segment) -> tuple[float, float] | None:
@@ -78,8 +90,9 @@ def foreign_holds(
 ) -> tuple[list[Hold], list[str]]:
     """Running torques of a recording without segments, by speed.
 
-    Every stretch in one direction is cut into pieces of whole input revolutions that last at least `least_time` [s]; a piece
-    counts where its speed is steady within `STEADY_RIPPLE`. Stretches begin one revolution after each reversal.
+    Every stretch in one direction is cut into pieces of whole input revolutions that last at least
+    `least_time` [s]; a piece counts where its speed is steady within `STEADY_RIPPLE`. Stretches
+    begin one revolution after each reversal.
     """
     pieces: list[Segment] = []
     for stretch in stretches(recording, "hold"):
@@ -105,7 +118,17 @@ def _pieces(recording: Recording, stretch: Segment, least_time: float) -> list[S
             if time[marks[end]] - time[marks[begin]] < least_time:
                 continue
             start, stop = stretch.start + int(marks[begin]), stretch.start + int(marks[end]) + 1
-            found.append(Segment(len(found), "hold", start, stop, stretch.setpoint, stretch.direction, stretch.repeat))
+            found.append(
+                Segment(
+                    len(found),
+                    "hold",
+                    start,
+                    stop,
+                    stretch.setpoint,
+                    stretch.direction,
+                    stretch.repeat,
+                )
+            )
             begin = end
     return found
 

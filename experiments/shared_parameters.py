@@ -8,13 +8,31 @@ from annotated_types import Ge, Gt, Le
 
 from experiments.parameters import Help, Unit
 
-ZeroTime = Annotated[float, Ge(0.5), Le(120.0), Unit("s"), Help("servo-off time before and after, for the torque zero")]
-Acceleration = Annotated[float, Gt(0.0), Le(20000.0), Unit("rad/s2"), Help("input acceleration of ramps")]
-SyncRate = Annotated[
-    float, Ge(50.0), Le(20000.0), Unit("Hz"), Help("SYNC rate that the speeds shall be incommensurate with")
+ZeroTime = Annotated[
+    float,
+    Ge(0.5),
+    Le(120.0),
+    Unit("s"),
+    Help("servo-off time before and after, for the torque zero"),
 ]
-Repeats = Annotated[int, Ge(1), Le(100), Unit(""), Help("how often the whole measurement is repeated")]
+Acceleration = Annotated[
+    float, Gt(0.0), Le(20000.0), Unit("rad/s2"), Help("input acceleration of ramps")
+]
+SyncRate = Annotated[
+    float,
+    Ge(50.0),
+    Le(20000.0),
+    Unit("Hz"),
+    Help("SYNC rate that the speeds shall be incommensurate with"),
+]
+Repeats = Annotated[
+    int, Ge(1), Le(100), Unit(""), Help("how often the whole measurement is repeated")
+]
 Mounted = Annotated[str, Help("circular-spline-fixed (ratio N) or flexspline-fixed (ratio N + 1)")]
 SlowSpeed = Annotated[
-    float, Gt(0.0), Le(120.0), Unit("r/min"), Help("input speed at which an angle is approached, always forward")
+    float,
+    Gt(0.0),
+    Le(120.0),
+    Unit("r/min"),
+    Help("input speed at which an angle is approached, always forward"),
 ]

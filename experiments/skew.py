@@ -1,7 +1,9 @@
-"""The skew between the channels of a recording: whole revolutions at constant speed, and the two readings of the torque.
+"""The skew between the channels of a recording: whole revolutions at constant speed, and the two
+readings of the torque.
 
-It needs no protocol: any recording in which the input turns both ways at several speeds shows the encoders' skew, and any in
-which the torque varies that of the torque port against what the drive reports.
+It needs no protocol: any recording in which the input turns both ways at several speeds shows the
+encoders' skew, and any in which the torque varies that of the torque port against what the drive
+reports.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ from model.units import REVOLUTION
 
 FloatArray = NDArray[np.float64]
 SLOWEST_SHARE = 0.1
-"""Revolutions slower than this share of the fastest are left out: there friction does not grow with speed (Stribeck)."""
+"""Revolutions slower than this share of the fastest are left out: there friction does not grow with
+speed (Stribeck).
+"""
 STEADY = 0.03
 """Relative difference of neighbouring revolutions' durations below which the speed is constant."""
 NEEDED_SHARE = 0.1
@@ -32,7 +36,8 @@ TORQUE_PIECES, PIECE_ROWS = 24, 2048
 
 
 def skews(recording: Recording, gear: HarmonicDrive | None = None) -> dict[str, Estimate]:
-    """Skew between the encoders ("encoder_skew": output after input) and between the torques ("torque_skew": port after drive).
+    """Skew between the encoders ("encoder_skew": output after input) and between the torques
+    ("torque_skew": port after drive).
 
     Only what the recording has the channels for; nothing without time stamps of SYNC or device. What the data cannot
     identify says so in its verdict.
@@ -43,8 +48,12 @@ def skews(recording: Recording, gear: HarmonicDrive | None = None) -> dict[str, 
     needed = NEEDED_SHARE / rate
     gear = gear or recording.metadata.gear
     found: dict[str, Estimate] = {}
-    ratio = rotary_ratio(recording, gear.mounted_ratio(recording.metadata.mounting) if gear else math.nan)
-    encoders = [recording.signals[name] for name in ("input_angle", "output_angle") if recording.has(name)]
+    ratio = rotary_ratio(
+        recording, gear.mounted_ratio(recording.metadata.mounting) if gear else math.nan
+    )
+    encoders = [
+        recording.signals[name] for name in ("input_angle", "output_angle") if recording.has(name)
+    ]
     rotary = len(encoders) == 2 and all(signal.unit == "rad" for signal in encoders)
     if rotary and recording.metadata.gear_mounted and ratio > 0.0:
         means = revolution_means(recording, ratio)
@@ -58,8 +67,8 @@ def skews(recording: Recording, gear: HarmonicDrive | None = None) -> dict[str, 
 def viscous_windup(gear: HarmonicDrive, speed: FloatArray, ratio: float) -> float:
     """Standard uncertainty of the viscous wind-up per output speed c/K [s], over the output speeds (n,) [rad/s].
 
-    The most that it can be is all of the gear's friction that grows with speed, carried through its softest spring; anything
-    from nothing to that is taken as equally likely.
+    The most that it can be is all of the gear's friction that grows with speed, carried through its
+    softest spring; anything from nothing to that is taken as equally likely.
     """
     if not len(speed):
         return 0.0
@@ -85,8 +94,12 @@ class _Revolutions:
     """When the revolution that waits in the tail was entered [s]."""
 
     def add(self, time: FloatArray, inner: FloatArray, outer: FloatArray) -> None:
-        """Take usable samples that follow those of the last call; the revolution that is not over waits for the next."""
-        time, inner, outer = (np.concatenate(pair) for pair in zip(self.tail, (time, inner, outer), strict=True))
+        """Take usable samples that follow those of the last call; the revolution that is not over
+        waits for the next.
+        """
+        time, inner, outer = (
+            np.concatenate(pair) for pair in zip(self.tail, (time, inner, outer), strict=True)
+        )
         if not len(time):
             return
         turn = np.floor(inner / REVOLUTION).astype(np.int64)
@@ -102,7 +115,11 @@ class _Revolutions:
         self.tail, self.entered = (time[last:], inner[last:], outer[last:]), float(crossed[-1])
 
     def _crossed(
-        self, time: FloatArray, inner: FloatArray, turn: NDArray[np.int64], begins: NDArray[np.int64]
+        self,
+        time: FloatArray,
+        inner: FloatArray,
+        turn: NDArray[np.int64],
+        begins: NDArray[np.int64],
     ) -> FloatArray:
         """When each revolution was entered, between the samples: a fast one has few of them."""
         after, before = begins[1:], begins[1:] - 1
@@ -113,7 +130,9 @@ class _Revolutions:
 
 
 def revolution_means(recording: Recording, ratio: float) -> RevolutionMeans:
-    """Means over the whole input revolutions of a recording that were turned at constant speed, in constant memory per block."""
+    """Means over the whole input revolutions of a recording that were turned at constant speed, in
+    constant memory per block.
+    """
     found = _Revolutions(ratio)
     origin: tuple[float, float] | None = None
     for rows in recording.blocks():
@@ -135,7 +154,9 @@ def _steady(rows: list[tuple[int, float, float, float, float]], ratio: float) ->
     same = np.zeros(len(table), dtype=bool)
     if len(table) > 2:
         middle = duration[1:-1]
-        close = (np.abs(duration[:-2] - middle) < STEADY * middle) & (np.abs(duration[2:] - middle) < STEADY * middle)
+        close = (np.abs(duration[:-2] - middle) < STEADY * middle) & (
+            np.abs(duration[2:] - middle) < STEADY * middle
+        )
         same[1:-1] = close & (np.abs(step[1:]) == 1) & (step[1:] == step[:-1])
     kept = np.flatnonzero(same)
     sense = step[np.maximum(kept - 1, 0)] if len(step) else np.empty(0)
@@ -155,11 +176,17 @@ def _torque_skew(recording: Recording, interval: float, needed: float) -> Estima
     drive: list[FloatArray] = []
     for begin in begins.tolist():
         rows = slice(begin, min(begin + PIECE_ROWS, recording.rows))
-        if (recording.flags(rows) & (BAD_CYCLE | SATURATED)).any() or rows.stop - rows.start < 3 * WINDOW:
+        if (
+            recording.flags(rows) & (BAD_CYCLE | SATURATED)
+        ).any() or rows.stop - rows.start < 3 * WINDOW:
             continue
         port.append(recording.si("torque", rows))
         drive.append(recording.si("drive_torque", rows))
-    starts = np.cumsum([0, *(len(piece) for piece in port[:-1])]).astype(np.int64) if port else np.empty(0, np.int64)
+    starts = (
+        np.cumsum([0, *(len(piece) for piece in port[:-1])]).astype(np.int64)
+        if port
+        else np.empty(0, np.int64)
+    )
     quantum = recording.signals["drive_torque"].quantum
     return torque_skew(_joined(drive), _joined(port), interval, needed, starts, quantum)
 

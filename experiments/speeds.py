@@ -1,10 +1,11 @@
 """Choosing input speeds: logarithmic, incommensurate with SYNC, away from resonances.
 
-At r = speed/(2 pi f_SYNC) input revolutions per cycle, input order m appears in the samples as the fraction m r mod 1. Where
-that is close to a whole number the order does not average out over whole revolutions: 3000 r/min at 1 kHz is 20 samples per
-revolution, and orders 20, 40, 60 then stand in the mean. `incommensurate` moves a speed by at most a few per cent to where the
-worst order up to `HIGHEST_ORDER` leaks least. Resonance n f_1: order n of the kinematic error meets the first torsional
-mode f_1 at the input speed 60 f_1/n [r/min].
+At r = speed/(2 pi f_SYNC) input revolutions per cycle, input order m appears in the samples as the
+fraction m r mod 1. Where that is close to a whole number the order does not average out over whole
+revolutions: 3000 r/min at 1 kHz is 20 samples per revolution, and orders 20, 40, 60 then stand in
+the mean. `incommensurate` moves a speed by at most a few per cent to where the worst order up to
+`HIGHEST_ORDER` leaks least. Resonance n f_1: order n of the kinematic error meets the first
+torsional mode f_1 at the input speed 60 f_1/n [r/min].
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ from model.stiffness import drive_stiffness
 from model.units import REVOLUTION, RPM
 
 HIGHEST_ORDER = 120
-"""Orders of the input up to which aliasing into the mean is looked at (tooth engagement, motor slots and their harmonics)."""
+"""Orders of the input up to which aliasing into the mean is looked at (tooth engagement, motor
+slots and their harmonics).
+"""
 _CANDIDATES = 61
 
 
@@ -38,9 +41,15 @@ def alias_leak(speed: float, sample_rate: float, seconds: float) -> float:
 
 
 def incommensurate(
-    speed: float, sample_rate: float, seconds: float, *, within: float = 0.015, ceiling: float = math.inf
+    speed: float,
+    sample_rate: float,
+    seconds: float,
+    *,
+    within: float = 0.015,
+    ceiling: float = math.inf,
 ) -> float:
-    """The speed [rad/s] nearest to `speed` (within the share `within`, not above `ceiling`) at which orders alias least.
+    """The speed [rad/s] nearest to `speed` (within the share `within`, not above `ceiling`) at
+    which orders alias least.
 
     A speed whose leak is already below 2 % is kept.
     """
@@ -62,8 +71,9 @@ def incommensurate(
 def lattice_distance(speed: float, sample_rate: float, lattice: float) -> float:
     """How far the samples per input revolution are from a simple multiple or fraction p/q (q <= 12) of a count lattice.
 
-    The output encoder gives exactly `lattice` counts per input revolution, phase-locked to the input. Returned is the
-    smallest |x q - p| of x = lattice * speed/(2 pi f): near 0 the quantisation repeats at the same angles and does not average.
+    The output encoder gives exactly `lattice` counts per input revolution, phase-locked to the
+    input. Returned is the smallest |x q - p| of x = lattice * speed/(2 pi f): near 0 the
+    quantisation repeats at the same angles and does not average.
     """
     x = lattice * abs(speed) / (REVOLUTION * sample_rate)
     return min(abs(x * q - round(x * q)) for q in range(1, 13))
@@ -78,18 +88,28 @@ def log_speeds(low_rpm: float, high_rpm: float, count: int) -> tuple[float, ...]
 
 
 def first_resonances(gear: HarmonicDrive) -> tuple[float, ...]:
-    """Candidates of the first torsional mode [rad/s]: sqrt(K/J_o) with the catalogue's K1 and with the computed K_HDf."""
+    """Candidates of the first torsional mode [rad/s]: sqrt(K/J_o) with the catalogue's K1 and with
+    the computed K_HDf.
+    """
     stiffnesses = (gear.ratings.stiffness_1, drive_stiffness(gear).combined_output)
     return tuple(sorted(math.sqrt(k / gear.inertia.output) for k in stiffnesses))
 
 
-def resonance_speeds(gear: HarmonicDrive, orders: Iterable[float] = ()) -> tuple[tuple[float, float], ...]:
+def resonance_speeds(
+    gear: HarmonicDrive, orders: Iterable[float] = ()
+) -> tuple[tuple[float, float], ...]:
     """(order, input speed [rad/s]) pairs at which an order of the kinematic error meets the first mode."""
-    wanted = tuple(orders) or tuple(h.order for h in gear.kinematic_error if h.order >= 0.5) or (1.0, 2.0, 4.0)
+    wanted = (
+        tuple(orders)
+        or tuple(h.order for h in gear.kinematic_error if h.order >= 0.5)
+        or (1.0, 2.0, 4.0)
+    )
     return tuple((n, w / n) for w in first_resonances(gear) for n in wanted)
 
 
-def near_resonance(speed: float, resonances: Sequence[tuple[float, float]], band: float) -> float | None:
+def near_resonance(
+    speed: float, resonances: Sequence[tuple[float, float]], band: float
+) -> float | None:
     """The order whose resonance lies within the share `band` of `speed`, or None."""
     for order, critical in resonances:
         if abs(abs(speed) / critical - 1.0) < band:

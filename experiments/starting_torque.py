@@ -1,4 +1,6 @@
-"""No-load starting torque: the quasi-static torque at which the input begins to turn, at several wave-generator positions."""
+"""No-load starting torque: the quasi-static torque at which the input begins to turn, at several
+wave-generator positions.
+"""
 
 from __future__ import annotations
 
@@ -34,13 +36,21 @@ NAME = "starting-torque"
 class Parameters:
     """What a starting-torque run can be told."""
 
-    positions: Annotated[int, Ge(1), Le(360), Unit(""), Help("wave-generator positions, evenly over a revolution")] = 8
+    positions: Annotated[
+        int, Ge(1), Le(360), Unit(""), Help("wave-generator positions, evenly over a revolution")
+    ] = 8
     repeats: Repeats = 1
     rate: Annotated[float, Gt(0.0), Le(1.0), Unit("N m/s"), Help("rate of the torque ramp")] = 0.02
     torque_limit: Annotated[
-        float, Gt(0.0), Le(10.0), Unit("N m"), Help("torque at which a ramp that moves nothing ends")
+        float,
+        Gt(0.0),
+        Le(10.0),
+        Unit("N m"),
+        Help("torque at which a ramp that moves nothing ends"),
     ] = 0.4
-    motion_deg: Annotated[float, Gt(0.0), Le(30.0), Unit("deg"), Help("input motion that ends a ramp")] = 3.0
+    motion_deg: Annotated[
+        float, Gt(0.0), Le(30.0), Unit("deg"), Help("input motion that ends a ramp")
+    ] = 3.0
     approach_rpm: SlowSpeed = 10.0
     acceleration: Acceleration = 50.0
     zero_time: ZeroTime = 3.0
@@ -70,7 +80,11 @@ def _ramps(p: Parameters) -> Iterator[Step]:
             phase = REVOLUTION * index / p.positions
             for direction in (1, -1):
                 yield MoveToAngle(
-                    phase, slow, p.acceleration, at_most, SegmentLabel("position", phase, direction, repeat)
+                    phase,
+                    slow,
+                    p.acceleration,
+                    at_most,
+                    SegmentLabel("position", phase, direction, repeat),
                 )
                 yield HoldTime(0.3, SegmentLabel("rest", phase, direction, repeat))
                 label = SegmentLabel("torque-ramp", phase, direction, repeat)
@@ -95,12 +109,15 @@ class Breakaway:
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """No-load starting torque by direction and position: the torque at which the input begins to turn.
 
-    The torque is read from a straight line through the last part of the ramp before first motion, so that noise of the port
-    does not enter. It is that of motor + gear: a motor tare at running speeds does not tell the motor's own breakaway.
+    The torque is read from a straight line through the last part of the ramp before first motion,
+    so that noise of the port does not enter. It is that of motor + gear: a motor tare at running
+    speeds does not tell the motor's own breakaway.
     """
     known_settings(evidence.settings, (), NAME)
     recording.require("starting torque", "input_angle", "torque")
-    warnings = list(check_recording(recording, "starting torque", evidence.maximum_missed_share).warnings)
+    warnings = list(
+        check_recording(recording, "starting torque", evidence.maximum_missed_share).warnings
+    )
     zero = torque_zero(recording)
     warnings += zero.warnings
     segments = recording.labelled("torque-ramp")
@@ -109,27 +126,47 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     found = [_breakaway(recording, segment, zero) for segment in segments]
     ramps = [b for b in found if b is not None]
     if len(ramps) < len(found):
-        warnings.append(f"{len(found) - len(ramps)} of {len(found)} ramps reached their limit without motion.")
+        warnings.append(
+            f"{len(found) - len(ramps)} of {len(found)} ramps reached their limit without motion."
+        )
     if not ramps:
         raise AnalysisError(
-            "no ramp made the input move", where=recording.metadata.run_id, remedy="Raise the limit of the ramp."
+            "no ramp made the input move",
+            where=recording.metadata.run_id,
+            remedy="Raise the limit of the ramp.",
         )
     estimates = _estimates(recording, ramps, zero)
     verdicts = []
     if "starting_torque" in estimates:
         origin = evidence.gear.value("ratings.starting_torque")
         definition = (
-            "quasi-static torque at which the input begins to turn, nothing on the output; mean of both directions"
+            "quasi-static torque at which the input begins to turn, nothing on the "
+            "output; mean of both directions"
         )
         verdicts.append(
-            judge_upper("no-load starting torque", definition, estimates["starting_torque"], origin.value,
-                        origin.origin.provenance, origin.origin.source)
-        )  # fmt: skip
-    warnings.append("The starting torque is that of motor + gear: the motor's own breakaway is not known.")
+            judge_upper(
+                "no-load starting torque",
+                definition,
+                estimates["starting_torque"],
+                origin.value,
+                origin.origin.provenance,
+                origin.origin.source,
+            )
+        )
+    warnings.append(
+        "The starting torque is that of motor + gear: the motor's own breakaway is not known."
+    )
     return Result(
-        recording.metadata.run_id, NAME, estimates, _metrics(ramps), tuple(warnings), tuple(verdicts), (_plot(ramps),),
-        (_table(ramps), budget_table(estimates.values())), {"torque_is_of": "motor + gear"},
-    )  # fmt: skip
+        recording.metadata.run_id,
+        NAME,
+        estimates,
+        _metrics(ramps),
+        tuple(warnings),
+        tuple(verdicts),
+        (_plot(ramps),),
+        (_table(ramps), budget_table(estimates.values())),
+        {"torque_is_of": "motor + gear"},
+    )
 
 
 def _breakaway(recording: Recording, segment: Segment, zero: TorqueZero) -> Breakaway | None:
@@ -144,19 +181,26 @@ def _breakaway(recording: Recording, segment: Segment, zero: TorqueZero) -> Brea
     if not len(moved) or moved[0] < 10:
         return None
     at = int(moved[0])
-    # First motion is an acceleration from rest: the break-away lies before the threshold by the time it takes to get there.
+    # First motion is an acceleration from rest: the break-away lies before the threshold by the
+    # time it takes to get there.
     back = max(at - max(at // 3, 10), 0)
     quiet = np.flatnonzero(np.abs(angle[back:at] - angle[back]) <= 0.25 * threshold)
     stop = back + int(quiet[-1]) + 1 if len(quiet) else at
     start = max(stop - max(stop // 2, 10), 0)
     x = time[start:stop] - time[stop - 1]
     line, covariance = (
-        np.polyfit(x, torque[start:stop], 1, cov=True) if stop - start > 4 else (np.array([0.0, torque[at]]), np.eye(2))
+        np.polyfit(x, torque[start:stop], 1, cov=True)
+        if stop - start > 4
+        else (np.array([0.0, torque[at]]), np.eye(2))
     )
-    return Breakaway(segment.setpoint, segment.direction, float(line[1]), math.sqrt(float(covariance[1, 1])))
+    return Breakaway(
+        segment.setpoint, segment.direction, float(line[1]), math.sqrt(float(covariance[1, 1]))
+    )
 
 
-def _estimates(recording: Recording, ramps: list[Breakaway], zero: TorqueZero) -> dict[str, Estimate]:
+def _estimates(
+    recording: Recording, ramps: list[Breakaway], zero: TorqueZero
+) -> dict[str, Estimate]:
     """Mean over positions, each direction; half-difference of the directions, in which the torque zero cancels."""
     estimates: dict[str, Estimate] = {}
     means: dict[int, tuple[float, float]] = {}
@@ -164,20 +208,42 @@ def _estimates(recording: Recording, ramps: list[Breakaway], zero: TorqueZero) -
         values = np.array([b.torque for b in ramps if b.direction == direction])
         if not len(values):
             continue
-        error = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else ramps[0].standard_error
+        error = (
+            float(values.std(ddof=1)) / math.sqrt(len(values))
+            if len(values) > 1
+            else ramps[0].standard_error
+        )
         means[direction] = (float(values.mean()), error)
         half = student_quantile(len(values) - 1) * error
-        budget = (BudgetLine("between positions", "A", error), zero.budget(), scale_line(recording, values.mean()))
+        budget = (
+            BudgetLine("between positions", "A", error),
+            zero.budget(),
+            scale_line(recording, values.mean()),
+        )
         estimates[name] = Estimate(
-            name, float(values.mean()), "N m", float(values.mean()) - half, float(values.mean()) + half, budget=budget
+            name,
+            float(values.mean()),
+            "N m",
+            float(values.mean()) - half,
+            float(values.mean()) + half,
+            budget=budget,
         )
     if len(means) == 2:
         value = 0.5 * (means[1][0] - means[-1][0])
         error = 0.5 * math.hypot(means[1][1], means[-1][1])
-        half = student_quantile(min(sum(b.direction == d for b in ramps) for d in (1, -1)) - 1) * error
+        half = (
+            student_quantile(min(sum(b.direction == d for b in ramps) for d in (1, -1)) - 1) * error
+        )
         budget = (BudgetLine("between positions", "A", error), scale_line(recording, value))
         estimates["starting_torque"] = Estimate(
-            "starting_torque", value, "N m", value - half, value + half, "yes", "motor + gear", budget
+            "starting_torque",
+            value,
+            "N m",
+            value - half,
+            value + half,
+            "yes",
+            "motor + gear",
+            budget,
         )
     return estimates
 
@@ -198,11 +264,16 @@ def _plot(ramps: list[Breakaway]) -> Plot:
             x = np.array([b.position / DEGREE for b in chosen])
             y = np.array([abs(b.torque) * 1e3 for b in chosen])
             spread = np.array([1.96e3 * b.standard_error for b in chosen])
-            series.append(Series(label, x, y, "points", y - spread, y + spread, 0 if direction > 0 else 1))
+            series.append(
+                Series(label, x, y, "points", y - spread, y + spread, 0 if direction > 0 else 1)
+            )
     return Plot(
-        "starting-torque", "No-load starting torque over wave-generator position", "wave-generator angle [deg]",
-        "starting torque, motor + gear [mN m]", tuple(series),
-    )  # fmt: skip
+        "starting-torque",
+        "No-load starting torque over wave-generator position",
+        "wave-generator angle [deg]",
+        "starting torque, motor + gear [mN m]",
+        tuple(series),
+    )
 
 
 def _table(ramps: list[Breakaway]) -> Table:
@@ -212,6 +283,11 @@ def _table(ramps: list[Breakaway]) -> Table:
 
 
 EXPERIMENT = Experiment(
-    NAME, "No-load starting torque", "slow torque ramps at several wave-generator positions, ended by first motion",
-    Parameters, plan, analyse, needs=("input_angle", "torque"),
-)  # fmt: skip
+    NAME,
+    "No-load starting torque",
+    "slow torque ramps at several wave-generator positions, ended by first motion",
+    Parameters,
+    plan,
+    analyse,
+    needs=("input_angle", "torque"),
+)

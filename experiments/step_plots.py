@@ -1,4 +1,6 @@
-"""Figure 19 and what belongs to it, as data: output speed per step, measured and simulated; resonance over speed; orders."""
+"""Figure 19 and what belongs to it, as data: output speed per step, measured and simulated;
+resonance over speed; orders.
+"""
 
 from __future__ import annotations
 
@@ -23,13 +25,22 @@ HIGHEST_ORDER = 16.0
 LEAST_REVOLUTIONS = 6.0
 
 
-def fitted_step_plots(steps: list[RecordedStep], fits: list[StepFit], combined: CombinedSteps) -> tuple[Plot, ...]:
+def fitted_step_plots(
+    steps: list[RecordedStep], fits: list[StepFit], combined: CombinedSteps
+) -> tuple[Plot, ...]:
     """Figure 19 per speed with the identified mode, K/J_o over speed, skills, and the orders of the deviation."""
     figures = _figure_19(steps, [f.score for f in fits], "simulated, measured input")
-    return (*figures, _resonance(combined), _skills(steps, [f.score for f in fits]), *_orders(steps, fits))
+    return (
+        *figures,
+        _resonance(combined),
+        _skills(steps, [f.score for f in fits]),
+        *_orders(steps, fits),
+    )
 
 
-def scored_step_plots(steps: list[RecordedStep], scores: list[StepScore], name: str) -> tuple[Plot, ...]:
+def scored_step_plots(
+    steps: list[RecordedStep], scores: list[StepScore], name: str
+) -> tuple[Plot, ...]:
     """Figure 19 per speed with a given parameter set, and its skills."""
     return (*_figure_19(steps, scores, f"{name}, measured input"), _skills(steps, scores))
 
@@ -54,10 +65,15 @@ def _figure_19(steps: list[RecordedStep], scores: list[StepScore], label: str) -
         note = f"skill on the output speed {score.metrics['skill_speed']:.2f} against a rigid gear with kinematic error"
         plots.append(
             Plot(
-                f"velocity-step-{rpm}", f"Velocity step to {rpm} r/min at the input", "time [s]", "output speed [r/min]",
-                series, figure="19", note=note,
+                f"velocity-step-{rpm}",
+                f"Velocity step to {rpm} r/min at the input",
+                "time [s]",
+                "output speed [r/min]",
+                series,
+                figure="19",
+                note=note,
             )
-        )  # fmt: skip
+        )
     return plots
 
 
@@ -67,16 +83,23 @@ def _resonance(combined: CombinedSteps) -> Plot:
         chosen = combined.speed * sign > 0.0
         if chosen.any():
             x = np.abs(combined.speed[chosen]) / RPM
-            low, high = (np.sqrt(np.maximum(v[chosen], 0.0)) / (2.0 * math.pi) for v in (combined.low, combined.high))
+            low, high = (
+                np.sqrt(np.maximum(v[chosen], 0.0)) / (2.0 * math.pi)
+                for v in (combined.low, combined.high)
+            )
             y = np.sqrt(combined.stiffness_over_inertia[chosen]) / (2.0 * math.pi)
             series.append(Series(name, x, y, "points", low, high, 0 if sign > 0 else 1))
     mean = combined.estimates["frequency"].value
     ends = np.array([np.abs(combined.speed).min(), np.abs(combined.speed).max()]) / RPM
     series.append(Series("weighted mean", ends, np.array([mean, mean]), "line", group=2))
     return Plot(
-        "step-resonance", "Torsional resonance per step", "input speed [r/min]", "frequency [Hz]", tuple(series),
+        "step-resonance",
+        "Torsional resonance per step",
+        "input speed [r/min]",
+        "frequency [Hz]",
+        tuple(series),
         note="a trend is the hardening of the stiffness",
-    )  # fmt: skip
+    )
 
 
 def _skills(steps: list[RecordedStep], scores: list[StepScore]) -> Plot:
@@ -87,9 +110,14 @@ def _skills(steps: list[RecordedStep], scores: list[StepScore]) -> Plot:
         y = np.array([score.metrics[name] for score in scores])
         series.append(Series(label, x, y, "points", group=k))
     return Plot(
-        "step-skill", "Skill against a rigid gear with kinematic error", "input speed [r/min]", "1 - SSE/SSE of the null [1]",
-        tuple(series), x_scale="log", note="0 is no better than a rigid gear with kinematic error, 1 is perfect",
-    )  # fmt: skip
+        "step-skill",
+        "Skill against a rigid gear with kinematic error",
+        "input speed [r/min]",
+        "1 - SSE/SSE of the null [1]",
+        tuple(series),
+        x_scale="log",
+        note="0 is no better than a rigid gear with kinematic error, 1 is perfect",
+    )
 
 
 def _orders(steps: list[RecordedStep], fits: list[StepFit]) -> list[Plot]:
@@ -107,15 +135,21 @@ def _orders(steps: list[RecordedStep], fits: list[StepFit]) -> list[Plot]:
         except ModelError:
             continue
         label = f"{abs(step.segment.setpoint) / RPM:.0f} r/min"
-        series.append(Series(label, found.orders[1:], found.amplitude[1:] / ARCSEC, "line", group=len(series)))
+        series.append(
+            Series(label, found.orders[1:], found.amplitude[1:] / ARCSEC, "line", group=len(series))
+        )
     if not series:
         return []
     return [
         Plot(
-            "step-orders", "Orders of the deviation at speed", "order per input revolution", "amplitude [arcsec]",
-            tuple(series), y_scale="log",
+            "step-orders",
+            "Orders of the deviation at speed",
+            "order per input revolution",
+            "amplitude [arcsec]",
+            tuple(series),
+            y_scale="log",
         )
-    ]  # fmt: skip
+    ]
 
 
 _SCORE_COLUMNS = ("skill", "skill_rigid", "skill_speed", "skill_speed_rigid", "mse_speed")
@@ -128,15 +162,32 @@ def step_table(steps: list[RecordedStep], fits: list[StepFit]) -> Table:
         ratio, damping = fit.estimates["stiffness_over_inertia"], fit.estimates["damping_ratio"]
         rows.append(
             (
-                *_which(step), "yes" if fit.resolvable else "not resolvable", ratio.value, 0.5 * (ratio.high - ratio.low),
-                fit.estimates["frequency"].value, damping.value, 0.5 * (damping.high - damping.low),
-                *_scores(fit.metrics), fit.metrics["rms"] / ARCSEC, fit.metrics["transient_counts"],
+                *_which(step),
+                "yes" if fit.resolvable else "not resolvable",
+                ratio.value,
+                0.5 * (ratio.high - ratio.low),
+                fit.estimates["frequency"].value,
+                damping.value,
+                0.5 * (damping.high - damping.low),
+                *_scores(fit.metrics),
+                fit.metrics["rms"] / ARCSEC,
+                fit.metrics["transient_counts"],
             )
-        )  # fmt: skip
+        )
     columns = (
-        "speed [r/min]", "direction", "repeat", "resolvable", "K/J_o [1/s2]", "half width", "frequency [Hz]",
-        "damping ratio", "half width of it", *_SCORE_HEADS, "rms of x [arcsec]", "transient [counts]",
-    )  # fmt: skip
+        "speed [r/min]",
+        "direction",
+        "repeat",
+        "resolvable",
+        "K/J_o [1/s2]",
+        "half width",
+        "frequency [Hz]",
+        "damping ratio",
+        "half width of it",
+        *_SCORE_HEADS,
+        "rms of x [arcsec]",
+        "transient [counts]",
+    )
     return Table("steps", "Every step", columns, tuple(rows))
 
 
@@ -152,17 +203,30 @@ def score_table(steps: list[RecordedStep], scores: list[StepScore]) -> Table:
 
 def identifiability_table(found: Identifiability) -> Table:
     """What the fastest step could tell of equation 2 at best: its directions, from best to worst determined."""
-    rows = tuple((k + 1, d.sentence(), d.relative_deviation) for k, d in enumerate(found.directions))
+    rows = tuple(
+        (k + 1, d.sentence(), d.relative_deviation) for k, d in enumerate(found.directions)
+    )
     columns = ("direction", "combination of relative changes", "relative standard deviation")
     return Table(
-        "identifiability", "What the data can tell of the parameters of equation 2", columns, rows, found.sentence()
+        "identifiability",
+        "What the data can tell of the parameters of equation 2",
+        columns,
+        rows,
+        found.sentence(),
     )
 
 
 _SCORE_HEADS = (
-    "skill x", "skill x, rigid", "skill speed", "skill speed, rigid", "MSE speed (22)", "overshoot", "overshoot simulated",
-    "ripple", "ripple simulated",
-)  # fmt: skip
+    "skill x",
+    "skill x, rigid",
+    "skill speed",
+    "skill speed, rigid",
+    "MSE speed (22)",
+    "overshoot",
+    "overshoot simulated",
+    "ripple",
+    "ripple simulated",
+)
 
 
 def _which(step: RecordedStep) -> tuple[float, str, int]:

@@ -1,8 +1,9 @@
 """The vocabulary of plans: what a protocol can ask of a rig, one frozen step at a time.
 
-Speeds are input speeds in rad/s, signed; angles are input angles in rad. A plan is a pure function: no clock, no random,
-no feedback. Feedback lives in steps that end on a condition and carry `at_most`, so that nominal and longest duration of
-a plan are known before anything moves. A step with a `segment` is recorded as one; analysis never guesses it back.
+Speeds are input speeds in rad/s, signed; angles are input angles in rad. A plan is a pure function:
+no clock, no random, no feedback. Feedback lives in steps that end on a condition and carry
+`at_most`, so that nominal and longest duration of a plan are known before anything moves. A step
+with a `segment` is recorded as one; analysis never guesses it back.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SegmentLabel:
-    """What a recorded interval is: its label ("hold", "bracket", ...), set-point (SI), direction (+1, -1, 0), repeat."""
+    """What a recorded interval is: its label ("hold", "bracket", ...), set-point (SI), direction
+    (+1, -1, 0), repeat.
+    """
 
     label: str
     setpoint: float = 0.0
@@ -113,7 +116,9 @@ class FindIndex:
 
 @dataclass(frozen=True)
 class TorqueRamp:
-    """Torque from 0 at `rate` [N m/s] (signed) until the input has moved by `motion` [rad] or `limit` [N m] is reached."""
+    """Torque from 0 at `rate` [N m/s] (signed) until the input has moved by `motion` [rad] or
+    `limit` [N m] is reached.
+    """
 
     rate: float
     limit: float
@@ -138,6 +143,16 @@ class Mark:
 
 
 Step = (
-    ServoOff | Ramp | SpeedStep | HoldRevolutions | HoldTime | Settle | MoveToAngle | MoveRevolutions | FindIndex
-    | TorqueRamp | Prompt | Mark
-)  # fmt: skip
+    ServoOff
+    | Ramp
+    | SpeedStep
+    | HoldRevolutions
+    | HoldTime
+    | Settle
+    | MoveToAngle
+    | MoveRevolutions
+    | FindIndex
+    | TorqueRamp
+    | Prompt
+    | Mark
+)

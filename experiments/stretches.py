@@ -1,7 +1,8 @@
 """Stretches of a recording without segments: where the input turns one way, found from the angle itself.
 
-Recordings of this program carry segments, and those are used. One that was imported does not: here it is cut where the input
-stops or turns back, in pieces of constant memory, and the first revolution after each reversal is left out (wind-up).
+Recordings of this program carry segments, and those are used. One that was imported does not: here
+it is cut where the input stops or turns back, in pieces of constant memory, and the first
+revolution after each reversal is left out (wind-up).
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ PIECES = 20000
 LEAST_ROWS = 20
 
 
-def stretches(recording: Recording, label: str = "traverse", approach: float = 1.0) -> tuple[Segment, ...]:
+def stretches(
+    recording: Recording, label: str = "traverse", approach: float = 1.0
+) -> tuple[Segment, ...]:
     """Segments in which the input turns one way, each without its first `approach` revolutions.
 
     A piece belongs to a stretch if it moves in the stretch's direction, by more than what flickering counts look like.
@@ -28,7 +31,9 @@ def stretches(recording: Recording, label: str = "traverse", approach: float = 1
         return ()
     edges = _angles(recording, np.append(starts, starts[-1] + size - 1))
     moved = np.diff(edges)
-    still = max(3.0 * recording.signals["input_angle"].quantum, 1e-4 * float(np.abs(moved).max(initial=0.0)))
+    still = max(
+        3.0 * recording.signals["input_angle"].quantum, 1e-4 * float(np.abs(moved).max(initial=0.0))
+    )
     direction = np.where(np.abs(moved) > still, np.sign(moved), 0.0).astype(int)
     found: list[Segment] = []
     begin = 0
@@ -80,6 +85,8 @@ def _angles(recording: Recording, rows: np.ndarray) -> np.ndarray:
         angle = recording.si("input_angle", part)
         good = np.flatnonzero((recording.flags(part) & BAD_CYCLE) == 0)
         at = np.searchsorted(good, rows[low:high] - part.start, side="right") - 1
-        out[low:high] = np.where(at >= 0, angle[good[np.maximum(at, 0)]], last) if len(good) else last
+        out[low:high] = (
+            np.where(at >= 0, angle[good[np.maximum(at, 0)]], last) if len(good) else last
+        )
         last = float(out[high - 1])
     return out

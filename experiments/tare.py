@@ -1,4 +1,6 @@
-"""The motor's own friction over speed, from the result of a motor-tare run, so that the torque of the gear alone is left."""
+"""The motor's own friction over speed, from the result of a motor-tare run, so that the torque of
+the gear alone is left.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """The torque's pattern over the input revolution, per direction: what both directions share and what turns its sign.
 
-half-difference of the directions = friction that varies with the angle (and the wedge reaction F_b de/dtheta, which friction
-loads); half-sum = cogging and everything else that does not know the direction. Amplitudes are complex: c = a - ib of
-a cos(n theta) + b sin(n theta) = Re[c exp(i n theta)].
+half-difference of the directions = friction that varies with the angle (and the wedge reaction F_b
+de/dtheta, which friction loads); half-sum = cogging and everything else that does not know the
+direction. Amplitudes are complex: c = a - ib of a cos(n theta) + b sin(n theta) = Re[c exp(i n
+theta)].
 """
 
 from __future__ import annotations
@@ -61,7 +62,11 @@ class PatternPair:
 
 
 def direction_patterns(
-    recording: Recording, segments: Iterable[Segment], zero: TorqueZero, reference: float = 0.0, channel: str = "torque"
+    recording: Recording,
+    segments: Iterable[Segment],
+    zero: TorqueZero,
+    reference: float = 0.0,
+    channel: str = "torque",
 ) -> PatternPair | None:
     """The patterns of whole revolutions in these segments, both directions; None where one of them has none.
 
@@ -73,7 +78,8 @@ def direction_patterns(
         parts = [
             part
             for segment in chosen
-            if segment.direction == direction and (part := _pattern(recording, segment, zero, reference, channel))
+            if segment.direction == direction
+            and (part := _pattern(recording, segment, zero, reference, channel))
         ]
         if not parts:
             return None
@@ -82,10 +88,16 @@ def direction_patterns(
     error = 0.5 * np.hypot(forward.standard_error, reverse.standard_error)
     least = min(forward.stretches, reverse.stretches)
     friction = TorquePattern(
-        0.5 * (forward.mean - reverse.mean), 0.5 * (forward.amplitude - reverse.amplitude), error, least
+        0.5 * (forward.mean - reverse.mean),
+        0.5 * (forward.amplitude - reverse.amplitude),
+        error,
+        least,
     )
     cogging = TorquePattern(
-        0.5 * (forward.mean + reverse.mean), 0.5 * (forward.amplitude + reverse.amplitude), error, least
+        0.5 * (forward.mean + reverse.mean),
+        0.5 * (forward.amplitude + reverse.amplitude),
+        error,
+        least,
     )
     return PatternPair(friction, cogging, forward, reverse)
 
@@ -104,7 +116,10 @@ def _pattern(
         first = float(angle[0]) if math.isnan(first) else first
         last = float(angle[-1])
         torque = recording.si(channel, rows)[good] - zero.at(recording.time(rows)[good])
-        where = np.floor(((angle - reference) % REVOLUTION) * (BINS / REVOLUTION)).astype(np.int64) % BINS
+        where = (
+            np.floor(((angle - reference) % REVOLUTION) * (BINS / REVOLUTION)).astype(np.int64)
+            % BINS
+        )
         counts += np.bincount(where, minlength=BINS)
         sums += np.bincount(where, weights=torque, minlength=BINS)
         squares += float(torque @ torque)
@@ -112,7 +127,9 @@ def _pattern(
     if not turned >= 0.999 * REVOLUTION or np.count_nonzero(counts) < 0.9 * BINS:
         return None
     filled = counts > 0
-    means = np.interp(np.arange(BINS), np.flatnonzero(filled), sums[filled] / counts[filled], period=BINS)
+    means = np.interp(
+        np.arange(BINS), np.flatnonzero(filled), sums[filled] / counts[filled], period=BINS
+    )
     spectrum = np.fft.rfft(means)
     orders = np.arange(1, HIGHEST_ORDER + 1)
     middle = np.exp(-1j * math.pi * orders / BINS) / np.sinc(orders / BINS)
@@ -131,6 +148,8 @@ def _pooled(parts: list[tuple[float, ComplexArray, float]]) -> TorquePattern:
     if len(parts) == 1:
         return TorquePattern(mean, amplitudes[0], np.full(amplitudes.shape[1], noise), 1)
     n = len(parts)
-    spread = np.sqrt(0.5 * (amplitudes.real.var(axis=0, ddof=1) + amplitudes.imag.var(axis=0, ddof=1)) / n)
+    spread = np.sqrt(
+        0.5 * (amplitudes.real.var(axis=0, ddof=1) + amplitudes.imag.var(axis=0, ddof=1)) / n
+    )
     widened = student_quantile(2.0 * (n - 1)) / 1.96
     return TorquePattern(mean, amplitudes.mean(axis=0), np.maximum(spread * widened, noise), n)

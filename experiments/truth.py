@@ -1,8 +1,10 @@
-"""What a simulated rig knows of itself beside what an analysis found: for demonstrations and coverage, never for analyses.
+"""What a simulated rig knows of itself beside what an analysis found: for demonstrations and
+coverage, never for analyses.
 
-The truth is the mapping that a simulated rig writes into its run file. Found and true values are made comparable here: the
-torque port reads (1 + scale error) times the true torque, both encoders stand in what is measured of the kinematic error, and
-phases of the truth over the recorded input angle are turned to the marks from which a result counts.
+The truth is the mapping that a simulated rig writes into its run file. Found and true values are
+made comparable here: the torque port reads (1 + scale error) times the true torque, both encoders
+stand in what is measured of the kinematic error, and phases of the truth over the recorded input
+angle are turned to the marks from which a result counts.
 """
 
 from __future__ import annotations
@@ -28,8 +30,16 @@ from model.units import RPM
 
 FloatArray = NDArray[np.float64]
 COLUMNS = (
-    "quantity", "found", "low", "high", "expanded uncertainty", "truth", "unit", "in the 95 % interval", "within U",
-)  # fmt: skip
+    "quantity",
+    "found",
+    "low",
+    "high",
+    "expanded uncertainty",
+    "truth",
+    "unit",
+    "in the 95 % interval",
+    "within U",
+)
 
 
 @dataclass(frozen=True)
@@ -43,7 +53,9 @@ class TruthRow:
     def difference(self) -> float:
         """Found minus true; on the circle for phases."""
         away = self.estimate.value - self.truth
-        return math.remainder(away, 2.0 * math.pi) if self.estimate.name.startswith("phase") else away
+        return (
+            math.remainder(away, 2.0 * math.pi) if self.estimate.name.startswith("phase") else away
+        )
 
     @property
     def covered(self) -> bool:
@@ -62,17 +74,22 @@ def truth_of(metadata_process: Mapping[str, Any]) -> Mapping[str, Any]:
     truth = metadata_process.get("truth")
     if not isinstance(truth, Mapping):
         raise AnalysisError(
-            "the run carries no truth", where="process.truth", remedy="Only runs of the simulated rig know theirs."
+            "the run carries no truth",
+            where="process.truth",
+            remedy="Only runs of the simulated rig know theirs.",
         )
     return truth
 
 
-def truth_rows(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None = None) -> tuple[TruthRow, ...]:
+def truth_rows(
+    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None = None
+) -> tuple[TruthRow, ...]:
     """Every estimate of a result whose true value the rig knows.
 
-    `gear` is the parameter set that the analysis leaned on. With it the truth of a friction run is what a perfect fit would
-    have found: with the output bearing's friction and at the warmth of the run, in the form of equation 19 beside the bearing
-    friction that the set states. Without it the truth holds at the reference temperature.
+    `gear` is the parameter set that the analysis leaned on. With it the truth of a friction run is
+    what a perfect fit would have found: with the output bearing's friction and at the warmth of the
+    run, in the form of equation 19 beside the bearing friction that the set states. Without it the
+    truth holds at the reference temperature.
     """
     finder = _FINDERS.get(result.kind)
     if finder is None:
@@ -85,17 +102,27 @@ def truth_rows(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | N
     )
 
 
-def truth_table(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None = None) -> Table:
+def truth_table(
+    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None = None
+) -> Table:
     """Found beside true, one line per quantity."""
     rows = tuple(
         (
-            r.estimate.name, r.estimate.value, r.estimate.low, r.estimate.high, r.estimate.expanded_uncertainty,
-            r.estimate.value - r.difference, r.estimate.unit, "yes" if r.covered else "no", "yes" if r.within else "no",
+            r.estimate.name,
+            r.estimate.value,
+            r.estimate.low,
+            r.estimate.high,
+            r.estimate.expanded_uncertainty,
+            r.estimate.value - r.difference,
+            r.estimate.unit,
+            "yes" if r.covered else "no",
+            "yes" if r.within else "no",
         )
         for r in truth_rows(result, truth, gear)
-    )  # fmt: skip
+    )
     note = (
-        "Truth as the instruments can see it: with both encoders' errors, with the scale error of the torque port and the "
+        "Truth as the instruments can see it: with both encoders' errors, with the scale "
+        "error of the torque port and the "
         "friction of the output bearing where torque enters, and at the warmth of the run."
     )
     return Table("truth", f"Found and true: {result.kind}", COLUMNS, rows, note)
@@ -105,7 +132,9 @@ def _scale(truth: Mapping[str, Any]) -> float:
     return 1.0 + float(truth.get("torque_port", {}).get("scale_error", 0.0))
 
 
-def _friction(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None) -> Iterator[tuple[str, float]]:
+def _friction(
+    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
+) -> Iterator[tuple[str, float]]:
     """Parameters and running torques of the gear as the port shows them at the warmth of the run."""
     known = truth.get("friction", {})
     balance = result.options.get("torque_balance")
@@ -122,7 +151,9 @@ def _friction(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | No
     speed, error = points[:, 0] * RPM, points[:, 2]
     torque = scale * _true_torque(known, truth.get("thermal", {}), gear, speed, warmer)
     low = gear.options.low_speed_branch
-    drag = bearing_lever(gear, balance) * bearing_magnitude(gear.bearing, speed, low_speed_branch=low)
+    drag = bearing_lever(gear, balance) * bearing_magnitude(
+        gear.bearing, speed, low_speed_branch=low
+    )
     force = (torque - drag) / mesh_lever(gear, balance)
     # The errors of the run as weights: where equation 18 does not hold, the best parameters depend on them.
     fit = fit_stribeck(speed, force, error / mesh_lever(gear, balance))
@@ -130,7 +161,10 @@ def _friction(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | No
     for name in result.estimates:
         if name.startswith("running_torque_"):
             at = np.array([float(name.removeprefix("running_torque_").removesuffix("_rpm")) * RPM])
-            yield name, scale * float(_true_torque(known, truth.get("thermal", {}), gear, at, warmer)[0])
+            yield (
+                name,
+                scale * float(_true_torque(known, truth.get("thermal", {}), gear, at, warmer)[0]),
+            )
 
 
 def _warmer(result: Result, truth: Mapping[str, Any]) -> float:
@@ -138,13 +172,20 @@ def _warmer(result: Result, truth: Mapping[str, Any]) -> float:
     reference = truth.get("thermal", {}).get("reference")
     found = result.metrics.get("housing_temperature", math.nan)
     offset = float(truth.get("thermometer", {}).get("housing_offset", 0.0))
-    return found - offset - float(reference) if reference is not None and math.isfinite(found) else 0.0
+    return (
+        found - offset - float(reference) if reference is not None and math.isfinite(found) else 0.0
+    )
 
 
 def _true_torque(
-    known: Mapping[str, Any], thermal: Mapping[str, Any], gear: HarmonicDrive, speed: FloatArray, warmer: float
+    known: Mapping[str, Any],
+    thermal: Mapping[str, Any],
+    gear: HarmonicDrive,
+    speed: FloatArray,
+    warmer: float,
 ) -> FloatArray:
-    """Friction torque at the input of the true gear with its output bearing [N m], `warmer` than the reference by so many K.
+    """Friction torque at the input of the true gear with its output bearing [N m], `warmer` than
+    the reference by so many K.
 
     Dry parts fall by `coulomb_per_kelvin` of themselves per kelvin, viscous ones as exp(-viscous_per_kelvin dT), the
     bearing's speed-dependent part as that to 2/3.
@@ -152,20 +193,29 @@ def _true_torque(
     dry = 1.0 - float(thermal.get("coulomb_per_kelvin", 0.0)) * warmer
     thin = math.exp(-float(thermal.get("viscous_per_kelvin", 0.0)) * warmer)
     bearing = dataclasses.replace(
-        gear.bearing, friction_factor=float(known["bearing_friction_factor"]), viscosity=float(known["viscosity"])
+        gear.bearing,
+        friction_factor=float(known["bearing_friction_factor"]),
+        viscosity=float(known["viscosity"]),
     )
     own, seen = known, known["measurable"]
     lever = mesh_lever(gear, known["torque_balance"])
     decay = np.exp(-((speed / own["stribeck_velocity"]) ** own["shape"]))
-    mesh = dry * (own["coulomb"] + (own["static"] - own["coulomb"]) * decay) + thin * own["viscous"] * speed
+    mesh = (
+        dry * (own["coulomb"] + (own["static"] - own["coulomb"]) * decay)
+        + thin * own["viscous"] * speed
+    )
     output = (seen["coulomb"] - own["coulomb"]) + (seen["viscous"] - own["viscous"]) * speed
     still = bearing_magnitude(bearing, 0.0)
     moving = bearing_magnitude(bearing, speed) - still
-    drag = bearing_lever(gear, known["torque_balance"]) * (dry * still + thin ** (2.0 / 3.0) * moving)
+    drag = bearing_lever(gear, known["torque_balance"]) * (
+        dry * still + thin ** (2.0 / 3.0) * moving
+    )
     return lever * (mesh + output) + drag
 
 
-def _tare(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None) -> Iterator[tuple[str, float]]:
+def _tare(
+    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
+) -> Iterator[tuple[str, float]]:
     motor, scale = truth.get("motor", {}), _scale(truth)
     for name in ("coulomb", "viscous"):
         if name in motor:
@@ -187,15 +237,23 @@ def _kinematic_error(
         label = labels.get(round(float(entry["order"]), 9))
         if label is None:
             continue
-        phase = math.atan2(entry["sine"], entry["cosine"]) - (entry["order"] * reference if recorded else 0.0)
+        phase = math.atan2(entry["sine"], entry["cosine"]) - (
+            entry["order"] * reference if recorded else 0.0
+        )
         yield f"amplitude_{label}", float(entry["amplitude"])
         yield f"phase_{label}", math.remainder(phase, 2.0 * math.pi)
     if "measurable_peak_to_peak" in known:
-        for name in ("transmission_accuracy", "transmission_accuracy_forward", "transmission_accuracy_reverse"):
+        for name in (
+            "transmission_accuracy",
+            "transmission_accuracy_forward",
+            "transmission_accuracy_reverse",
+        ):
             yield name, float(known["measurable_peak_to_peak"])
 
 
-def _steps(result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None) -> Iterator[tuple[str, float]]:
+def _steps(
+    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
+) -> Iterator[tuple[str, float]]:
     """K/J_o and frequency for small amplitudes: with the stiffness of the hysteresis element before it slides."""
     known = truth.get("dynamics", {})
     if "stiffness_over_inertia" not in known:

@@ -1,8 +1,9 @@
 """Velocity steps: the input jumps to a speed, the output follows; simulated output against measured output per speed.
 
-(2) with the measured input prescribed; figure 19. Steps test K/J_o, damping and kinematic error, not friction. Scored are the
-output's speed and x = theta_o - theta_i/N - ke against null models (rigid gear, rigid gear with kinematic error), never the
-raw angle. K/J_o and damping are reported per speed and direction, because the stiffness hardens with torque.
+(2) with the measured input prescribed; figure 19. Steps test K/J_o, damping and kinematic error,
+not friction. Scored are the output's speed and x = theta_o - theta_i/N - ke against null models
+(rigid gear, rigid gear with kinematic error), never the raw angle. K/J_o and damping are reported
+per speed and direction, because the stiffness hardens with torque.
 """
 
 from __future__ import annotations
@@ -27,7 +28,13 @@ from experiments.recording import Recording
 from experiments.result import Result
 from experiments.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
 from experiments.speeds import first_resonances, refuse_speed
-from experiments.step_data import RecordedStep, carries, even_input, recorded_steps, simulated_output
+from experiments.step_data import (
+    RecordedStep,
+    carries,
+    even_input,
+    recorded_steps,
+    simulated_output,
+)
 from experiments.step_plots import (
     fitted_step_plots,
     identifiability_table,
@@ -57,23 +64,33 @@ class Parameters:
 
     speeds_rpm: Annotated[
         tuple[float, ...], Gt(0.0), Le(10000.0), Unit("r/min"), Help("input speeds of the steps")
-    ] = (60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 2400.0, 3000.0)  # fmt: skip
+    ] = (60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 2400.0, 3000.0)
     repeats: Repeats = 2
-    duration: Annotated[float, Ge(0.05), Le(600.0), Unit("s"), Help("time at speed, long enough for the ring-down")] = (
-        1.5
-    )
-    revolutions: Annotated[float, Ge(3.0), Le(1000.0), Unit("rev"), Help("least input revolutions of a step")] = 3.0
-    rest_time: Annotated[float, Ge(0.1), Le(60.0), Unit("s"), Help("standstill before each step")] = 0.5
+    duration: Annotated[
+        float, Ge(0.05), Le(600.0), Unit("s"), Help("time at speed, long enough for the ring-down")
+    ] = 1.5
+    revolutions: Annotated[
+        float, Ge(3.0), Le(1000.0), Unit("rev"), Help("least input revolutions of a step")
+    ] = 3.0
+    rest_time: Annotated[
+        float, Ge(0.1), Le(60.0), Unit("s"), Help("standstill before each step")
+    ] = 0.5
     approach_rpm: SlowSpeed = 30.0
     acceleration: Acceleration = 500.0
     zero_time: ZeroTime = 3.0
 
 
 def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Torque zero; for each repeat, speed and direction: a stated wave-generator angle, rest, step, stop; torque zero."""
+    """Torque zero; for each repeat, speed and direction: a stated wave-generator angle, rest, step,
+    stop; torque zero.
+    """
     checked(parameters, Parameters, NAME)
     if not parameters.speeds_rpm:
-        raise PlanError("the list of speeds is empty", where=f"{NAME}.speeds_rpm", remedy="Give at least one speed.")
+        raise PlanError(
+            "the list of speeds is empty",
+            where=f"{NAME}.speeds_rpm",
+            remedy="Give at least one speed.",
+        )
     for rpm in (*parameters.speeds_rpm, parameters.approach_rpm):
         refuse_speed(rpm, gear, f"{NAME}.speeds_rpm")
     return between_zeros(_steps(parameters), parameters.zero_time)
@@ -93,7 +110,11 @@ def _steps(p: Parameters) -> Iterator[Step]:
             for direction in (1, -1):
                 setpoint = direction * rpm * RPM
                 yield MoveToAngle(
-                    phase, slow, p.acceleration, at_most, SegmentLabel("position", phase, direction, repeat)
+                    phase,
+                    slow,
+                    p.acceleration,
+                    at_most,
+                    SegmentLabel("position", phase, direction, repeat),
                 )
                 yield HoldTime(p.rest_time, SegmentLabel("rest", setpoint, direction, repeat))
                 label = SegmentLabel("step", setpoint, direction, repeat)
@@ -107,15 +128,18 @@ INERTIA_ABOVE = 1000.0 * RPM
 CONSISTENT = 0.15
 """Relative scatter between steps up to which the inertia from torque counts as identified."""
 ERROR_FROM_SET, ERROR_FROM_RUN = 0.003, 0.015
-"""Relative standard uncertainty of K/J_o by a kinematic error that is not exactly the gear's: identified by a run of its own,
+"""Relative standard uncertainty of K/J_o by a kinematic error that is not exactly the gear's:
+identified by a run of its own,
 and from slow steps (without sidebands and output orders)."""
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
-    """Resonance (K/J_o) and damping per speed and direction, scores against the null models, inertia where torque shows it.
+    """Resonance (K/J_o) and damping per speed and direction, scores against the null models,
+    inertia where torque shows it.
 
-    Setting kinematic_error: "auto" (the set's if it was identified and the run saw the index marks, else the run's own slow
-    steps), "set", "run". K, C_b, K_m and J_o alone cannot be told from these data, and it is said.
+    Setting kinematic_error: "auto" (the set's if it was identified and the run saw the index marks,
+    else the run's own slow steps), "set", "run". K, C_b, K_m and J_o alone cannot be told from
+    these data, and it is said.
     """
     steps, origin, warnings = _steps_of(recording, evidence.gear, evidence)
     expected = first_resonances(evidence.gear)[-1] / REVOLUTION
@@ -131,15 +155,28 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     warnings.append(f"{known.sentence()} Friction is not tested by the output of a step.")
     if own:
         warnings.append(
-            "The kinematic error is from this run's slow steps, without sidebands and output orders: K/J_o is better with "
+            "The kinematic error is from this run's slow steps, without sidebands and output "
+            "orders: K/J_o is better with "
             "one that a kinematic-error run identified."
         )
     return Result(
-        recording.metadata.run_id, NAME, estimates, _metrics(fits), tuple(dict.fromkeys(warnings)),
+        recording.metadata.run_id,
+        NAME,
+        estimates,
+        _metrics(fits),
+        tuple(dict.fromkeys(warnings)),
         plots=fitted_step_plots(steps, fits, combined),
-        tables=(step_table(steps, fits), identifiability_table(known), budget_table(estimates.values())),
-        options={"kinematic_error": origin, "input": "measured", "stiffness": "dynamic, small-signal"},
-    )  # fmt: skip
+        tables=(
+            step_table(steps, fits),
+            identifiability_table(known),
+            budget_table(estimates.values()),
+        ),
+        options={
+            "kinematic_error": origin,
+            "input": "measured",
+            "stiffness": "dynamic, small-signal",
+        },
+    )
 
 
 def _steps_of(
@@ -147,17 +184,23 @@ def _steps_of(
 ) -> tuple[list[RecordedStep], str, list[str]]:
     known_settings(evidence.settings, SETTINGS, NAME)
     recording.require("velocity steps", "input_angle", "output_angle")
-    warnings = list(check_recording(recording, "velocity steps", evidence.maximum_missed_share).warnings)
+    warnings = list(
+        check_recording(recording, "velocity steps", evidence.maximum_missed_share).warnings
+    )
     require_time_base(recording, "a velocity step")
     if not recording.labelled("step"):
         raise AnalysisError(
-            "the recording has no step segments, and a step cannot be told from other motion", where=recording.metadata.run_id,
-            remedy="Give segments labelled \"step\" when importing.",
-        )  # fmt: skip
+            "the recording has no step segments, and a step cannot be told from other motion",
+            where=recording.metadata.run_id,
+            remedy='Give segments labelled "step" when importing.',
+        )
     wanted = evidence.settings.get("kinematic_error", "auto")
     if wanted not in ("auto", "set", "run"):
         raise AnalysisError(
-            "no such choice", where=f"{NAME}.kinematic_error", value=repr(wanted), limit="auto, set, run"
+            "no such choice",
+            where=f"{NAME}.kinematic_error",
+            value=repr(wanted),
+            limit="auto, set, run",
         )
     reference = phase_reference(recording)
     use_set = wanted == "set" or (wanted == "auto" and carries(gear, reference))
@@ -168,7 +211,9 @@ def _steps_of(
             recording, ratio, reference, zero, gear if use_set else None, first_resonances(gear)[-1]
         )
     if not steps:
-        raise AnalysisError("no step can be used", where=recording.metadata.run_id, value="; ".join(said))
+        raise AnalysisError(
+            "no step can be used", where=recording.metadata.run_id, value="; ".join(said)
+        )
     return steps, origin, warnings + said
 
 
@@ -212,20 +257,43 @@ def _output_inertia(
         error = float(values.std(ddof=1)) / math.sqrt(len(values))
         scatter = float(values.std(ddof=1)) / abs(mean) if mean else math.inf
         half = student_quantile(len(values) - 1) * max(float(values.std(ddof=1)), error)
-        known = "yes" if scatter <= CONSISTENT else "weakly" if scatter <= 3.0 * CONSISTENT else "no"
-        note = "" if known == "yes" else f"the steps differ by {100.0 * scatter:.0f} % (standard deviation)"
-        budget = (BudgetLine("between steps", "A", max(0.5 * half, error)), scale_line(recording, mean))
-        estimates[name] = Estimate(name, mean, parts[0].unit, mean - half, mean + half, known, note, budget)
+        known = (
+            "yes" if scatter <= CONSISTENT else "weakly" if scatter <= 3.0 * CONSISTENT else "no"
+        )
+        note = (
+            ""
+            if known == "yes"
+            else f"the steps differ by {100.0 * scatter:.0f} % (standard deviation)"
+        )
+        budget = (
+            BudgetLine("between steps", "A", max(0.5 * half, error)),
+            scale_line(recording, mean),
+        )
+        estimates[name] = Estimate(
+            name, mean, parts[0].unit, mean - half, mean + half, known, note, budget
+        )
     inertia = estimates["output_inertia"]
     value = inertia.value * ratio.value
     relative = math.hypot(
-        0.5 * (inertia.high - inertia.low) / abs(inertia.value), 0.5 * (ratio.high - ratio.low) / ratio.value
+        0.5 * (inertia.high - inertia.low) / abs(inertia.value),
+        0.5 * (ratio.high - ratio.low) / ratio.value,
     )
-    note = "dynamic, small-signal: K/J_o times the inertia from torque" + (f"; {inertia.note}" if inertia.note else "")
+    note = "dynamic, small-signal: K/J_o times the inertia from torque" + (
+        f"; {inertia.note}" if inertia.note else ""
+    )
     estimates["output_stiffness"] = Estimate(
-        "output_stiffness", value, "N m/rad", value * (1.0 - relative), value * (1.0 + relative), inertia.identifiable, note,
-        (BudgetLine("inertia and resonance", "A", 0.5 * relative * abs(value)), scale_line(recording, value)),
-    )  # fmt: skip
+        "output_stiffness",
+        value,
+        "N m/rad",
+        value * (1.0 - relative),
+        value * (1.0 + relative),
+        inertia.identifiable,
+        note,
+        (
+            BudgetLine("inertia and resonance", "A", 0.5 * relative * abs(value)),
+            scale_line(recording, value),
+        ),
+    )
     return estimates
 
 
@@ -233,7 +301,11 @@ def _with_budget(found: dict[str, Estimate], by_error: float) -> dict[str, Estim
     """The combined estimates with type A and what the kinematic error does to the resonance (type B)."""
     estimates: dict[str, Estimate] = {}
     for name, estimate in found.items():
-        lines = [BudgetLine("fit of the steps and their scatter", "A", 0.25 * (estimate.high - estimate.low))]
+        lines = [
+            BudgetLine(
+                "fit of the steps and their scatter", "A", 0.25 * (estimate.high - estimate.low)
+            )
+        ]
         share = (
             by_error
             if name.startswith("stiffness")
@@ -242,7 +314,12 @@ def _with_budget(found: dict[str, Estimate], by_error: float) -> dict[str, Estim
             else 5.0 * by_error
         )
         lines.append(
-            BudgetLine("kinematic error", "B", share * abs(estimate.value), "what it leaves out rings the mode")
+            BudgetLine(
+                "kinematic error",
+                "B",
+                share * abs(estimate.value),
+                "what it leaves out rings the mode",
+            )
         )
         estimates[name] = estimate.with_budget(lines)
     return estimates
@@ -251,7 +328,9 @@ def _with_budget(found: dict[str, Estimate], by_error: float) -> dict[str, Estim
 def _metrics(fits: list[StepFit]) -> dict[str, float]:
     resolvable = [f for f in fits if f.resolvable]
     names = ("skill", "skill_rigid", "skill_speed", "skill_speed_rigid", "mse_speed")
-    metrics = {f"median_{name}": float(np.median([f.metrics[name] for f in resolvable])) for name in names}
+    metrics = {
+        f"median_{name}": float(np.median([f.metrics[name] for f in resolvable])) for name in names
+    }
     return {"steps": float(len(fits)), "resolvable_steps": float(len(resolvable)), **metrics}
 
 
@@ -260,38 +339,62 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
     steps, origin, warnings = _steps_of(recording, gear, evidence)
     with analysing(recording.metadata.run_id):
         driven = [dataclasses.replace(gear, kinematic_error=s.data.kinematic_error) for s in steps]
-        scores = [score_step(s.data, simulated_output(s, g)) for s, g in zip(steps, driven, strict=True)]
+        scores = [
+            score_step(s.data, simulated_output(s, g)) for s, g in zip(steps, driven, strict=True)
+        ]
     names = ("skill", "skill_rigid", "skill_speed", "skill_speed_rigid", "mse_speed")
-    metrics = {f"median_{name}": float(np.median([s.metrics[name] for s in scores])) for name in names}
+    metrics = {
+        f"median_{name}": float(np.median([s.metrics[name] for s in scores])) for name in names
+    }
     mode = torsional_mode(gear)
-    metrics |= {"frequency_of_the_set": mode.natural_frequency / REVOLUTION, "damping_of_the_set": mode.damping_ratio}
+    metrics |= {
+        "frequency_of_the_set": mode.natural_frequency / REVOLUTION,
+        "damping_of_the_set": mode.damping_ratio,
+    }
     return Result(
-        recording.metadata.run_id, NAME, {}, {"steps": float(len(steps)), **metrics}, tuple(warnings),
-        plots=scored_step_plots(steps, scores, gear.name), tables=(score_table(steps, scores),),
-        options={"kinematic_error": origin, "input": "measured", "parameter_set": gear.name, "fitted": "nothing"},
-    )  # fmt: skip
+        recording.metadata.run_id,
+        NAME,
+        {},
+        {"steps": float(len(steps)), **metrics},
+        tuple(warnings),
+        plots=scored_step_plots(steps, scores, gear.name),
+        tables=(score_table(steps, scores),),
+        options={
+            "kinematic_error": origin,
+            "input": "measured",
+            "parameter_set": gear.name,
+            "fitted": "nothing",
+        },
+    )
 
 
 def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
     """The gear with the output inertia and the damping that make equation 2 ring as the run did.
 
-    The run tells K/J_o, not K: the stiffness of the set stays, and J_o follows from it. The radial damping C_b is that which
-    gives the damping ratio; where no C_b does, the structural damping C_t takes the rest.
+    The run tells K/J_o, not K: the stiffness of the set stays, and J_o follows from it. The radial
+    damping C_b is that which gives the damping ratio; where no C_b does, the structural damping C_t
+    takes the rest.
     """
     if result.kind != NAME:
-        raise AnalysisError("is the result of another protocol", where=result.run, value=result.kind, limit=NAME)
+        raise AnalysisError(
+            "is the result of another protocol", where=result.run, value=result.kind, limit=NAME
+        )
     ratio, damping = result.estimates["stiffness_over_inertia"], result.estimates["damping_ratio"]
     path, value = "bearing.damping", gear.bearing.damping
     for _ in range(4):
         # Damping moves the mode a little, and the inertia moves the damping ratio: both settle within a few rounds.
         mode = torsional_mode(gear)
-        gear = gear.with_values({"inertia.output": gear.inertia.output * mode.natural_frequency**2 / ratio.value})
+        gear = gear.with_values(
+            {"inertia.output": gear.inertia.output * mode.natural_frequency**2 / ratio.value}
+        )
         path, value = _damping_for(gear, damping.value)
         gear = gear.with_values({path: value})
     stiffness = drive_stiffness(gear).combined_output
     source = f"run {result.run}: K/J_o = {ratio.value:.6g} 1/s2 with the set's own stiffness {stiffness:.5g} N m/rad"
     spread = ratio.standard_uncertainty / ratio.value * gear.inertia.output
-    gear = gear.with_values({"inertia.output": gear.inertia.output}, Origin("identified", source, spread))
+    gear = gear.with_values(
+        {"inertia.output": gear.inertia.output}, Origin("identified", source, spread)
+    )
     source = f"run {result.run}: damping ratio {damping.value:.4g} of the first mode"
     spread = damping.standard_uncertainty / damping.value * value if damping.value > 0.0 else None
     return gear.with_values({path: value}, Origin("identified", source, spread))
@@ -299,7 +402,10 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
 
 def torsional_mode(gear: HarmonicDrive) -> Mode:
     """The lowest mode of equation 2 that oscillates: the output on the gear's compliance."""
-    return min((m for m in modes(dynamic_parameters(gear)) if m.damping_ratio < 1.0), key=lambda m: m.natural_frequency)
+    return min(
+        (m for m in modes(dynamic_parameters(gear)) if m.damping_ratio < 1.0),
+        key=lambda m: m.natural_frequency,
+    )
 
 
 def _damping_for(gear: HarmonicDrive, wanted: float) -> tuple[str, float]:
@@ -320,6 +426,12 @@ def _damping_for(gear: HarmonicDrive, wanted: float) -> tuple[str, float]:
 
 
 EXPERIMENT = Experiment(
-    NAME, "Velocity steps", "speed steps, simulated output against measured output per speed", Parameters, plan, analyse,
-    compare=compare, identified=identified,
-)  # fmt: skip
+    NAME,
+    "Velocity steps",
+    "speed steps, simulated output against measured output per speed",
+    Parameters,
+    plan,
+    analyse,
+    compare=compare,
+    identified=identified,
+)

@@ -14,7 +14,15 @@ from experiments.budget import scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError
 from experiments.parameters import Help, Unit
-from experiments.plan_parts import between_zeros, checked, longest, ramp, stop, whole_revolutions, window_of
+from experiments.plan_parts import (
+    between_zeros,
+    checked,
+    longest,
+    ramp,
+    stop,
+    whole_revolutions,
+    window_of,
+)
 from experiments.quality import check_recording, known_settings, usable
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
@@ -38,7 +46,11 @@ class Parameters:
 
     speed_rpm: Annotated[float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("input speed")] = 1500.0
     window: Annotated[
-        float, Gt(0.0), Le(600.0), Unit("s"), Help("window of the mean torque, rounded up to whole revolutions")
+        float,
+        Gt(0.0),
+        Le(600.0),
+        Unit("s"),
+        Help("window of the mean torque, rounded up to whole revolutions"),
     ] = 30.0
     tolerance: Annotated[
         float, Gt(0.0), Le(1.0), Unit("N m"), Help("largest change of torque from window to window")
@@ -59,13 +71,19 @@ def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
 def _turns(p: Parameters) -> Iterator[Step]:
     speed = incommensurate(p.speed_rpm * RPM, p.sync_rate, p.window)
     yield ramp(speed, p.acceleration, 1)
-    yield Settle(window_of(speed, p.window), p.tolerance, p.at_most, SegmentLabel("warm-up", speed, 1))
+    yield Settle(
+        window_of(speed, p.window), p.tolerance, p.at_most, SegmentLabel("warm-up", speed, 1)
+    )
     turns = whole_revolutions(speed, min(p.window, 5.0))
     for direction in (1, -1):
         setpoint = direction * speed
         yield ramp(setpoint, p.acceleration, direction)
-        yield HoldRevolutions(turns, longest(turns, speed), SegmentLabel("settle", setpoint, direction))
-        yield HoldRevolutions(turns, longest(turns, speed), SegmentLabel("hold", setpoint, direction))
+        yield HoldRevolutions(
+            turns, longest(turns, speed), SegmentLabel("settle", setpoint, direction)
+        )
+        yield HoldRevolutions(
+            turns, longest(turns, speed), SegmentLabel("hold", setpoint, direction)
+        )
         yield stop(p.acceleration)
 
 
@@ -79,14 +97,20 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     segments = recording.labelled("warm-up")
     if not segments:
         raise AnalysisError("the run has no warm-up segment", where=recording.metadata.run_id)
-    window, tolerance = _window(recording), float(recording.metadata.parameters.get("tolerance", Parameters.tolerance))
+    window, tolerance = (
+        _window(recording),
+        float(recording.metadata.parameters.get("tolerance", Parameters.tolerance)),
+    )
     found = [_windows(recording, segment, zero, window) for segment in segments]
     time, torque = (np.concatenate(parts) for parts in zip(*found, strict=True))
     if len(time) < 2:
         raise AnalysisError(
-            "the warm-up is shorter than two windows", where=recording.metadata.run_id, value=len(time), limit=">= 2",
+            "the warm-up is shorter than two windows",
+            where=recording.metadata.run_id,
+            value=len(time),
+            limit=">= 2",
             remedy="Run longer or with a shorter window.",
-        )  # fmt: skip
+        )
     change = float(abs(torque[-1] - torque[-2]))
     steady = change <= tolerance
     if not steady:
@@ -103,9 +127,15 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         budget = (BudgetLine("whole revolutions", "A", error), scale_line(recording, value))
         half = student_quantile(float(points.freedom[at])) * error
         estimates["running_torque"] = Estimate(
-            "running_torque", value, "N m", value - half, value + half, "yes",
-            "motor + gear, half-difference of the directions", budget,
-        )  # fmt: skip
+            "running_torque",
+            value,
+            "N m",
+            value - half,
+            value + half,
+            "yes",
+            "motor + gear, half-difference of the directions",
+            budget,
+        )
     metrics = {
         "last_change": change,
         "total_change": float(torque[-1] - torque[0]),
@@ -113,11 +143,22 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         "steady": float(steady),
     }
     series = Series("mean per window", time - time[0], torque * 1e3, "points")
-    plot = Plot("warm-up", "Running torque while warming up", "time [s]", "torque of motor + gear [mN m]", (series,))
+    plot = Plot(
+        "warm-up",
+        "Running torque while warming up",
+        "time [s]",
+        "torque of motor + gear [mN m]",
+        (series,),
+    )
     return Result(
-        recording.metadata.run_id, NAME, estimates, metrics, (*warnings, *remarks), plots=(plot,),
+        recording.metadata.run_id,
+        NAME,
+        estimates,
+        metrics,
+        (*warnings, *remarks),
+        plots=(plot,),
         options={"torque_is_of": "motor + gear"},
-    )  # fmt: skip
+    )
 
 
 def _window(recording: Recording) -> float:
@@ -125,7 +166,9 @@ def _window(recording: Recording) -> float:
     return float(recording.metadata.parameters.get("window", Parameters.window))
 
 
-def _windows(recording: Recording, segment: Segment, zero: TorqueZero, window: float) -> tuple[np.ndarray, np.ndarray]:
+def _windows(
+    recording: Recording, segment: Segment, zero: TorqueZero, window: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Middle [s] and mean torque [N m] of consecutive windows, in constant memory."""
     start = float(recording.time(slice(segment.start, segment.start + 1))[0])
     sums: dict[int, np.ndarray] = {}

@@ -1,7 +1,8 @@
 """The zero of the torque port: mean over servo-off segments before and after the run, and its drift in between.
 
-Only with the power stage off is nothing held: servo-on at standstill reads whatever stiction holds. The reference is 0, so
-that the mean reading is the offset to subtract, interpolated in time between the two zeros; drift is a warning.
+Only with the power stage off is nothing held: servo-on at standstill reads whatever stiction holds.
+The reference is 0, so that the mean reading is the offset to subtract, interpolated in time between
+the two zeros; drift is a warning.
 """
 
 from __future__ import annotations
@@ -58,7 +59,9 @@ class TorqueZero:
         found = [z for z in (self.before, self.after) if z is not None]
         if not found:
             return np.zeros_like(np.asarray(time, dtype=np.float64))
-        return np.asarray(np.interp(time, [z.time for z in found], [z.value for z in found]), dtype=np.float64)
+        return np.asarray(
+            np.interp(time, [z.time for z in found], [z.value for z in found]), dtype=np.float64
+        )
 
     def budget(self) -> BudgetLine:
         """The line of an uncertainty budget."""
@@ -79,7 +82,8 @@ def torque_zero(recording: Recording, channel: str = "torque") -> TorqueZero:
     found = [z for z in (before, after) if z is not None]
     if not found:
         text = (
-            "There is no servo-off segment, so the zero of the torque is not known: half-differences of the directions are "
+            "There is no servo-off segment, so the zero of the torque is not known: "
+            "half-differences of the directions are "
             "friction, half-sums hold the offset of the port."
         )
         return TorqueZero(None, None, signal.offset_uncertainty, (text,))
@@ -118,6 +122,7 @@ def _mean_zero(recording: Recording, segments: tuple[Segment, ...], channel: str
     time = np.concatenate(times)
     blocks = np.array([part.mean() for part in np.array_split(value, min(16, len(value) // 2))])
     error = max(
-        float(blocks.std(ddof=1)) / math.sqrt(len(blocks)), recording.signals[channel].quantum / math.sqrt(12.0)
+        float(blocks.std(ddof=1)) / math.sqrt(len(blocks)),
+        recording.signals[channel].quantum / math.sqrt(12.0),
     )
     return Zero(float(time.mean()), float(value.mean()), error)

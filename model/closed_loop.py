@@ -1,4 +1,5 @@
-"""The rig's closed loop: servo, motor, wedge, gear and load in one compiled simulation, with friction that truly sticks.
+"""The rig's closed loop: servo, motor, wedge, gear and load in one compiled simulation, with
+friction that truly sticks.
 
 (2)   the three masses of the gear, here with the rotor as a fourth; propagated exactly per step (matrix exponential,
       first-order hold on e), in coordinates relative to the rigid gear so that no angle grows
@@ -7,13 +8,15 @@
       (J_m + J_wg) theta_i'' = T_m - T_wg - T_motor friction
       T_ref = J_tot 2 pi K_v (eps + (1/T_i) int eps dt)             with torque limit, torque filter and anti-windup
 
-Friction is lumped on the rotor: eq (19) applied to x2 and y1 with the sign of a *state* theta_i' chatters at any step
-size, because the rotor answers a mesh force only through the elastic chain. On the rotor the friction torque acts on the
-speed whose sign it takes, so one scalar equation gives exact stick: the speed is 0.0 at a hold. The wind-up that the
-friction leaves in the output (theta_f of the reduced form) is added to the output angle as a static lag.
+Friction is lumped on the rotor: eq (19) applied to x2 and y1 with the sign of a *state* theta_i'
+chatters at any step size, because the rotor answers a mesh force only through the elastic chain. On
+the rotor the friction torque acts on the speed whose sign it takes, so one scalar equation gives
+exact stick: the speed is 0.0 at a hold. The wind-up that the friction leaves in the output (theta_f
+of the reduced form) is added to the output angle as a static lag.
 
-Whatever a real rig has and equation 2 has not is a `Deviations`; the default is the published model with its servo.
-Equations 2 and 17 of Zou et al. 2015; the reaction torque by virtual work; the servo as the usual speed loop of an AC drive.
+Whatever a real rig has and equation 2 has not is a `Deviations`; the default is the published model
+with its servo. Equations 2 and 17 of Zou et al. 2015; the reaction torque by virtual work; the
+servo as the usual speed loop of an AC drive.
 """
 
 from __future__ import annotations
@@ -49,7 +52,9 @@ class Servo:
 
 @dataclass(frozen=True)
 class ServoLimits:
-    """What the drive never exceeds: torque [N m], speed [rad/s], acceleration and decelerations [rad/s2], motor side."""
+    """What the drive never exceeds: torque [N m], speed [rad/s], acceleration and decelerations
+    [rad/s2], motor side.
+    """
 
     torque: float
     speed: float
@@ -60,7 +65,8 @@ class ServoLimits:
 
 @dataclass(frozen=True)
 class Thermal:
-    """Two lumped heat stores, housing (with the grease) and motor, and what warming does to friction and torque constant.
+    """Two lumped heat stores, housing (with the grease) and motor, and what warming does to
+    friction and torque constant.
 
     Temperatures in degC, capacities in J/K, conductances to the room and between them in W/K, copper loss in W/(N m)^2.
     Friction parameters are those at `reference`. Coulomb friction falls by `coulomb_per_kelvin` of itself per kelvin,
@@ -131,9 +137,10 @@ class LoopSettings:
 class ClosedLoop:
     """The closed loop of one motor and one gear (or the bare motor), ready to be advanced.
 
-    Holds only what does not change while it turns; what does is the state array that `rest` makes and `advance` changes
-    in place (a copy of it is a snapshot). `series` is the kinematic error that acts, `parameters` the numbers of equation
-    2, `inertia` what the motor turns [kg m2], `time_step` the exact step [s].
+    Holds only what does not change while it turns; what does is the state array that `rest` makes
+    and `advance` changes in place (a copy of it is a snapshot). `series` is the kinematic error
+    that acts, `parameters` the numbers of equation 2, `inertia` what the motor turns [kg m2],
+    `time_step` the exact step [s].
     """
 
     def __init__(
@@ -154,10 +161,14 @@ class ClosedLoop:
         self.series = (*gear.kinematic_error, *self.deviations.kinematic_error) if mounted else ()
         self.rotor_inertia = motor.rotor_inertia + (gear.inertia.wave_generator if mounted else 0.0)
         self.rotor_inertia += self.settings.disc_inertia
-        self.inertia = self.rotor_inertia + (gear.inertia.output / self.ratio**2 if mounted else 0.0)
+        self.inertia = self.rotor_inertia + (
+            gear.inertia.output / self.ratio**2 if mounted else 0.0
+        )
         system = loop_tables.linear_system(self.parameters, self.rotor_inertia, coupled=mounted)
         self._step = loop_tables.step_matrix(system, self.time_step)
-        self._error, self._period = loop_tables.error_table(self.series, self.ratio, self.parameters.radial_lever)
+        self._error, self._period = loop_tables.error_table(
+            self.series, self.ratio, self.parameters.radial_lever
+        )
         self._highest_speed = 2.0 * motor.maximum_speed
         self._friction = loop_tables.friction_table(
             gear, self.parameters, self._highest_speed, windup=self.deviations.friction_windup
@@ -176,7 +187,10 @@ class ClosedLoop:
         if self.settings.gear_mounted:
             lever, tangent = self.parameters.radial_lever, math.tan(self.parameters.tooth_angle)
             error = lever * float(series_value(self.series, angle))
-            state[kernel.ERROR], state[kernel.SLOPE] = error, lever * float(series_slope(self.series, angle))
+            state[kernel.ERROR], state[kernel.SLOPE] = (
+                error,
+                lever * float(series_slope(self.series, angle)),
+            )
             state[kernel.R2] = error
             state[kernel.R1] = state[kernel.RO] = tangent * error
         thermal = self.deviations.thermal or Thermal()
@@ -208,15 +222,26 @@ class ClosedLoop:
         if rows is None:
             rows = np.empty((len(targets), kernel.ROW_SIZE))
         kernel.advance(
-            state, self._physics, self._servo, self._step, self._error, self._friction, self._cogging,
-            mode, targets, self.substeps, rows,
-        )  # fmt: skip
+            state,
+            self._physics,
+            self._servo,
+            self._step,
+            self._error,
+            self._friction,
+            self._cogging,
+            mode,
+            targets,
+            self.substeps,
+            rows,
+        )
         return rows
 
     @property
     def stiffness_over_inertia(self) -> float:
         """(2 pi f_1)^2 of theta_i -> theta_o for small windings: K_HDf (1 + Dahl's share)/J_o [1/s2]."""
-        share = self.deviations.hysteresis_stiffness if self.deviations.hysteresis_torque > 0.0 else 0.0
+        share = (
+            self.deviations.hysteresis_stiffness if self.deviations.hysteresis_torque > 0.0 else 0.0
+        )
         return self.parameters.combined_stiffness * (1.0 + share) / self.parameters.output_inertia
 
     def _make_physics(self) -> Array:
@@ -230,7 +255,10 @@ class ClosedLoop:
         p[kernel.ERROR_TURNS] = 1.0 / (2.0 * math.pi * self._period)
         p[kernel.ERROR_POINTS] = len(self._error) - 1
         if self.settings.gear_mounted:
-            p[kernel.INVERSE_RATIO], p[kernel.LAMBDA] = 1.0 / self.ratio, found.radial_lever / self.ratio
+            p[kernel.INVERSE_RATIO], p[kernel.LAMBDA] = (
+                1.0 / self.ratio,
+                found.radial_lever / self.ratio,
+            )
             still = loop_tables.bearing_drag(self.gear, np.zeros(1))
             p[kernel.BEARING_LOW] = friction.bearing_lever(self.gear) * float(still[0])
             p[kernel.DEPTH] = extra.mesh_depth / max(self._largest_error(), 1e-12)
@@ -238,8 +266,13 @@ class ClosedLoop:
             p[kernel.OUTPUT_VISCOUS] = extra.output_viscous / found.neutral_radius
             self._fill_elastic(p)
         if extra.motor_friction:
-            p[kernel.MOTOR_COULOMB], p[kernel.MOTOR_VISCOUS] = motor.coulomb_friction, motor.viscous_friction
-        p[kernel.PORT_STEP] = -math.expm1(-self.time_step / extra.port_lag) if extra.port_lag > 0.0 else 1.0
+            p[kernel.MOTOR_COULOMB], p[kernel.MOTOR_VISCOUS] = (
+                motor.coulomb_friction,
+                motor.viscous_friction,
+            )
+        p[kernel.PORT_STEP] = (
+            -math.expm1(-self.time_step / extra.port_lag) if extra.port_lag > 0.0 else 1.0
+        )
         p[kernel.TORQUE_FACTOR] = 1.0 + extra.torque_constant_error
         p[kernel.FRICTION_SCALE] = loop_tables.FRICTION_POINTS / math.sqrt(self._highest_speed)
         p[kernel.FRICTION_LAST] = loop_tables.FRICTION_POINTS - 1
@@ -249,7 +282,11 @@ class ClosedLoop:
 
     def _fill_elastic(self, p: Array) -> None:
         """Hardening and hysteresis, parallel to the gear between rotor and output."""
-        ratings, extra, stiffness = self.gear.ratings, self.deviations, self.parameters.combined_stiffness
+        ratings, extra, stiffness = (
+            self.gear.ratings,
+            self.deviations,
+            self.parameters.combined_stiffness,
+        )
         p[kernel.KINK_1] = p[kernel.KINK_2] = math.inf
         if extra.hardening:
             second = stiffness * ratings.stiffness_2 / ratings.stiffness_1
@@ -272,11 +309,19 @@ class ClosedLoop:
         p[kernel.MOTOR_PER_KELVIN] = heat.motor_friction_per_kelvin
         p[kernel.AMBIENT] = heat.ambient
         p[kernel.HOUSING_REFERENCE] = p[kernel.MOTOR_REFERENCE] = heat.reference
-        p[kernel.HOUSING_STEP], p[kernel.MOTOR_STEP] = 1.0 / heat.housing_capacity, 1.0 / heat.motor_capacity
-        p[kernel.HOUSING_LOSS], p[kernel.MOTOR_LOSS] = heat.housing_conductance, heat.motor_conductance
+        p[kernel.HOUSING_STEP], p[kernel.MOTOR_STEP] = (
+            1.0 / heat.housing_capacity,
+            1.0 / heat.motor_capacity,
+        )
+        p[kernel.HOUSING_LOSS], p[kernel.MOTOR_LOSS] = (
+            heat.housing_conductance,
+            heat.motor_conductance,
+        )
         p[kernel.COUPLING], p[kernel.COPPER] = heat.coupling, heat.copper_loss
 
     def _largest_error(self) -> float:
         """Largest |e| of the acting series [m]."""
         angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
-        return float(np.max(np.abs(series_value(self.series, angle)))) * self.parameters.radial_lever
+        return (
+            float(np.max(np.abs(series_value(self.series, angle)))) * self.parameters.radial_lever
+        )

@@ -2,9 +2,10 @@
 
     M q'' + C q' + K q = B u(t) ,   q = (x2, y1, y2) ,   u = (theta_i/N + ke, its rate, F_fm, M_0, T_L)
 
-`model.linear` has the matrices, the modes and `DynamicParameters`; `model.propagator` the exact step. Friction and
-kinematic error depend on the input alone, so the only approximation is how u goes on between (fine) samples: theta_i/N +
-ke as the cubic through its values and rates, friction and load as straight lines.
+`model.linear` has the matrices, the modes and `DynamicParameters`; `model.propagator` the exact
+step. Friction and kinematic error depend on the input alone, so the only approximation is how u
+goes on between (fine) samples: theta_i/N + ke as the cubic through its values and rates, friction
+and load as straight lines.
 
 Torque on the input (virtual work of the wedge, with the bearing's drag on the wave generator):
 
@@ -44,9 +45,10 @@ BLOCK = 1 << 15
 class PrescribedResponse:
     """What equation 2 answers to a prescribed input, at the samples of the input (arrays of shape (n,)).
 
-    `input_angle`, `input_speed` as used [rad, rad/s]; `output_angle` theta_o, `output_speed` theta_o'; `torsion_torque` of
-    the cup [N m at the output]; `wave_generator_torque` T_wg [N m at the input, motor not included]; `final_state` q and
-    q' (6,) at the last sample; `substeps` fine samples per interval.
+    `input_angle`, `input_speed` as used [rad, rad/s]; `output_angle` theta_o, `output_speed`
+    theta_o'; `torsion_torque` of the cup [N m at the output]; `wave_generator_torque` T_wg [N m at
+    the input, motor not included]; `final_state` q and q' (6,) at the last sample; `substeps` fine
+    samples per interval.
     """
 
     sample_interval: float
@@ -93,13 +95,15 @@ def simulate_prescribed(
 ) -> PrescribedResponse:
     """Simulate equation 2 for a commanded or measured input angle (n,) sampled every `sample_interval` [s].
 
-    `input_speed` (n,) [rad/s] is derived by fourth-order differences where it is not given; hand a proper estimate in for
-    counted angles. Between samples the angle is the cubic through both, refined to `substeps` per interval (chosen from
-    the kinematic error and the speed when None). `load_torque` (n,) or a number [N m] opposes the output. `parameters`
-    replaces the numbers of equation 2 (`dynamic_parameters(gear, cup_stiffness=..)`); friction and kinematic error are the
-    gear's, in the forces of equation 2 as they stand. `start` is "rest" (consistent, no transient), "steady" (already
-    turning at the first speed, wound up by friction) or q and q' (6,). `smoothing_speed` [rad/s] replaces the sign of the
-    friction by tanh; use it for measured speeds that tremble about zero.
+    `input_speed` (n,) [rad/s] is derived by fourth-order differences where it is not given; hand a
+    proper estimate in for counted angles. Between samples the angle is the cubic through both,
+    refined to `substeps` per interval (chosen from the kinematic error and the speed when None).
+    `load_torque` (n,) or a number [N m] opposes the output. `parameters` replaces the numbers of
+    equation 2 (`dynamic_parameters(gear, cup_stiffness=..)`); friction and kinematic error are the
+    gear's, in the forces of equation 2 as they stand. `start` is "rest" (consistent, no transient),
+    "steady" (already turning at the first speed, wound up by friction) or q and q' (6,).
+    `smoothing_speed` [rad/s] replaces the sign of the friction by tanh; use it for measured speeds
+    that tremble about zero.
 
     Raises `ModelError` for arrays that do not fit, are not finite, or an interval that is not positive.
     """
@@ -159,7 +163,9 @@ class _Inputs:
         self.interval, self.steps = interval, steps
         self.gear = gear
         series = gear.kinematic_error
-        self.series = np.array([[h.order for h in series], [h.cosine for h in series], [h.sine for h in series]])
+        self.series = np.array(
+            [[h.order for h in series], [h.cosine for h in series], [h.sine for h in series]]
+        )
         mesh, bearing = gear.mesh_friction, gear.bearing
         drag = 0.1 * bearing.friction_factor * bearing.pitch_diameter**3
         least = BRANCH_LIMIT if gear.options.low_speed_branch else 0.0
@@ -177,7 +183,9 @@ class _Inputs:
             ]
         )
         self.static_force = mesh.static
-        self.static_torque = float(bearing_magnitude(bearing, 0.0, low_speed_branch=gear.options.low_speed_branch))
+        self.static_torque = float(
+            bearing_magnitude(bearing, 0.0, low_speed_branch=gear.options.low_speed_branch)
+        )
 
     def at_sample(self, index: int) -> Array:
         """The inputs u- (5,) at a sample, friction by the compiled law that the loops use (none at zero speed)."""
@@ -189,7 +197,9 @@ class _Inputs:
         rate = (1.0 / self.ratio + float(series_slope(series, theta))) * omega
         rows = np.empty((3, 1))
         friction_signals(np.array([omega]), 0.0, 0.0, self.friction, rows[0], rows[1], rows[2])
-        return np.array([ideal, rate, rows[0, 0], rows[1, 0], self.load[index] if self.load.size else 0.0])
+        return np.array(
+            [ideal, rate, rows[0, 0], rows[1, 0], self.load[index] if self.load.size else 0.0]
+        )
 
     def blocks(self):
         """Fine angle, speed and load of each block, the speeds next to it, and where its samples belong.
@@ -208,22 +218,42 @@ class _Inputs:
                 angle, speed, fine_load = self.angle[begin:end], self.speed[begin:end], load[:-1]
             else:
                 count = (end - begin) * self.steps
-                angle, speed, fine_load = np.empty(count), np.empty(count), np.empty(count if load.size else 0)
+                angle, speed, fine_load = (
+                    np.empty(count),
+                    np.empty(count),
+                    np.empty(count if load.size else 0),
+                )
                 span = slice(begin, end + 1)
-                refine(self.angle[span], self.speed[span], self.interval, load, self.steps, angle, speed, fine_load)
+                refine(
+                    self.angle[span],
+                    self.speed[span],
+                    self.interval,
+                    load,
+                    self.steps,
+                    angle,
+                    speed,
+                    fine_load,
+                )
             yield angle, speed, fine_load, before, self.speed[end], begin
             before = speed[-1]
         yield self.angle[last:], self.speed[last:], self.load[last:], before, 0.0, last
 
-    def propagate(self, sets: Sequence[DynamicParameters], start: Start | ArrayLike, result: Array) -> Array:
-        """Fill `result` (sets, outputs, n) with the first outputs of every set; returns q and q' (sets, 6) at the end."""
+    def propagate(
+        self, sets: Sequence[DynamicParameters], start: Start | ArrayLike, result: Array
+    ) -> Array:
+        """Fill `result` (sets, outputs, n) with the first outputs of every set; returns q and q'
+        (sets, 6) at the end.
+        """
         from model.kernels import propagation
 
         first, last = self.at_sample(0), self.angle.size - 1
         states = _start_states(sets, start, first)
         outputs = result.shape[1]
         for places, step in propagators(sets, self.interval / self.steps):
-            kick, carried = step.kick(self.static_force, self.static_torque), step.carried(states[places], first)
+            kick, carried = (
+                step.kick(self.static_force, self.static_torque),
+                step.carried(states[places], first),
+            )
             observed, through = (
                 np.ascontiguousarray(step.output[:, :outputs]),
                 np.ascontiguousarray(step.through[:, :outputs]),
@@ -234,10 +264,27 @@ class _Inputs:
                 if index == last:
                     states[places] = step.coordinates(carried, self.at_sample(last))
                 propagation.propagate(
-                    angle, speed, before, after, load, self.ratio, self.series, self.friction, step.lever,
-                    step.dense, step.decay, step.transition, step.gain, kick, observed, through, carried,
-                    self.steps, index, target,
-                )  # fmt: skip
+                    angle,
+                    speed,
+                    before,
+                    after,
+                    load,
+                    self.ratio,
+                    self.series,
+                    self.friction,
+                    step.lever,
+                    step.dense,
+                    step.decay,
+                    step.transition,
+                    step.gain,
+                    kick,
+                    observed,
+                    through,
+                    carried,
+                    self.steps,
+                    index,
+                    target,
+                )
             if not whole:
                 result[places] = target
         return states
@@ -266,7 +313,10 @@ def reduced_response(
     angle, speed, load = _checked_input(input_angle, sample_interval, input_speed, load_torque)
     p = parameters or dynamic_parameters(gear)
     s, c, t = math.sin(p.tooth_angle), math.cos(p.tooth_angle), math.tan(p.tooth_angle)
-    mesh, ring = mesh_friction_force(gear, speed), bearing_friction_torque(gear, speed) / p.neutral_radius
+    mesh, ring = (
+        mesh_friction_force(gear, speed),
+        bearing_friction_torque(gear, speed) / p.neutral_radius,
+    )
     flexibility = t * t / p.bearing_stiffness + 1.0 / (p.mesh_stiffness * c * c)
     wind_up = (flexibility * (ring + mesh * s) + s * mesh / p.bearing_stiffness) / p.neutral_radius
     stiffness, damping = p.combined_stiffness, p.reduced_damping if damped else 0.0
@@ -274,11 +324,15 @@ def reduced_response(
     rate = speed * (1.0 / p.ratio + series_slope(gear.kinematic_error, angle))
     force = stiffness * (ideal - wind_up) + damping * rate - (load if load.size else 0.0)
     pole = complex(-0.5 * damping / p.output_inertia, 0.0)
-    pole += 1j * np.sqrt(complex(stiffness / p.output_inertia - (0.5 * damping / p.output_inertia) ** 2))
+    pole += 1j * np.sqrt(
+        complex(stiffness / p.output_inertia - (0.5 * damping / p.output_inertia) ** 2)
+    )
     return _one_degree(force / p.output_inertia, pole, sample_interval, ideal[0])
 
 
-def _one_degree(acceleration: Array, pole: complex, interval: float, start: float) -> tuple[Array, Array]:
+def _one_degree(
+    acceleration: Array, pole: complex, interval: float, start: float
+) -> tuple[Array, Array]:
     """Angle and speed of theta'' - 2 Re(pole) theta' + |pole|^2 theta = a(t), a linear between samples, from rest."""
     z = pole * interval
     decay = np.exp(z)
@@ -292,17 +346,24 @@ def _one_degree(acceleration: Array, pole: complex, interval: float, start: floa
     return angle, np.real(state) + pole.real * angle
 
 
-def _start_states(sets: Sequence[DynamicParameters], start: Start | ArrayLike, inputs: Array) -> Array:
+def _start_states(
+    sets: Sequence[DynamicParameters], start: Start | ArrayLike, inputs: Array
+) -> Array:
     """q and q' (S, 6) at the first sample: given, at rest without friction, or turning steadily and wound up by it."""
     if not isinstance(start, str):
         state = np.asarray(start, dtype=np.float64).ravel()
         if state.shape != (6,) or not np.isfinite(state).all():
             raise ModelError(
-                "is no state of the drive", where="start", value=f"{state.size} numbers", limit="6: q and q'"
+                "is no state of the drive",
+                where="start",
+                value=f"{state.size} numbers",
+                limit="6: q and q'",
             )
         return np.tile(state, (len(sets), 1))
     if start not in ("rest", "steady"):
-        raise ModelError("is no way to start", where="start", value=start, limit='"rest", "steady" or q and q\'')
+        raise ModelError(
+            "is no way to start", where="start", value=start, limit='"rest", "steady" or q and q\''
+        )
     table = ParameterTable.of(sets)
     active = [0, 4] if start == "rest" else [0, 2, 3, 4]
     force = table.inputs()[:, :, active] @ inputs[active]
@@ -315,16 +376,24 @@ def _start_states(sets: Sequence[DynamicParameters], start: Start | ArrayLike, i
 
 
 def _checked_input(
-    input_angle: ArrayLike, interval: float, input_speed: ArrayLike | None, load_torque: ArrayLike | None
+    input_angle: ArrayLike,
+    interval: float,
+    input_speed: ArrayLike | None,
+    load_torque: ArrayLike | None,
 ) -> tuple[Array, Array, Array]:
     """Angle, speed and load (empty for none) as contiguous arrays of one length; refused where they do not fit."""
     angle = _loose(input_angle)
     if angle.ndim != 1 or angle.size < 2:
         raise ModelError(
-            "needs an input angle", where="input_angle", value=f"shape {angle.shape}", limit="(n,), n >= 2"
+            "needs an input angle",
+            where="input_angle",
+            value=f"shape {angle.shape}",
+            limit="(n,), n >= 2",
         )
     if not (isinstance(interval, (int, float)) and math.isfinite(interval) and interval > 0.0):
-        raise ModelError("is no sample interval", where="sample_interval", value=interval, limit="> 0 s")
+        raise ModelError(
+            "is no sample interval", where="sample_interval", value=interval, limit="> 0 s"
+        )
     speed = derived_speed(angle, interval) if input_speed is None else _loose(input_speed)
     load = np.empty(0)
     if load_torque is not None:
@@ -332,11 +401,16 @@ def _checked_input(
     for name, array in (("input_angle", angle), ("input_speed", speed), ("load_torque", load)):
         if array.shape != angle.shape and not (name == "load_torque" and array.size == 0):
             raise ModelError(
-                "does not fit the input angle", where=name, value=f"shape {array.shape}", limit=str(angle.shape)
+                "does not fit the input angle",
+                where=name,
+                value=f"shape {array.shape}",
+                limit=str(angle.shape),
             )
         if not np.isfinite(array).all():
             where = f"{name}[{int(np.flatnonzero(~np.isfinite(array))[0])}]"
-            raise ModelError("is not finite", where=where, remedy="Cut or fill the hole before the simulation.")
+            raise ModelError(
+                "is not finite", where=where, remedy="Cut or fill the hole before the simulation."
+            )
     return angle, speed, load
 
 
@@ -352,7 +426,9 @@ def derived_speed(angle: Array, interval: float) -> Array:
     """
     speed = np.gradient(angle, interval)
     if angle.size >= 5:
-        speed[2:-2] = (8.0 * (angle[3:-1] - angle[1:-3]) - (angle[4:] - angle[:-4])) / (12.0 * interval)
+        speed[2:-2] = (8.0 * (angle[3:-1] - angle[1:-3]) - (angle[4:] - angle[:-4])) / (
+            12.0 * interval
+        )
     return speed
 
 
@@ -363,8 +439,18 @@ def _substeps(gear: HarmonicDrive, speed: Array, interval: float, given: int | N
     """
     if given is not None:
         if given != int(given) or given < 1:
-            raise ModelError("is no number of substeps", where="substeps", value=given, limit="a whole number >= 1")
+            raise ModelError(
+                "is no number of substeps",
+                where="substeps",
+                value=given,
+                limit="a whole number >= 1",
+            )
         return int(given)
-    fourth = sum(h.amplitude * h.order**4 for h in gear.kinematic_error) * float(np.max(np.abs(speed))) ** 4
-    longest = min(LONGEST_STEP, (384.0 * SERIES_ERROR / fourth) ** 0.25 if fourth > 0.0 else LONGEST_STEP)
+    fourth = (
+        sum(h.amplitude * h.order**4 for h in gear.kinematic_error)
+        * float(np.max(np.abs(speed))) ** 4
+    )
+    longest = min(
+        LONGEST_STEP, (384.0 * SERIES_ERROR / fourth) ** 0.25 if fourth > 0.0 else LONGEST_STEP
+    )
     return max(1, math.ceil(interval / longest - 1e-9))

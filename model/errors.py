@@ -13,8 +13,16 @@ class WordedError(Exception):
     `limit` what is allowed; `remedy` what to do next. All of them stay readable as attributes.
     """
 
-    def __init__(self, what: str, *, where: str = "", value: object = None, limit: str = "", remedy: str = "") -> None:
-        self.what, self.where, self.value, self.limit, self.remedy = what, where, value, limit, remedy
+    def __init__(
+        self, what: str, *, where: str = "", value: object = None, limit: str = "", remedy: str = ""
+    ) -> None:
+        self.what, self.where, self.value, self.limit, self.remedy = (
+            what,
+            where,
+            value,
+            limit,
+            remedy,
+        )
         text = f"{where}: {what}" if where else what
         if value is not None:
             text += f"; value {value}"

@@ -7,10 +7,11 @@
 (20)  T_f = F_fb r_g + F_fm d_f sin(alpha_t)/(2 N)              `published`
       T_f = M_0 (1 + 1/N) + F_fm r_g/(N sin(alpha_t))           `energy`: virtual work of equation 2
 
-Equation 20 does not conserve energy in equation 2: it keeps only the tangential part of the mesh friction. At 30 degrees
-the two balances differ by a factor of 3.9 in the mesh, so the numbers F_c, F_s, c_v mean nothing without the balance they
-belong to (`ModelOptions.torque_balance`); `convert_mesh_friction` carries them over. Equations 18-20 as printed in Zou et
-al. 2015 with the absolute values restored; units and the low-speed branch after Palmgren (Harris and Kotzalas).
+Equation 20 does not conserve energy in equation 2: it keeps only the tangential part of the mesh
+friction. At 30 degrees the two balances differ by a factor of 3.9 in the mesh, so the numbers F_c,
+F_s, c_v mean nothing without the balance they belong to (`ModelOptions.torque_balance`);
+`convert_mesh_friction` carries them over. Equations 18-20 as printed in Zou et al. 2015 with the
+absolute values restored; units and the low-speed branch after Palmgren (Harris and Kotzalas).
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ def speed_sign(speed: ArrayLike, smoothing: float = 0.0) -> Array:
     return np.tanh(omega / smoothing) if smoothing > 0.0 else np.sign(omega)
 
 
-def bearing_magnitude(bearing: Bearing, speed: ArrayLike, *, low_speed_branch: bool = True) -> Array:
+def bearing_magnitude(
+    bearing: Bearing, speed: ArrayLike, *, low_speed_branch: bool = True
+) -> Array:
     """|M_0| of equation 18 at input speeds [rad/s] of either sign [N m]; continuous where the branches meet."""
     product = bearing.viscosity * 1e6 * np.abs(np.asarray(speed, dtype=np.float64)) / RPM
     if low_speed_branch:
@@ -49,7 +52,9 @@ def bearing_magnitude(bearing: Bearing, speed: ArrayLike, *, low_speed_branch: b
 
 def bearing_friction_torque(gear: HarmonicDrive, speed: ArrayLike, smoothing: float = 0.0) -> Array:
     """M_0, signed friction torque of the bearing on the wave generator (equation 18) [N m]; F_fb = M_0/r_g."""
-    magnitude = bearing_magnitude(gear.bearing, speed, low_speed_branch=gear.options.low_speed_branch)
+    magnitude = bearing_magnitude(
+        gear.bearing, speed, low_speed_branch=gear.options.low_speed_branch
+    )
     return magnitude * speed_sign(speed, smoothing)
 
 
@@ -74,11 +79,17 @@ def mesh_lever(gear: HarmonicDrive, balance: TorqueBalance | None = None) -> flo
 
 
 def bearing_lever(gear: HarmonicDrive, balance: TorqueBalance | None = None) -> float:
-    """Input torque per M_0: 1 + 1/N by energy (drag on the wave generator, and reaction through the mesh), 1 as published."""
-    return 1.0 if (balance or gear.options.torque_balance) == "published" else 1.0 + 1.0 / gear.ratio
+    """Input torque per M_0: 1 + 1/N by energy (drag on the wave generator, and reaction through the
+    mesh), 1 as published.
+    """
+    return (
+        1.0 if (balance or gear.options.torque_balance) == "published" else 1.0 + 1.0 / gear.ratio
+    )
 
 
-def friction_torque(gear: HarmonicDrive, speed: ArrayLike, balance: TorqueBalance | None = None) -> Array:
+def friction_torque(
+    gear: HarmonicDrive, speed: ArrayLike, balance: TorqueBalance | None = None
+) -> Array:
     """T_f, the no-load running torque at the input in the gear's own balance, or in the one named (equation 20) [N m].
 
     Odd in the speed [rad/s]. The parameters are taken as they stand: naming another balance than the one that they were
@@ -108,7 +119,10 @@ def convert_mesh_friction(gear: HarmonicDrive, balance: TorqueBalance) -> Harmon
         return gear
     factor = mesh_lever(gear) / mesh_lever(gear, balance)
     mesh = gear.mesh_friction
-    changes = {f"mesh_friction.{name}": factor * getattr(mesh, name) for name in ("coulomb", "static", "viscous")}
+    changes = {
+        f"mesh_friction.{name}": factor * getattr(mesh, name)
+        for name in ("coulomb", "static", "viscous")
+    }
     origins = dict(gear.origins)
     for path in changes:
         if path in origins and origins[path].standard_uncertainty is not None:

@@ -1,8 +1,10 @@
 """The harmonic drive as a frozen parameter set: every number of the model, in SI, with its unit and its allowed range.
 
-`HarmonicDrive` holds plain floats in named sections, so that physics reads `gear.bearing.ball_diameter`. Where a number
-comes from stands beside it in `gear.origins["bearing.ball_diameter"]` (an `Origin`), and `gear.value(path)` returns both
-together as a `Value`. The numbers themselves live only in parameter files (`model.gear_file`, `model/gears/*.toml`).
+`HarmonicDrive` holds plain floats in named sections, so that physics reads
+`gear.bearing.ball_diameter`. Where a number comes from stands beside it in
+`gear.origins["bearing.ball_diameter"]` (an `Origin`), and `gear.value(path)` returns both together
+as a `Value`. The numbers themselves live only in parameter files (`model.gear_file`,
+`model/gears/*.toml`).
 
 Symbols are those of Zou et al. 2015. Coordinates: input angle theta_i (wave generator), output angle theta_o counted
 positive opposite to theta_i when the circular spline is fixed.
@@ -20,7 +22,9 @@ from typing import Any, Literal
 
 from model.errors import ParameterError
 
-Provenance = Literal["catalogue", "published", "computed", "identified", "measured", "assumed", "recalled"]
+Provenance = Literal[
+    "catalogue", "published", "computed", "identified", "measured", "assumed", "recalled"
+]
 Mounting = Literal["circular-spline-fixed", "flexspline-fixed"]
 
 
@@ -55,7 +59,14 @@ def quantity(
     high: float = math.inf,
 ) -> Any:
     """Declare a physical quantity: `above` is an exclusive lower bound, `low` and `high` are inclusive."""
-    meta = {"unit": unit, "description": description, "symbol": symbol, "above": above, "low": low, "high": high}
+    meta = {
+        "unit": unit,
+        "description": description,
+        "symbol": symbol,
+        "above": above,
+        "low": low,
+        "high": high,
+    }
     return field(metadata=meta)
 
 
@@ -97,7 +108,13 @@ class Section:
             if not is_finite_number(found):
                 refuse(self.section, f.name, found, allowed_range(meta), "is not a finite number")
             if f.type in ("int", int) and int(found) != found:
-                refuse(self.section, f.name, found, f"a whole number {allowed_range(meta)}", "is not a whole number")
+                refuse(
+                    self.section,
+                    f.name,
+                    found,
+                    f"a whole number {allowed_range(meta)}",
+                    "is not a whole number",
+                )
             if found <= meta["above"] or found < meta["low"] or found > meta["high"]:
                 refuse(self.section, f.name, found, allowed_range(meta), "is out of range")
 
@@ -105,7 +122,13 @@ class Section:
 def refuse(section: str, name: str, found: object, limit: str, what: str) -> None:
     """Raise the one `ParameterError` wording for a refused value."""
     where = f"{section}.{name}" if section else name
-    raise ParameterError(what, where=where, value=found, limit=limit, remedy="Correct the value in the parameter file.")
+    raise ParameterError(
+        what,
+        where=where,
+        value=found,
+        limit=limit,
+        remedy="Correct the value in the parameter file.",
+    )
 
 
 @dataclass(frozen=True)
@@ -119,7 +142,13 @@ class Teeth(Section):
     def __post_init__(self) -> None:
         Section.__post_init__(self)
         if self.circular_spline - self.flexspline <= 0:
-            refuse(self.section, "circular_spline", self.circular_spline, f"> {self.flexspline}", "is too small")
+            refuse(
+                self.section,
+                "circular_spline",
+                self.circular_spline,
+                f"> {self.flexspline}",
+                "is too small",
+            )
 
 
 @dataclass(frozen=True)
@@ -134,7 +163,10 @@ class Geometry(Section):
         "m", "reference diameter of the circular spline", symbol="d_c", above=0.0, high=1.0
     )
     radial_deformation: float = quantity(
-        "m", "largest radial deformation of the flexspline; must exceed the module", symbol="omega", above=0.0
+        "m",
+        "largest radial deformation of the flexspline; must exceed the module",
+        symbol="omega",
+        above=0.0,
     )
     tooth_angle: float = quantity(
         "rad",
@@ -156,7 +188,13 @@ class Geometry(Section):
         Section.__post_init__(self)
         if self.circular_spline_diameter <= self.flexspline_diameter:
             limit = f"> {self.flexspline_diameter:g} m"
-            refuse(self.section, "circular_spline_diameter", self.circular_spline_diameter, limit, "is too small")
+            refuse(
+                self.section,
+                "circular_spline_diameter",
+                self.circular_spline_diameter,
+                limit,
+                "is too small",
+            )
         if self.radial_deformation <= self.module:
             raise ParameterError(
                 "equation 4 has no real solution unless the radial deformation exceeds the module (d_c - d_f)/2",
@@ -167,11 +205,23 @@ class Geometry(Section):
             )
         if self.radial_deformation >= 0.5 * self.flexspline_diameter:
             limit = f"< {0.5 * self.flexspline_diameter:g} m"
-            refuse(self.section, "radial_deformation", self.radial_deformation, limit, "is out of range")
+            refuse(
+                self.section,
+                "radial_deformation",
+                self.radial_deformation,
+                limit,
+                "is out of range",
+            )
         low, high = 0.4 * self.flexspline_diameter, 0.6 * self.flexspline_diameter
         if not low <= self.neutral_radius <= high:
             limit = f">= {low:g} and <= {high:g} m (0.4 to 0.6 flexspline diameters)"
-            refuse(self.section, "neutral_radius", self.neutral_radius, limit, "does not fit the flexspline diameter")
+            refuse(
+                self.section,
+                "neutral_radius",
+                self.neutral_radius,
+                limit,
+                "does not fit the flexspline diameter",
+            )
 
 
 @dataclass(frozen=True)
@@ -196,15 +246,27 @@ class Tooth(Section):
     section = "tooth"
     width: float = quantity("m", "tooth width", symbol="B", above=0.0, high=0.2)
     height: float = quantity("m", "tooth height", symbol="H_t", above=0.0, high=0.02)
-    root_width: float = quantity("m", "width of the tooth at its root", symbol="L_b", above=0.0, high=0.02)
-    force_depth: float = quantity("m", "distance from the tip to the force point", symbol="L_m", low=0.0, high=0.02)
+    root_width: float = quantity(
+        "m", "width of the tooth at its root", symbol="L_b", above=0.0, high=0.02
+    )
+    force_depth: float = quantity(
+        "m", "distance from the tip to the force point", symbol="L_m", low=0.0, high=0.02
+    )
     slices: int = quantity("1", "number of slices along the tooth", symbol="n", low=1, high=100000)
-    pair_load: float = quantity("N", "normal force on one tooth pair at which it is evaluated", symbol="F_j", above=0.0)
+    pair_load: float = quantity(
+        "N", "normal force on one tooth pair at which it is evaluated", symbol="F_j", above=0.0
+    )
 
     def __post_init__(self) -> None:
         Section.__post_init__(self)
         if self.force_depth >= self.height:
-            refuse(self.section, "force_depth", self.force_depth, f"< tooth.height = {self.height:g} m", "is too large")
+            refuse(
+                self.section,
+                "force_depth",
+                self.force_depth,
+                f"< tooth.height = {self.height:g} m",
+                "is too large",
+            )
 
 
 @dataclass(frozen=True)
@@ -213,11 +275,21 @@ class Cup(Section):
 
     section = "cup"
     length: float = quantity("m", "length of the cylinder", symbol="l", above=0.0, high=1.0)
-    inner_diameter: float = quantity("m", "inner diameter of the cylinder", symbol="d_RB", above=0.0, high=1.0)
-    outer_diameter: float = quantity("m", "outer diameter of the cylinder", symbol="d_WR", above=0.0, high=1.0)
-    bottom_thickness: float = quantity("m", "thickness of the bottom disc", symbol="l_b", above=0.0, high=0.05)
+    inner_diameter: float = quantity(
+        "m", "inner diameter of the cylinder", symbol="d_RB", above=0.0, high=1.0
+    )
+    outer_diameter: float = quantity(
+        "m", "outer diameter of the cylinder", symbol="d_WR", above=0.0, high=1.0
+    )
+    bottom_thickness: float = quantity(
+        "m", "thickness of the bottom disc", symbol="l_b", above=0.0, high=0.05
+    )
     bottom_hole_diameter: float = quantity(
-        "m", "diameter of the location hole (or of the clamping boss) in the bottom", symbol="d_BD", above=0.0, high=1.0
+        "m",
+        "diameter of the location hole (or of the clamping boss) in the bottom",
+        symbol="d_BD",
+        above=0.0,
+        high=1.0,
     )
 
     def __post_init__(self) -> None:
@@ -227,7 +299,13 @@ class Cup(Section):
             refuse(self.section, "outer_diameter", self.outer_diameter, limit, "is too small")
         if self.bottom_hole_diameter >= self.inner_diameter:
             limit = f"< cup.inner_diameter = {self.inner_diameter:g} m"
-            refuse(self.section, "bottom_hole_diameter", self.bottom_hole_diameter, limit, "is too large")
+            refuse(
+                self.section,
+                "bottom_hole_diameter",
+                self.bottom_hole_diameter,
+                limit,
+                "is too large",
+            )
 
 
 @dataclass(frozen=True)
@@ -238,7 +316,9 @@ class Bearing(Section):
     balls: int = quantity("1", "number of balls", symbol="Z", low=3, high=500)
     ball_diameter: float = quantity("m", "ball diameter", symbol="D_w", above=0.0, high=0.1)
     pitch_diameter: float = quantity("m", "pitch diameter", symbol="d_m", above=0.0, high=1.0)
-    groove_ratio: float = quantity("1", "groove radius over ball diameter", symbol="f", low=0.501, high=0.7)
+    groove_ratio: float = quantity(
+        "1", "groove radius over ball diameter", symbol="f", low=0.501, high=0.7
+    )
     ring_factor: float = quantity(
         "1", "softening by the thin flexible rings", symbol="ring_factor", above=0.0, high=2.0
     )
@@ -246,8 +326,12 @@ class Bearing(Section):
         "N", "radial load at which the stiffness is evaluated", symbol="F_r", above=0.0, high=1e6
     )
     damping: float = quantity("N s/m", "radial damping", symbol="C_b", low=0.0, high=1e7)
-    friction_factor: float = quantity("1", "bearing and lubrication factor", symbol="f_0", low=0.0, high=20.0)
-    viscosity: float = quantity("m2/s", "kinematic viscosity of the lubricant", symbol="nu_0", low=0.0, high=1e-2)
+    friction_factor: float = quantity(
+        "1", "bearing and lubrication factor", symbol="f_0", low=0.0, high=20.0
+    )
+    viscosity: float = quantity(
+        "m2/s", "kinematic viscosity of the lubricant", symbol="nu_0", low=0.0, high=1e-2
+    )
 
     def __post_init__(self) -> None:
         Section.__post_init__(self)
@@ -261,11 +345,19 @@ class Inertia(Section):
     """The moving masses."""
 
     section = "inertia"
-    flexspline: float = quantity("kg m2", "inertia of the flexspline", symbol="J_g", above=0.0, high=1.0)
-    output: float = quantity(
-        "kg m2", "equivalent inertia of the output axis with its load", symbol="J_o", above=0.0, high=1e3
+    flexspline: float = quantity(
+        "kg m2", "inertia of the flexspline", symbol="J_g", above=0.0, high=1.0
     )
-    wave_generator: float = quantity("kg m2", "inertia of the wave generator", symbol="J_wg", low=0.0, high=1.0)
+    output: float = quantity(
+        "kg m2",
+        "equivalent inertia of the output axis with its load",
+        symbol="J_o",
+        above=0.0,
+        high=1e3,
+    )
+    wave_generator: float = quantity(
+        "kg m2", "inertia of the wave generator", symbol="J_wg", low=0.0, high=1.0
+    )
 
 
 @dataclass(frozen=True)
@@ -273,7 +365,9 @@ class Damping(Section):
     """Structural damping of the flexspline cylinder, parallel to K_t; 0 is the published model."""
 
     section = "damping"
-    structural: float = quantity("N m s/rad", "structural damping parallel to K_t", symbol="C_t", low=0.0, high=1e4)
+    structural: float = quantity(
+        "N m s/rad", "structural damping parallel to K_t", symbol="C_t", low=0.0, high=1e4
+    )
 
 
 @dataclass(frozen=True)
@@ -283,15 +377,23 @@ class MeshFriction(Section):
     section = "mesh_friction"
     coulomb: float = quantity("N", "Coulomb friction", symbol="F_c", low=0.0, high=1e5)
     static: float = quantity("N", "static friction", symbol="F_s", low=0.0, high=1e5)
-    stribeck_velocity: float = quantity("rad/s", "Stribeck velocity at the input", symbol="v_s", above=0.0, high=1e3)
-    shape: float = quantity("1", "shape coefficient of the Stribeck curve", symbol="sigma", low=0.1, high=10.0)
-    viscous: float = quantity("N s/rad", "viscous coefficient at the input", symbol="c_v", low=0.0, high=1e3)
+    stribeck_velocity: float = quantity(
+        "rad/s", "Stribeck velocity at the input", symbol="v_s", above=0.0, high=1e3
+    )
+    shape: float = quantity(
+        "1", "shape coefficient of the Stribeck curve", symbol="sigma", low=0.1, high=10.0
+    )
+    viscous: float = quantity(
+        "N s/rad", "viscous coefficient at the input", symbol="c_v", low=0.0, high=1e3
+    )
 
     def __post_init__(self) -> None:
         Section.__post_init__(self)
         if self.static < self.coulomb:
             limit = f">= mesh_friction.coulomb = {self.coulomb:g} N"
-            refuse(self.section, "static", self.static, limit, "is smaller than the Coulomb friction")
+            refuse(
+                self.section, "static", self.static, limit, "is smaller than the Coulomb friction"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,9 +407,21 @@ class Harmonic:
     def __post_init__(self) -> None:
         for name in ("order", "cosine", "sine"):
             if not math.isfinite(getattr(self, name)):
-                refuse("kinematic_error", name, getattr(self, name), "a finite number", "is not a finite number")
+                refuse(
+                    "kinematic_error",
+                    name,
+                    getattr(self, name),
+                    "a finite number",
+                    "is not a finite number",
+                )
         if self.order <= 0:
-            refuse("kinematic_error", "order", self.order, "> 0 cycles per input revolution", "is out of range")
+            refuse(
+                "kinematic_error",
+                "order",
+                self.order,
+                "> 0 cycles per input revolution",
+                "is out of range",
+            )
 
     @property
     def amplitude(self) -> float:
@@ -321,23 +435,42 @@ class Ratings(Section):
 
     section = "ratings"
     rated_torque: float = quantity("N m", "rated torque at the output", symbol="T_r", above=0.0)
-    repeated_peak_torque: float = quantity("N m", "limit for repeated peak torque at the output", above=0.0)
-    momentary_peak_torque: float = quantity("N m", "limit for momentary peak torque at the output", above=0.0)
-    maximum_input_speed: float = quantity("rad/s", "maximum input speed with this lubricant", above=0.0)
+    repeated_peak_torque: float = quantity(
+        "N m", "limit for repeated peak torque at the output", above=0.0
+    )
+    momentary_peak_torque: float = quantity(
+        "N m", "limit for momentary peak torque at the output", above=0.0
+    )
+    maximum_input_speed: float = quantity(
+        "rad/s", "maximum input speed with this lubricant", above=0.0
+    )
     average_input_speed: float = quantity("rad/s", "limit for average input speed", above=0.0)
-    transmission_accuracy: float = quantity("rad", "transmission accuracy by the catalogue definition", above=0.0)
+    transmission_accuracy: float = quantity(
+        "rad", "transmission accuracy by the catalogue definition", above=0.0
+    )
     starting_torque: float = quantity("N m", "no-load starting torque at the input", above=0.0)
-    running_torque: float = quantity("N m", "no-load running torque at the input at its reference condition", above=0.0)
+    running_torque: float = quantity(
+        "N m", "no-load running torque at the input at its reference condition", above=0.0
+    )
     hysteresis_loss: float = quantity("rad", "hysteresis loss", above=0.0)
-    torque_1: float = quantity("N m", "first breakpoint of the stiffness curve", symbol="T1", above=0.0)
-    torque_2: float = quantity("N m", "second breakpoint of the stiffness curve", symbol="T2", above=0.0)
+    torque_1: float = quantity(
+        "N m", "first breakpoint of the stiffness curve", symbol="T1", above=0.0
+    )
+    torque_2: float = quantity(
+        "N m", "second breakpoint of the stiffness curve", symbol="T2", above=0.0
+    )
     stiffness_1: float = quantity("N m/rad", "catalogue stiffness below T1", symbol="K1", above=0.0)
-    stiffness_2: float = quantity("N m/rad", "catalogue stiffness between T1 and T2", symbol="K2", above=0.0)
+    stiffness_2: float = quantity(
+        "N m/rad", "catalogue stiffness between T1 and T2", symbol="K2", above=0.0
+    )
     stiffness_3: float = quantity("N m/rad", "catalogue stiffness above T2", symbol="K3", above=0.0)
 
     def __post_init__(self) -> None:
         Section.__post_init__(self)
-        ascending = ("rated_torque", "repeated_peak_torque", "momentary_peak_torque"), ("torque_1", "torque_2")
+        ascending = (
+            ("rated_torque", "repeated_peak_torque", "momentary_peak_torque"),
+            ("torque_1", "torque_2"),
+        )
         for smaller, larger in (pair for chain in ascending for pair in itertools.pairwise(chain)):
             if getattr(self, larger) <= getattr(self, smaller):
                 limit = f"> ratings.{smaller} = {getattr(self, smaller):g} N m"
@@ -361,15 +494,18 @@ class ModelOptions:
     bending: Literal["published", "energy"] = "published"
     contact: Literal["palmgren", "lundberg", "yang-sun"] = "palmgren"
     root_flexibility: bool = False
-    engaged_zone: Literal["leading-both-lobes", "leading-one-lobe", "both-halves"] = "leading-both-lobes"
+    engaged_zone: Literal["leading-both-lobes", "leading-one-lobe", "both-halves"] = (
+        "leading-both-lobes"
+    )
 
 
 @dataclass(frozen=True)
 class HarmonicDrive:
     """One harmonic drive: all parameters of the model in SI, validated, with the origin of each number.
 
-    `name` is the part ("CSF-25-120-2UH"). `kinematic_error` is the series of equation 16 over the input angle; orders need
-    not be whole (sidebands n(1 + 1/N), output orders k/N). `origins` maps "section.field" to an `Origin`.
+    `name` is the part ("CSF-25-120-2UH"). `kinematic_error` is the series of equation 16 over the
+    input angle; orders need not be whole (sidebands n(1 + 1/N), output orders k/N). `origins` maps
+    "section.field" to an `Origin`.
     """
 
     name: str
@@ -417,26 +553,43 @@ class HarmonicDrive:
                     path = f"{f.name}.{q.name}"
                     meta = q.metadata
                     origin = self.origins.get(path, Origin("assumed"))
-                    yield Value(path, meta["symbol"], getattr(part, q.name), meta["unit"], meta["description"], origin)
+                    yield Value(
+                        path,
+                        meta["symbol"],
+                        getattr(part, q.name),
+                        meta["unit"],
+                        meta["description"],
+                        origin,
+                    )
 
     def value(self, path: str) -> Value:
         """The number at "section.field" with its unit and origin."""
         for found in self.values():
             if found.path == path:
                 return found
-        raise ParameterError("no such parameter", where=path, remedy="See `rig model` for the names.")
+        raise ParameterError(
+            "no such parameter", where=path, remedy="See `rig model` for the names."
+        )
 
-    def with_values(self, changes: Mapping[str, float], origin: Origin | None = None) -> HarmonicDrive:
+    def with_values(
+        self, changes: Mapping[str, float], origin: Origin | None = None
+    ) -> HarmonicDrive:
         """A copy with some numbers replaced by path; their origins become `origin` where one is given."""
         changed: dict[str, dict[str, float]] = {}
         for path, number in changes.items():
             section, _, name = path.partition(".")
             part = getattr(self, section, None)
-            if not isinstance(part, Section) or name not in {q.name for q in dataclasses.fields(part)}:  # type: ignore[arg-type]
-                raise ParameterError("no such parameter", where=path, remedy="See `rig model` for the names.")
+            if not isinstance(part, Section) or name not in {
+                q.name for q in dataclasses.fields(part)
+            }:  # type: ignore[arg-type]
+                raise ParameterError(
+                    "no such parameter", where=path, remedy="See `rig model` for the names."
+                )
             changed.setdefault(section, {})[name] = number
         origins = dict(self.origins)
         if origin is not None:
             origins.update(dict.fromkeys(changes, origin))
-        built: dict[str, Any] = {s: dataclasses.replace(getattr(self, s), **names) for s, names in changed.items()}
+        built: dict[str, Any] = {
+            s: dataclasses.replace(getattr(self, s), **names) for s, names in changed.items()
+        }
         return dataclasses.replace(self, **built, origins=MappingProxyType(origins))

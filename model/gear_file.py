@@ -1,7 +1,8 @@
 """Parameter files of a gear: TOML that a person can edit, with the source beside every number.
 
-A file has `format`, `name`, one table per section of `HarmonicDrive`, the series of the kinematic error (equation 16) and
-the model's options. `gear_to_mapping` is the same content as plain data in SI, as run files keep it.
+A file has `format`, `name`, one table per section of `HarmonicDrive`, the series of the kinematic
+error (equation 16) and the model's options. `gear_to_mapping` is the same content as plain data in
+SI, as run files keep it.
 """
 
 from __future__ import annotations
@@ -61,10 +62,17 @@ _HARMONIC_KEYS = ("order", "cosine", "sine", "unit", "provenance", "source", "st
 def shipped_gear(name: str = "csf-25-120") -> HarmonicDrive:
     """A gear that comes with the program; raises `ParameterError` for an unknown name, listing those there are."""
     folder = resources.files("model") / "gears"
-    names = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    names = sorted(
+        entry.name.removesuffix(".toml")
+        for entry in folder.iterdir()
+        if entry.name.endswith(".toml")
+    )
     if name not in names:
         raise ParameterError(
-            "no such shipped gear", where="gear", value=quantities.shorten(name), limit=", ".join(names)
+            "no such shipped gear",
+            where="gear",
+            value=quantities.shorten(name),
+            limit=", ".join(names),
         )
     content = quantities.parse_toml((folder / f"{name}.toml").read_bytes(), f"{name}.toml")
     return gear_from_mapping(content, f"{name}.toml")
@@ -98,9 +106,13 @@ def gear_to_mapping(gear: HarmonicDrive) -> dict[str, Any]:
         mapping[section][quantity] = quantities.entry_of(value.value, value.unit, value.origin)
     orders = []
     for harmonic in gear.kinematic_error:
-        entry = quantities.entry_of(0.0, "rad", gear.origins.get(harmonic_path(harmonic.order), Origin("assumed")))
+        entry = quantities.entry_of(
+            0.0, "rad", gear.origins.get(harmonic_path(harmonic.order), Origin("assumed"))
+        )
         del entry["value"]
-        orders.append({"order": harmonic.order, "cosine": harmonic.cosine, "sine": harmonic.sine, **entry})
+        orders.append(
+            {"order": harmonic.order, "cosine": harmonic.cosine, "sine": harmonic.sine, **entry}
+        )
     mapping["kinematic_error"] = {"orders": orders}
     mapping["options"] = dataclasses.asdict(gear.options)
     return mapping
@@ -109,18 +121,36 @@ def gear_to_mapping(gear: HarmonicDrive) -> dict[str, Any]:
 def gear_to_toml(gear: HarmonicDrive) -> str:
     """The gear as the text of a parameter file, in readable units that convert back to exactly the same numbers."""
     lines = [
-        "# Parameters of a harmonic drive. Every line holds value, unit, provenance and source; change what you know better.",
+        "# Parameters of a harmonic drive. Every line holds value, unit, provenance and "
+        "source; change what you know better.",
         f"format = {quantities.quote(FORMAT)}",
         f"name = {quantities.quote(gear.name)}",
     ]
     for name, kind in SECTIONS.items():
-        origins = {path.partition(".")[2]: o for path, o in gear.origins.items() if path.startswith(f"{name}.")}
+        origins = {
+            path.partition(".")[2]: o
+            for path, o in gear.origins.items()
+            if path.startswith(f"{name}.")
+        }
         heading = (kind.__doc__ or "").split("\n")[0]
-        lines += ["", f"# {heading}", f"[{name}]", *quantities.section_lines(getattr(gear, name), origins)]
+        lines += [
+            "",
+            f"# {heading}",
+            f"[{name}]",
+            *quantities.section_lines(getattr(gear, name), origins),
+        ]
     series = "# The kinematic error (equation 16): cosine and sine amplitudes per order of the input angle."
     lines += ["", series, "[kinematic_error]"]
-    lines += ["orders = [", *(_harmonic_line(gear, harmonic) for harmonic in gear.kinematic_error), "]"]
-    lines += ["", "# The choices where the published model is silent or contradicts itself.", "[options]"]
+    lines += [
+        "orders = [",
+        *(_harmonic_line(gear, harmonic) for harmonic in gear.kinematic_error),
+        "]",
+    ]
+    lines += [
+        "",
+        "# The choices where the published model is silent or contradicts itself.",
+        "[options]",
+    ]
     for option, chosen in dataclasses.asdict(gear.options).items():
         text = str(chosen).lower() if isinstance(chosen, bool) else quantities.quote(chosen)
         lines.append(f"{option} = {text}{_choices(option)}")
@@ -140,13 +170,19 @@ def _gear(mapping: Mapping[str, Any]) -> HarmonicDrive:
         remedy = "Is this the parameter file of a gear?"
         found = quantities.shorten(mapping.get("format"))
         raise ParameterError(
-            "is not the format of a gear", where="format", value=found, limit=f'"{FORMAT}"', remedy=remedy
+            "is not the format of a gear",
+            where="format",
+            value=found,
+            limit=f'"{FORMAT}"',
+            remedy=remedy,
         )
     quantities.check_keys(mapping, _TOP, "")
     name = mapping.get("name")
     if not isinstance(name, str) or not name.strip():
         found = quantities.shorten(name)
-        raise ParameterError("is not a name", where="name", value=found, limit="text", remedy="Give the part number.")
+        raise ParameterError(
+            "is not a name", where="name", value=found, limit="text", remedy="Give the part number."
+        )
     parts: dict[str, Any] = {}
     origins: dict[str, Origin] = {}
     for section, kind in SECTIONS.items():
@@ -154,10 +190,18 @@ def _gear(mapping: Mapping[str, Any]) -> HarmonicDrive:
             raise ParameterError("is missing", where=section, remedy=f"Add the table [{section}].")
         arguments, found_origins = quantities.read_section(kind, mapping[section], section)
         parts[section] = kind(**arguments)
-        origins.update({f"{section}.{quantity}": origin for quantity, origin in found_origins.items()})
+        origins.update(
+            {f"{section}.{quantity}": origin for quantity, origin in found_origins.items()}
+        )
     series = _series(mapping.get("kinematic_error", {}), origins)
     options = _options(mapping.get("options", {}))
-    return HarmonicDrive(name=name, **parts, kinematic_error=series, options=options, origins=MappingProxyType(origins))
+    return HarmonicDrive(
+        name=name,
+        **parts,
+        kinematic_error=series,
+        options=options,
+        origins=MappingProxyType(origins),
+    )
 
 
 def _series(table: object, origins: dict[str, Origin]) -> tuple[Harmonic, ...]:
@@ -168,17 +212,29 @@ def _series(table: object, origins: dict[str, Origin]) -> tuple[Harmonic, ...]:
     quantities.check_keys(table, ("orders",), where)
     rows = table.get("orders", [])
     if not isinstance(rows, (list, tuple)):
-        raise ParameterError("is not a list of orders", where=f"{where}.orders", value=quantities.shorten(rows))
+        raise ParameterError(
+            "is not a list of orders", where=f"{where}.orders", value=quantities.shorten(rows)
+        )
     series: dict[str, Harmonic] = {}
     for index, row in enumerate(rows):
         path = f"{where}.orders[{index}]"
         if not isinstance(row, Mapping):
             form = '{ order = .., cosine = .., sine = .., unit = "arcmin" }'
-            raise ParameterError("is not an order", where=path, value=quantities.shorten(row), remedy=f"Write {form}.")
+            raise ParameterError(
+                "is not an order",
+                where=path,
+                value=quantities.shorten(row),
+                remedy=f"Write {form}.",
+            )
         harmonic, origin = _harmonic(row, path)
         key = harmonic_path(harmonic.order)
         if key in series:
-            raise ParameterError("is given twice", where=f"{path}.order", value=harmonic.order, limit="each order once")
+            raise ParameterError(
+                "is given twice",
+                where=f"{path}.order",
+                value=harmonic.order,
+                limit="each order once",
+            )
         series[key] = harmonic
         origins[key] = origin
     return tuple(series.values())
@@ -189,14 +245,19 @@ def _harmonic(row: Mapping[str, Any], path: str) -> tuple[Harmonic, Origin]:
     quantities.check_keys(row, _HARMONIC_KEYS, path)
     for key in ("order", "cosine", "sine", "unit"):
         if key not in row:
-            raise ParameterError("is missing", where=f"{path}.{key}", remedy="Give order, cosine, sine and unit.")
+            raise ParameterError(
+                "is missing", where=f"{path}.{key}", remedy="Give order, cosine, sine and unit."
+            )
     order = quantities.number(row["order"], f"{path}.order", "> 0 cycles per input revolution")
     if not 0.0 < order <= 100_000.0:
         limit = "> 0 and <= 100000 cycles per input revolution"
         raise ParameterError("is out of range", where=f"{path}.order", value=order, limit=limit)
     if not isinstance(row["unit"], str):
         raise ParameterError(
-            "is not a unit", where=f"{path}.unit", value=quantities.shorten(row["unit"]), limit="arcmin"
+            "is not a unit",
+            where=f"{path}.unit",
+            value=quantities.shorten(row["unit"]),
+            limit="arcmin",
         )
     amplitudes: dict[str, float] = {}
     for key in ("cosine", "sine", "standard_uncertainty"):
@@ -205,9 +266,14 @@ def _harmonic(row: Mapping[str, Any], path: str) -> tuple[Harmonic, Origin]:
         limit = f"within {LARGEST_HARMONIC:.3g} rad (1 degree)"
         found = quantities.number(row[key], f"{path}.{key}", limit)
         amplitudes[key] = quantities.to_si(found, row["unit"], "rad", f"{path}.unit")
-        if abs(amplitudes[key]) > LARGEST_HARMONIC or (key == "standard_uncertainty" and found < 0.0):
+        if abs(amplitudes[key]) > LARGEST_HARMONIC or (
+            key == "standard_uncertainty" and found < 0.0
+        ):
             raise ParameterError(
-                "is out of range", where=f"{path}.{key}", value=f"{found:g} {row['unit']}", limit=limit
+                "is out of range",
+                where=f"{path}.{key}",
+                value=f"{found:g} {row['unit']}",
+                limit=limit,
             )
     provenance, source = quantities.read_origin(row, path)
     origin = Origin(provenance, source, amplitudes.get("standard_uncertainty"))  # type: ignore[arg-type]
@@ -227,7 +293,10 @@ def _harmonic_line(gear: HarmonicDrive, harmonic: Harmonic) -> str:
         f"sine = {texts[1]}",
         f"unit = {quantities.quote(unit)}",
     ]
-    parts += [f"provenance = {quantities.quote(origin.provenance)}", f"source = {quantities.quote(origin.source)}"]
+    parts += [
+        f"provenance = {quantities.quote(origin.provenance)}",
+        f"source = {quantities.quote(origin.source)}",
+    ]
     if origin.standard_uncertainty is not None:
         parts.append(f"standard_uncertainty = {texts[2]}")
     return f"  {{ {', '.join(parts)} }},"
@@ -242,9 +311,14 @@ def _options(table: object) -> ModelOptions:
     for option, chosen in table.items():
         allowed = (True, False) if hints[option] is bool else get_args(hints[option])
         if not any(type(chosen) is type(choice) and chosen == choice for choice in allowed):
-            limit = ", ".join(str(choice).lower() if isinstance(choice, bool) else f'"{choice}"' for choice in allowed)
+            limit = ", ".join(
+                str(choice).lower() if isinstance(choice, bool) else f'"{choice}"'
+                for choice in allowed
+            )
             found = quantities.shorten(chosen)
-            raise ParameterError("is no known choice", where=f"options.{option}", value=found, limit=limit)
+            raise ParameterError(
+                "is no known choice", where=f"options.{option}", value=found, limit=limit
+            )
     return ModelOptions(**table)
 
 

@@ -6,10 +6,11 @@
 (17)  e = ke_sim r_g/tan(alpha_t)              1 arcmin is 15.6 micrometre at a neutral radius of 31 mm and 30 degrees
 (22)  MSE = 100/(N_0 sigma^2) sum (ke_sim - ke)^2        sigma^2 = population variance of ke over the N_0 points
 
-Positive means that the output leads its ideal position when the input turns in the positive sense. Orders are cycles per
-input revolution and need not be whole: the flexspline meets the wave generator n(1 + 1/N) times per input revolution, and
-what turns with the output has orders k/N. Equations 17 and 22 as printed in Zou et al. 2015, 15 after Ghorbel 2001, 16
-from the paper's notation.
+Positive means that the output leads its ideal position when the input turns in the positive sense.
+Orders are cycles per input revolution and need not be whole: the flexspline meets the wave
+generator n(1 + 1/N) times per input revolution, and what turns with the output has orders k/N.
+Equations 17 and 22 as printed in Zou et al. 2015, 15 after Ghorbel 2001, 16 from the paper's
+notation.
 """
 
 from __future__ import annotations
@@ -55,7 +56,10 @@ def kinematic_error(
     """
     sign = output_sign(mounting, encoders_alike=encoders_alike)
     total = ratio if mounting == "circular-spline-fixed" else ratio + 1.0
-    return sign * np.asarray(output_angle, dtype=np.float64) - np.asarray(input_angle, dtype=np.float64) / total
+    return (
+        sign * np.asarray(output_angle, dtype=np.float64)
+        - np.asarray(input_angle, dtype=np.float64) / total
+    )
 
 
 def output_sign(mounting: Mounting, *, encoders_alike: bool = True) -> float:
@@ -85,7 +89,8 @@ def series_slope(series: Iterable[Harmonic], angle: ArrayLike) -> Array:
 
 
 def peak_to_peak(series: Sequence[Harmonic], ratio: float | None = None, points: int = 64) -> float:
-    """Largest minus smallest value of the series [rad] over one input revolution, or one output revolution with `ratio`.
+    """Largest minus smallest value of the series [rad] over one input revolution, or one output
+    revolution with `ratio`.
 
     `points` per period of the highest order; the extremes between them are found by a parabola.
     """
@@ -94,7 +99,9 @@ def peak_to_peak(series: Sequence[Harmonic], ratio: float | None = None, points:
     whole = ratio is None or all(float(h.order).is_integer() for h in series)
     revolutions = 1.0 if whole or ratio is None else ratio
     count = math.ceil(points * max(4.0, *(h.order for h in series)) * revolutions)
-    value = series_value(series, np.linspace(0.0, 2.0 * math.pi * revolutions, count, endpoint=False))
+    value = series_value(
+        series, np.linspace(0.0, 2.0 * math.pi * revolutions, count, endpoint=False)
+    )
     return _extreme(value) + _extreme(-value)
 
 
@@ -126,9 +133,9 @@ def basis_orders(
 ) -> list[Order]:
     """The orders of the basis, in cycles per input revolution, each once.
 
-    `input_orders` n; `output_orders` k as k/N; `wave_sidebands` n as n(1 + 1/N), what turns with the flexspline past the
-    wave generator; `output_sidebands` (n, k) as n - k/N and n + k/N. An order that two of these name (2 + 2/N is
-    2(1 + 1/N)) appears once, under the first name.
+    `input_orders` n; `output_orders` k as k/N; `wave_sidebands` n as n(1 + 1/N), what turns with
+    the flexspline past the wave generator; `output_sidebands` (n, k) as n - k/N and n + k/N. An
+    order that two of these name (2 + 2/N is 2(1 + 1/N)) appears once, under the first name.
     """
     if ratio <= 0.0 or not math.isfinite(ratio):
         raise ModelError("needs the ratio of the gear", where="ratio", value=ratio, limit="> 0")
@@ -141,7 +148,12 @@ def basis_orders(
     unique: dict[int, Order] = {}
     for order in found:
         if order.order <= 0.0:
-            raise ModelError("an order must be positive", where=f"order {order.label}", value=order.order, limit="> 0")
+            raise ModelError(
+                "an order must be positive",
+                where=f"order {order.label}",
+                value=order.order,
+                limit="> 0",
+            )
         unique.setdefault(round(order.order * 1e9), order)
     return sorted(unique.values(), key=lambda order: order.order)
 
@@ -169,7 +181,9 @@ def design_matrix(
     return matrix
 
 
-def design_names(orders: Iterable[Order], *, constant: bool = True, trend: bool = True) -> list[str]:
+def design_names(
+    orders: Iterable[Order], *, constant: bool = True, trend: bool = True
+) -> list[str]:
     """The names of the columns of `design_matrix`: "a_0", "slope", "a_2", "b_2", ..."""
     names = (["a_0"] if constant else []) + (["slope"] if trend else [])
     for order in orders:
@@ -183,13 +197,23 @@ def normalised_mse(measured: ArrayLike, fitted: ArrayLike) -> float:
     100 is no better than the mean, below 5 is a good fit, below 1 an excellent one. Raises `ModelError` for arrays of
     different length, without data, or where the measured error does not vary.
     """
-    truth, model = np.asarray(measured, dtype=np.float64).ravel(), np.asarray(fitted, dtype=np.float64).ravel()
+    truth, model = (
+        np.asarray(measured, dtype=np.float64).ravel(),
+        np.asarray(fitted, dtype=np.float64).ravel(),
+    )
     if truth.size != model.size or truth.size < 2:
         found = f"{truth.size} and {model.size} points"
-        raise ModelError("needs two curves of the same length", where="MSE", value=found, limit="at least 2 points")
+        raise ModelError(
+            "needs two curves of the same length",
+            where="MSE",
+            value=found,
+            limit="at least 2 points",
+        )
     variance = float(np.var(truth))
     if not variance > 0.0 or not math.isfinite(variance):
-        raise ModelError("the measured error does not vary", where="MSE", value=variance, limit="a variance > 0")
+        raise ModelError(
+            "the measured error does not vary", where="MSE", value=variance, limit="a variance > 0"
+        )
     return 100.0 * float(np.mean((model - truth) ** 2)) / variance
 
 
@@ -207,24 +231,40 @@ class OrderSpectrum:
     revolutions: int
 
 
-def order_spectrum(angle: ArrayLike, values: ArrayLike, highest_order: float = 64.0) -> OrderSpectrum:
+def order_spectrum(
+    angle: ArrayLike, values: ArrayLike, highest_order: float = 64.0
+) -> OrderSpectrum:
     """The order spectrum of a channel over an angle [rad], from the largest whole number of revolutions.
 
     The channel is averaged in bins of equal angle (at least eight per period of the highest order) and transformed; a
     straight line through the bins is taken out first and the averaging of the bins is undone. The angle must be
     monotonic apart from jitter smaller than a bin. Raises `ModelError` with less than one revolution or other faults.
     """
-    theta, channel = np.asarray(angle, dtype=np.float64).ravel(), np.asarray(values, dtype=np.float64).ravel()
+    theta, channel = (
+        np.asarray(angle, dtype=np.float64).ravel(),
+        np.asarray(values, dtype=np.float64).ravel(),
+    )
     if theta.size != channel.size or theta.size < 16:
         found = f"{theta.size} angles, {channel.size} values"
-        raise ModelError("needs an angle for every value", where="order spectrum", value=found, limit="at least 16")
+        raise ModelError(
+            "needs an angle for every value",
+            where="order spectrum",
+            value=found,
+            limit="at least 16",
+        )
     if not (np.isfinite(theta).all() and np.isfinite(channel).all()):
-        raise ModelError("holds numbers that are not finite", where="order spectrum", remedy="Cut the holes out first.")
+        raise ModelError(
+            "holds numbers that are not finite",
+            where="order spectrum",
+            remedy="Cut the holes out first.",
+        )
     travelled = theta - theta[0] if theta[-1] >= theta[0] else theta[0] - theta
     revolutions = math.floor(travelled[-1] / (2.0 * math.pi) + 1e-9)
     if revolutions < 1:
         turned = f"{travelled[-1] / (2.0 * math.pi):.3g} revolutions"
-        raise ModelError("needs a whole revolution", where="order spectrum", value=turned, limit=">= 1")
+        raise ModelError(
+            "needs a whole revolution", where="order spectrum", value=turned, limit=">= 1"
+        )
     per_revolution = 2 ** math.ceil(math.log2(8.0 * max(highest_order, 1.0)))
     binned = _bin_means(travelled, channel, revolutions, per_revolution)
     position = np.arange(binned.size) - 0.5 * (binned.size - 1)
@@ -241,7 +281,9 @@ def order_spectrum(angle: ArrayLike, values: ArrayLike, highest_order: float = 6
 
 
 def _bin_means(travelled: Array, channel: Array, revolutions: int, per_revolution: int) -> Array:
-    """Means of the channel over bins of equal angle; bins without a sample are interpolated between their neighbours."""
+    """Means of the channel over bins of equal angle; bins without a sample are interpolated between
+    their neighbours.
+    """
     count = revolutions * per_revolution
     bins = np.floor(travelled * (per_revolution / (2.0 * math.pi))).astype(np.int64)
     inside = (bins >= 0) & (bins < count)

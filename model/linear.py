@@ -4,10 +4,11 @@
      K_m (x2 s - y1 c) c = (J_g/r_g^2) y1'' + (K_t/r_g^2)(y1 - y2) + (C_t/r_g^2)(y1' - y2') + F_fb + F_fm s
      (K_t/r_g^2)(y1 - y2) + (C_t/r_g^2)(y1' - y2') = (J_o/r_g^2) y2'' + T_L/r_g ,   theta_o = y2/r_g
 
-with s = sin(alpha_t), c = cos(alpha_t), coordinates q = (x2, y1, y2). With theta_i prescribed, e, F_fm and F_fb depend on
-the input alone, so M q'' + C q' + K q = f(t) is linear with a known right-hand side. C_t is the optional structural damping
-(0 in the published model). T_L is an external torque that opposes the output.
-"""
+with s = sin(alpha_t), c = cos(alpha_t), coordinates q = (x2, y1, y2). With theta_i prescribed, e,
+F_fm and F_fb depend on the input alone, so M q'' + C q' + K q = f(t) is linear with a known
+right-hand side. C_t is the optional structural damping (0 in the published model). T_L is an
+external torque that opposes the output.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -30,9 +31,9 @@ Array = NDArray[np.float64]
 class DynamicParameters:
     """What equation 2 needs of a gear, as plain SI numbers, so that an identification can vary each of them.
 
-    `ratio` N; `tooth_angle` alpha_t [rad]; `neutral_radius` r_g [m]; `bearing_stiffness` K_b [N/m]; `bearing_damping` C_b
-    [N s/m]; `mesh_stiffness` K_m [N/m]; `cup_stiffness` K_t [N m/rad]; `structural_damping` C_t [N m s/rad];
-    `flexspline_inertia` J_g and `output_inertia` J_o [kg m2].
+    `ratio` N; `tooth_angle` alpha_t [rad]; `neutral_radius` r_g [m]; `bearing_stiffness` K_b [N/m];
+    `bearing_damping` C_b [N s/m]; `mesh_stiffness` K_m [N/m]; `cup_stiffness` K_t [N m/rad];
+    `structural_damping` C_t [N m s/rad]; `flexspline_inertia` J_g and `output_inertia` J_o [kg m2].
     """
 
     ratio: float
@@ -52,10 +53,15 @@ class DynamicParameters:
             may_vanish = f.name in ("bearing_damping", "structural_damping")
             if not math.isfinite(found) or found < 0.0 or (found == 0.0 and not may_vanish):
                 limit = "finite and >= 0" if may_vanish else "finite and > 0"
-                raise ParameterError("cannot be simulated", where=f"dynamics.{f.name}", value=found, limit=limit)
+                raise ParameterError(
+                    "cannot be simulated", where=f"dynamics.{f.name}", value=found, limit=limit
+                )
         if self.tooth_angle >= 0.5 * math.pi:
             raise ParameterError(
-                "cannot be simulated", where="dynamics.tooth_angle", value=self.tooth_angle, limit="< pi/2 rad"
+                "cannot be simulated",
+                where="dynamics.tooth_angle",
+                value=self.tooth_angle,
+                limit="< pi/2 rad",
             )
 
     def replaced(self, **changes: float) -> DynamicParameters:
@@ -78,7 +84,9 @@ class DynamicParameters:
     def reduced_damping(self) -> float:
         """Damping at the output of the reduced one-degree form, to first order in C_b and C_t [N m s/rad]."""
         bearing = self.bearing_damping / (self.bearing_stiffness * self.radial_lever) ** 2
-        return self.combined_stiffness**2 * (bearing + self.structural_damping / self.cup_stiffness**2)
+        return self.combined_stiffness**2 * (
+            bearing + self.structural_damping / self.cup_stiffness**2
+        )
 
 
 def dynamic_parameters(gear: HarmonicDrive, **changes: float) -> DynamicParameters:
@@ -120,7 +128,13 @@ def input_matrix(p: DynamicParameters) -> Array:
     return ParameterTable.of([p]).inputs()[0]
 
 
-INPUTS = ("ideal output angle", "ideal output speed", "mesh friction", "bearing friction torque", "load torque")
+INPUTS = (
+    "ideal output angle",
+    "ideal output speed",
+    "mesh friction",
+    "bearing friction torque",
+    "load torque",
+)
 """What drives equation 2: psi = theta_i/N + ke [rad], psi' [rad/s], F_fm [N], M_0 [N m], T_L [N m]."""
 
 
@@ -134,7 +148,10 @@ class ParameterTable:
     def of(sets: Sequence[DynamicParameters]) -> ParameterTable:
         """The table of these sets."""
         return ParameterTable(
-            {name: np.array([getattr(p, name) for p in sets]) for name in DynamicParameters.__slots__}
+            {
+                name: np.array([getattr(p, name) for p in sets])
+                for name in DynamicParameters.__slots__
+            }
         )
 
     def __getitem__(self, name: str) -> Array:
@@ -178,7 +195,10 @@ class ParameterTable:
         matrix = np.zeros((len(self), 3, len(INPUTS)))
         matrix[:, 0, 0] = self["bearing_stiffness"] * self.radial_lever
         matrix[:, 0, 1] = self["bearing_damping"] * self.radial_lever
-        matrix[:, 0, 2], matrix[:, 1, 2] = -np.cos(self["tooth_angle"]), -np.sin(self["tooth_angle"])
+        matrix[:, 0, 2], matrix[:, 1, 2] = (
+            -np.cos(self["tooth_angle"]),
+            -np.sin(self["tooth_angle"]),
+        )
         matrix[:, 1, 3] = matrix[:, 2, 4] = -1.0 / self["neutral_radius"]
         return matrix
 
@@ -186,12 +206,14 @@ class ParameterTable:
 def energy_forms(sets: Sequence[DynamicParameters]) -> tuple[Array, Array, Array, Array]:
     """A, B and the maps back to q and q' of x' = A x + B u, in the state whose squared length is twice the energy.
 
-    x = (R M^(1/2) q, M^(1/2) q') with R^2 = M^(-1/2) K M^(-1/2); then A = [[0, R], [-R, -C']] is skew apart from the
-    damping, so its eigenvectors are well conditioned wherever the modes are distinct. Shapes per set (first axis) (6, 6),
-    (6, 5), (3, 6), (3, 6).
+    x = (R M^(1/2) q, M^(1/2) q') with R^2 = M^(-1/2) K M^(-1/2); then A = [[0, R], [-R, -C']] is
+    skew apart from the damping, so its eigenvectors are well conditioned wherever the modes are
+    distinct. Shapes per set (first axis) (6, 6), (6, 5), (3, 6), (3, 6).
     """
     count, table = len(sets), ParameterTable.of(sets)
-    masses = np.stack([table["flexspline_inertia"], table["flexspline_inertia"], table["output_inertia"]], axis=1)
+    masses = np.stack(
+        [table["flexspline_inertia"], table["flexspline_inertia"], table["output_inertia"]], axis=1
+    )
     scale = table["neutral_radius"][:, None] / np.sqrt(masses)
     both = scale[:, :, None] * scale[:, None, :]
     squared, vectors = np.linalg.eigh(table.stiffness() * both)
@@ -230,7 +252,14 @@ def modes(p: DynamicParameters) -> tuple[Mode, ...]:
         size = abs(pole)
         decay = -pole.real if -pole.real > 1e-13 * size else 0.0
         ratio = 1.0 if pole.imag == 0.0 else decay / size
-        found.append(Mode(float(size), float(ratio), float(pole.imag), float(1.0 / decay) if decay > 0.0 else math.inf))
+        found.append(
+            Mode(
+                float(size),
+                float(ratio),
+                float(pole.imag),
+                float(1.0 / decay) if decay > 0.0 else math.inf,
+            )
+        )
     return tuple(sorted(found, key=lambda mode: mode.natural_frequency))
 
 
@@ -262,7 +291,9 @@ def resonance_speeds(p: DynamicParameters, orders: Iterable[float]) -> tuple[Res
     frequency = first.damped_frequency if first is not None else 0.0
     if frequency == 0.0:
         return ()
-    return tuple(Resonance(float(order), frequency / float(order)) for order in orders if order > 0.0)
+    return tuple(
+        Resonance(float(order), frequency / float(order)) for order in orders if order > 0.0
+    )
 
 
 def common_ratio(sets: Sequence[DynamicParameters]) -> float:
@@ -270,5 +301,7 @@ def common_ratio(sets: Sequence[DynamicParameters]) -> float:
     if not sets:
         raise ParameterError("holds no parameter set", where="batch", limit="at least one")
     if any(p.ratio != sets[0].ratio for p in sets):
-        raise ParameterError("mixes ratios", where="batch", limit=f"ratio {sets[0].ratio:g} in every set")
+        raise ParameterError(
+            "mixes ratios", where="batch", limit=f"ratio {sets[0].ratio:g} in every set"
+        )
     return sets[0].ratio

@@ -42,7 +42,9 @@ def linear_system(p: DynamicParameters, rotor_inertia: float, *, coupled: bool =
     place, speed = np.array([1, 3, 5]), np.array([2, 4, 6])
     a[np.ix_(speed, place)] = -inverse[:, None] * stiffness_matrix(p)
     a[np.ix_(speed, speed)] = -inverse[:, None] * damping_matrix(p)
-    a[2, [0, 9, 10]] += inverse[0] * np.array([p.bearing_damping * lift, p.bearing_stiffness, p.bearing_damping])
+    a[2, [0, 9, 10]] += inverse[0] * np.array(
+        [p.bearing_damping * lift, p.bearing_stiffness, p.bearing_damping]
+    )
     a[6, 11] = inverse[2] / p.neutral_radius
     a[place, speed] = 1.0
     a[place, 0] = -lift * np.array([1.0, tangent, tangent])
@@ -62,7 +64,13 @@ def step_matrix(system: Array, step: float) -> Array:
     """
     exact = scipy.linalg.expm(system * step)[:8]
     ramp = exact[:, 10] / step
-    columns = [*(exact[:, i] for i in range(7)), exact[:, 8], exact[:, 9] - ramp, ramp, exact[:, 11]]
+    columns = [
+        *(exact[:, i] for i in range(7)),
+        exact[:, 8],
+        exact[:, 9] - ramp,
+        ramp,
+        exact[:, 11],
+    ]
     return np.concatenate(columns)
 
 
@@ -104,16 +112,21 @@ def common_period(orders: tuple[float, ...], ratio: float) -> int:
     if period > LONGEST_PERIOD:
         raise ModelError(
             "the orders of the kinematic error have no common period that can be simulated",
-            where="kinematic_error.orders", value=period, limit=f"<= {LONGEST_PERIOD} input revolutions",
-        )  # fmt: skip
+            where="kinematic_error.orders",
+            value=period,
+            limit=f"<= {LONGEST_PERIOD} input revolutions",
+        )
     return period
 
 
-def friction_table(gear: HarmonicDrive, p: DynamicParameters, highest_speed: float, *, windup: bool) -> Array:
+def friction_table(
+    gear: HarmonicDrive, p: DynamicParameters, highest_speed: float, *, windup: bool
+) -> Array:
     """Mesh dry, mesh viscous, bearing above its low-speed value [N m], wind-up [rad], over sqrt|w| (points + 1, 4).
 
-    Linear interpolation over the root of the speed follows the Stribeck curve where it is steep; its error at the default
-    gear is below 1e-7 N m. `highest_speed` [rad/s] is the last point; beyond it the last piece is extended.
+    Linear interpolation over the root of the speed follows the Stribeck curve where it is steep;
+    its error at the default gear is below 1e-7 N m. `highest_speed` [rad/s] is the last point;
+    beyond it the last piece is extended.
     """
     speed = np.linspace(0.0, math.sqrt(highest_speed), FRICTION_POINTS + 1) ** 2
     mesh = gear.mesh_friction
@@ -130,7 +143,9 @@ def friction_table(gear: HarmonicDrive, p: DynamicParameters, highest_speed: flo
 
 def bearing_drag(gear: HarmonicDrive, speed: Array) -> Array:
     """|M_0| of equation 18 in the gear's own branches [N m]."""
-    return friction.bearing_magnitude(gear.bearing, speed, low_speed_branch=gear.options.low_speed_branch)
+    return friction.bearing_magnitude(
+        gear.bearing, speed, low_speed_branch=gear.options.low_speed_branch
+    )
 
 
 def friction_lag(p: DynamicParameters, bearing_force: Array, mesh_force: Array) -> Array:

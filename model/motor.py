@@ -1,7 +1,8 @@
 """The servo motor that turns the wave generator, as a frozen parameter set in SI.
 
-Only what the rig's simulation, the plans and the reports need: ratings, rotor inertia, its own friction (what the torque
-port shows besides the gear), and the torque constant. Numbers live in `model/motors/*.toml`.
+Only what the rig's simulation, the plans and the reports need: ratings, rotor inertia, its own
+friction (what the torque port shows besides the gear), and the torque constant. Numbers live in
+`model/motors/*.toml`.
 """
 
 from __future__ import annotations
@@ -29,17 +30,29 @@ class ServoMotor(Section):
     section = "motor"
     name: str
     rated_torque: float = quantity("N m", "rated torque", symbol="T_rated", above=0.0, high=1e3)
-    peak_torque: float = quantity("N m", "instantaneous peak torque", symbol="T_peak", above=0.0, high=1e4)
+    peak_torque: float = quantity(
+        "N m", "instantaneous peak torque", symbol="T_peak", above=0.0, high=1e4
+    )
     rated_speed: float = quantity("rad/s", "rated speed", symbol="n_rated", above=0.0, high=1e4)
     maximum_speed: float = quantity("rad/s", "maximum speed", symbol="n_max", above=0.0, high=1e4)
-    rotor_inertia: float = quantity("kg m2", "inertia of the rotor", symbol="J_m", above=0.0, high=1.0)
-    coulomb_friction: float = quantity("N m", "Coulomb friction of motor and seal", symbol="T_c,m", low=0.0, high=10.0)
+    rotor_inertia: float = quantity(
+        "kg m2", "inertia of the rotor", symbol="J_m", above=0.0, high=1.0
+    )
+    coulomb_friction: float = quantity(
+        "N m", "Coulomb friction of motor and seal", symbol="T_c,m", low=0.0, high=10.0
+    )
     viscous_friction: float = quantity(
         "N m s/rad", "viscous friction of motor and seal", symbol="c_m", low=0.0, high=1.0
     )
-    torque_constant: float = quantity("N m/A", "torque per current (r.m.s.)", symbol="K_T", above=0.0, high=100.0)
-    rated_current: float = quantity("A", "rated current (r.m.s.)", symbol="I_rated", above=0.0, high=1e3)
-    peak_current: float = quantity("A", "instantaneous peak current (r.m.s.)", symbol="I_peak", above=0.0, high=1e4)
+    torque_constant: float = quantity(
+        "N m/A", "torque per current (r.m.s.)", symbol="K_T", above=0.0, high=100.0
+    )
+    rated_current: float = quantity(
+        "A", "rated current (r.m.s.)", symbol="I_rated", above=0.0, high=1e3
+    )
+    peak_current: float = quantity(
+        "A", "instantaneous peak current (r.m.s.)", symbol="I_peak", above=0.0, high=1e4
+    )
     origins: Mapping[str, Origin] = field(default_factory=lambda: MappingProxyType({}))
 
     def __post_init__(self) -> None:
@@ -53,10 +66,17 @@ class ServoMotor(Section):
 def shipped_motor(name: str = "sgmjv-02") -> ServoMotor:
     """A motor that comes with the program; raises `ParameterError` for an unknown name, listing those there are."""
     folder = resources.files("model") / "motors"
-    names = sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    names = sorted(
+        entry.name.removesuffix(".toml")
+        for entry in folder.iterdir()
+        if entry.name.endswith(".toml")
+    )
     if name not in names:
         raise ParameterError(
-            "no such shipped motor", where="motor", value=quantities.shorten(name), limit=", ".join(names)
+            "no such shipped motor",
+            where="motor",
+            value=quantities.shorten(name),
+            limit=", ".join(names),
         )
     content = quantities.parse_toml((folder / f"{name}.toml").read_bytes(), f"{name}.toml")
     return motor_from_mapping(content, f"{name}.toml")
@@ -83,11 +103,15 @@ def motor_from_mapping(mapping: Mapping[str, Any], where: str) -> ServoMotor:
     try:
         if not isinstance(mapping, Mapping) or mapping.get("format") != FORMAT:
             remedy = "Is this the parameter file of a motor?"
-            raise ParameterError("is not the format of a motor", where="format", limit=f'"{FORMAT}"', remedy=remedy)
+            raise ParameterError(
+                "is not the format of a motor", where="format", limit=f'"{FORMAT}"', remedy=remedy
+            )
         quantities.check_keys(mapping, ("format", "name", "motor"), "")
         name = mapping.get("name")
         if not isinstance(name, str) or not name.strip():
-            raise ParameterError("is not a name", where="name", value=quantities.shorten(name), limit="text")
+            raise ParameterError(
+                "is not a name", where="name", value=quantities.shorten(name), limit="text"
+            )
         arguments, origins = quantities.read_section(ServoMotor, mapping.get("motor", {}), "motor")
         return ServoMotor(name=name, **arguments, origins=MappingProxyType(origins))
     except ParameterError as error:

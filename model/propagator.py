@@ -16,8 +16,9 @@ The loops carry zeta = x - B1 u-, which needs the inputs of one sample only:
 
     zeta[k+1] = exp(A h) zeta[k] + (exp(A h) B1 + B0) u[k]- + B0 (u[k]+ - u[k]-) ,   y[k] = C zeta[k] + (C B1 + D) u[k]-
 
-In modal coordinates exp(A h) is diagonal: a complex pair is one mode of double weight, a real pole one of single weight.
-Where the eigenvectors are nearly dependent (critical damping) the full matrix exponential is used instead.
+In modal coordinates exp(A h) is diagonal: a complex pair is one mode of double weight, a real pole
+one of single weight. Where the eigenvectors are nearly dependent (critical damping) the full matrix
+exponential is used instead.
 """
 
 from __future__ import annotations
@@ -50,9 +51,10 @@ QUAD = 4
 class Propagator:
     """Parameter sets (first axis, S) over one interval: arrays with real and imaginary parts apart, m modes.
 
-    `decay` (S, 2, m) of exp(lambda h), or `transition` (S, 6, 6) where `dense`; `gain` (S, 2, m, 5), `start` = B0 and
-    `lead` = B1 of the same shape; `output` (S, 4, 2, m), `through` (S, 4, 5); `encode` (S, .., 6) complex makes modes of
-    q, q' and `decode` (S, 6, ..) takes them back (real part); `lever` (S,) is r_g/tan(alpha_t).
+    `decay` (S, 2, m) of exp(lambda h), or `transition` (S, 6, 6) where `dense`; `gain` (S, 2, m,
+    5), `start` = B0 and `lead` = B1 of the same shape; `output` (S, 4, 2, m), `through` (S, 4, 5);
+    `encode` (S, .., 6) complex makes modes of q, q' and `decode` (S, 6, ..) takes them back (real
+    part); `lever` (S,) is r_g/tan(alpha_t).
     """
 
     dense: bool
@@ -82,7 +84,9 @@ class Propagator:
         return static_force * self.start[..., 2] + static_torque * self.start[..., 3]
 
 
-def propagators(sets: Sequence[DynamicParameters], interval: float) -> list[tuple[list[int], Propagator]]:
+def propagators(
+    sets: Sequence[DynamicParameters], interval: float
+) -> list[tuple[list[int], Propagator]]:
     """The exact propagation of parameter sets over `interval` [s]: groups of places in `sets` with their arrays.
 
     Sets whose eigenvectors are well conditioned form one modal group, the others one dense group. A single set is
@@ -97,7 +101,9 @@ def _remembered(p: DynamicParameters, interval: float) -> list[tuple[list[int], 
     return _groups([p], interval)
 
 
-def _groups(sets: Sequence[DynamicParameters], interval: float) -> list[tuple[list[int], Propagator]]:
+def _groups(
+    sets: Sequence[DynamicParameters], interval: float
+) -> list[tuple[list[int], Propagator]]:
     """The work of `propagators`."""
     systems, drives, positions, velocities = energy_forms(sets)
     poles, vectors = np.linalg.eig(systems)
@@ -125,7 +131,9 @@ def _groups(sets: Sequence[DynamicParameters], interval: float) -> list[tuple[li
 
 @dataclass(frozen=True)
 class _Form:
-    """What the modal and the dense form are both made of, per set: B (6, 5), C (4, 6), D (4, 5), x to (q, q') (6, 6)."""
+    """What the modal and the dense form are both made of, per set: B (6, 5), C (4, 6), D (4, 5), x
+    to (q, q') (6, 6).
+    """
 
     drive: Array
     observed: Array
@@ -143,11 +151,15 @@ def _well_conditioned(vectors: NDArray[Any]) -> tuple[NDArray[np.bool_], NDArray
     except np.linalg.LinAlgError:
         good = np.linalg.cond(vectors) < LARGEST_CONDITION
         inverses = np.linalg.inv(np.where(good[:, None, None], vectors, np.eye(6)))
-    size = np.sqrt(np.sum(np.abs(vectors) ** 2, axis=(1, 2)) * np.sum(np.abs(inverses) ** 2, axis=(1, 2)))
+    size = np.sqrt(
+        np.sum(np.abs(vectors) ** 2, axis=(1, 2)) * np.sum(np.abs(inverses) ** 2, axis=(1, 2))
+    )
     return good & (size < LARGEST_CONDITION), inverses
 
 
-def _modal(poles: NDArray[Any], vectors: NDArray[Any], inverse: NDArray[Any], form: _Form) -> Propagator:
+def _modal(
+    poles: NDArray[Any], vectors: NDArray[Any], inverse: NDArray[Any], form: _Form
+) -> Propagator:
     """The diagonal form; poles of the lower half plane are dropped and their partners counted twice."""
     sets = len(poles)
     rank = np.argsort(np.where(np.imag(poles) >= 0.0, np.abs(poles), np.inf), axis=1)
@@ -194,7 +206,9 @@ def _dense(systems: Array, form: _Form) -> Propagator:
     blocks = scipy.linalg.expm(chain)[:, :n]
     transition = blocks[:, :, :n]
     factors = (form.interval * math.factorial(p) for p in range(4))
-    moments = [f * blocks[:, :, (p + 1) * n : (p + 2) * n] @ form.drive for p, f in enumerate(factors)]
+    moments = [
+        f * blocks[:, :, (p + 1) * n : (p + 2) * n] @ form.drive for p, f in enumerate(factors)
+    ]
     start, lead = _hold(moments, form.interval)
     return Propagator(
         dense=True,
@@ -234,20 +248,33 @@ def _hold(moments: Sequence[NDArray[Any]], interval: float) -> tuple[NDArray[Any
     zero, one, two, three = moments
     start, lead = zero - one, one.copy()
     angle, rate = 0, 1
-    rise = 3.0 * two[..., angle] - 2.0 * three[..., angle] + 6.0 * (one[..., rate] - two[..., rate]) / interval
+    rise = (
+        3.0 * two[..., angle]
+        - 2.0 * three[..., angle]
+        + 6.0 * (one[..., rate] - two[..., rate]) / interval
+    )
     lead[..., 0] = rise
     start[..., 0] = zero[..., angle] - rise
     start[..., 1] = interval * (one[..., angle] - 2.0 * two[..., angle] + three[..., angle])
     start[..., 1] += zero[..., rate] - 4.0 * one[..., rate] + 3.0 * two[..., rate]
-    lead[..., 1] = interval * (three[..., angle] - two[..., angle]) + 3.0 * two[..., rate] - 2.0 * one[..., rate]
+    lead[..., 1] = (
+        interval * (three[..., angle] - two[..., angle])
+        + 3.0 * two[..., rate]
+        - 2.0 * one[..., rate]
+    )
     return start, lead
 
 
-def _outputs(sets: Sequence[DynamicParameters], position: Array, velocity: Array) -> tuple[Array, Array]:
+def _outputs(
+    sets: Sequence[DynamicParameters], position: Array, velocity: Array
+) -> tuple[Array, Array]:
     """C (S, 4, 6) and D (S, 4, 5) of the outputs named in `OUTPUTS`."""
     table = ParameterTable.of(sets)
     radius = table["neutral_radius"][:, None]
-    observed, through = np.empty((len(sets), len(OUTPUTS), 6)), np.zeros((len(sets), len(OUTPUTS), len(INPUTS)))
+    observed, through = (
+        np.empty((len(sets), len(OUTPUTS), 6)),
+        np.zeros((len(sets), len(OUTPUTS), len(INPUTS))),
+    )
     observed[:, 0], observed[:, 1] = position[:, 2] / radius, velocity[:, 2] / radius
     twist = table["cup_stiffness"][:, None] * (position[:, 1] - position[:, 2])
     twist += table["structural_damping"][:, None] * (velocity[:, 1] - velocity[:, 2])

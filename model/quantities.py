@@ -70,8 +70,12 @@ def to_si(value: float, unit: str, si_unit: str, where: str) -> float:
         return value
     found = UNITS.get(unit)
     if found is None or found[0] != si_unit:
-        allowed = ", ".join([si_unit, *(name for name, (base, _) in UNITS.items() if base == si_unit)])
-        raise ParameterError("has a unit of another dimension", where=where, value=f'"{unit}"', limit=allowed)
+        allowed = ", ".join(
+            [si_unit, *(name for name, (base, _) in UNITS.items() if base == si_unit)]
+        )
+        raise ParameterError(
+            "has a unit of another dimension", where=where, value=f'"{unit}"', limit=allowed
+        )
     factor = found[1]
     return float(Fraction(repr(value)) * factor) if isinstance(factor, Fraction) else value * factor
 
@@ -83,7 +87,9 @@ def number(found: object, where: str, limit: str) -> float:
             return float(found)
     except OverflowError:
         pass
-    text = found if isinstance(found, (int, float)) and not isinstance(found, int) else shorten(found)
+    text = (
+        found if isinstance(found, (int, float)) and not isinstance(found, int) else shorten(found)
+    )
     raise ParameterError("is not a finite number", where=where, value=text, limit=limit)
 
 
@@ -103,7 +109,11 @@ def check_keys(found: Iterable[str], known: Iterable[str], where: str, remedy: s
         if key not in names:
             near = difflib.get_close_matches(str(key), names, n=1)
             path = f"{where}.{key}" if where else str(key)
-            hint = f'Did you mean "{near[0]}"?' if near else remedy or "Known here: " + ", ".join(names)
+            hint = (
+                f'Did you mean "{near[0]}"?'
+                if near
+                else remedy or "Known here: " + ", ".join(names)
+            )
             raise ParameterError("no such parameter", where=path, remedy=hint)
 
 
@@ -113,7 +123,10 @@ def read_origin(entry: Mapping[str, Any], where: str) -> tuple[str, str]:
     if provenance not in get_args(Provenance):
         limit = ", ".join(get_args(Provenance))
         raise ParameterError(
-            "is no known provenance", where=f"{where}.provenance", value=shorten(provenance), limit=limit
+            "is no known provenance",
+            where=f"{where}.provenance",
+            value=shorten(provenance),
+            limit=limit,
         )
     source = entry.get("source", "")
     if not isinstance(source, str):
@@ -128,15 +141,25 @@ def read_quantity(entry: object, meta: Mapping[str, Any], where: str) -> tuple[f
     if not isinstance(entry, Mapping):
         form = "{ value = .., unit = " + json.dumps(unit) + ', provenance = "..", source = ".." }'
         raise ParameterError(
-            "is not a quantity", where=where, value=shorten(entry), limit=limit, remedy=f"Write {form}."
+            "is not a quantity",
+            where=where,
+            value=shorten(entry),
+            limit=limit,
+            remedy=f"Write {form}.",
         )
     check_keys(entry, _ENTRY_KEYS, where)
     if "value" not in entry:
-        raise ParameterError("has no value", where=f"{where}.value", limit=limit, remedy="Give the number.")
+        raise ParameterError(
+            "has no value", where=f"{where}.value", limit=limit, remedy="Give the number."
+        )
     given = entry.get("unit", "1" if unit == "1" else None)
     if not isinstance(given, str):
         raise ParameterError(
-            "has no unit", where=f"{where}.unit", value=shorten(given), limit=unit, remedy="Give the unit."
+            "has no unit",
+            where=f"{where}.unit",
+            value=shorten(given),
+            limit=unit,
+            remedy="Give the unit.",
         )
     value = to_si(number(entry["value"], where, limit), given, unit, f"{where}.unit")
     provenance, source = read_origin(entry, where)
@@ -149,7 +172,9 @@ def read_quantity(entry: object, meta: Mapping[str, Any], where: str) -> tuple[f
     return value, Origin(provenance, source, uncertainty)  # type: ignore[arg-type]
 
 
-def read_section(kind: type[Section], table: object, where: str) -> tuple[dict[str, Any], dict[str, Origin]]:
+def read_section(
+    kind: type[Section], table: object, where: str
+) -> tuple[dict[str, Any], dict[str, Origin]]:
     """The arguments of a section and the origin of each, from its table; `where` is the path of the table."""
     if not isinstance(table, Mapping):
         raise ParameterError("is not a table of quantities", where=where, value=shorten(table))
@@ -161,7 +186,9 @@ def read_section(kind: type[Section], table: object, where: str) -> tuple[dict[s
         path = f"{where}.{f.name}"
         if f.name not in table:
             remedy = f"Give the {f.metadata['description']} in {f.metadata['unit']}."
-            raise ParameterError("is missing", where=path, limit=allowed_range(f.metadata), remedy=remedy)
+            raise ParameterError(
+                "is missing", where=path, limit=allowed_range(f.metadata), remedy=remedy
+            )
         value, origin = read_quantity(table[f.name], f.metadata, path)
         arguments[f.name] = int(value) if f.type in ("int", int) and value == int(value) else value
         origins[f.name] = origin
@@ -170,7 +197,12 @@ def read_section(kind: type[Section], table: object, where: str) -> tuple[dict[s
 
 def entry_of(value: float, unit: str, origin: Origin) -> dict[str, Any]:
     """One quantity as plain JSON-able data, in SI."""
-    entry: dict[str, Any] = {"value": value, "unit": unit, "provenance": origin.provenance, "source": origin.source}
+    entry: dict[str, Any] = {
+        "value": value,
+        "unit": unit,
+        "provenance": origin.provenance,
+        "source": origin.source,
+    }
     if origin.standard_uncertainty is not None:
         entry["standard_uncertainty"] = origin.standard_uncertainty
     return entry
@@ -212,7 +244,11 @@ def quantity_line(name: str, value: float, meta: Mapping[str, Any], origin: Orig
     """The line of one quantity in a parameter file, with its symbol and description as a comment."""
     uncertainty = origin.standard_uncertainty
     texts, unit = readable([value] if uncertainty is None else [value, uncertainty], meta["unit"])
-    parts = [f"value = {texts[0]}", f"unit = {quote(unit)}", f"provenance = {quote(origin.provenance)}"]
+    parts = [
+        f"value = {texts[0]}",
+        f"unit = {quote(unit)}",
+        f"provenance = {quote(origin.provenance)}",
+    ]
     parts.append(f"source = {quote(origin.source)}")
     if uncertainty is not None:
         parts.append(f"standard_uncertainty = {texts[1]}")
@@ -224,7 +260,10 @@ def section_lines(part: Section, origins: Mapping[str, Origin]) -> list[str]:
     """All quantity lines of a section; `origins` by field name."""
     fields = [f for f in dataclasses.fields(part) if "unit" in f.metadata]  # type: ignore[arg-type]
     unknown = Origin("assumed")
-    return [quantity_line(f.name, getattr(part, f.name), f.metadata, origins.get(f.name, unknown)) for f in fields]
+    return [
+        quantity_line(f.name, getattr(part, f.name), f.metadata, origins.get(f.name, unknown))
+        for f in fields
+    ]
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
@@ -235,9 +274,13 @@ def read_toml(path: str | Path) -> dict[str, Any]:
             raw = stream.read(LARGEST_FILE + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise ParameterError(f"cannot be read: {reason}", where=where, remedy="Check the path.") from error
+        raise ParameterError(
+            f"cannot be read: {reason}", where=where, remedy="Check the path."
+        ) from error
     if len(raw) > LARGEST_FILE:
-        raise ParameterError("is too long for a parameter file", where=where, limit=f"<= {LARGEST_FILE} bytes")
+        raise ParameterError(
+            "is too long for a parameter file", where=where, limit=f"<= {LARGEST_FILE} bytes"
+        )
     return parse_toml(raw, where)
 
 
@@ -249,7 +292,9 @@ def parse_toml(raw: bytes, where: str) -> dict[str, Any]:
         what = f"is not UTF-8 text (byte {error.start})"
         raise ParameterError(what, where=where, remedy="Save the file as UTF-8.") from error
     except tomllib.TOMLDecodeError as error:
-        raise ParameterError(f"is not valid TOML: {error}", where=where, remedy="Correct the line.") from error
+        raise ParameterError(
+            f"is not valid TOML: {error}", where=where, remedy="Correct the line."
+        ) from error
     except (RecursionError, ValueError, OverflowError) as error:
         what = f"is not valid TOML: {type(error).__name__}"
         raise ParameterError(what, where=where, remedy="Is this a parameter file?") from error
@@ -261,10 +306,14 @@ def write_text(text: str, path: str | Path) -> None:
         Path(path).write_text(text, encoding="utf-8", newline="\n")
     except OSError as error:
         what = f"cannot be written: {error.strerror or error}"
-        raise ParameterError(what, where=str(path), remedy="Choose a folder that can be written.") from error
+        raise ParameterError(
+            what, where=str(path), remedy="Choose a folder that can be written."
+        ) from error
 
 
 def within(error: ParameterError, where: str) -> ParameterError:
     """The same refusal with the file (or run) named before the path of the value."""
     path = f"{where}: {error.where}" if error.where else where
-    return ParameterError(error.what, where=path, value=error.value, limit=error.limit, remedy=error.remedy)
+    return ParameterError(
+        error.what, where=path, value=error.value, limit=error.limit, remedy=error.remedy
+    )

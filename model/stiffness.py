@@ -10,7 +10,7 @@
 The last follows from the statics of equation 2 with the wave generator (f) or the output (w) locked. Numbers of the
 equations 13-15 and 21 are inferred: they are missing from the text that survives. Bearing after Harris and Kotzalas,
 "Essential Concepts of Bearing Technology", 5th ed.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -51,7 +51,12 @@ class HertzContact:
     def approach(self, load: float, material: Material) -> float:
         """delta [m] at a ball load Q [N]."""
         reduced = (
-            3.0 * load / (2.0 * self.curvature) * 2.0 * (1.0 - material.poisson_ratio**2) / material.youngs_modulus
+            3.0
+            * load
+            / (2.0 * self.curvature)
+            * 2.0
+            * (1.0 - material.poisson_ratio**2)
+            / material.youngs_modulus
         )
         return self.reduced_approach * reduced ** (2.0 / 3.0) * 0.5 * self.curvature
 
@@ -107,7 +112,9 @@ def cup_stiffness(cup: Cup, material: Material) -> CupStiffness:
     The disc is not a short shaft: its shear stress T/(2 pi r^2 l_b) makes it the softer part of a shallow cup.
     """
     shear = material.shear_modulus
-    cylinder = math.pi * shear * (cup.outer_diameter**4 - cup.inner_diameter**4) / (32.0 * cup.length)
+    cylinder = (
+        math.pi * shear * (cup.outer_diameter**4 - cup.inner_diameter**4) / (32.0 * cup.length)
+    )
     hole, wall = cup.bottom_hole_diameter, cup.inner_diameter
     bottom = math.pi * shear * cup.bottom_thickness * hole**2 * wall**2 / (wall**2 - hole**2)
     return CupStiffness(cylinder, bottom)
@@ -138,7 +145,10 @@ def hertz_contact(bearing: Bearing, ring: str) -> HertzContact:
     if not 0.0 < difference < 1.0:
         limit = "groove and ball diameters with an elliptical contact"
         raise ParameterError(
-            "has no elliptical contact", where="bearing.groove_ratio", value=bearing.groove_ratio, limit=limit
+            "has no elliptical contact",
+            where="bearing.groove_ratio",
+            value=bearing.groove_ratio,
+            limit=limit,
         )
     kappa = _ellipse_ratio(difference)
     first, second = elliptic_integrals(1.0 - 1.0 / kappa**2)
@@ -160,19 +170,25 @@ def _ellipse_ratio(difference: float) -> float:
     return math.exp(0.5 * (low + high))
 
 
-def bearing_stiffness(bearing: Bearing, material: Material, radial_load: float | None = None) -> BearingStiffness:
+def bearing_stiffness(
+    bearing: Bearing, material: Material, radial_load: float | None = None
+) -> BearingStiffness:
     """K_b (equation 14) at a radial load [N], by default the one that the parameter set states.
 
     K_b grows with the cube root of the load; the model of equation 2 holds it constant. Zero clearance.
     """
     load = bearing.radial_load if radial_load is None else radial_load
     if load <= 0.0 or not math.isfinite(load):
-        raise ParameterError("needs a radial load", where="bearing.radial_load", value=load, limit="> 0 N")
+        raise ParameterError(
+            "needs a radial load", where="bearing.radial_load", value=load, limit="> 0 N"
+        )
     unit = sum(hertz_contact(bearing, ring).approach(1.0, material) for ring in ("inner", "outer"))
     load_deflection = unit**-1.5
     peak = 4.37 * load / bearing.balls
     deflection = (peak / load_deflection) ** (2.0 / 3.0)
-    return BearingStiffness(load, load_deflection, peak, deflection, bearing.ring_factor * 1.5 * load / deflection)
+    return BearingStiffness(
+        load, load_deflection, peak, deflection, bearing.ring_factor * 1.5 * load / deflection
+    )
 
 
 def bearing_load(gear: HarmonicDrive, output_torque: float) -> float:

@@ -64,12 +64,19 @@ class Quantity:
     def as_json(self) -> dict[str, Any]:
         """The quantity as plain data; a number that is not finite becomes null."""
         value = self.value if math.isfinite(self.value) else None
-        return {"value": value, "unit": self.unit, "description": self.description, "equation": self.equation}
+        return {
+            "value": value,
+            "unit": self.unit,
+            "description": self.description,
+            "equation": self.equation,
+        }
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A computed number beside what the catalogue says of the same thing, and where the catalogue's number comes from."""
+    """A computed number beside what the catalogue says of the same thing, and where the catalogue's
+    number comes from.
+    """
 
     name: str
     computed: float
@@ -98,10 +105,10 @@ class FrictionPoint:
 class Summary:
     """What `derived_quantities` found.
 
-    `quantities` in the order of the paper; `shares` of the compliance at the output (they add up to 1) and `pair_shares`
-    of the compliance of one tooth pair; `catalogue` comparisons; `modes` with the input prescribed; `resonances`: where
-    each order of the kinematic error meets the first; `friction`: the torque over speed; `bearing_over_load`: pairs of
-    radial load [N] and K_b [N/m].
+    `quantities` in the order of the paper; `shares` of the compliance at the output (they add up to
+    1) and `pair_shares` of the compliance of one tooth pair; `catalogue` comparisons; `modes` with
+    the input prescribed; `resonances`: where each order of the kinematic error meets the first;
+    `friction`: the torque over speed; `bearing_over_load`: pairs of radial load [N] and K_b [N/m].
     """
 
     gear: str
@@ -130,15 +137,21 @@ class Summary:
             "quantities": {q.name: q.as_json() for q in self.quantities},
             "compliance_shares": self.shares,
             "tooth_pair_compliance_shares": self.pair_shares,
-            "catalogue": {c.name: {**dataclasses.asdict(c), "ratio": c.ratio} for c in self.catalogue},
+            "catalogue": {
+                c.name: {**dataclasses.asdict(c), "ratio": c.ratio} for c in self.catalogue
+            },
             "modes": [_finite(dataclasses.asdict(mode)) for mode in self.modes],
             "resonance_speeds": [
-                {**dataclasses.asdict(r), "input_speed_rpm": r.input_speed / RPM} for r in self.resonances
+                {**dataclasses.asdict(r), "input_speed_rpm": r.input_speed / RPM}
+                for r in self.resonances
             ],
             "friction_torque": [
-                {**dataclasses.asdict(point), "speed_rpm": point.speed / RPM} for point in self.friction
+                {**dataclasses.asdict(point), "speed_rpm": point.speed / RPM}
+                for point in self.friction
             ],
-            "bearing_stiffness_over_load": [{"radial_load": f, "K_b": k} for f, k in self.bearing_over_load],
+            "bearing_stiffness_over_load": [
+                {"radial_load": f, "K_b": k} for f, k in self.bearing_over_load
+            ],
         }
 
 
@@ -148,10 +161,19 @@ def derived_quantities(gear: HarmonicDrive) -> Summary:
     Raises `ParameterError` where the parameter set allows no stiffness (see `model.tooth.pair_compliance`).
     """
     stiffness, parameters = drive_stiffness(gear), dynamic_parameters(gear)
-    found = [*_geometry(gear), *_stiffness(gear, stiffness), *_dynamics(parameters), *_error(gear), *_friction(gear)]
+    found = [
+        *_geometry(gear),
+        *_stiffness(gear, stiffness),
+        *_dynamics(parameters),
+        *_error(gear),
+        *_friction(gear),
+    ]
     orders = sorted({1.0, 2.0, 4.0} | {h.order for h in gear.kinematic_error})
     loads = {50.0, 100.0, gear.bearing.radial_load}
-    loads |= {bearing_load(gear, t) for t in (gear.ratings.torque_1, gear.ratings.torque_2, gear.ratings.rated_torque)}
+    loads |= {
+        bearing_load(gear, t)
+        for t in (gear.ratings.torque_1, gear.ratings.torque_2, gear.ratings.rated_torque)
+    }
     return Summary(
         gear=gear.name,
         options=dataclasses.asdict(gear.options),
@@ -162,7 +184,9 @@ def derived_quantities(gear: HarmonicDrive) -> Summary:
         modes=modes(parameters),
         resonances=resonance_speeds(parameters, orders),
         friction=friction_points(gear, (speed * RPM for speed in FRICTION_SPEEDS_RPM)),
-        bearing_over_load=tuple((f, bearing_stiffness(gear.bearing, gear.material, f).total) for f in sorted(loads)),
+        bearing_over_load=tuple(
+            (f, bearing_stiffness(gear.bearing, gear.material, f).total) for f in sorted(loads)
+        ),
     )
 
 
@@ -185,7 +209,9 @@ def _geometry(gear: HarmonicDrive) -> Iterator[Quantity]:
     yield Quantity("lambda", wedge_lift(gear), "m/rad", "radial lift of the wedge per input angle")
     yield Quantity("x_c", zone.x, "m", "boundary of the engaged zone, along the minor axis", "4")
     yield Quantity("y_c", zone.y, "m", "boundary of the engaged zone, along the major axis", "4")
-    yield Quantity("phi_c", zone.angle, "rad", "boundary of the engaged zone, from the major axis", "4")
+    yield Quantity(
+        "phi_c", zone.angle, "rad", "boundary of the engaged zone, from the major axis", "4"
+    )
     yield Quantity("Z_R", zone.teeth, "1", "number of engaging-into teeth", "5")
 
 
@@ -194,19 +220,39 @@ def _stiffness(gear: HarmonicDrive, stiffness: DriveStiffness) -> Iterator[Quant
     pair = pair_compliance(gear)
     yield Quantity("delta_B", pair.tooth.bending, "m/N", "bending of one tooth per force", "6")
     yield Quantity("delta_S", pair.tooth.shear, "m/N", "shear of one tooth per force", "7")
-    yield Quantity("delta_C", pair.tooth.compression, "m/N", "compression of one tooth per force", "8")
-    yield Quantity("delta_F", pair.tooth.root, "m/N", "root flexibility of one tooth per force", "9")
+    yield Quantity(
+        "delta_C", pair.tooth.compression, "m/N", "compression of one tooth per force", "8"
+    )
+    yield Quantity(
+        "delta_F", pair.tooth.root, "m/N", "root flexibility of one tooth per force", "9"
+    )
     yield Quantity("delta_m", 2.0 * pair.tooth.total, "m/N", "both teeth of a pair per force", "10")
     yield Quantity("delta_c", pair.contact, "m/N", "contact of a pair per force", "11")
-    yield Quantity("K_ms", stiffness.tooth_pair, "N/m", "stiffness of one practical tooth pair", "12")
+    yield Quantity(
+        "K_ms", stiffness.tooth_pair, "N/m", "stiffness of one practical tooth pair", "12"
+    )
     yield Quantity("K_m", stiffness.mesh, "N/m", "mesh stiffness along the flank normal", "3")
-    yield Quantity("K_cyl", stiffness.cup.cylinder, "N m/rad", "torsional stiffness of the cup's cylinder", "13")
-    yield Quantity("K_bot", stiffness.cup.bottom, "N m/rad", "torsional stiffness of the cup's bottom disc", "13")
+    yield Quantity(
+        "K_cyl",
+        stiffness.cup.cylinder,
+        "N m/rad",
+        "torsional stiffness of the cup's cylinder",
+        "13",
+    )
+    yield Quantity(
+        "K_bot",
+        stiffness.cup.bottom,
+        "N m/rad",
+        "torsional stiffness of the cup's bottom disc",
+        "13",
+    )
     yield Quantity("K_t", stiffness.cup.total, "N m/rad", "torsional stiffness of the cup", "13")
     bearing = stiffness.bearing
     for ring in ("inner", "outer"):
         ratio = hertz_contact(gear.bearing, ring).ellipse_ratio
-        yield Quantity(f"kappa_{ring[0]}", ratio, "1", f"ellipse ratio of the contact at the {ring} ring")
+        yield Quantity(
+            f"kappa_{ring[0]}", ratio, "1", f"ellipse ratio of the contact at the {ring} ring"
+        )
     yield Quantity("K_n", bearing.load_deflection, "N/m^1.5", "load-deflection factor of one ball")
     yield Quantity("F_r", bearing.radial_load, "N", "radial load at which K_b is evaluated")
     yield Quantity("Q_max", bearing.peak_ball_load, "N", "load on the most loaded ball")
@@ -214,51 +260,92 @@ def _stiffness(gear: HarmonicDrive, stiffness: DriveStiffness) -> Iterator[Quant
     yield Quantity("K_b", bearing.total, "N/m", "radial stiffness of the bearing", "14")
     low, high = kraemer_damping(bearing.total)
     yield Quantity(
-        "C_b", gear.bearing.damping, "N s/m", "radial damping of the bearing, as the parameter set states it"
+        "C_b",
+        gear.bearing.damping,
+        "N s/m",
+        "radial damping of the bearing, as the parameter set states it",
     )
-    yield Quantity("C_b_low", low, "N s/m", "lower bound of the bearing's damping by Kraemer's rule", "15")
-    yield Quantity("C_b_high", high, "N s/m", "upper bound of the bearing's damping by Kraemer's rule", "15")
+    yield Quantity(
+        "C_b_low", low, "N s/m", "lower bound of the bearing's damping by Kraemer's rule", "15"
+    )
+    yield Quantity(
+        "C_b_high", high, "N s/m", "upper bound of the bearing's damping by Kraemer's rule", "15"
+    )
     yield Quantity("K_b_output", stiffness.bearing_at_output, "N m/rad", "K_b r_g^2/tan^2(alpha_t)")
     yield Quantity("K_m_output", stiffness.mesh_at_output, "N m/rad", "K_m r_g^2 cos^2(alpha_t)")
     yield Quantity(
-        "K_HDf", stiffness.combined_output, "N m/rad", "stiffness at the output, wave generator locked", "21"
+        "K_HDf",
+        stiffness.combined_output,
+        "N m/rad",
+        "stiffness at the output, wave generator locked",
+        "21",
     )
-    yield Quantity("K_HDw", stiffness.combined_input, "N m/rad", "stiffness at the input, output locked", "21")
+    yield Quantity(
+        "K_HDw", stiffness.combined_input, "N m/rad", "stiffness at the input, output locked", "21"
+    )
 
 
 def _dynamics(parameters: DynamicParameters) -> Iterator[Quantity]:
     """Frequencies of equation 2 and the damping ratio of the torsional resonance."""
     for index, frequency in enumerate(undamped_frequencies(parameters), start=1):
-        yield Quantity(f"omega_{index}", float(frequency), "rad/s", f"undamped natural frequency {index}", "2")
+        yield Quantity(
+            f"omega_{index}", float(frequency), "rad/s", f"undamped natural frequency {index}", "2"
+        )
     first = torsional_mode(parameters)
     if first is not None:
         yield Quantity(
-            "f_1", first.damped_frequency / (2.0 * math.pi), "Hz", "torsional resonance, input prescribed", "2"
+            "f_1",
+            first.damped_frequency / (2.0 * math.pi),
+            "Hz",
+            "torsional resonance, input prescribed",
+            "2",
         )
-        yield Quantity("zeta_1", first.damping_ratio, "1", "damping ratio of the torsional resonance", "2")
+        yield Quantity(
+            "zeta_1", first.damping_ratio, "1", "damping ratio of the torsional resonance", "2"
+        )
     yield Quantity(
-        "K_HDf/J_o", parameters.combined_stiffness / parameters.output_inertia, "1/s2", "stiffness over inertia"
+        "K_HDf/J_o",
+        parameters.combined_stiffness / parameters.output_inertia,
+        "1/s2",
+        "stiffness over inertia",
     )
-    yield Quantity("C_t", parameters.structural_damping, "N m s/rad", "structural damping of the cup")
+    yield Quantity(
+        "C_t", parameters.structural_damping, "N m s/rad", "structural damping of the cup"
+    )
 
 
 def _error(gear: HarmonicDrive) -> Iterator[Quantity]:
     """Equations 16-17."""
     error = peak_to_peak(gear.kinematic_error, gear.ratio)
     eccentric = float(equivalent_eccentric_error(gear, error))
-    yield Quantity("ke_pp", error, "rad", "kinematic error, peak to peak over an output revolution", "16")
+    yield Quantity(
+        "ke_pp", error, "rad", "kinematic error, peak to peak over an output revolution", "16"
+    )
     yield Quantity("e_pp", eccentric, "m", "equivalent eccentric error, peak to peak", "17")
-    yield Quantity("de/dke", radial_lever(gear.geometry), "m/rad", "eccentric error per kinematic error", "17")
+    yield Quantity(
+        "de/dke", radial_lever(gear.geometry), "m/rad", "eccentric error per kinematic error", "17"
+    )
     ripple = speed_ripple(gear) if gear.kinematic_error else 0.0
-    yield Quantity("speed_ripple", ripple, "1", "largest relative ripple of the output speed, N max|dke/dtheta_i|")
+    yield Quantity(
+        "speed_ripple",
+        ripple,
+        "1",
+        "largest relative ripple of the output speed, N max|dke/dtheta_i|",
+    )
 
 
 def _friction(gear: HarmonicDrive) -> Iterator[Quantity]:
     """Levers of equation 20 and its conversion."""
     yield Quantity("lever_fm", mesh_lever(gear), "m", "input torque per mesh friction force", "20")
-    yield Quantity("lever_fb", bearing_lever(gear), "1", "input torque per bearing friction torque", "20")
     yield Quantity(
-        "conversion", conversion_factor(gear), "1", "mesh friction in the published over the energy balance", "20"
+        "lever_fb", bearing_lever(gear), "1", "input torque per bearing friction torque", "20"
+    )
+    yield Quantity(
+        "conversion",
+        conversion_factor(gear),
+        "1",
+        "mesh friction in the published over the energy balance",
+        "20",
     )
 
 
@@ -270,17 +357,36 @@ def _catalogue(gear: HarmonicDrive, stiffness: DriveStiffness) -> Iterator[Compa
     running = float(friction_torque(gear, CATALOGUE_SPEED_RPM * RPM))
     rows = (
         ("K1", stiffness.combined_output, "stiffness_1", "K_HDf against the stiffness below T1"),
-        ("K2", stiffness.combined_output, "stiffness_2", "K_HDf against the stiffness between T1 and T2"),
+        (
+            "K2",
+            stiffness.combined_output,
+            "stiffness_2",
+            "K_HDf against the stiffness between T1 and T2",
+        ),
         ("K3", stiffness.combined_output, "stiffness_3", "K_HDf against the stiffness above T2"),
-        ("transmission_accuracy", accuracy, "transmission_accuracy", "kinematic error, peak to peak"),
+        (
+            "transmission_accuracy",
+            accuracy,
+            "transmission_accuracy",
+            "kinematic error, peak to peak",
+        ),
         ("starting_torque", starting, "starting_torque", "friction torque at the onset of motion"),
-        ("running_torque", running, "running_torque", f"friction torque at {CATALOGUE_SPEED_RPM} r/min"),
+        (
+            "running_torque",
+            running,
+            "running_torque",
+            f"friction torque at {CATALOGUE_SPEED_RPM} r/min",
+        ),
     )
     for name, computed, rating, description in rows:
         value = gear.value(f"ratings.{rating}")
-        yield Comparison(name, computed, value.value, value.unit, description, value.origin.provenance)
+        yield Comparison(
+            name, computed, value.value, value.unit, description, value.origin.provenance
+        )
 
 
 def _finite(entry: dict[str, Any]) -> dict[str, Any]:
     """The same data with null for what is not finite: JSON knows no infinity."""
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in entry.items()}
+    return {
+        k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in entry.items()
+    }

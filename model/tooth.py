@@ -1,7 +1,8 @@
 """Compliance of one tooth pair (equations 6-12): cantilever slices of a trapezoid, root, and contact.
 
-The tooth is a trapezoid of height H_t and root width L_b; the normal force acts L_m below the tip, on a flank inclined by
-beta_j = alpha_t. The part between root and force point, z_j = H_t - L_m, is cut into n slices.
+The tooth is a trapezoid of height H_t and root width L_b; the normal force acts L_m below the tip,
+on a flank inclined by beta_j = alpha_t. The part between root and force point, z_j = H_t - L_m, is
+cut into n slices.
 
 (6)   bending      delta_B = (F/E) { cos^2 beta (T^3 + 3 T^2 L + 3 T L^2)/(3 I)
                                      - cos beta sin beta (T^2 y_j + 2 T y_j L)/(2 I) }          as published
@@ -13,8 +14,9 @@ beta_j = alpha_t. The part between root and force point, z_j = H_t - L_m, is cut
 (11)  contact      one of three laws
 (12)  pair         K_ms = F/(delta_m + delta_contact)
 
-Equations 6 and 10 as printed in Zou et al. 2015 (6 with its minus sign restored); 7-9 and 12 after Cornell 1981 (ASME J.
-Mech. Des. 103, 447); 11 is not in the text that survives: Palmgren as used by Cornell, Lundberg, or Yang and Sun.
+Equations 6 and 10 as printed in Zou et al. 2015 (6 with its minus sign restored); 7-9 and 12 after
+Cornell 1981 (ASME J. Mech. Des. 103, 447); 11 is not in the text that survives: Palmgren as used by
+Cornell, Lundberg, or Yang and Sun.
 """
 
 from __future__ import annotations
@@ -86,7 +88,9 @@ def tooth_compliance(gear: HarmonicDrive) -> ToothCompliance:
         area = 2.0 * half * tooth.width
         second_moment = tooth.width * (2.0 * half) ** 3 / 12.0
         arm = reach - (index + 1) * thickness
-        direct = (thickness**3 + 3.0 * thickness**2 * arm + 3.0 * thickness * arm**2) / (3.0 * second_moment)
+        direct = (thickness**3 + 3.0 * thickness**2 * arm + 3.0 * thickness * arm**2) / (
+            3.0 * second_moment
+        )
         cross = half_at_force * (thickness**2 + 2.0 * thickness * arm) / (2.0 * second_moment)
         bending += cosine**2 * direct - cosine * sine * cross * (2.0 if by_energy else 1.0)
         if by_energy:
@@ -103,7 +107,12 @@ def _root(gear: HarmonicDrive, reach: float) -> float:
     ratio = reach / gear.tooth.root_width
     bracket = 5.306 * ratio**2 + 2.0 * (1.0 - nu - 2.0 * nu**2) / (1.0 - nu**2) * ratio
     bracket += 1.534 * (1.0 + 0.4167 * math.tan(beta) ** 2 / (1.0 + nu))
-    return math.cos(beta) ** 2 * (1.0 - nu**2) * bracket / (gear.material.youngs_modulus * gear.tooth.width)
+    return (
+        math.cos(beta) ** 2
+        * (1.0 - nu**2)
+        * bracket
+        / (gear.material.youngs_modulus * gear.tooth.width)
+    )
 
 
 def contact_compliance(gear: HarmonicDrive, load: float) -> float:
@@ -114,7 +123,9 @@ def contact_compliance(gear: HarmonicDrive, load: float) -> float:
     "yang-sun"  4 (1 - nu^2) F/(pi E B), independent of load
     """
     if load <= 0.0 or not math.isfinite(load):
-        raise ParameterError("needs a load on the tooth pair", where="tooth.pair_load", value=load, limit="> 0 N")
+        raise ParameterError(
+            "needs a load on the tooth pair", where="tooth.pair_load", value=load, limit="> 0 N"
+        )
     modulus, nu, width = gear.material.youngs_modulus, gear.material.poisson_ratio, gear.tooth.width
     if gear.options.contact == "yang-sun":
         return 4.0 * (1.0 - nu**2) / (math.pi * modulus * width)

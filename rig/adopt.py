@@ -25,7 +25,9 @@ class Adopted:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One value of a parameter set beside what a run identified for it, both in `unit` (SI); `uncertainty` is U (k = 2)."""
+    """One value of a parameter set beside what a run identified for it, both in `unit` (SI);
+    `uncertainty` is U (k = 2).
+    """
 
     path: str
     unit: str
@@ -76,7 +78,12 @@ class Pooled:
 
     def as_json(self) -> dict[str, Any]:
         """Mean, standard deviation, unit, runs."""
-        return {"mean": self.mean, "standard_deviation": self.deviation, "unit": self.unit, "runs": self.runs}
+        return {
+            "mean": self.mean,
+            "standard_deviation": self.deviation,
+            "unit": self.unit,
+            "runs": self.runs,
+        }
 
 
 def adopt(gear: HarmonicDrive, results: Sequence[Result]) -> Adopted:
@@ -92,7 +99,10 @@ def adopt(gear: HarmonicDrive, results: Sequence[Result]) -> Adopted:
         take_over = catalogue.load(result.kind).identified
         if take_over is not None:
             gear, bare = take_over(result, gear), take_over(result, bare)
-    return Adopted(gear, tuple(path for path, origin in bare.origins.items() if origin.provenance == "identified"))
+    return Adopted(
+        gear,
+        tuple(path for path, origin in bare.origins.items() if origin.provenance == "identified"),
+    )
 
 
 def compare_with(gear: HarmonicDrive, result: Result) -> tuple[Comparison, ...]:
@@ -105,7 +115,9 @@ def compare_with(gear: HarmonicDrive, result: Result) -> tuple[Comparison, ...]:
             continue
         value, unit = ours[path]
         u = found.gear.origins[path].standard_uncertainty
-        rows.append(Comparison(path, unit, theirs.get(path, (0.0, unit))[0], value, 2.0 * u if u else 0.0))
+        rows.append(
+            Comparison(path, unit, theirs.get(path, (0.0, unit))[0], value, 2.0 * u if u else 0.0)
+        )
     return tuple(rows)
 
 

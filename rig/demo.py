@@ -1,8 +1,10 @@
-"""The whole chain on the simulated rig: tare and the paper's three experiments, fitted, held against the truth, reported.
+"""The whole chain on the simulated rig: tare and the paper's three experiments, fitted, held
+against the truth, reported.
 
-Two processes share the work, because the experiments of one need each other (tare before friction, kinematic error before
-velocity steps) and those of different processes do not. Run numbers are given out in one order, so that the same seed makes
-the same runs. Ctrl-C is a STOP for both; a second one an ABORT.
+Two processes share the work, because the experiments of one need each other (tare before friction,
+kinematic error before velocity steps) and those of different processes do not. Run numbers are
+given out in one order, so that the same seed makes the same runs. Ctrl-C is a STOP for both; a
+second one an ABORT.
 """
 
 from __future__ import annotations
@@ -26,7 +28,10 @@ if TYPE_CHECKING:
     from experiments.truth import TruthRow
     from rig.fit import Fit
 
-BRANCHES: tuple[tuple[str, ...], ...] = (("motor-tare", "friction"), ("kinematic-error", "velocity-steps"))
+BRANCHES: tuple[tuple[str, ...], ...] = (
+    ("motor-tare", "friction"),
+    ("kinematic-error", "velocity-steps"),
+)
 """What each process runs, one after the other."""
 REPORT, PARAMETERS = "report.html", "identified.toml"
 
@@ -63,10 +68,17 @@ class Demonstration:
 def _row_as_json(kind: str, row: TruthRow) -> dict[str, Any]:
     e = row.estimate
     return {
-        "kind": kind, "name": e.name, "found": e.value, "low": e.low, "high": e.high,
-        "expanded_uncertainty": e.expanded_uncertainty, "truth": e.value - row.difference, "unit": e.unit,
-        "covered": row.covered, "within_uncertainty": row.within,
-    }  # fmt: skip
+        "kind": kind,
+        "name": e.name,
+        "found": e.value,
+        "low": e.low,
+        "high": e.high,
+        "expanded_uncertainty": e.expanded_uncertainty,
+        "truth": e.value - row.difference,
+        "unit": e.unit,
+        "covered": row.covered,
+        "within_uncertainty": row.within,
+    }
 
 
 @dataclass
@@ -83,9 +95,14 @@ def _process(*arguments: Any) -> None:
 
 
 def demonstrate(
-    order: DemoOrder, *, processes: int = 2, show: Callable[[Step | Finished], None] = lambda message: None
+    order: DemoOrder,
+    *,
+    processes: int = 2,
+    show: Callable[[Step | Finished], None] = lambda message: None,
 ) -> Demonstration:
-    """Run, fit, compare and report. Raises the first error of any process, and `KeyboardInterrupt` when it was stopped."""
+    """Run, fit, compare and report. Raises the first error of any process, and `KeyboardInterrupt`
+    when it was stopped.
+    """
     started = time.monotonic()
     order.folder.mkdir(parents=True, exist_ok=True)
     messages = _in_processes(order, show) if processes > 1 else _in_this_one(order, show)
@@ -94,8 +111,13 @@ def demonstrate(
     if any(f.outcome == "ABORTED" for f in stopped):
         raise KeyboardInterrupt(_kept(order))
     if stopped or len(finished) < len(ORDER):
-        told = "; ".join(f"{f.protocol} {f.outcome}: {f.message}" for f in stopped) or "a run is missing"
-        raise RigError("the demonstration did not reach its end", where=str(order.folder), value=told)
+        told = (
+            "; ".join(f"{f.protocol} {f.outcome}: {f.message}" for f in stopped)
+            or "a run is missing"
+        )
+        raise RigError(
+            "the demonstration did not reach its end", where=str(order.folder), value=told
+        )
     return _conclude(order, tuple(finished), started)
 
 
@@ -115,7 +137,9 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
         assert done.result is not None
         gear = gear_for(done.protocol, fits)
         tare = fits.get(TARE) if done.result.options.get("tare_run") not in (None, "none") else None
-        fits[done.protocol] = Fit(open_run(done.path), gear, done.result, done.path, tare, stored=done.stored)
+        fits[done.protocol] = Fit(
+            open_run(done.path), gear, done.result, done.path, tare, stored=done.stored
+        )
     made = tuple(fits.values())
     truth = tuple((fit.result.kind, row) for fit in made for row in _truth(fit))
     adopted = adopt(shipped_gear(), [fit.result for fit in made])
@@ -124,7 +148,9 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
     note = "Made by rig demo: the whole chain, from plan to report, on the simulated rig."
     created = order.created.replace("T", " ", 1)
     report = write_report(made, order.folder / REPORT, created=created, truth=truth, note=note)
-    return Demonstration(order, finished, made, truth, report, parameters, time.monotonic() - started)
+    return Demonstration(
+        order, finished, made, truth, report, parameters, time.monotonic() - started
+    )
 
 
 def _truth(fit: Fit) -> Iterator[TruthRow]:
@@ -176,7 +202,9 @@ def _in_processes(order: DemoOrder, show: Callable[[Step | Finished], None]) -> 
 
 @contextlib.contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Processes started in here do their linear algebra in one thread: with more, two of them would wait for each other."""
+    """Processes started in here do their linear algebra in one thread: with more, two of them would
+    wait for each other.
+    """
     names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
     before = {name: os.environ.get(name) for name in names}
     os.environ.update({name: "1" for name in names if before[name] is None})
@@ -206,7 +234,10 @@ def _ctrl_c(shared: Any) -> Iterator[None]:
 
 
 def _collect(
-    messages: Any, branches: int, show: Callable[[Step | Finished], None], children: Sequence[Any] = ()
+    messages: Any,
+    branches: int,
+    show: Callable[[Step | Finished], None],
+    children: Sequence[Any] = (),
 ) -> list[Finished]:
     """Everything until each branch has ended. Raises what a branch raised, and `RigError` for a process that died."""
     found: list[Finished] = []
@@ -218,9 +249,10 @@ def _collect(
             dead = [c for c in children if c.exitcode]
             if dead:
                 raise RigError(
-                    "a process of the demonstration died", value=f"exit code {dead[0].exitcode}",
+                    "a process of the demonstration died",
+                    value=f"exit code {dead[0].exitcode}",
                     remedy="Look for lack of memory or disk, and try again.",
-                ) from None  # fmt: skip
+                ) from None
             continue
         if message is None:
             branches -= 1

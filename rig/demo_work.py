@@ -23,7 +23,9 @@ ORDER = ("motor-tare", "kinematic-error", "friction", "velocity-steps")
 
 @dataclass(frozen=True)
 class DemoOrder:
-    """What is asked for: folder, seed, and values of protocol parameters that differ from their defaults (for short tests)."""
+    """What is asked for: folder, seed, and values of protocol parameters that differ from their
+    defaults (for short tests).
+    """
 
     folder: Path
     seed: int
@@ -80,7 +82,9 @@ class SharedStop(StopRequest):
         return int(self._shared.value)
 
 
-def work(branch: Sequence[str], order: DemoOrder, messages: Any, begun: Mapping[str, Any], shared: Any) -> None:
+def work(
+    branch: Sequence[str], order: DemoOrder, messages: Any, begun: Mapping[str, Any], shared: Any
+) -> None:
     """Run and fit the protocols of one branch; everything that happens goes into `messages`, None at the end."""
     try:
         found: dict[str, Fit] = {}
@@ -105,11 +109,15 @@ def work(branch: Sequence[str], order: DemoOrder, messages: Any, begun: Mapping[
 
 
 def _turn_has_come(protocol: str, begun: Mapping[str, Any]) -> bool:
-    return all(begun[earlier].is_set() for earlier in ORDER[: ORDER.index(protocol)] if earlier in begun)
+    return all(
+        begun[earlier].is_set() for earlier in ORDER[: ORDER.index(protocol)] if earlier in begun
+    )
 
 
 def _compile_ahead(protocol: str) -> None:
-    """Compile the kernels of an analysis while another process compiles those of the rig: both are needed, once each."""
+    """Compile the kernels of an analysis while another process compiles those of the rig: both are
+    needed, once each.
+    """
     if protocol != "kinematic-error":
         return
     import numpy as np
@@ -130,7 +138,12 @@ def _wait_for_turn(protocol: str, begun: Mapping[str, Any], shared: Any) -> None
 
 
 def _one(
-    protocol: str, order: DemoOrder, messages: Any, begun: Mapping[str, Any], stop: StopRequest, found: dict[str, Fit]
+    protocol: str,
+    order: DemoOrder,
+    messages: Any,
+    begun: Mapping[str, Any],
+    stop: StopRequest,
+    found: dict[str, Fit],
 ) -> Finished:
     """Run one protocol, fit it, keep the analysis."""
     from rig.fit import TARE, fit_recording, store
@@ -149,7 +162,12 @@ def _one(
             messages.put(Step(protocol, now.elapsed, now.left, "running"))
 
     messages.put(Step(protocol, 0.0, 1.0, "preparing"))
-    report = run_request(_request(protocol, order), stop=stop, ask=lambda prompt: "simulated", on_progress=on_progress)
+    report = run_request(
+        _request(protocol, order),
+        stop=stop,
+        ask=lambda prompt: "simulated",
+        on_progress=on_progress,
+    )
     begun[protocol].set()
     if report.outcome in UNFINISHED:
         seconds = time.monotonic() - started
@@ -160,7 +178,9 @@ def _one(
     fit = fit_recording(recording, gear=gear_for(protocol, found), tare=tare, path=report.path)
     fit = found[protocol] = store(fit, order.created)
     seconds = time.monotonic() - started
-    return Finished(protocol, report.path, report.outcome, report.message, fit.result, fit.stored, seconds)
+    return Finished(
+        protocol, report.path, report.outcome, report.message, fit.result, fit.stored, seconds
+    )
 
 
 def _request(protocol: str, order: DemoOrder) -> Any:
@@ -169,15 +189,27 @@ def _request(protocol: str, order: DemoOrder) -> Any:
     from rig.run.start import RunRequest
 
     return RunRequest(
-        protocol, shipped_gear(), shipped_motor(), order.folder, dict(order.values.get(protocol, {})),
-        gear_serial=order.serial, operator="rig demo", seed=order.seed,
-    )  # fmt: skip
+        protocol,
+        shipped_gear(),
+        shipped_motor(),
+        order.folder,
+        dict(order.values.get(protocol, {})),
+        gear_serial=order.serial,
+        operator="rig demo",
+        seed=order.seed,
+    )
 
 
 def gear_for(protocol: str, found: Mapping[str, Fit]) -> HarmonicDrive:
-    """The parameter set to compare with: the shipped one; velocity steps know the kinematic error that was just found."""
+    """The parameter set to compare with: the shipped one; velocity steps know the kinematic error
+    that was just found.
+    """
     from model.gear_file import shipped_gear
     from rig.adopt import adopt
 
-    results = [found["kinematic-error"].result] if protocol == "velocity-steps" and "kinematic-error" in found else []
+    results = (
+        [found["kinematic-error"].result]
+        if protocol == "velocity-steps" and "kinematic-error" in found
+        else []
+    )
     return adopt(shipped_gear(), results).gear

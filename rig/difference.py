@@ -4,9 +4,9 @@ Results are compared by their newest analyses of the same kind. Two values diffe
 
     |b - a| > U_c,    U_c = sqrt(U_a^2 + U_b^2)
 
-with U the expanded uncertainties (k = 2), taken as independent. What both have in common (the same torque scale, the same
-tare, the same encoders) cancels in the difference: U_c is then too large and the statement cautious, and U_c without what is
-shared stands beside it (`rig.shared_causes`).
+with U the expanded uncertainties (k = 2), taken as independent. What both have in common (the same
+torque scale, the same tare, the same encoders) cancels in the difference: U_c is then too large and
+the statement cautious, and U_c without what is shared stands beside it (`rig.shared_causes`).
 """
 
 from __future__ import annotations
@@ -26,13 +26,30 @@ from rig.runfile.read import FileSource, close_recording, open_run
 from rig.shared_causes import Footing, combined_uncertainty, footing, same_things
 
 GROUPS = (
-    "run", "parameters", "limits", "gear", "conditions", "calibrations", "versions", "acquisition", "results",
-)  # fmt: skip
+    "run",
+    "parameters",
+    "limits",
+    "gear",
+    "conditions",
+    "calibrations",
+    "versions",
+    "acquisition",
+    "results",
+)
 """What is compared, in this order."""
 VERSIONS = ("program_version", "git_commit")
 RUN_CHANGES = frozenset({"truth", "acquisition", "planned_duration"})
-"""What the file keeps of the process that is compared elsewhere, or is the truth of a simulation, which no rig tells."""
-SUBJECT = ("torque_is_of", "torque_balance", "channel", "mounting", "highest_order", "kinematic_error")
+"""What the file keeps of the process that is compared elsewhere, or is the truth of a simulation,
+which no rig tells.
+"""
+SUBJECT = (
+    "torque_is_of",
+    "torque_balance",
+    "channel",
+    "mounting",
+    "highest_order",
+    "kinematic_error",
+)
 """Options of an analysis that change what its numbers mean."""
 TEMPERATURES = ("housing_temperature", "ambient_temperature")
 SAME_NUMBER = 1e-12
@@ -43,9 +60,10 @@ SAME_NUMBER = 1e-12
 class Change:
     """One thing that is not the same: where, both values as they are shown, and for results what the difference means.
 
-    `difference` is second minus first in `unit`, `uncertainty` its U_c (k = 2, independent); `significant` is None where
-    nothing can be said, `note` then says why. `own_uncertainty` is U_c without what both results share, and
-    `significant_without_shared` what follows from it; both None where nothing is shared.
+    `difference` is second minus first in `unit`, `uncertainty` its U_c (k = 2, independent);
+    `significant` is None where nothing can be said, `note` then says why. `own_uncertainty` is U_c
+    without what both results share, and `significant_without_shared` what follows from it; both
+    None where nothing is shared.
     """
 
     group: str
@@ -67,7 +85,9 @@ class Change:
 
 @dataclass(frozen=True)
 class Difference:
-    """Two runs and everything in which they differ; `compared` counts what was looked at, by group; `same` is the rest."""
+    """Two runs and everything in which they differ; `compared` counts what was looked at, by group;
+    `same` is the rest.
+    """
 
     first: str
     second: str
@@ -87,9 +107,12 @@ class Difference:
     def as_json(self) -> dict[str, Any]:
         """The object that `rig diff --json` prints."""
         return {
-            "first": self.first, "second": self.second, "differs": self.differs, "compared": dict(self.compared),
+            "first": self.first,
+            "second": self.second,
+            "differs": self.differs,
+            "compared": dict(self.compared),
             "changes": [change.as_json() for change in self.changes],
-        }  # fmt: skip
+        }
 
 
 def difference(first: str | Path, second: str | Path) -> Difference:
@@ -113,7 +136,9 @@ def difference(first: str | Path, second: str | Path) -> Difference:
 
 
 def _is_same(change: Change) -> bool:
-    return change.difference == 0.0 if change.difference is not None else change.first == change.second
+    return (
+        change.difference == 0.0 if change.difference is not None else change.first == change.second
+    )
 
 
 @dataclass(frozen=True)
@@ -142,18 +167,29 @@ def _groups(recording: Recording) -> dict[str, dict[str, str]]:
     process = {name: value for name, value in m.process.items() if name not in RUN_CHANGES}
     rig = {name: process.pop(name) for name in list(process) if name not in VERSIONS}
     return {
-        "run": {"run": m.run_id, "start": m.start_time, "outcome": m.outcome, "rows": str(recording.rows), "file": m.sha256},
+        "run": {
+            "run": m.run_id,
+            "start": m.start_time,
+            "outcome": m.outcome,
+            "rows": str(recording.rows),
+            "file": m.sha256,
+        },
         "parameters": _flat({"protocol": m.experiment, **m.parameters}),
         "limits": _flat(_limits(recording)),
         "gear": _gear(m),
         "conditions": _flat({"operator": m.operator, **m.conditions, **_temperatures(recording)}),
         "calibrations": dict(_calibrations(recording)),
         "versions": _flat(process),
-        "acquisition": _flat({
-            "origin": m.origin, "time base": m.time_base, "sample rate": m.sample_rate, **rig,
-            **_mapping(m.process.get("acquisition")),
-        }),
-    }  # fmt: skip
+        "acquisition": _flat(
+            {
+                "origin": m.origin,
+                "time base": m.time_base,
+                "sample rate": m.sample_rate,
+                **rig,
+                **_mapping(m.process.get("acquisition")),
+            }
+        ),
+    }
 
 
 def _temperatures(recording: Recording) -> dict[str, str]:
@@ -162,7 +198,9 @@ def _temperatures(recording: Recording) -> dict[str, str]:
     for name in TEMPERATURES:
         if recording.has(name) and recording.rows:
             total = sum(float(recording.si(name, rows).sum()) for rows in recording.blocks())
-            found[f"mean {name.replace('_', ' ')}"] = f"{total / recording.rows:.1f} {recording.signals[name].unit}"
+            found[f"mean {name.replace('_', ' ')}"] = (
+                f"{total / recording.rows:.1f} {recording.signals[name].unit}"
+            )
     return found
 
 
@@ -183,11 +221,18 @@ def _limit(entry: Any) -> Any:
 
 
 def _gear(m: RunMetadata) -> dict[str, str]:
-    found = {"serial number": m.gear_serial, "mounted": "yes" if m.gear_mounted else "no", "mounting": m.mounting}
+    found = {
+        "serial number": m.gear_serial,
+        "mounted": "yes" if m.gear_mounted else "no",
+        "mounting": m.mounting,
+    }
     found["ratio"] = _number(m.ratio)
     if m.gear is not None:
         found["part"] = m.gear.name
-        found |= {value.path: f"{_number(value.value)} {value.unit} ({value.origin.provenance})" for value in m.gear.values()}
+        found |= {
+            value.path: f"{_number(value.value)} {value.unit} ({value.origin.provenance})"
+            for value in m.gear.values()
+        }
         found |= {f"option {name}": str(value) for name, value in vars(m.gear.options).items()}
     return found
 
@@ -196,12 +241,24 @@ def _calibrations(recording: Recording) -> Iterable[tuple[str, str]]:
     source = recording.source
     for column in source.columns if isinstance(source, FileSource) else ():
         c = column.calibration
-        yield f"{column.name} instrument", " ".join(part for part in (column.model, column.serial_number) if part)
+        yield (
+            f"{column.name} instrument",
+            " ".join(part for part in (column.model, column.serial_number) if part),
+        )
         yield f"{column.name} scale", f"{_number(column.scale)} {column.unit}"
         yield f"{column.name} offset", f"{_number(column.offset)} {column.unit}"
-        yield f"{column.name} certificate", ", ".join(part for part in (c.certificate, c.date, c.due) if part)
-        yield f"{column.name} relative uncertainty of the scale", _number(c.scale_relative_uncertainty)
-        yield f"{column.name} uncertainty of the offset", f"{_number(c.offset_uncertainty)} {column.unit}"
+        yield (
+            f"{column.name} certificate",
+            ", ".join(part for part in (c.certificate, c.date, c.due) if part),
+        )
+        yield (
+            f"{column.name} relative uncertainty of the scale",
+            _number(c.scale_relative_uncertainty),
+        )
+        yield (
+            f"{column.name} uncertainty of the offset",
+            f"{_number(c.offset_uncertainty)} {column.unit}",
+        )
         yield f"{column.name} accuracy", f"{_number(c.accuracy)} {column.unit}"
 
 
@@ -213,30 +270,50 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
             missing = a.run_id if left is None else b.run_id
             yield Change("results", kind, *texts, note=f"{missing} has no {kind} analysis: rig fit")
             continue
-        yield Change("results", f"{kind}: outcome", str(left.content.get("outcome")), str(right.content.get("outcome")))
+        yield Change(
+            "results",
+            f"{kind}: outcome",
+            str(left.content.get("outcome")),
+            str(right.content.get("outcome")),
+        )
         apart = list(_analysed_otherwise(kind, left, right))
         yield from apart
-        other = any(change.first != change.second for change in apart if change.name.split(": ")[1] in SUBJECT)
+        other = any(
+            change.first != change.second
+            for change in apart
+            if change.name.split(": ")[1] in SUBJECT
+        )
         same = same_things(a.footings[kind], b.footings[kind])
         found, others = left.result.get("parameters", {}), right.result.get("parameters", {})
         for name in dict.fromkeys((*found, *others)):
-            yield _compared(f"{kind}: {name}", found.get(name), others.get(name), same, other_subject=other)
+            yield _compared(
+                f"{kind}: {name}", found.get(name), others.get(name), same, other_subject=other
+            )
 
 
 def _analysed_otherwise(kind: str, left: Analysis, right: Analysis) -> Iterable[Change]:
     """How the two were analysed: options and settings, the tare, the program's version, the parameter set."""
     tables = [
-        {**a.result.get("options", {}), **{f"setting {n}": v for n, v in a.content.get("settings", {}).items()},
-         "tare": a.content.get("tare", {}).get("run", "none"), "program version": a.content.get("program_version", "")}
+        {
+            **a.result.get("options", {}),
+            **{f"setting {n}": v for n, v in a.content.get("settings", {}).items()},
+            "tare": a.content.get("tare", {}).get("run", "none"),
+            "program version": a.content.get("program_version", ""),
+        }
         for a in (left, right)
-    ]  # fmt: skip
+    ]
     first, second = (_flat(table) for table in tables)
     for name in dict.fromkeys((*first, *second)):
         yield Change("results", f"{kind}: {name}", first.get(name, ""), second.get(name, ""))
 
 
 def _compared(
-    name: str, first: Mapping[str, Any] | None, second: Mapping[str, Any] | None, same: frozenset[str], *, other_subject: bool
+    name: str,
+    first: Mapping[str, Any] | None,
+    second: Mapping[str, Any] | None,
+    same: frozenset[str],
+    *,
+    other_subject: bool,
 ) -> Change:
     texts = _shown(first, name), _shown(second, name)
     if first is None or second is None:
@@ -251,22 +328,39 @@ def _compared(
         return Change("results", name, *texts, change, unit=unit, note="no uncertainty is known")
     unknown = [e for e in (first, second) if e.get("identifiability") == "no"]
     if unknown or other_subject:
-        note = "not identifiable from one of the runs" if unknown else "not the same quantity: see how they were analysed"
+        note = (
+            "not identifiable from one of the runs"
+            if unknown
+            else "not the same quantity: see how they were analysed"
+        )
         return Change("results", name, *texts, change, combined.independent, unit, None, note)
     significant = abs(change) > combined.independent
     if not combined.shared:
         return Change("results", name, *texts, change, combined.independent, unit, significant)
     without = abs(change) > combined.own
-    note = f"{' and '.join(combined.shared)} shared: without it U_c is {combined.own:.2g} {unit}".rstrip(" 1")
+    note = f"{' and '.join(combined.shared)} shared: without it U_c is {combined.own:.2g} {unit}".rstrip(
+        " 1"
+    )
     if without != significant:
         note += ", and the difference significant"
     return Change(
-        "results", name, *texts, change, combined.independent, unit, significant, note, combined.own, without
+        "results",
+        name,
+        *texts,
+        change,
+        combined.independent,
+        unit,
+        significant,
+        note,
+        combined.own,
+        without,
     )
 
 
 def _away(name: str, unit: str, first: float, second: float) -> float:
-    """Second minus first; of a phase the shorter way round, of numbers that agree to all but their last digits nothing."""
+    """Second minus first; of a phase the shorter way round, of numbers that agree to all but their
+    last digits nothing.
+    """
     change = second - first
     if unit == "rad" and "phase" in name:
         change = math.remainder(change, 2.0 * math.pi)
@@ -278,7 +372,9 @@ def _shown(found: Mapping[str, Any] | None, name: str = "") -> str:
     value = None if found is None else found.get("value")
     if found is None or value is None:
         return "-"
-    return in_laboratory_units(name, float(value), found.get("expanded_uncertainty"), str(found.get("unit", "1")))
+    return in_laboratory_units(
+        name, float(value), found.get("expanded_uncertainty"), str(found.get("unit", "1"))
+    )
 
 
 def in_laboratory_units(name: str, value: float, doubt: float | None, unit: str) -> str:

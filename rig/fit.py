@@ -1,7 +1,7 @@
 """From a recording to a result: which analysis, which parameter set, which tare.
 
-One way for every recording, whether simulated, recorded, replayed or imported: run file -> `Recording` -> the analysis of
-the protocol -> `Result` -> analysis store.
+One way for every recording, whether simulated, recorded, replayed or imported: run file ->
+`Recording` -> the analysis of the protocol -> `Result` -> analysis store.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ TARE = "motor-tare"
 class Fit:
     """One analysed run: the recording, the gear it was compared with, the tare that was subtracted, the result.
 
-    `path` is the run file, `stored` the name of the analysis in its store ("" while there is none); `gear_known` is False
-    where nobody said what gear it is and the shipped set stands in for it.
+    `path` is the run file, `stored` the name of the analysis in its store ("" while there is none);
+    `gear_known` is False where nobody said what gear it is and the shipped set stands in for it.
     """
 
     recording: Recording
@@ -108,22 +108,37 @@ def fit_recording(
         options["largest_missed_share"] = largest_missed_share
     result = dataclasses.replace(result, warnings=(*result.warnings, *remarks), options=options)
     return Fit(
-        recording, known, result, path, tare, dict(settings or {}), gear_known=gear_known,
+        recording,
+        known,
+        result,
+        path,
+        tare,
+        dict(settings or {}),
+        gear_known=gear_known,
         largest_missed_share=largest_missed_share,
-    )  # fmt: skip
+    )
 
 
 def _evidence(
-    gear: HarmonicDrive, tare: Fit | None, settings: Mapping[str, Any], largest_missed_share: float | None
+    gear: HarmonicDrive,
+    tare: Fit | None,
+    settings: Mapping[str, Any],
+    largest_missed_share: float | None,
 ) -> Evidence:
     from experiments.contract import Evidence
 
     made = Evidence(gear, tare.result if tare else None, settings=dict(settings))
-    return made if largest_missed_share is None else dataclasses.replace(made, maximum_missed_share=largest_missed_share)
+    return (
+        made
+        if largest_missed_share is None
+        else dataclasses.replace(made, maximum_missed_share=largest_missed_share)
+    )
 
 
 def score(fit: Fit) -> Result:
-    """How well the parameter set of a fit predicts its run, nothing fitted; the fit's own result where a kind has no score."""
+    """How well the parameter set of a fit predicts its run, nothing fitted; the fit's own result
+    where a kind has no score.
+    """
     from experiments import catalogue
 
     compare = catalogue.load(fit.result.kind).compare
@@ -174,15 +189,24 @@ def fit_files(
     taken = None
     if tare is not None:
         taken = fit_recording(
-            open_run(Path(tare)), TARE, gear=gear, path=Path(tare), largest_missed_share=largest_missed_share
+            open_run(Path(tare)),
+            TARE,
+            gear=gear,
+            path=Path(tare),
+            largest_missed_share=largest_missed_share,
         )
     return tuple(
         fit_recording(
-            open_run(Path(p)), kind, gear=gear, tare=taken, settings=settings, path=Path(p),
+            open_run(Path(p)),
+            kind,
+            gear=gear,
+            tare=taken,
+            settings=settings,
+            path=Path(p),
             largest_missed_share=largest_missed_share,
         )
         for p in paths
-    )  # fmt: skip
+    )
 
 
 def store(fit: Fit, created: str) -> Fit:
@@ -196,6 +220,8 @@ def store(fit: Fit, created: str) -> Fit:
     if fit.tare is not None:
         there = fit.tare.recording.metadata
         tare = {"run": there.run_id, "sha256": there.sha256}
-    basis = Basis(fit.recording.metadata.sha256, created, gear_to_mapping(fit.gear), tare, fit.settings)
+    basis = Basis(
+        fit.recording.metadata.sha256, created, gear_to_mapping(fit.gear), tare, fit.settings
+    )
     kept = append_analysis(fit.path, fit.result, basis)
     return dataclasses.replace(fit, stored=f"{kept.path.parent.name}/{kept.path.name}")

@@ -1,8 +1,9 @@
 """Gear cards: what is known of one mounted gear, remembered between days, confirmed by name, never guessed.
 
-One TOML file per gear, `<folder of runs>/.gears/<serial>.toml`. It holds the facts (`GearFacts`, whose annotations are the
-only definition of flags, form and table) and the history of who changed and who confirmed what, and when. A fact that nobody
-told is left away: it is unknown, it has no default.
+One TOML file per gear, `<folder of runs>/.gears/<serial>.toml`. It holds the facts (`GearFacts`,
+whose annotations are the only definition of flags, form and table) and the history of who changed
+and who confirmed what, and when. A fact that nobody told is left away: it is unknown, it has no
+default.
 
 A confirmation holds until something of `CONFIRMED_FIELDS` changes: what decides about limits, directions and results.
 """
@@ -38,7 +39,9 @@ FOLDER = ".gears"
 LARGEST_FILE = 5_000_000
 """Bytes; a card with a long history is some hundred kilobytes."""
 
-RunOut = Annotated[float | None, Ge(0.0), Le(1000.0), Unit("um"), Help("total indicator reading, as mounted")]
+RunOut = Annotated[
+    float | None, Ge(0.0), Le(1000.0), Unit("um"), Help("total indicator reading, as mounted")
+]
 
 
 @dataclass(frozen=True)
@@ -47,12 +50,22 @@ class GearFacts:
 
     serial: Annotated[str, Help("serial number, as it is engraved on the gear")]
     part: Annotated[str, Help("parameter set of the gear: csf-25-120, or a TOML file")] = ""
-    mounting: Annotated[str, Help("which member is fixed: circular spline (ratio N) or flexspline (ratio N + 1)")] = ""
+    mounting: Annotated[
+        str, Help("which member is fixed: circular spline (ratio N) or flexspline (ratio N + 1)")
+    ] = ""
     lubricant: Annotated[str, Help("grease or oil, as named on its tin")] = ""
-    hours: Annotated[float | None, Ge(0.0), Le(1e6), Unit("h"), Help("hours that the gear has run")] = None
-    hours_counted: Annotated[str, Help("how they were counted: hour meter, log book, estimate, new gear")] = ""
+    hours: Annotated[
+        float | None, Ge(0.0), Le(1e6), Unit("h"), Help("hours that the gear has run")
+    ] = None
+    hours_counted: Annotated[
+        str, Help("how they were counted: hour meter, log book, estimate, new gear")
+    ] = ""
     load_inertia_kg_m2: Annotated[
-        float | None, Gt(0.0), Le(1e3), Unit("kg m2"), Help("inertia of the output axis with its load")
+        float | None,
+        Gt(0.0),
+        Le(1e3),
+        Unit("kg m2"),
+        Help("inertia of the output axis with its load"),
     ] = None
     load_inertia_uncertainty_kg_m2: Annotated[
         float | None, Ge(0.0), Le(1e3), Unit("kg m2"), Help("its standard uncertainty")
@@ -62,10 +75,14 @@ class GearFacts:
     input_radial_runout_um: RunOut = None
     input_axial_runout_um: RunOut = None
     mounted_on: Annotated[str, Help("day since which it is mounted as it is, YYYY-MM-DD")] = ""
-    mounting_notes: Annotated[str, Help("shims, screws and torques, coupling, whatever is unusual")] = ""
+    mounting_notes: Annotated[
+        str, Help("shims, screws and torques, coupling, whatever is unusual")
+    ] = ""
 
 
-UNITS: Mapping[str, str] = {f.name: f.unit if f.unit != "1" else "" for f in parameter_fields(GearFacts)}
+UNITS: Mapping[str, str] = {
+    f.name: f.unit if f.unit != "1" else "" for f in parameter_fields(GearFacts)
+}
 """The unit of every fact, "" for words."""
 CHOICES: Mapping[str, tuple[str, ...]] = {"mounting": ("circular-spline-fixed", "flexspline-fixed")}
 """Fields that take one of a few words."""
@@ -74,7 +91,9 @@ REQUIRED = ("part", "mounting")
 EXPECTED = ("lubricant", "hours", "load_inertia_kg_m2", "load_inertia_uncertainty_kg_m2")
 """A confirmed card without these is worth a warning: results are told with them."""
 NOT_CONFIRMED = frozenset({"hours", "hours_counted"})
-CONFIRMED_FIELDS = tuple(f.name for f in dataclasses.fields(GearFacts) if f.name not in NOT_CONFIRMED)
+CONFIRMED_FIELDS = tuple(
+    f.name for f in dataclasses.fields(GearFacts) if f.name not in NOT_CONFIRMED
+)
 """Fields whose change asks for a new confirmation; hours grow by themselves."""
 
 EventKind = Literal["changed", "confirmed"]
@@ -115,7 +134,14 @@ class GearCard:
     @property
     def is_confirmed(self) -> bool:
         """Whether the latest confirmation is younger than the latest change that asks for one."""
-        last = next((event for event in reversed(self.history) if event.what == "confirmed" or _asks(event)), None)
+        last = next(
+            (
+                event
+                for event in reversed(self.history)
+                if event.what == "confirmed" or _asks(event)
+            ),
+            None,
+        )
         return last is not None and last.what == "confirmed"
 
     @property
@@ -126,7 +152,9 @@ class GearCard:
         change, before = self.last_change, self.confirmation
         if before is None:
             return f"the card of gear {self.serial} has never been confirmed"
-        names = ", ".join(name for name in change.values if name in CONFIRMED_FIELDS) if change else ""
+        names = (
+            ", ".join(name for name in change.values if name in CONFIRMED_FIELDS) if change else ""
+        )
         changed = f" ({names} by {change.by}, {change.at})" if change else ""
         return f"the card of gear {self.serial} was changed{changed} after its last confirmation ({before.at})"
 
@@ -137,7 +165,10 @@ class GearCard:
             "facts": dict(known(self.facts)),
             "confirmed": self.is_confirmed,
             "warning": self.warning,
-            "history": [{"at": e.at, "by": e.by, "what": e.what, "values": dict(e.values)} for e in self.history],
+            "history": [
+                {"at": e.at, "by": e.by, "what": e.what, "values": dict(e.values)}
+                for e in self.history
+            ],
         }
 
 
@@ -153,26 +184,42 @@ def known(facts: GearFacts) -> dict[str, Any]:
 
 def make_facts(values: Mapping[str, Any]) -> GearFacts:
     """Facts from text or numbers. Raises `PlanError` naming the field, its value and what is allowed."""
-    stripped = {name: value.strip() if isinstance(value, str) else value for name, value in values.items()}
+    stripped = {
+        name: value.strip() if isinstance(value, str) else value for name, value in values.items()
+    }
     facts = make_parameters(GearFacts, stripped, "gear")
     if not facts.serial.strip():
-        raise PlanError("a gear card needs a serial number", where="gear.serial", remedy="Read it from the gear.")
+        raise PlanError(
+            "a gear card needs a serial number",
+            where="gear.serial",
+            remedy="Read it from the gear.",
+        )
     for name, words in CHOICES.items():
         found = getattr(facts, name)
         if found and found not in words:
-            raise PlanError("is none of the words there are", where=f"gear.{name}", value=repr(found), limit=", ".join(words))
+            raise PlanError(
+                "is none of the words there are",
+                where=f"gear.{name}",
+                value=repr(found),
+                limit=", ".join(words),
+            )
     if facts.mounted_on:
         try:
             date.fromisoformat(facts.mounted_on)
         except ValueError:
             raise PlanError(
-                "is no date", where="gear.mounted_on", value=repr(facts.mounted_on), limit="YYYY-MM-DD"
+                "is no date",
+                where="gear.mounted_on",
+                value=repr(facts.mounted_on),
+                limit="YYYY-MM-DD",
             ) from None
     if facts.load_inertia_uncertainty_kg_m2 is not None and facts.load_inertia_kg_m2 is None:
         raise PlanError(
-            "an uncertainty without its value", where="gear.load_inertia_uncertainty_kg_m2",
-            value=f"{facts.load_inertia_uncertainty_kg_m2:g} kg m2", remedy="Give load_inertia_kg_m2 as well.",
-        )  # fmt: skip
+            "an uncertainty without its value",
+            where="gear.load_inertia_uncertainty_kg_m2",
+            value=f"{facts.load_inertia_uncertainty_kg_m2:g} kg m2",
+            remedy="Give load_inertia_kg_m2 as well.",
+        )
     return facts
 
 
@@ -192,10 +239,17 @@ def with_changes(card: GearCard | None, values: Mapping[str, Any], by: str, at: 
     facts = make_facts({**before, **values})
     if card is not None and facts.serial != card.serial:
         raise ConfigurationError(
-            "a serial number does not change: it is another gear", where="gear.serial", value=facts.serial, limit=card.serial
+            "a serial number does not change: it is another gear",
+            where="gear.serial",
+            value=facts.serial,
+            limit=card.serial,
         )
     after = known(facts)
-    changed = {name: after.get(name, "") for name in (*before, *after) if before.get(name) != after.get(name)}
+    changed = {
+        name: after.get(name, "")
+        for name in (*before, *after)
+        if before.get(name) != after.get(name)
+    }
     if not changed and card is not None:
         return card
     history = card.history if card is not None else ()
@@ -209,15 +263,21 @@ def with_confirmation(card: GearCard, by: str, at: str) -> GearCard:
     missing = [name for name in REQUIRED if name not in known(card.facts)]
     if missing:
         raise ConfigurationError(
-            "the card cannot be confirmed while this is unknown", where=f"gear {card.serial}", value=", ".join(missing),
+            "the card cannot be confirmed while this is unknown",
+            where=f"gear {card.serial}",
+            value=", ".join(missing),
             remedy="Look at the gear and its papers, then fill it in.",
-        )  # fmt: skip
+        )
     return GearCard(card.facts, (*card.history, CardEvent(at, by.strip(), "confirmed")))
 
 
 def _named(by: str, what: str) -> None:
     if not by.strip():
-        raise ConfigurationError(f"nobody is named who would {what} the gear card", where="--by", remedy="Give your name.")
+        raise ConfigurationError(
+            f"nobody is named who would {what} the gear card",
+            where="--by",
+            remedy="Give your name.",
+        )
 
 
 def gear_of(facts: GearFacts, otherwise: HarmonicDrive) -> HarmonicDrive:
@@ -230,10 +290,16 @@ def gear_of(facts: GearFacts, otherwise: HarmonicDrive) -> HarmonicDrive:
 
     gear = otherwise
     if facts.part:
-        gear = load_gear(facts.part) if facts.part.lower().endswith(".toml") else shipped_gear(facts.part)
+        gear = (
+            load_gear(facts.part)
+            if facts.part.lower().endswith(".toml")
+            else shipped_gear(facts.part)
+        )
     if facts.load_inertia_kg_m2 is None:
         return gear
-    origin = Origin("measured", f"gear card of {facts.serial}", facts.load_inertia_uncertainty_kg_m2)
+    origin = Origin(
+        "measured", f"gear card of {facts.serial}", facts.load_inertia_uncertainty_kg_m2
+    )
     return gear.with_values({"inertia.output": facts.load_inertia_kg_m2}, origin)
 
 
@@ -242,15 +308,22 @@ def with_card(request: Request, card: GearCard, *, parameters_given: bool = Fals
     conditions. Done twice it changes nothing more. Raises `ParameterError` for a part that cannot be read."""
     facts = dataclasses.replace(card.facts, part="") if parameters_given else card.facts
     return dataclasses.replace(
-        request, gear=gear_of(facts, request.gear), mounting=card.facts.mounting or request.mounting,
+        request,
+        gear=gear_of(facts, request.gear),
+        mounting=card.facts.mounting or request.mounting,
         conditions={**conditions_of(card), **request.conditions},
-    )  # fmt: skip
+    )
 
 
 def conditions_of(card: GearCard) -> dict[str, Any]:
-    """What a run file keeps of a card among its conditions (/entry/sample): every fact that stands nowhere else there, the
+    """What a run file keeps of a card among its conditions (/entry/sample): every fact that stands
+    nowhere else there, the
     confirmation, and the warning where the card was not confirmed."""
-    found = {name: value for name, value in known(card.facts).items() if name not in ("serial", "part", "mounting")}
+    found = {
+        name: value
+        for name, value in known(card.facts).items()
+        if name not in ("serial", "part", "mounting")
+    }
     confirmation = card.confirmation
     if card.is_confirmed and confirmation is not None:
         found["gear_card_confirmed"] = f"{confirmation.by}, {confirmation.at}"
@@ -267,14 +340,30 @@ def card_checks(card: GearCard | None, serial: str) -> tuple[Check, ...]:
         told = f"nothing is known of gear {serial}" if serial.strip() else "no gear is named"
         return (Check("gear card", "failed", told, "Fill in its card and confirm it."),)
     if not card.is_confirmed:
-        return (Check("gear card", "failed", card.warning, "Look at the gear, then confirm the card by name."),)
+        return (
+            Check(
+                "gear card",
+                "failed",
+                card.warning,
+                "Look at the gear, then confirm the card by name.",
+            ),
+        )
     confirmation = card.confirmation
     assert confirmation is not None
-    checks = [Check("gear card", "ok", f"{card.serial} confirmed by {confirmation.by}, {confirmation.at}")]
+    checks = [
+        Check("gear card", "ok", f"{card.serial} confirmed by {confirmation.by}, {confirmation.at}")
+    ]
     unknown = [name for name in EXPECTED if name not in known(card.facts)]
     if unknown:
         words = ", ".join(in_words(name) for name in unknown)
-        checks.append(Check("gear card", "warning", f"not known of {card.serial}: {words}", "Reports will say so."))
+        checks.append(
+            Check(
+                "gear card",
+                "warning",
+                f"not known of {card.serial}: {words}",
+                "Reports will say so.",
+            )
+        )
     return tuple(checks)
 
 
@@ -305,9 +394,12 @@ def card_for(folder: str | Path, serial: str) -> GearCard | None:
     if card.serial != serial.strip():
         # File systems that do not tell capitals from small letters find another gear's file.
         raise ConfigurationError(
-            "is the card of another gear", where=str(path), value=card.serial, limit=serial.strip(),
+            "is the card of another gear",
+            where=str(path),
+            value=card.serial,
+            limit=serial.strip(),
             remedy="Serial numbers are compared letter for letter.",
-        )  # fmt: skip
+        )
     return card
 
 
@@ -332,26 +424,45 @@ def list_cards(folder: str | Path) -> tuple[ListedCard, ...]:
 
 
 def load_card(path: Path) -> GearCard:
-    """The card of a file. Raises `ConfigurationError` with the file, the path of the value and what is wrong with it."""
+    """The card of a file. Raises `ConfigurationError` with the file, the path of the value and what
+    is wrong with it.
+    """
     where = str(path)
     try:
         if path.stat().st_size > LARGEST_FILE:
-            raise ConfigurationError("is too large for a gear card", where=where, limit=f"{LARGEST_FILE} bytes")
+            raise ConfigurationError(
+                "is too large for a gear card", where=where, limit=f"{LARGEST_FILE} bytes"
+            )
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise ConfigurationError(f"cannot be read: {error.strerror or error}", where=where) from error
+        raise ConfigurationError(
+            f"cannot be read: {error.strerror or error}", where=where
+        ) from error
     except (ValueError, RecursionError) as error:
-        raise ConfigurationError(f"is no TOML file: {error}", where=where, remedy="Correct the line, or restore it.") from error
+        raise ConfigurationError(
+            f"is no TOML file: {error}", where=where, remedy="Correct the line, or restore it."
+        ) from error
     if content.get("format") != FORMAT:
-        raise ConfigurationError("is no gear card", where=where, value=repr(content.get("format")), limit=f'format "{FORMAT}"')
+        raise ConfigurationError(
+            "is no gear card",
+            where=where,
+            value=repr(content.get("format")),
+            limit=f'format "{FORMAT}"',
+        )
     facts, events = content.get("facts", {}), content.get("history", [])
     if not isinstance(facts, dict) or not isinstance(events, list):
         raise ConfigurationError("has no table [facts] or no list [[history]]", where=where)
     try:
-        return GearCard(make_facts(facts), tuple(_event(entry, i, where) for i, entry in enumerate(events)))
+        return GearCard(
+            make_facts(facts), tuple(_event(entry, i, where) for i, entry in enumerate(events))
+        )
     except PlanError as error:
         raise ConfigurationError(
-            error.what, where=f"{where}: {error.where}", value=error.value, limit=error.limit, remedy=error.remedy
+            error.what,
+            where=f"{where}: {error.where}",
+            value=error.value,
+            limit=error.limit,
+            remedy=error.remedy,
         ) from error
     except TypeError as error:
         raise ConfigurationError("has no serial number", where=f"{where}: facts.serial") from error
@@ -371,9 +482,10 @@ def save_card(folder: str | Path, card: GearCard) -> Path:
     except OSError as error:
         fresh.unlink(missing_ok=True)
         raise ConfigurationError(
-            f"the gear card cannot be written: {error.strerror or error}", where=str(path),
+            f"the gear card cannot be written: {error.strerror or error}",
+            where=str(path),
             remedy="Name a folder that can be written.",
-        ) from error  # fmt: skip
+        ) from error
     return path
 
 
@@ -381,15 +493,28 @@ def card_text(card: GearCard) -> str:
     """A card as TOML that a person can read; it reads back to the same card."""
     from model.quantities import quote
 
-    lines = [f"# What is known of gear {card.serial!r}. Unknown facts are left away.", f"format = {quote(FORMAT)}", "", "[facts]"]
+    lines = [
+        f"# What is known of gear {card.serial!r}. Unknown facts are left away.",
+        f"format = {quote(FORMAT)}",
+        "",
+        "[facts]",
+    ]
     fields = {f.name: f for f in parameter_fields(GearFacts)}
     for name, value in known(card.facts).items():
         unit = f"  # {fields[name].unit}" if fields[name].unit else ""
         lines.append(f"{name} = {_toml(value, quote)}{unit}")
     for event in card.history:
-        lines += ["", "[[history]]", f"at = {quote(event.at)}", f"by = {quote(event.by)}", f"what = {quote(event.what)}"]
+        lines += [
+            "",
+            "[[history]]",
+            f"at = {quote(event.at)}",
+            f"by = {quote(event.by)}",
+            f"what = {quote(event.what)}",
+        ]
         if event.values:
-            inside = ", ".join(f"{name} = {_toml(value, quote)}" for name, value in event.values.items())
+            inside = ", ".join(
+                f"{name} = {_toml(value, quote)}" for name, value in event.values.items()
+            )
             lines.append(f"values = {{ {inside} }}")
     return "\n".join(lines) + "\n"
 
@@ -403,10 +528,16 @@ def _event(entry: Any, index: int, where: str) -> CardEvent:
     at, by, what, values = (found.get(name) for name in ("at", "by", "what", "values"))
     values = {} if values is None else values
     if not (isinstance(at, str) and isinstance(by, str) and isinstance(values, dict)):
-        raise ConfigurationError("is no line of a history", where=f"{where}: history[{index}]", limit="at, by, what, values")
+        raise ConfigurationError(
+            "is no line of a history",
+            where=f"{where}: history[{index}]",
+            limit="at, by, what, values",
+        )
     if what not in ("changed", "confirmed"):
         raise ConfigurationError(
-            "is none of the words there are", where=f"{where}: history[{index}].what", value=repr(what),
+            "is none of the words there are",
+            where=f"{where}: history[{index}].what",
+            value=repr(what),
             limit="changed, confirmed",
-        )  # fmt: skip
+        )
     return CardEvent(at, by, what, values)

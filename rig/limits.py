@@ -1,8 +1,9 @@
 """The limits of a run in tiers, each with its origin; the tightest one holds.
 
-Three tiers: *drive* (what motor and amplifier can do), *rig* (what the gear on it bears, from its ratings, the ratio and the
-load), *protocol* (what this plan needs, with room). Derivations, with N the mounted ratio, J_i = J_m + J_wg and J_o the
-inertias at input and output, T_rp the gear's repeated peak torque, s = 0.8 the share of it that set-points may reach:
+Three tiers: *drive* (what motor and amplifier can do), *rig* (what the gear on it bears, from its
+ratings, the ratio and the load), *protocol* (what this plan needs, with room). Derivations, with N
+the mounted ratio, J_i = J_m + J_wg and J_o the inertias at input and output, T_rp the gear's
+repeated peak torque, s = 0.8 the share of it that set-points may reach:
 
     blocked output      T_m N                                   <= s T_rp      (2.23 N m x 120 = 268 N m > 167 N m)
     torque step         2 N T_m (J_o/N^2)/(J_i + J_o/N^2)       <= s T_rp      (undamped: twice the static share)
@@ -10,7 +11,7 @@ inertias at input and output, T_rp the gear's repeated peak torque, s = 0.8 the 
     torsion             K |theta_i/N + ke - theta_o|            <= 0.95 T_rp   (ke taken as margin, K the stiffest known)
 
 The drive holds motor torque (0x6072), speed (0x6080) and ramps (0x6083-0x6085) itself; the supervisor holds the rest.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -38,10 +39,16 @@ AVERAGE_SPEED = "average_speed"
 HOUSING_TEMPERATURE = "housing_temperature"
 
 UNITS: Mapping[str, str] = {
-    MOTOR_TORQUE: "N m", INPUT_SPEED: "rad/s", ACCELERATION: "rad/s2", DECELERATION: "rad/s2",
-    QUICK_STOP_DECELERATION: "rad/s2", TORSION_TORQUE: "N m", RMS_TORQUE: "N m", AVERAGE_SPEED: "rad/s",
+    MOTOR_TORQUE: "N m",
+    INPUT_SPEED: "rad/s",
+    ACCELERATION: "rad/s2",
+    DECELERATION: "rad/s2",
+    QUICK_STOP_DECELERATION: "rad/s2",
+    TORSION_TORQUE: "N m",
+    RMS_TORQUE: "N m",
+    AVERAGE_SPEED: "rad/s",
     HOUSING_TEMPERATURE: "degC",
-}  # fmt: skip
+}
 """Every limited quantity and its unit; torques at the motor except the torsion torque, which is at the output."""
 
 SETPOINT_SHARE = 0.8
@@ -85,7 +92,9 @@ class Limits:
 
     def of(self, quantity: str) -> tuple[Limit, ...]:
         """Every limit on a quantity, tightest first."""
-        return tuple(sorted((e for e in self.entries if e.quantity == quantity), key=lambda e: e.value))
+        return tuple(
+            sorted((e for e in self.entries if e.quantity == quantity), key=lambda e: e.value)
+        )
 
     def tightest(self, quantity: str) -> Limit | None:
         """The limit that holds, or None where the quantity is not limited."""
@@ -118,7 +127,12 @@ class Limits:
                     "unit": unit,
                     "tier": entries[0].tier,
                     "tiers": [
-                        {"tier": e.tier, "value": e.value, "origin": e.origin, "provenance": e.provenance}
+                        {
+                            "tier": e.tier,
+                            "value": e.value,
+                            "origin": e.origin,
+                            "provenance": e.provenance,
+                        }
                         for e in entries
                     ],
                 }
@@ -144,14 +158,22 @@ class Load:
         return self.output_inertia / self.ratio**2 / self.total_inertia
 
     def gear_torque(self, acceleration: float) -> float:
-        """Peak torque at the output [N m] when the input accelerates at once by `acceleration` [rad/s2]: 2 J_o alpha/N."""
+        """Peak torque at the output [N m] when the input accelerates at once by `acceleration`
+        [rad/s2]: 2 J_o alpha/N.
+        """
         return STEP_FACTOR * self.output_inertia * abs(acceleration) / self.ratio
 
 
 def load_of(
-    gear: HarmonicDrive, motor: ServoMotor, mounting: Mounting, gear_mounted: bool = True, disc_inertia: float = 0.0
+    gear: HarmonicDrive,
+    motor: ServoMotor,
+    mounting: Mounting,
+    gear_mounted: bool = True,
+    disc_inertia: float = 0.0,
 ) -> Load:
-    """The load of a rig: motor, wave generator and output axis, or the bare motor with whatever disc a protocol has on it."""
+    """The load of a rig: motor, wave generator and output axis, or the bare motor with whatever
+    disc a protocol has on it.
+    """
     if not gear_mounted:
         return Load(motor.rotor_inertia + disc_inertia, 0.0, 1.0)
     inner = motor.rotor_inertia + gear.inertia.wave_generator
@@ -159,7 +181,9 @@ def load_of(
 
 
 def torsion_stiffness(gear: HarmonicDrive) -> float:
-    """The stiffest that the gear may be [N m/rad]: catalogue K1, K2, K3 and the computed K_HDf. High is cautious here."""
+    """The stiffest that the gear may be [N m/rad]: catalogue K1, K2, K3 and the computed K_HDf.
+    High is cautious here.
+    """
     from model.stiffness import drive_stiffness
 
     r = gear.ratings
@@ -169,7 +193,9 @@ def torsion_stiffness(gear: HarmonicDrive) -> float:
 def kinematic_error_margin(gear: HarmonicDrive) -> float:
     """The largest angle between two positions that kinematic error alone can make [rad]: its peak-to-peak, at least the
     catalogue's transmission accuracy."""
-    return max(2.0 * sum(h.amplitude for h in gear.kinematic_error), gear.ratings.transmission_accuracy)
+    return max(
+        2.0 * sum(h.amplitude for h in gear.kinematic_error), gear.ratings.transmission_accuracy
+    )
 
 
 def derive_limits(
@@ -184,9 +210,10 @@ def derive_limits(
 ) -> Limits:
     """The limits of a run (measurement practice: the drive is never allowed what the gear does not bear).
 
-    `plan_speed` is the highest speed set-point of the plan [rad/s] (protocol tier); `configured` adds limits of the rig by
-    quantity (SI), from its configuration; `disc_inertia` [kg m2] is on the shaft of the bare motor. Raises
-    `ConfigurationError` for an unknown quantity or a value that is not positive.
+    `plan_speed` is the highest speed set-point of the plan [rad/s] (protocol tier); `configured`
+    adds limits of the rig by quantity (SI), from its configuration; `disc_inertia` [kg m2] is on
+    the shaft of the bare motor. Raises `ConfigurationError` for an unknown quantity or a value that
+    is not positive.
     """
     load = load_of(gear, motor, mounting, gear_mounted, disc_inertia)
     entries = [*_drive_tier(motor)]
@@ -198,7 +225,8 @@ def derive_limits(
     if plan_speed is not None:
         room = SPEED_ROOM * plan_speed + SPEED_ROOM_ABSOLUTE
         origin = (
-            f"highest set-point {plan_speed / RPM:.4g} r/min x {SPEED_ROOM:g} + {SPEED_ROOM_ABSOLUTE / RPM:.3g} r/min"
+            f"highest set-point {plan_speed / RPM:.4g} r/min x {SPEED_ROOM:g} + "
+            f"{SPEED_ROOM_ABSOLUTE / RPM:.3g} r/min"
         )
         entries.append(Limit(INPUT_SPEED, room, "protocol", origin))
     return Limits(tuple(entries))
@@ -211,13 +239,25 @@ def _provenance(item: HarmonicDrive | ServoMotor, path: str) -> str:
 
 def _drive_tier(motor: ServoMotor) -> Iterable[Limit]:
     yield Limit(
-        MOTOR_TORQUE, motor.peak_torque, "drive", f"peak torque of {motor.name}", _provenance(motor, "peak_torque")
+        MOTOR_TORQUE,
+        motor.peak_torque,
+        "drive",
+        f"peak torque of {motor.name}",
+        _provenance(motor, "peak_torque"),
     )
     yield Limit(
-        RMS_TORQUE, motor.rated_torque, "drive", f"rated torque of {motor.name}", _provenance(motor, "rated_torque")
+        RMS_TORQUE,
+        motor.rated_torque,
+        "drive",
+        f"rated torque of {motor.name}",
+        _provenance(motor, "rated_torque"),
     )
     yield Limit(
-        INPUT_SPEED, motor.maximum_speed, "drive", f"maximum speed of {motor.name}", _provenance(motor, "maximum_speed")
+        INPUT_SPEED,
+        motor.maximum_speed,
+        "drive",
+        f"maximum speed of {motor.name}",
+        _provenance(motor, "maximum_speed"),
     )
 
 
@@ -226,11 +266,23 @@ def _gear_tier(gear: HarmonicDrive, load: Load) -> Iterable[Limit]:
     known = _provenance(gear, "ratings.repeated_peak_torque")
     allowed = SETPOINT_SHARE * peak
     words = f"{SETPOINT_SHARE:g} x repeated peak {peak:g} N m"
-    yield Limit(MOTOR_TORQUE, allowed / load.ratio, "rig", f"{words}, output blocked, ratio {load.ratio:g}", known)
+    yield Limit(
+        MOTOR_TORQUE,
+        allowed / load.ratio,
+        "rig",
+        f"{words}, output blocked, ratio {load.ratio:g}",
+        known,
+    )
     step = allowed / (STEP_FACTOR * load.ratio * load.output_share)
     inertia = f"J_o = {load.output_inertia:g} kg m2"
     yield Limit(MOTOR_TORQUE, step, "rig", f"{words}, torque step with {inertia}", known)
-    yield Limit(TORSION_TORQUE, TRIP_SHARE * peak, "rig", f"{TRIP_SHARE:g} x repeated peak {peak:g} N m", known)
+    yield Limit(
+        TORSION_TORQUE,
+        TRIP_SHARE * peak,
+        "rig",
+        f"{TRIP_SHARE:g} x repeated peak {peak:g} N m",
+        known,
+    )
     alpha = allowed * load.ratio / (STEP_FACTOR * load.output_inertia)
     for quantity in (ACCELERATION, DECELERATION, QUICK_STOP_DECELERATION):
         yield Limit(quantity, alpha, "rig", f"{words}, ramp applied at once with {inertia}", known)
@@ -261,7 +313,9 @@ def _configured_tier(configured: Mapping[str, float]) -> Iterable[Limit]:
     for quantity, value in configured.items():
         if quantity not in UNITS:
             raise ConfigurationError(
-                "no such limit", where=f"limits.{quantity}", remedy="Known: " + ", ".join(UNITS) + "."
+                "no such limit",
+                where=f"limits.{quantity}",
+                remedy="Known: " + ", ".join(UNITS) + ".",
             )
         if not (math.isfinite(value) and value > 0.0):
             raise ConfigurationError(

@@ -41,15 +41,29 @@ app = typer.Typer(
 
 PANELS = {
     "At the rig": (
-        running.plan, previewing.preview, doctoring.doctor, running.run, window.live, reporting.demo, configuring.config,
-        gears.gear, simulating.sim,
+        running.plan,
+        previewing.preview,
+        doctoring.doctor,
+        running.run,
+        window.live,
+        reporting.demo,
+        configuring.config,
+        gears.gear,
+        simulating.sim,
     ),
     "Fit and compare": (analysis.fit, analysis.compare, reporting.report, modelling.model),
     "Safety": (drilling.drill, drilling.acknowledge),
     "Run files": (
-        files.runs, library.passport, library.diff, files.show, files.import_, files.export, files.recover, files.verify,
+        files.runs,
+        library.passport,
+        library.diff,
+        files.show,
+        files.import_,
+        files.export,
+        files.recover,
+        files.verify,
     ),
-}  # fmt: skip
+}
 """The commands in the order and under the headings of `rig --help`."""
 
 for _panel, _commands in PANELS.items():
@@ -71,7 +85,10 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def common(
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Show the version and exit."
+        ),
     ] = False,
 ) -> None:
     """Options before any command."""
@@ -98,7 +115,9 @@ def _tell(error: BaseException) -> int:
         code, sentence = known
         sys.stderr.write(f"{sentence}\n")
         return code
-    with tempfile.NamedTemporaryFile("w", prefix="harmonic-rig-", suffix=".log", delete=False) as log:
+    with tempfile.NamedTemporaryFile(
+        "w", prefix="harmonic-rig-", suffix=".log", delete=False
+    ) as log:
         traceback.print_exception(error, file=log)
     sys.stderr.write(
         f"The program met something it was not built for: {type(error).__name__}: {error}\n"

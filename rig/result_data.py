@@ -1,4 +1,6 @@
-"""A result as plain JSON data and back, figures and tables included: what a program that drew nothing hands to one that draws."""
+"""A result as plain JSON data and back, figures and tables included: what a program that drew
+nothing hands to one that draws.
+"""
 
 from __future__ import annotations
 
@@ -18,44 +20,63 @@ DIGITS = 9
 """Significant digits of a drawn number: far below what any screen or paper shows."""
 
 
-def result_from_mapping(told: Mapping[str, Any], tables: Sequence[Mapping[str, Any]] = ()) -> Result:
+def result_from_mapping(
+    told: Mapping[str, Any], tables: Sequence[Mapping[str, Any]] = ()
+) -> Result:
     """A result out of what `rig fit --json` prints or the analysis store keeps; `tables` where they lie beside it.
 
     Raises `ValueError`, `KeyError` or `TypeError` for what is none.
     """
     estimates = {name: estimate_from_mapping(name, e) for name, e in told["parameters"].items()}
     return Result(
-        str(told["run"]), str(told["kind"]), estimates,
+        str(told["run"]),
+        str(told["kind"]),
+        estimates,
         {name: _number(value) for name, value in told.get("metrics", {}).items()},
         tuple(str(warning) for warning in told.get("warnings", ())),
         tuple(_verdict(v, estimates) for v in told.get("verdicts", ())),
         tuple(plot_from_mapping(plot) for plot in told.get("plots", ())),
         tuple(table_from_mapping(table) for table in (*told.get("tables", ()), *tables)),
         dict(told.get("options", {})),
-    )  # fmt: skip
+    )
 
 
 def estimate_from_mapping(name: str, told: Mapping[str, Any]) -> Estimate:
     """One identified number out of JSON data."""
     budget = tuple(
-        BudgetLine(str(b["source"]), b["kind"], _number(b["standard_uncertainty"]), str(b.get("note", "")))
+        BudgetLine(
+            str(b["source"]), b["kind"], _number(b["standard_uncertainty"]), str(b.get("note", ""))
+        )
         for b in told.get("budget", ())
     )
     return Estimate(
-        name, _number(told["value"]), str(told["unit"]), _number(told["low"]), _number(told["high"]),
-        told.get("identifiability", "yes"), str(told.get("note", "")), budget,
-    )  # fmt: skip
+        name,
+        _number(told["value"]),
+        str(told["unit"]),
+        _number(told["low"]),
+        _number(told["high"]),
+        told.get("identifiability", "yes"),
+        str(told.get("note", "")),
+        budget,
+    )
 
 
 def _verdict(told: Mapping[str, Any], estimates: Mapping[str, Estimate]) -> Verdict:
     value, u = _number(told["value"]), _number(told["expanded_uncertainty"])
-    judged = next((e for e in estimates.values() if e.value == value and e.unit == told["unit"]), None)
+    judged = next(
+        (e for e in estimates.values() if e.value == value and e.unit == told["unit"]), None
+    )
     if judged is None:
         judged = Estimate(str(told["name"]), value, str(told["unit"]), value - u, value + u)
     return Verdict(
-        str(told["name"]), str(told["definition"]), judged, _number(told["limit"]), str(told["limit_source"]),
-        told["limit_provenance"], told["outcome"],
-    )  # fmt: skip
+        str(told["name"]),
+        str(told["definition"]),
+        judged,
+        _number(told["limit"]),
+        str(told["limit_source"]),
+        told["limit_provenance"],
+        told["outcome"],
+    )
 
 
 def _number(value: Any) -> float:
@@ -67,7 +88,12 @@ def plot_to_mapping(plot: Plot) -> dict[str, Any]:
     """A figure as JSON data; NaN and infinity, which JSON cannot hold, are null."""
     made: dict[str, Any] = {name: getattr(plot, name) for name in _WORDS}
     made["series"] = [
-        {"label": s.label, "style": s.style, "group": s.group, **{name: _numbers(getattr(s, name)) for name in _ARRAYS}}
+        {
+            "label": s.label,
+            "style": s.style,
+            "group": s.group,
+            **{name: _numbers(getattr(s, name)) for name in _ARRAYS},
+        }
         for s in plot.series
     ]
     return made
@@ -77,23 +103,40 @@ def plot_from_mapping(told: Mapping[str, Any]) -> Plot:
     """A figure out of JSON data. Raises `ValueError`, `KeyError` or `TypeError` for what is none."""
     series = tuple(
         Series(
-            str(s["label"]), _array(s["x"]), _array(s["y"]), s["style"], _optional(s.get("low")), _optional(s.get("high")),
+            str(s["label"]),
+            _array(s["x"]),
+            _array(s["y"]),
+            s["style"],
+            _optional(s.get("low")),
+            _optional(s.get("high")),
             int(s["group"]),
         )
         for s in told["series"]
-    )  # fmt: skip
+    )
     return Plot(series=series, **{name: told[name] for name in _WORDS})
 
 
 def table_to_mapping(table: Table) -> dict[str, Any]:
     """A table as JSON data."""
-    return {"name": table.name, "title": table.title, "columns": table.columns, "rows": table.rows, "note": table.note}
+    return {
+        "name": table.name,
+        "title": table.title,
+        "columns": table.columns,
+        "rows": table.rows,
+        "note": table.note,
+    }
 
 
 def table_from_mapping(told: Mapping[str, Any]) -> Table:
     """A table out of JSON data; a number that JSON could not hold is a dash."""
     rows = tuple(tuple("–" if cell is None else cell for cell in row) for row in told["rows"])
-    return Table(str(told["name"]), str(told["title"]), tuple(told["columns"]), rows, str(told.get("note", "")))
+    return Table(
+        str(told["name"]),
+        str(told["title"]),
+        tuple(told["columns"]),
+        rows,
+        str(told.get("note", "")),
+    )
 
 
 def _numbers(values: NDArray[np.float64] | None) -> list[float | None] | None:

@@ -1,7 +1,8 @@
 """The analysis store: what was found of a run lies beside it, one numbered file per analysis, appended, never edited.
 
-`<run>.analysis/0001.json` names the run by its SHA-256, the program's version, the parameter set and the settings that were
-used, and holds the result as `rig fit --json` prints it. The run file itself is never touched.
+`<run>.analysis/0001.json` names the run by its SHA-256, the program's version, the parameter set
+and the settings that were used, and holds the result as `rig fit --json` prints it. The run file
+itself is never touched.
 """
 
 from __future__ import annotations
@@ -67,7 +68,9 @@ def program_version() -> str:
 
 
 def json_ready(found: Any) -> Any:
-    """The same object with everything that JSON cannot hold made plain: numpy numbers, tuples; NaN and infinity are null."""
+    """The same object with everything that JSON cannot hold made plain: numpy numbers, tuples; NaN
+    and infinity are null.
+    """
     if isinstance(found, Mapping):
         return {str(key): json_ready(value) for key, value in found.items()}
     if isinstance(found, (list, tuple, set, frozenset)):
@@ -92,7 +95,9 @@ def json_text(found: Any) -> str:
 def analysis_folder(run: str | Path) -> Path:
     """Where the analyses of a run file lie: `<run>.analysis` beside it."""
     run = Path(run)
-    return run.with_name(re.sub(r"\.(h5|hdf5|nxs)(\.part)?\Z", "", run.name, flags=re.IGNORECASE) + ".analysis")
+    return run.with_name(
+        re.sub(r"\.(h5|hdf5|nxs)(\.part)?\Z", "", run.name, flags=re.IGNORECASE) + ".analysis"
+    )
 
 
 def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
@@ -181,9 +186,13 @@ def read_analyses(run: str | Path) -> tuple[Analysis, ...]:
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise RunFileError("a stored analysis cannot be read", where=str(path), value=str(error)) from None
+            raise RunFileError(
+                "a stored analysis cannot be read", where=str(path), value=str(error)
+            ) from None
         if not isinstance(content, dict) or content.get("format") != STORE_FORMAT:
-            raise RunFileError("is no analysis of this program", where=str(path), limit=f"format {STORE_FORMAT}")
+            raise RunFileError(
+                "is no analysis of this program", where=str(path), limit=f"format {STORE_FORMAT}"
+            )
         found.append(Analysis(int(match[1]), path, content))
     return tuple(sorted(found, key=lambda a: a.number))
 

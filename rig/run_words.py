@@ -22,19 +22,43 @@ def acquisition_facts(figures: object) -> list[tuple[str, str]]:
     """How well a run was acquired, line by line: rate and jitter, what was missed, index marks, torques, skew."""
     if not isinstance(figures, Mapping):
         return []
-    rate = _numbers(figures, {"achieved_rate": ("{:.6g} Hz achieved", 1.0), "jitter_rms": ("jitter {:.3g} µs r.m.s.", 1e6),
-                              "jitter_max": ("{:.3g} µs at most", 1e6), "missed_share": ("{:.3g} % missed", 100.0)})  # fmt: skip
+    rate = _numbers(
+        figures,
+        {
+            "achieved_rate": ("{:.6g} Hz achieved", 1.0),
+            "jitter_rms": ("jitter {:.3g} µs r.m.s.", 1e6),
+            "jitter_max": ("{:.3g} µs at most", 1e6),
+            "missed_share": ("{:.3g} % missed", 100.0),
+        },
+    )
     facts = [("acquisition", rate)]
     for name, found in _groups(figures.get("index_marks")):
-        text = _numbers(found, {"marks": ("{:.0f} marks", 1.0), "worst_excess": ("at worst {:+.0f} counts off", 1.0)})
+        text = _numbers(
+            found,
+            {"marks": ("{:.0f} marks", 1.0), "worst_excess": ("at worst {:+.0f} counts off", 1.0)},
+        )
         facts.append(("index marks", f"{name}: {text}"))
     torque = figures.get("torque_port_against_drive")
     if isinstance(torque, Mapping):
-        facts.append(("torque port", _numbers(torque, {"slope": ("{:.4g} of what the drive reports", 1.0),
-                                                       "offset": ("{:+.3g} mN m apart on average", 1e3)})))  # fmt: skip
+        facts.append(
+            (
+                "torque port",
+                _numbers(
+                    torque,
+                    {
+                        "slope": ("{:.4g} of what the drive reports", 1.0),
+                        "offset": ("{:+.3g} mN m apart on average", 1e3),
+                    },
+                ),
+            )
+        )
     for name, found in _groups(figures.get("skew")):
-        value = _numbers(found, {"value": ("{:+.1f} µs", 1e6), "expanded_uncertainty": ("U {:.1f} µs", 1e6)})
-        verdict = f"identifiable: {found.get('identifiability', '?')}" + (f", {found['note']}" if found.get("note") else "")
+        value = _numbers(
+            found, {"value": ("{:+.1f} µs", 1e6), "expanded_uncertainty": ("U {:.1f} µs", 1e6)}
+        )
+        verdict = f"identifiable: {found.get('identifiability', '?')}" + (
+            f", {found['note']}" if found.get("note") else ""
+        )
         facts.append((SKEWS.get(name, name), ", ".join(part for part in (value, verdict) if part)))
     return facts
 
@@ -43,12 +67,17 @@ SKEWS = {"encoder_skew": "skew, output after input", "torque_skew": "skew, torqu
 
 
 def _groups(found: object) -> list[tuple[str, Mapping[str, Any]]]:
-    return [(n, f) for n, f in found.items() if isinstance(f, Mapping)] if isinstance(found, Mapping) else []
+    return (
+        [(n, f) for n, f in found.items() if isinstance(f, Mapping)]
+        if isinstance(found, Mapping)
+        else []
+    )
 
 
 def _numbers(found: Mapping[str, Any], forms: Mapping[str, tuple[str, float]]) -> str:
     """The numbers that are there, each in its form after its factor."""
     return ", ".join(
-        form.format(factor * found[name]) for name, (form, factor) in forms.items()
+        form.format(factor * found[name])
+        for name, (form, factor) in forms.items()
         if isinstance(found.get(name), (int, float))
-    )  # fmt: skip
+    )

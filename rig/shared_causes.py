@@ -2,9 +2,10 @@
 
     U^2 = k^2 (sum of all u^2),     U_own^2 = k^2 (sum of the u^2 of each alone + sum over shared causes of (u_a - u_b)^2)
 
-A cause is shared where both runs used the same instrument with the same calibration, the same tare, or the same values from
-the literature: then its unknown error is the same in both (correlation one; GUM, F.1.2.3).
-"""
+A cause is shared where both runs used the same instrument with the same calibration, the same tare,
+or the same values from the literature: then its unknown error is the same in both (correlation one;
+GUM, F.1.2.3).
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -59,14 +60,26 @@ def footing(recording: Recording, analysis: Analysis) -> Footing:
 def _instrument(recording: Recording, channel: str) -> str:
     """One instrument with one calibration; "" where nothing tells it from another one."""
     source = recording.source
-    column = next((c for c in source.columns if c.name == channel), None) if isinstance(source, FileSource) else None
+    column = (
+        next((c for c in source.columns if c.name == channel), None)
+        if isinstance(source, FileSource)
+        else None
+    )
     if column is None:
         return ""
     known = column.serial_number or column.calibration.certificate
     rig = simulated_bench(recording.metadata)
     if not known or (recording.metadata.origin == "simulated" and not rig):
         return ""
-    parts = (recording.metadata.origin, rig, column.model, column.serial_number, column.scale, column.offset, column.calibration)
+    parts = (
+        recording.metadata.origin,
+        rig,
+        column.model,
+        column.serial_number,
+        column.scale,
+        column.offset,
+        column.calibration,
+    )
     return "|".join(str(part) for part in parts)
 
 
@@ -76,7 +89,9 @@ def simulated_bench(metadata: RunMetadata) -> str:
         return ""
     truth = metadata.process.get("truth")
     seeds = truth.get("seeds") if isinstance(truth, Mapping) else None
-    return str(seeds.get("bench", "") if isinstance(seeds, Mapping) else metadata.process.get("seed", ""))
+    return str(
+        seeds.get("bench", "") if isinstance(seeds, Mapping) else metadata.process.get("seed", "")
+    )
 
 
 def same_things(first: Footing, second: Footing) -> frozenset[str]:
@@ -95,7 +110,9 @@ def combined_uncertainty(
     own = sum(u * u for part in (a, b) for name, u in part.items() if name not in shared)
     own += sum((a[name] - b[name]) ** 2 for name in shared)
     everything = sum(u * u for part in (a, b) for u in part.values())
-    return CombinedUncertainty(COVERAGE_FACTOR * math.sqrt(everything), COVERAGE_FACTOR * math.sqrt(own), shared)
+    return CombinedUncertainty(
+        COVERAGE_FACTOR * math.sqrt(everything), COVERAGE_FACTOR * math.sqrt(own), shared
+    )
 
 
 def _parts(estimate: Mapping[str, Any]) -> dict[str, float] | None:
@@ -113,12 +130,18 @@ def _parts(estimate: Mapping[str, Any]) -> dict[str, float] | None:
 
 
 def _is_shared(source: str, same: frozenset[str]) -> bool:
-    return any(source.startswith(begin) and same.issuperset(needed) for begin, needed in CAUSES.items())
+    return any(
+        source.startswith(begin) and same.issuperset(needed) for begin, needed in CAUSES.items()
+    )
 
 
 def own_uncertainty(estimate: Mapping[str, Any], same: frozenset[str]) -> float:
-    """U (k = 2) of one estimate without the causes that it shares with others which stand on the `same` things; NaN unknown."""
+    """U (k = 2) of one estimate without the causes that it shares with others which stand on the
+    `same` things; NaN unknown.
+    """
     parts = _parts(estimate)
     if parts is None:
         return math.nan
-    return COVERAGE_FACTOR * math.sqrt(sum(u * u for name, u in parts.items() if not _is_shared(name, same)))
+    return COVERAGE_FACTOR * math.sqrt(
+        sum(u * u for name, u in parts.items() if not _is_shared(name, same))
+    )

@@ -1,8 +1,8 @@
 """SYNC of the simulated rig: when each cycle's values are really latched, and the hardware stamp that says so.
 
-A SYNC comes late or early by a jitter; encoders latch at that instant, and the stamp names it. So the jitter is harmless
-to an analysis that uses the stamps and ruinous to one that uses index times period. The jitter is bounded by a quarter of
-the period, so that stamps never run backwards.
+A SYNC comes late or early by a jitter; encoders latch at that instant, and the stamp names it. So
+the jitter is harmless to an analysis that uses the stamps and ruinous to one that uses index times
+period. The jitter is bounded by a quarter of the period, so that stamps never run backwards.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ NANOSECOND = 1e-9
 
 
 class SyncTimer:
-    """The instants of SYNC: nominal period [ns], standard deviation of the jitter [s], start on the hardware's clock."""
+    """The instants of SYNC: nominal period [ns], standard deviation of the jitter [s], start on the
+    hardware's clock.
+    """
 
     def __init__(self, cycle_ns: int, jitter: float, seed: int, start_ns: int = 0) -> None:
         self.cycle_ns, self.start_ns = cycle_ns, start_ns
@@ -33,5 +35,7 @@ class SyncTimer:
 
     def stamps_ns(self, first_cycle: int, lateness_ns: NDArray[np.int64]) -> NDArray[np.int64]:
         """The hardware stamp of each SYNC [ns] (cycles,)."""
-        nominal = np.arange(first_cycle, first_cycle + len(lateness_ns), dtype=np.int64) * self.cycle_ns
+        nominal = (
+            np.arange(first_cycle, first_cycle + len(lateness_ns), dtype=np.int64) * self.cycle_ns
+        )
         return self.start_ns + nominal + lateness_ns

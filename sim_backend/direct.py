@@ -1,8 +1,10 @@
-"""The simulated rig that implements the seam directly: no bus, no devices, the plant and its instruments in virtual time.
+"""The simulated rig that implements the seam directly: no bus, no devices, the plant and its
+instruments in virtual time.
 
-`SimulatedRig.exchange` carries the whole state from block to block, draws noise as a function of the cycle index and
-quantises set-points as the drive would, so that cutting a run into blocks of 1, 7, 100 or 1000 cycles does not change a
-single count. When the guard breaks at a row, the plant goes back to the snapshot before it and runs exactly to that row.
+`SimulatedRig.exchange` carries the whole state from block to block, draws noise as a function of
+the cycle index and quantises set-points as the drive would, so that cutting a run into blocks of 1,
+7, 100 or 1000 cycles does not change a single count. When the guard breaks at a row, the plant goes
+back to the snapshot before it and runs exactly to that row.
 """
 
 from __future__ import annotations
@@ -49,7 +51,9 @@ JUMP_SLACK = 64
 
 @dataclass(frozen=True)
 class RigSeeds:
-    """What is drawn by which seed: `run` start angle, zero and noise; `bench` instruments and motor; `gear` added orders."""
+    """What is drawn by which seed: `run` start angle, zero and noise; `bench` instruments and
+    motor; `gear` added orders.
+    """
 
     run: int = 0
     bench: int = 0
@@ -92,20 +96,36 @@ class SimulatedRig:
         gear_seed: int | None = None,
     ) -> None:
         if cycle_ns < 100_000:
-            raise DriverError("the SYNC period is too short", where="cycle_ns", value=cycle_ns, limit=">= 100000 ns")
-        seeds = RigSeeds(seed, seed if bench_seed is None else bench_seed, seed if gear_seed is None else gear_seed)
+            raise DriverError(
+                "the SYNC period is too short",
+                where="cycle_ns",
+                value=cycle_ns,
+                limit=">= 100000 ns",
+            )
+        seeds = RigSeeds(
+            seed,
+            seed if bench_seed is None else bench_seed,
+            seed if gear_seed is None else gear_seed,
+        )
         self._gear, self._motor, self._seeds, self._mounted = gear, motor, seeds, gear_mounted
         self._on = imperfections or Imperfections()
         ratio = gear.mounted_ratio(mounting)
         self._condition = draw(self._on, ratio, seeds.run, seeds.bench, seeds.gear)
         self._sense = round(output_sign(mounting))
         self._plant = Plant(
-            gear, motor, self._condition, cycle_ns=cycle_ns, mounting=mounting, gear_mounted=gear_mounted,
+            gear,
+            motor,
+            self._condition,
+            cycle_ns=cycle_ns,
+            mounting=mounting,
+            gear_mounted=gear_mounted,
             disc_inertia=disc_inertia,
-        )  # fmt: skip
+        )
         self._drive = ServoDrive(motor)
         self._plant.write_limits(self._drive.limits)
-        self._instruments = Instruments(self._on, self._condition, motor, seed, self._sense, self._plant.output_angle)
+        self._instruments = Instruments(
+            self._on, self._condition, motor, seed, self._sense, self._plant.output_angle
+        )
         self._clock: Clock = VirtualClock() if clock is None else clock
         self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, seed)
         self._faults = tuple(faults)
@@ -140,7 +160,11 @@ class SimulatedRig:
         self._open = True
         self._opened_ns = self._clock.monotonic_ns() - self._cycle * self.cycle_ns
         self._sync.start_ns = self._clock.calendar_ns() - self._cycle * self.cycle_ns
-        what = f"{self._gear.name} on {self._motor.name}" if self._mounted else f"bare {self._motor.name}"
+        what = (
+            f"{self._gear.name} on {self._motor.name}"
+            if self._mounted
+            else f"bare {self._motor.name}"
+        )
         devices = {c.name: {"model": c.model, "long_name": c.long_name} for c in self.channels}
         return RigDescription("simulated", f"simulated rig: {what}", devices, self.truth)
 
@@ -148,7 +172,15 @@ class SimulatedRig:
     def truth(self) -> dict[str, Any]:
         """Every effective parameter of this rig on this day (see `sim_backend.truth`)."""
         seeds = {"run": self._seeds.run, "bench": self._seeds.bench, "gear": self._seeds.gear}
-        return tell(self._plant.loop, self._motor, self._on, self._condition, self._instruments, seeds, self._sense)
+        return tell(
+            self._plant.loop,
+            self._motor,
+            self._on,
+            self._condition,
+            self._instruments,
+            seeds,
+            self._sense,
+        )
 
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write the limits into the drive's registers and return what they hold."""
@@ -189,18 +221,29 @@ class SimulatedRig:
             raise DriverError("a block needs cycles", where=where, value=cycles, limit=">= 1")
         if command.mode in (Mode.OFF, Mode.QUICK_STOP):
             if len(command.target):
-                raise DriverError(f"{command.mode.value} takes no set-points", where=where, value=len(command.target))
+                raise DriverError(
+                    f"{command.mode.value} takes no set-points",
+                    where=where,
+                    value=len(command.target),
+                )
             return np.zeros(cycles, dtype=np.int64)
         if len(command.target) != cycles:
             raise DriverError(
-                "a command needs one set-point per cycle", where=where, value=len(command.target), limit=str(cycles)
+                "a command needs one set-point per cycle",
+                where=where,
+                value=len(command.target),
+                limit=str(cycles),
             )
         return self._drive.quantised(command.mode, np.asarray(command.target, dtype=np.float64))
 
     def _before_stall(self, cycles: int) -> int:
         """How many of the next cycles come back; raises if none does."""
         for fault in self._faults:
-            if isinstance(fault, PortFault) and fault.at_cycle < self._cycle + cycles and fault.end > self._cycle:
+            if (
+                isinstance(fault, PortFault)
+                and fault.at_cycle < self._cycle + cycles
+                and fault.end > self._cycle
+            ):
                 if fault.at_cycle > self._cycle:
                     cycles = fault.at_cycle - self._cycle
                 else:
@@ -209,10 +252,15 @@ class SimulatedRig:
         return cycles
 
     def _sleep(self, cycles: int) -> None:
-        """Time passes without data: the drive keeps its last set-point, then misses the heartbeat and stops by itself."""
+        """Time passes without data: the drive keeps its last set-point, then misses the heartbeat
+        and stops by itself.
+        """
         mode, target = self._last
         alone = min(cycles, HEARTBEAT_CYCLES)
-        for what, count in ((mode, alone), (Mode.QUICK_STOP if mode is not Mode.OFF else mode, cycles - alone)):
+        for what, count in (
+            (mode, alone),
+            (Mode.QUICK_STOP if mode is not Mode.OFF else mode, cycles - alone),
+        ):
             if count:
                 values = np.full(count, target if what in (Mode.SPEED, Mode.TORQUE) else 0.0)
                 rows, _ = self._simulate(what, values)
@@ -249,8 +297,12 @@ class SimulatedRig:
         self._previous = counts[-1].copy()
         return counts, flags, self._sync.stamps_ns(self._cycle, late)
 
-    def _simulate(self, mode: Mode, targets: NDArray[np.float64]) -> tuple[NDArray[np.float64], Counts]:
-        """Advance the plant over the targets [SI], cut where device faults begin and end: truth rows and statuswords."""
+    def _simulate(
+        self, mode: Mode, targets: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], Counts]:
+        """Advance the plant over the targets [SI], cut where device faults begin and end: truth
+        rows and statuswords.
+        """
         rows = np.empty((len(targets), kernel.ROW_SIZE))
         statuswords = np.empty(len(targets), dtype=np.int64)
         edges = self._edges(len(targets))
@@ -258,7 +310,9 @@ class SimulatedRig:
             acting, values = self._act(mode, targets[start:stop], self._cycle + start)
             for stretch in self._drive.stretches(acting, stop - start):
                 part = slice(start + stretch.start, start + stretch.stop)
-                rows[part] = self._plant.advance(stretch.loop_mode, values[stretch.start : stretch.stop])
+                rows[part] = self._plant.advance(
+                    stretch.loop_mode, values[stretch.start : stretch.stop]
+                )
                 statuswords[part] = stretch.statusword
             self._last = (acting, float(values[-1]))
         return rows, statuswords
@@ -268,10 +322,16 @@ class SimulatedRig:
         inside = {0, cycles}
         for fault in self._faults:
             if isinstance(fault, DeviceFault):
-                inside.update(e - self._cycle for e in (fault.at_cycle, fault.end) if 0 < e - self._cycle < cycles)
+                inside.update(
+                    e - self._cycle
+                    for e in (fault.at_cycle, fault.end)
+                    if 0 < e - self._cycle < cycles
+                )
         return sorted(inside)
 
-    def _act(self, mode: Mode, targets: NDArray[np.float64], cycle: int) -> tuple[Mode, NDArray[np.float64]]:
+    def _act(
+        self, mode: Mode, targets: NDArray[np.float64], cycle: int
+    ) -> tuple[Mode, NDArray[np.float64]]:
         """Let the device faults of this cycle act; returns the mode and set-points that the drive really follows."""
         devices = self._devices
         devices.forced, devices.keeps_turning, devices.load = None, False, 0.0
@@ -305,7 +365,11 @@ class SimulatedRig:
 
     def _snapshot(self) -> _Snapshot:
         return _Snapshot(
-            self._plant.snapshot(), self._drive.state, self._instruments.latches(), self._previous, self._last
+            self._plant.snapshot(),
+            self._drive.state,
+            self._instruments.latches(),
+            self._previous,
+            self._last,
         )
 
     def _restore(self, snapshot: _Snapshot) -> None:

@@ -1,8 +1,9 @@
 """What can go wrong with a simulated rig, each at a given SYNC cycle: for drills and tests of engine and supervisor.
 
-A `DeviceFault` acts on the devices before a stretch of cycles is simulated, a `SignalFault` changes counts and flags of a
-block after it was sensed, a `PortFault` keeps the block from coming at all. All are pure functions of the cycle index and
-the row before the block, so that a fault falls on the same cycle however the run is cut into blocks.
+A `DeviceFault` acts on the devices before a stretch of cycles is simulated, a `SignalFault` changes
+counts and flags of a block after it was sensed, a `PortFault` keeps the block from coming at all.
+All are pure functions of the cycle index and the row before the block, so that a fault falls on the
+same cycle however the run is cut into blocks.
 """
 
 from __future__ import annotations
@@ -51,7 +52,9 @@ class Sensed:
     def rows(self, start: int, stop: int) -> slice:
         """The rows of this block that lie in cycles [start, stop)."""
         n = len(self.flags)
-        return slice(min(max(start - self.first_cycle, 0), n), min(max(stop - self.first_cycle, 0), n))
+        return slice(
+            min(max(start - self.first_cycle, 0), n), min(max(stop - self.first_cycle, 0), n)
+        )
 
     def held(self, rows: slice, channel: str) -> int:
         """The value of a channel in the row before `rows` (the first row's own if there is none)."""
@@ -71,9 +74,11 @@ class Fault:
     def __post_init__(self) -> None:
         if self.at_cycle < 0 or self.cycles < 1:
             raise DriverError(
-                "a fault needs a cycle to begin at and a length", where=type(self).__name__,
-                value=f"at_cycle {self.at_cycle}, cycles {self.cycles}", limit="at_cycle >= 0, cycles >= 1",
-            )  # fmt: skip
+                "a fault needs a cycle to begin at and a length",
+                where=type(self).__name__,
+                value=f"at_cycle {self.at_cycle}, cycles {self.cycles}",
+                limit="at_cycle >= 0, cycles >= 1",
+            )
 
     @property
     def end(self) -> int:
@@ -152,7 +157,9 @@ class CountJump(SignalFault):
     counts: int = 1000
 
     def corrupt(self, sensed: Sensed) -> None:
-        sensed.counts[sensed.rows(self.at_cycle, self.end), sensed.column[self.channel]] += self.counts
+        sensed.counts[sensed.rows(self.at_cycle, self.end), sensed.column[self.channel]] += (
+            self.counts
+        )
 
 
 @dataclass(frozen=True)
@@ -224,9 +231,11 @@ class Stall(PortFault):
 
     def error(self) -> DriverError:
         return StaleDataError(
-            "no complete cycle came back within the time allowed", where="simulated rig",
-            value=f"nothing since cycle {self.at_cycle}", remedy="Check bus, power and cables of every device.",
-        )  # fmt: skip
+            "no complete cycle came back within the time allowed",
+            where="simulated rig",
+            value=f"nothing since cycle {self.at_cycle}",
+            remedy="Check bus, power and cables of every device.",
+        )
 
 
 @dataclass(frozen=True)
@@ -235,6 +244,8 @@ class BusLost(PortFault):
 
     def error(self) -> DriverError:
         return BusLostError(
-            "the bus is gone", where="simulated rig", value=f"since cycle {self.at_cycle}",
+            "the bus is gone",
+            where="simulated rig",
+            value=f"since cycle {self.at_cycle}",
             remedy="Check the adapter and its cable.",
-        )  # fmt: skip
+        )

@@ -1,9 +1,10 @@
 """Everything that makes the simulated rig worse than its model: a switch and a name for each, all on by default.
 
-`Imperfections` says what is on, `Sizes` how large it is, `draw` makes of both one rig on one day (`Condition`): phases,
-offsets and amplitudes drawn by seed, each from its own stream, so that switching one off leaves the others as they were.
-What belongs to the bench (encoders, torque port, skew, cogging) follows the bench's seed, what belongs to the gear the
-gear's, and what changes from run to run (zero of the port, start angle, noise) the run's.
+`Imperfections` says what is on, `Sizes` how large it is, `draw` makes of both one rig on one day
+(`Condition`): phases, offsets and amplitudes drawn by seed, each from its own stream, so that
+switching one off leaves the others as they were. What belongs to the bench (encoders, torque port,
+skew, cogging) follows the bench's seed, what belongs to the gear the gear's, and what changes from
+run to run (zero of the port, start angle, noise) the run's.
 """
 
 from __future__ import annotations
@@ -39,10 +40,22 @@ class Sizes:
     input_twice_per_turn: float = 25.0 * ARCSEC
     output_once_per_turn: float = 4.0 * ARCSEC
     output_twice_per_turn: float = 1.5 * ARCSEC
-    output_orders: tuple[float, ...] = (0.035 * ARCMIN, 0.02 * ARCMIN, 0.01 * ARCMIN, 0.007 * ARCMIN)
-    wave_sidebands: tuple[tuple[int, float], ...] = ((1, 0.006 * ARCMIN), (2, 0.03 * ARCMIN), (4, 0.006 * ARCMIN))
-    output_sidebands: tuple[tuple[int, int, float], ...] = ((2, -2, 0.012 * ARCMIN), (2, -1, 0.012 * ARCMIN),
-                                                            (2, 1, 0.012 * ARCMIN))  # fmt: skip
+    output_orders: tuple[float, ...] = (
+        0.035 * ARCMIN,
+        0.02 * ARCMIN,
+        0.01 * ARCMIN,
+        0.007 * ARCMIN,
+    )
+    wave_sidebands: tuple[tuple[int, float], ...] = (
+        (1, 0.006 * ARCMIN),
+        (2, 0.03 * ARCMIN),
+        (4, 0.006 * ARCMIN),
+    )
+    output_sidebands: tuple[tuple[int, int, float], ...] = (
+        (2, -2, 0.012 * ARCMIN),
+        (2, -1, 0.012 * ARCMIN),
+        (2, 1, 0.012 * ARCMIN),
+    )
     torque_offset: float = 0.006
     torque_drift_per_kelvin: float = 5e-5
     torque_scale: float = 0.01
@@ -52,7 +65,12 @@ class Sizes:
     adc_volts: float = 0.3125e-3
     adc_step_counts: int = 4
     torque_per_volt_of_rated: float = 1.0
-    motor_cogging: tuple[tuple[int, float], ...] = ((1, 0.0006), (4, 0.0005), (24, 0.0025), (48, 0.0006))
+    motor_cogging: tuple[tuple[int, float], ...] = (
+        (1, 0.0006),
+        (4, 0.0005),
+        (24, 0.0025),
+        (48, 0.0006),
+    )
     output_coulomb: float = 0.5
     output_viscous: float = 0.4
     mesh_depth: float = 0.10
@@ -124,13 +142,19 @@ class Imperfections:
         wanted, known = tuple(names), self.names()
         for name in wanted:
             if name not in known:
-                raise DriverError("no such imperfection", where="imperfections", value=name, limit=", ".join(known))
+                raise DriverError(
+                    "no such imperfection",
+                    where="imperfections",
+                    value=name,
+                    limit=", ".join(known),
+                )
         return wanted
 
 
 @dataclass(frozen=True)
 class EncoderErrors:
-    """Where an encoder reads wrong: error [rad] over its own absolute angle, as a series; its sub-divisional error as one
+    """Where an encoder reads wrong: error [rad] over its own absolute angle, as a series; its
+    sub-divisional error as one
     order of its lines; the angle of its index mark, and its latch delay [s]."""
 
     series: tuple[Harmonic, ...] = ()
@@ -165,16 +189,24 @@ class Condition:
     output_count: int
 
 
-def draw(imperfections: Imperfections, ratio: float, seed: int, bench_seed: int, gear_seed: int) -> Condition:
+def draw(
+    imperfections: Imperfections, ratio: float, seed: int, bench_seed: int, gear_seed: int
+) -> Condition:
     """One rig on one day, drawn by its seeds."""
     on, sizes = imperfections, imperfections.sizes
     run, day = stream(seed, "start"), stream(seed, "torque zero")
     offset = sizes.torque_offset * _bounded(day) if on.torque_offset else 0.0
-    gain = sizes.torque_scale * _bounded(stream(bench_seed, "torque gain")) if on.torque_scale_error else 0.0
+    gain = (
+        sizes.torque_scale * _bounded(stream(bench_seed, "torque gain"))
+        if on.torque_scale_error
+        else 0.0
+    )
     port = TorquePort(
-        gain, offset, sizes.torque_drift_per_kelvin if on.torque_offset and on.warming else 0.0,
+        gain,
+        offset,
+        sizes.torque_drift_per_kelvin if on.torque_offset and on.warming else 0.0,
         sizes.torque_noise if on.torque_noise else 0.0,
-    )  # fmt: skip
+    )
     started = on.random_start
     angle = run.uniform(0.0, REVOLUTION * ratio)
     counts = run.integers(-(2**20), 2**20, 2)
@@ -186,7 +218,9 @@ def draw(imperfections: Imperfections, ratio: float, seed: int, bench_seed: int,
         torque_port=port,
         sync_jitter=sizes.sync_jitter if on.sync_jitter else 0.0,
         temperature_noise=sizes.temperature_noise if on.temperature_noise else 0.0,
-        housing_offset=sizes.temperature_offset * _bounded(thermometer) if on.temperature_noise else 0.0,
+        housing_offset=sizes.temperature_offset * _bounded(thermometer)
+        if on.temperature_noise
+        else 0.0,
         start_angle=float(angle) if started else 0.0,
         input_count=int(counts[0]) if started else 0,
         output_count=int(counts[1]) if started else 0,
@@ -205,8 +239,12 @@ def _deviations(on: Imperfections, ratio: float, bench_seed: int, gear_seed: int
         hardening=on.hardening,
         hysteresis_torque=sizes.hysteresis_torque if on.hysteresis else 0.0,
         hysteresis_stiffness=sizes.hysteresis_stiffness if on.hysteresis else 0.0,
-        output_coulomb=sizes.output_coulomb * float(bearing[0]) if on.output_bearing_friction else 0.0,
-        output_viscous=sizes.output_viscous * float(bearing[1]) if on.output_bearing_friction else 0.0,
+        output_coulomb=sizes.output_coulomb * float(bearing[0])
+        if on.output_bearing_friction
+        else 0.0,
+        output_viscous=sizes.output_viscous * float(bearing[1])
+        if on.output_bearing_friction
+        else 0.0,
         motor_friction=on.motor_friction,
         cogging=_cogging(on, bench_seed),
         torque_constant_error=constant if on.torque_scale_error else 0.0,
@@ -220,7 +258,9 @@ def _added_orders(on: Imperfections, ratio: float, gear_seed: int) -> tuple[Harm
     found: list[Harmonic] = []
     random = stream(gear_seed, "output orders")
     for k, size in enumerate(on.sizes.output_orders, start=1):
-        found.append(_harmonic(k / ratio, size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION)))
+        found.append(
+            _harmonic(k / ratio, size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION))
+        )
     if not on.output_orders:
         found.clear()
     random = stream(gear_seed, "sidebands")
@@ -228,7 +268,9 @@ def _added_orders(on: Imperfections, ratio: float, gear_seed: int) -> tuple[Harm
     bands += [(n + k / ratio, size) for n, k, size in on.sizes.output_sidebands]
     if on.sidebands:
         for order, size in bands:
-            found.append(_harmonic(order, size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION)))
+            found.append(
+                _harmonic(order, size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION))
+            )
     return tuple(found)
 
 
@@ -249,12 +291,22 @@ def _encoder(on: Imperfections, which: str, bench_seed: int) -> EncoderErrors:
     random = stream(bench_seed, f"{which} encoder")
     scale, phase = random.uniform(0.6, 1.4, 3), random.uniform(0.0, REVOLUTION, 4)
     once, twice, lines, fine, skew = (
-        (sizes.input_once_per_turn, sizes.input_twice_per_turn, sizes.input_lines, sizes.input_subdivision,
-         sizes.input_skew)
+        (
+            sizes.input_once_per_turn,
+            sizes.input_twice_per_turn,
+            sizes.input_lines,
+            sizes.input_subdivision,
+            sizes.input_skew,
+        )
         if which == "input"
-        else (sizes.output_once_per_turn, sizes.output_twice_per_turn, sizes.output_lines, sizes.output_subdivision,
-              sizes.output_skew)
-    )  # fmt: skip
+        else (
+            sizes.output_once_per_turn,
+            sizes.output_twice_per_turn,
+            sizes.output_lines,
+            sizes.output_subdivision,
+            sizes.output_skew,
+        )
+    )
     series = (_harmonic(1.0, once * scale[0], phase[0]), _harmonic(2.0, twice * scale[1], phase[1]))
     return EncoderErrors(
         series if on.encoder_revolution_error else (),
@@ -280,19 +332,27 @@ def _bounded(random: object) -> float:
 def individual_gear(nominal: HarmonicDrive, seed: int) -> HarmonicDrive:
     """One gear of a series: parameters drawn about the nominal ones, as one delivered part differs from the next.
 
-    Mesh friction +-10 % (static stays above Coulomb), Stribeck velocity +-15 %, bearing and lubrication factor +-10 %,
-    damping +-15 %, thickness of the cup's bottom +-3 % (the stiffness follows), amplitudes of the kinematic error +-20 %
-    with phases turned by up to 20 degrees; standard deviations, each parameter from its own stream.
+    Mesh friction +-10 % (static stays above Coulomb), Stribeck velocity +-15 %, bearing and
+    lubrication factor +-10 %, damping +-15 %, thickness of the cup's bottom +-3 % (the stiffness
+    follows), amplitudes of the kinematic error +-20 % with phases turned by up to 20 degrees;
+    standard deviations, each parameter from its own stream.
     """
     spread = {
-        "mesh_friction.coulomb": 0.10, "mesh_friction.stribeck_velocity": 0.15, "mesh_friction.viscous": 0.10,
-        "bearing.friction_factor": 0.10, "bearing.damping": 0.15, "cup.bottom_thickness": 0.03,
-    }  # fmt: skip
+        "mesh_friction.coulomb": 0.10,
+        "mesh_friction.stribeck_velocity": 0.15,
+        "mesh_friction.viscous": 0.10,
+        "bearing.friction_factor": 0.10,
+        "bearing.damping": 0.15,
+        "cup.bottom_thickness": 0.03,
+    }
     changes = {
-        path: nominal.value(path).value * math.exp(size * _bounded(stream(seed, path))) for path, size in spread.items()
+        path: nominal.value(path).value * math.exp(size * _bounded(stream(seed, path)))
+        for path, size in spread.items()
     }
     mesh = nominal.mesh_friction
-    rise = (mesh.static - mesh.coulomb) * math.exp(0.15 * _bounded(stream(seed, "mesh_friction.static")))
+    rise = (mesh.static - mesh.coulomb) * math.exp(
+        0.15 * _bounded(stream(seed, "mesh_friction.static"))
+    )
     changes["mesh_friction.static"] = changes["mesh_friction.coulomb"] + rise
     series = []
     for h in nominal.kinematic_error:

@@ -26,9 +26,16 @@ class Plant:
     """Everything that moves and warms. `load` is a torque on the output against its positive sense [N m]."""
 
     def __init__(
-        self, gear: HarmonicDrive, motor: ServoMotor, condition: Condition, *, cycle_ns: int, mounting: Mounting,
-        gear_mounted: bool, disc_inertia: float,
-    ) -> None:  # fmt: skip
+        self,
+        gear: HarmonicDrive,
+        motor: ServoMotor,
+        condition: Condition,
+        *,
+        cycle_ns: int,
+        mounting: Mounting,
+        gear_mounted: bool,
+        disc_inertia: float,
+    ) -> None:
         settings = LoopSettings(mounting, gear_mounted, disc_inertia, cycle_ns * 1e-9, SUBSTEP)
         self.loop = ClosedLoop(gear, motor, condition.deviations, settings)
         self._state = self.loop.rest(condition.start_angle)
@@ -41,7 +48,11 @@ class Plant:
         """The drive's limits act from now on."""
         self.loop.set_limits(
             ServoLimits(
-                limits.torque, limits.speed, limits.acceleration, limits.deceleration, limits.quick_stop_deceleration
+                limits.torque,
+                limits.speed,
+                limits.acceleration,
+                limits.deceleration,
+                limits.quick_stop_deceleration,
             )
         )
 
@@ -60,7 +71,9 @@ class Plant:
         state = self._state
         inverse_ratio = 1.0 / self.loop.ratio if self.loop.settings.gear_mounted else 0.0
         radius = self.loop.gear.geometry.neutral_radius
-        return float(state[kernel.THETA] * inverse_ratio + state[kernel.RO] / radius - state[kernel.WINDUP])
+        return float(
+            state[kernel.THETA] * inverse_ratio + state[kernel.RO] / radius - state[kernel.WINDUP]
+        )
 
     @property
     def input_speed(self) -> float:

@@ -1,8 +1,9 @@
 """A recorded run behind the same seam as a rig: its counts come back cycle by cycle, whatever is commanded.
 
-For looking at an old run again with engine, supervisor and analysis as they are today. Nothing turns: set-points have no
-effect, and the recorded ones stand in the target channels. Guards are judged as on any rig, at any block length. When the
-recording is over, `exchange` returns what is left, and raises `StaleDataError` from then on.
+For looking at an old run again with engine, supervisor and analysis as they are today. Nothing
+turns: set-points have no effect, and the recorded ones stand in the target channels. Guards are
+judged as on any rig, at any block length. When the recording is over, `exchange` returns what is
+left, and raises `StaleDataError` from then on.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ _TARGET = {Mode.SPEED: names.TARGET_SPEED, Mode.TORQUE: names.TARGET_TORQUE}
 
 
 class ReplayRig:
-    """A run that was recorded: `channels`, `time_ns` (n,), `counts` (n, channels) and `flags` (n,), SYNC period `cycle_ns`.
+    """A run that was recorded: `channels`, `time_ns` (n,), `counts` (n, channels) and `flags` (n,),
+    SYNC period `cycle_ns`.
 
     `description` tells the recorded rig's devices and truth; `clock` is moved on by one period per cycle. Raises
     `DriverError` when the arrays do not belong together.
@@ -100,13 +102,17 @@ class ReplayRig:
         return limits
 
     def exchange(self, command: Command, cycles: int, guard: Guard) -> SampleBlock:
-        """The next recorded cycles, fewer where the guard breaks or the recording ends; `StaleDataError` after its end."""
+        """The next recorded cycles, fewer where the guard breaks or the recording ends;
+        `StaleDataError` after its end.
+        """
         self._check_command(command, cycles)
         if not self.remaining:
             raise StaleDataError(
-                "the recording is over", where=self._title, value=f"after {len(self._time_ns)} cycles",
+                "the recording is over",
+                where=self._title,
+                value=f"after {len(self._time_ns)} cycles",
                 remedy="A longer protocol than the recorded one cannot be replayed: stop here.",
-            )  # fmt: skip
+            )
         rows = slice(self._next, min(self._next + cycles, len(self._time_ns)))
         counts, flags = self._counts[rows], self._flags[rows]
         broken = self._watch.first_break(guard, counts, flags)
@@ -116,7 +122,9 @@ class ReplayRig:
         first, self._next = self._next, self._next + len(counts)
         self._compare(command, counts)
         self._clock.wait_until_ns(self._opened_ns + self._next * self._cycle_ns)
-        return SampleBlock(first, self._time_ns[first : self._next].copy(), counts.copy(), flags.copy(), broken)
+        return SampleBlock(
+            first, self._time_ns[first : self._next].copy(), counts.copy(), flags.copy(), broken
+        )
 
     def reset_fault(self) -> None:
         """A recorded fault stays where it was recorded."""
@@ -130,13 +138,23 @@ class ReplayRig:
         shapes = (self._time_ns.shape, self._counts.shape, self._flags.shape)
         if shapes != ((n,), (n, len(self._channels)), (n,)):
             raise DriverError(
-                "the recorded arrays do not belong together", where=self._title, value=shapes,
-                limit=f"(n,), (n, {len(self._channels)}), (n,)", remedy="The file is damaged, or of another version.",
-            )  # fmt: skip
+                "the recorded arrays do not belong together",
+                where=self._title,
+                value=shapes,
+                limit=f"(n,), (n, {len(self._channels)}), (n,)",
+                remedy="The file is damaged, or of another version.",
+            )
         if not n:
-            raise DriverError("the recording is empty", where=self._title, value=0, limit=">= 1 cycle")
+            raise DriverError(
+                "the recording is empty", where=self._title, value=0, limit=">= 1 cycle"
+            )
         if self._cycle_ns <= 0:
-            raise DriverError("the SYNC period must be positive", where=self._title, value=self._cycle_ns, limit="> 0 ns")
+            raise DriverError(
+                "the SYNC period must be positive",
+                where=self._title,
+                value=self._cycle_ns,
+                limit="> 0 ns",
+            )
 
     def _check_command(self, command: Command, cycles: int) -> None:
         if not self._open:
@@ -146,18 +164,27 @@ class ReplayRig:
         expected = cycles if command.mode in _TARGET else 0
         if len(command.target) != expected:
             raise DriverError(
-                f"{command.mode.value} takes one set-point per cycle, or none", where=self._title,
-                value=len(command.target), limit=str(expected),
-            )  # fmt: skip
+                f"{command.mode.value} takes one set-point per cycle, or none",
+                where=self._title,
+                value=len(command.target),
+                limit=str(expected),
+            )
 
     def _compare(self, command: Command, counts: NDArray[np.int64]) -> None:
-        """Count the cycles in which the set-points are not the recorded ones (a mode without set-points wants zeros)."""
+        """Count the cycles in which the set-points are not the recorded ones (a mode without
+        set-points wants zeros).
+        """
         differs = np.zeros(len(counts), dtype=bool)
         for mode, name in _TARGET.items():
             if name not in self._column:
                 continue
             channel, recorded = self._channels[self._column[name]], counts[:, self._column[name]]
-            wanted = command.target[: len(counts)] if mode is command.mode else np.zeros(len(counts))
-            whole = np.rint((np.asarray(wanted, dtype=np.float64) - channel.offset) / (channel.direction * channel.scale))
+            wanted = (
+                command.target[: len(counts)] if mode is command.mode else np.zeros(len(counts))
+            )
+            whole = np.rint(
+                (np.asarray(wanted, dtype=np.float64) - channel.offset)
+                / (channel.direction * channel.scale)
+            )
             differs |= recorded != whole
         self._deviating += int(differs.sum())

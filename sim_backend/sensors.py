@@ -36,15 +36,26 @@ TEMPERATURE_COUNT = 0.01
 
 
 class Encoder:
-    """An incremental encoder with its counter and index latch; `sense` -1 counts down when the angle of the plant grows."""
+    """An incremental encoder with its counter and index latch; `sense` -1 counts down when the
+    angle of the plant grows.
+    """
 
     def __init__(
-        self, channel: Channel, errors: EncoderErrors, column: int, sense: int, start: tuple[float, int]
+        self,
+        channel: Channel,
+        errors: EncoderErrors,
+        column: int,
+        sense: int,
+        start: tuple[float, int],
     ) -> None:
         self.quantum = channel.scale
         self._errors, self._column, self._sense = errors, column, float(sense)
-        waves = errors.series if errors.subdivision is None else (*errors.series, errors.subdivision)
-        self._waves = np.array([(h.order, h.amplitude, math.atan2(h.sine, h.cosine)) for h in waves]).reshape(-1, 3)
+        waves = (
+            errors.series if errors.subdivision is None else (*errors.series, errors.subdivision)
+        )
+        self._waves = np.array(
+            [(h.order, h.amplitude, math.atan2(h.sine, h.cosine)) for h in waves]
+        ).reshape(-1, 3)
         angle, count = sense * start[0], start[1]
         self._offset = count - int(kernel.count_at(angle, self._waves, self.quantum, 0))
         self.latch = np.array([math.floor((angle - errors.index_angle) / REVOLUTION), 0.0, 0.0])
@@ -64,9 +75,20 @@ class Encoder:
         counts, indices = np.empty(len(rows), dtype=np.int64), np.empty(len(rows), dtype=np.int64)
         seen = np.empty(len(rows), dtype=np.bool_)
         kernel.read_encoder(
-            rows, self._column, self._sense, late, self._errors.skew, self._waves, self.quantum, self._offset,
-            self._errors.index_angle, self.latch, counts, indices, seen,
-        )  # fmt: skip
+            rows,
+            self._column,
+            self._sense,
+            late,
+            self._errors.skew,
+            self._waves,
+            self.quantum,
+            self._offset,
+            self._errors.index_angle,
+            self.latch,
+            counts,
+            indices,
+            seen,
+        )
         return counts, indices, seen
 
 
@@ -91,26 +113,41 @@ class Instruments:
         by_name = {c.name: c for c in self.channels}
         self.column = {c.name: i for i, c in enumerate(self.channels)}
         self.input = Encoder(
-            by_name[names.INPUT_ANGLE], condition.input_encoder, row.ROW_INPUT_ANGLE, 1,
+            by_name[names.INPUT_ANGLE],
+            condition.input_encoder,
+            row.ROW_INPUT_ANGLE,
+            1,
             (condition.start_angle, condition.input_count),
-        )  # fmt: skip
+        )
         self.output = Encoder(
-            by_name[names.OUTPUT_ANGLE], condition.output_encoder, row.ROW_OUTPUT_ANGLE, output_sense,
+            by_name[names.OUTPUT_ANGLE],
+            condition.output_encoder,
+            row.ROW_OUTPUT_ANGLE,
+            output_sense,
             (start_output, condition.output_count),
-        )  # fmt: skip
+        )
         self._torque = by_name[names.TORQUE]
         self._drive_torque = by_name[names.DRIVE_TORQUE]
         self._adc_step = on.sizes.adc_step_counts if on.adc_steps else 1
         self._adc_limit = ADC_RANGE if on.adc_steps else ADC_RANGE * FINE
-        self._reference = condition.deviations.thermal.reference if condition.deviations.thermal else 22.0
+        self._reference = (
+            condition.deviations.thermal.reference if condition.deviations.thermal else 22.0
+        )
         self._torque_noise = CycleNoise(seed, "torque noise")
         self._housing_noise = CycleNoise(seed, "housing temperature")
         self._ambient_noise = CycleNoise(seed, "ambient temperature")
 
     def read(
-        self, rows: Array, first_cycle: int, lateness_ns: Counts, statuswords: Counts, targets: tuple[Counts, Counts]
+        self,
+        rows: Array,
+        first_cycle: int,
+        lateness_ns: Counts,
+        statuswords: Counts,
+        targets: tuple[Counts, Counts],
     ) -> tuple[Counts, NDArray[np.uint16]]:
-        """Counts (n, channels) and flags (n,) of rows (n, ROW_SIZE); `targets` are speed and torque set-points in counts."""
+        """Counts (n, channels) and flags (n,) of rows (n, ROW_SIZE); `targets` are speed and torque
+        set-points in counts.
+        """
         n = len(rows)
         counts = np.zeros((n, len(self.channels)), dtype=np.int64)
         late = lateness_ns.astype(np.float64) * NANOSECOND
@@ -122,15 +159,21 @@ class Instruments:
         torque, saturated = self._port_counts(rows, first_cycle)
         counts[:, put[names.TORQUE]] = torque
         reference = rows[:, row.ROW_TORQUE_REFERENCE]
-        counts[:, put[names.DRIVE_TORQUE]] = np.rint(reference / self._drive_torque.scale).astype(np.int64)
+        counts[:, put[names.DRIVE_TORQUE]] = np.rint(reference / self._drive_torque.scale).astype(
+            np.int64
+        )
         counts[:, put[names.TARGET_SPEED]], counts[:, put[names.TARGET_TORQUE]] = targets
         counts[:, put[names.STATUSWORD]] = statuswords
         counts[:, put[names.HOUSING_TEMPERATURE]] = self._temperature(
-            rows[:, row.ROW_HOUSING] + self._condition.housing_offset, self._housing_noise, first_cycle
+            rows[:, row.ROW_HOUSING] + self._condition.housing_offset,
+            self._housing_noise,
+            first_cycle,
         )
         thermal = self._condition.deviations.thermal
         room = np.full(n, thermal.ambient if thermal else 22.0)
-        counts[:, put[names.AMBIENT_TEMPERATURE]] = self._temperature(room, self._ambient_noise, first_cycle)
+        counts[:, put[names.AMBIENT_TEMPERATURE]] = self._temperature(
+            room, self._ambient_noise, first_cycle
+        )
         return counts, np.where(saturated, CycleFlag.SATURATED, 0).astype(np.uint16)
 
     def pass_by(self, rows: Array) -> None:
@@ -170,33 +213,82 @@ class Instruments:
 def make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
     """The channels of the simulated rig in the order of its columns, with the uncertainties that its sizes imply."""
     sizes = on.sizes
-    adc = sizes.adc_volts * sizes.torque_per_volt_of_rated * motor.rated_torque / (1 if on.adc_steps else FINE)
+    adc = (
+        sizes.adc_volts
+        * sizes.torque_per_volt_of_rated
+        * motor.rated_torque
+        / (1 if on.adc_steps else FINE)
+    )
     reported = motor.rated_torque * TORQUE_COUNT_OF_RATED
     certificate = "simulated instrument"
     torque = Calibration(
-        certificate, scale_relative_uncertainty=math.hypot(sizes.torque_scale, sizes.torque_constant),
+        certificate,
+        scale_relative_uncertainty=math.hypot(sizes.torque_scale, sizes.torque_constant),
         offset_uncertainty=sizes.torque_offset,
-    )  # fmt: skip
+    )
     drive = Calibration(certificate, scale_relative_uncertainty=sizes.torque_constant)
     thermometer = Calibration(certificate, offset_uncertainty=sizes.temperature_offset)
     fine = 1 if on.drive_torque_steps else FINE
     return (
         _encoder_channel(on, names.INPUT_ANGLE, "motor encoder"),
         _encoder_channel(on, names.OUTPUT_ANGLE, "output encoder"),
-        Channel(names.TORQUE, "N m", adc, long_name="torque monitor port", model="simulated", calibration=torque),
-        Channel(names.DRIVE_TORQUE, "N m", reported / fine, long_name="torque reported by the drive (0x6077)",
-                model="simulated", calibration=drive),
-        Channel(names.TARGET_SPEED, "rad/s", SPEED_COUNT, long_name="speed set-point (0x60FF)", model="simulated"),
-        Channel(names.TARGET_TORQUE, "N m", reported, long_name="torque set-point (0x6071)", model="simulated"),
+        Channel(
+            names.TORQUE,
+            "N m",
+            adc,
+            long_name="torque monitor port",
+            model="simulated",
+            calibration=torque,
+        ),
+        Channel(
+            names.DRIVE_TORQUE,
+            "N m",
+            reported / fine,
+            long_name="torque reported by the drive (0x6077)",
+            model="simulated",
+            calibration=drive,
+        ),
+        Channel(
+            names.TARGET_SPEED,
+            "rad/s",
+            SPEED_COUNT,
+            long_name="speed set-point (0x60FF)",
+            model="simulated",
+        ),
+        Channel(
+            names.TARGET_TORQUE,
+            "N m",
+            reported,
+            long_name="torque set-point (0x6071)",
+            model="simulated",
+        ),
         _encoder_channel(on, names.INPUT_INDEX, "input angle at its index mark"),
         _encoder_channel(on, names.OUTPUT_INDEX, "output angle at its index mark"),
-        Channel(names.INDEX_SEEN, "1", 1.0, long_name="index marks seen (bit 0 input, bit 1 output)", model="simulated"),
+        Channel(
+            names.INDEX_SEEN,
+            "1",
+            1.0,
+            long_name="index marks seen (bit 0 input, bit 1 output)",
+            model="simulated",
+        ),
         Channel(names.STATUSWORD, "1", 1.0, long_name="statusword (0x6041)", model="simulated"),
-        Channel(names.HOUSING_TEMPERATURE, "degC", TEMPERATURE_COUNT, long_name="temperature of the gear housing",
-                model="simulated", calibration=thermometer),
-        Channel(names.AMBIENT_TEMPERATURE, "degC", TEMPERATURE_COUNT, long_name="temperature of the room",
-                model="simulated", calibration=thermometer),
-    )  # fmt: skip
+        Channel(
+            names.HOUSING_TEMPERATURE,
+            "degC",
+            TEMPERATURE_COUNT,
+            long_name="temperature of the gear housing",
+            model="simulated",
+            calibration=thermometer,
+        ),
+        Channel(
+            names.AMBIENT_TEMPERATURE,
+            "degC",
+            TEMPERATURE_COUNT,
+            long_name="temperature of the room",
+            model="simulated",
+            calibration=thermometer,
+        ),
+    )
 
 
 def _encoder_channel(on: Imperfections, name: str, long_name: str) -> Channel:
@@ -208,7 +300,10 @@ def _encoder_channel(on: Imperfections, name: str, long_name: str) -> Channel:
         else (sizes.output_lines, sizes.output_once_per_turn, sizes.output_twice_per_turn)
     )
     return encoder_channel(
-        name, lines=lines, multiplication=sizes.multiplication * (1 if on.quantisation else FINE),
-        long_name=long_name, model="simulated",
+        name,
+        lines=lines,
+        multiplication=sizes.multiplication * (1 if on.quantisation else FINE),
+        long_name=long_name,
+        model="simulated",
         calibration=Calibration("simulated instrument", accuracy=math.hypot(once, twice)),
-    )  # fmt: skip
+    )

@@ -4,10 +4,11 @@
 0x6071 target torque     0.1 % of rated torque (I16)        0x6072 torque limit         0.1 % of rated torque
                                                             0x6083-5 ramps              1 (r/min)/s per count
 
-Enabling takes no cycle: the states up to "operation enabled" are walked between two SYNCs, as a driver does by SDO, so that
-the first set-point acts at its own SYNC. Leaving it is one transition per SYNC, with the controlword of that cycle.
-Quick stop ramps down by the drive's own deceleration and then holds ("quick stop active", option code 6) until the servo is
-switched off or enabled again. Limits are rounded down: never above what was asked.
+Enabling takes no cycle: the states up to "operation enabled" are walked between two SYNCs, as a
+driver does by SDO, so that the first set-point acts at its own SYNC. Leaving it is one transition
+per SYNC, with the controlword of that cycle. Quick stop ramps down by the drive's own deceleration
+and then holds ("quick stop active", option code 6) until the servo is switched off or enabled
+again. Limits are rounded down: never above what was asked.
 """
 
 from __future__ import annotations
@@ -55,17 +56,24 @@ class ServoDrive:
         self._motor = motor
         self.state = DriveState.SWITCH_ON_DISABLED
         self.torque_count = TORQUE_COUNT_OF_RATED * motor.rated_torque
-        self.limits = self.stored(DriveLimits(motor.peak_torque, motor.maximum_speed, 1e5, 1e5, 1e5))
+        self.limits = self.stored(
+            DriveLimits(motor.peak_torque, motor.maximum_speed, 1e5, 1e5, 1e5)
+        )
 
     def stored(self, limits: DriveLimits) -> DriveLimits:
-        """What the registers hold after these limits [SI] were written: rounded down, within the motor's own ratings."""
+        """What the registers hold after these limits [SI] were written: rounded down, within the
+        motor's own ratings.
+        """
         for name in ("torque", "speed", "acceleration", "deceleration", "quick_stop_deceleration"):
             found = getattr(limits, name)
             if not (math.isfinite(found) and found > 0.0):
                 raise DriverError(
-                    "a limit of the drive must be a positive number", where=f"drive limits, {name}", value=found,
-                    limit="> 0", remedy="Derive the limits from the gear's ratings.",
-                )  # fmt: skip
+                    "a limit of the drive must be a positive number",
+                    where=f"drive limits, {name}",
+                    value=found,
+                    limit="> 0",
+                    remedy="Derive the limits from the gear's ratings.",
+                )
         return DriveLimits(
             torque=_down(min(limits.torque, self._motor.peak_torque), self.torque_count),
             speed=_down(min(limits.speed, self._motor.maximum_speed), RPM),
@@ -80,9 +88,11 @@ class ServoDrive:
         limit = 2**31 - 1 if mode is Mode.SPEED else 2**15 - 1
         if not np.all(np.isfinite(target)) or np.any(np.abs(target) > limit * count):
             raise DriverError(
-                "a set-point is not a number that the drive's object can hold", where=mode.value,
-                value=float(target[np.argmax(~(np.abs(target) <= limit * count))]), limit=f"within {limit * count:.6g}",
-            )  # fmt: skip
+                "a set-point is not a number that the drive's object can hold",
+                where=mode.value,
+                value=float(target[np.argmax(~(np.abs(target) <= limit * count))]),
+                limit=f"within {limit * count:.6g}",
+            )
         return np.rint(target / count).astype(np.int64)
 
     def stretches(self, mode: Mode, cycles: int) -> Iterator[Stretch]:

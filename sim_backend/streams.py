@@ -1,7 +1,8 @@
 """Random numbers as pure functions: of a seed and a name, and for noise also of the SYNC cycle.
 
-Noise is drawn in aligned chunks of cycles, each from its own counter of a Philox generator. So cycle 123 456 of a channel
-has the same noise however a run is cut into blocks, and switching one imperfection off leaves all others as they were.
+Noise is drawn in aligned chunks of cycles, each from its own counter of a Philox generator. So
+cycle 123 456 of a channel has the same noise however a run is cut into blocks, and switching one
+imperfection off leaves all others as they were.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ class CycleNoise:
     """Standard normal noise of one channel, one number per SYNC cycle."""
 
     def __init__(self, seed: int, name: str) -> None:
-        self._key = np.array([seed & 0xFFFFFFFFFFFFFFFF, zlib.crc32(name.encode()) | 1 << 40], dtype=np.uint64)
+        self._key = np.array(
+            [seed & 0xFFFFFFFFFFFFFFFF, zlib.crc32(name.encode()) | 1 << 40], dtype=np.uint64
+        )
         self._drawn: dict[int, Array] = {}
 
     def at(self, first_cycle: int, cycles: int) -> Array:
@@ -46,6 +49,8 @@ class CycleNoise:
         if chunk not in self._drawn:
             while len(self._drawn) > 1:
                 del self._drawn[min(self._drawn)]
-            bits = np.random.Philox(key=self._key, counter=np.array([0, 0, 0, chunk], dtype=np.uint64))
+            bits = np.random.Philox(
+                key=self._key, counter=np.array([0, 0, 0, chunk], dtype=np.uint64)
+            )
             self._drawn[chunk] = np.random.Generator(bits).standard_normal(CHUNK)
         return self._drawn[chunk]

@@ -1,9 +1,9 @@
 """What only a simulated rig knows: every effective parameter, named as the estimates are, as plain JSON-able data.
 
-Kinematic error: "orders" is the gear alone, "measurable" what the two counters can see, gear and encoders together; both
-over the input angle from the index marks (the input's mark at or before the output's). "measurable_recorded" is the same
-over the recorded input angle (counts times scale), to be laid on a fit of raw counts without any shift. Friction holds at
-the reference temperature.
+Kinematic error: "orders" is the gear alone, "measurable" what the two counters can see, gear and
+encoders together; both over the input angle from the index marks (the input's mark at or before the
+output's). "measurable_recorded" is the same over the recorded input angle (counts times scale), to
+be laid on a fit of raw counts without any shift. Friction holds at the reference temperature.
 """
 
 from __future__ import annotations
@@ -26,9 +26,14 @@ from sim_backend.sensors import Instruments
 
 
 def tell(
-    loop: ClosedLoop, motor: ServoMotor, on: Imperfections, condition: Condition, instruments: Instruments,
-    seeds: dict[str, int], output_sense: int,
-) -> dict[str, object]:  # fmt: skip
+    loop: ClosedLoop,
+    motor: ServoMotor,
+    on: Imperfections,
+    condition: Condition,
+    instruments: Instruments,
+    seeds: dict[str, int],
+    output_sense: int,
+) -> dict[str, object]:
     """The truth of one simulated rig on one day."""
     mounted = loop.settings.gear_mounted
     found: dict[str, object] = {
@@ -38,7 +43,9 @@ def tell(
         "motor": _motor(motor, condition),
         "torque_port": _torque_port(condition),
         "encoders": _encoders(instruments, condition, output_sense),
-        "thermal": dataclasses.asdict(condition.deviations.thermal) if condition.deviations.thermal else {},
+        "thermal": dataclasses.asdict(condition.deviations.thermal)
+        if condition.deviations.thermal
+        else {},
         "thermometer": {"housing_offset": condition.housing_offset},
         "timing": {
             "sync_jitter": condition.sync_jitter,
@@ -48,7 +55,11 @@ def tell(
         },
         "start_angle": condition.start_angle,
         "gear_mounted": mounted,
-        "inertia": {"motor": motor.rotor_inertia, "disc": loop.settings.disc_inertia, "total_at_input": loop.inertia},
+        "inertia": {
+            "motor": motor.rotor_inertia,
+            "disc": loop.settings.disc_inertia,
+            "total_at_input": loop.inertia,
+        },
     }
     if mounted:
         found["friction"] = _friction(loop)
@@ -58,7 +69,9 @@ def tell(
 
 
 def _friction(loop: ClosedLoop) -> dict[str, object]:
-    """Friction of the gear, and what a fit of input torque can see of it: with the output bearing's, in the same units."""
+    """Friction of the gear, and what a fit of input torque can see of it: with the output
+    bearing's, in the same units.
+    """
     gear, extra = loop.gear, loop.deviations
     mesh = gear.mesh_friction
     lever = friction.mesh_lever(gear) * gear.ratio / loop.ratio
@@ -68,8 +81,13 @@ def _friction(loop: ClosedLoop) -> dict[str, object]:
     mesh_torque = lever * friction.stribeck_magnitude(mesh, speed)
     drag = friction.bearing_lever(gear) * np.abs(friction.bearing_friction_torque(gear, speed))
     output = extra.output_coulomb / loop.ratio + extra.output_viscous * speed / loop.ratio**2
-    own = {"coulomb": mesh.coulomb, "static": mesh.static, "stribeck_velocity": mesh.stribeck_velocity,
-           "shape": mesh.shape, "viscous": mesh.viscous}  # fmt: skip
+    own = {
+        "coulomb": mesh.coulomb,
+        "static": mesh.static,
+        "stribeck_velocity": mesh.stribeck_velocity,
+        "shape": mesh.shape,
+        "viscous": mesh.viscous,
+    }
     return {
         **own,
         "torque_balance": gear.options.torque_balance,
@@ -79,13 +97,17 @@ def _friction(loop: ClosedLoop) -> dict[str, object]:
         "output_bearing_coulomb": extra.output_coulomb,
         "output_bearing_viscous": extra.output_viscous,
         "measurable": {
-            **own, "coulomb": mesh.coulomb + coulomb, "static": mesh.static + coulomb, "viscous": mesh.viscous + viscous,
+            **own,
+            "coulomb": mesh.coulomb + coulomb,
+            "static": mesh.static + coulomb,
+            "viscous": mesh.viscous + viscous,
         },
         "torque_curve": {
-            "speed": speed.tolist(), "gear": (mesh_torque + drag).tolist(),
+            "speed": speed.tolist(),
+            "gear": (mesh_torque + drag).tolist(),
             "measurable": (mesh_torque + drag + output).tolist(),
         },
-    }  # fmt: skip
+    }
 
 
 def _kinematic_error(
@@ -104,9 +126,18 @@ def _kinematic_error(
         summed[key] = summed.get(key, 0.0) + amplitude
     mark = _reference_mark(condition, ratio, output_sense)
     offset = instruments.input.angle_offset
-    own = [_harmonic(order, value * cmath.exp(1j * order * mark)) for order, value in map(_complex, loop.series)]
-    marked = [_harmonic(order, value * cmath.exp(1j * order * mark)) for order, value in sorted(summed.items())]
-    recorded = [_harmonic(order, value * cmath.exp(-1j * order * offset)) for order, value in sorted(summed.items())]
+    own = [
+        _harmonic(order, value * cmath.exp(1j * order * mark))
+        for order, value in map(_complex, loop.series)
+    ]
+    marked = [
+        _harmonic(order, value * cmath.exp(1j * order * mark))
+        for order, value in sorted(summed.items())
+    ]
+    recorded = [
+        _harmonic(order, value * cmath.exp(-1j * order * offset))
+        for order, value in sorted(summed.items())
+    ]
     return {
         "orders": _orders(own),
         "measurable": _orders(marked),
@@ -136,7 +167,10 @@ def _harmonic(order: float, amplitude: complex) -> Harmonic:
 
 
 def _orders(series: Iterable[Harmonic]) -> list[dict[str, float]]:
-    return [{"order": h.order, "cosine": h.cosine, "sine": h.sine, "amplitude": h.amplitude} for h in series]
+    return [
+        {"order": h.order, "cosine": h.cosine, "sine": h.sine, "amplitude": h.amplitude}
+        for h in series
+    ]
 
 
 def _amplitude(h: Harmonic | None) -> float:
@@ -156,15 +190,21 @@ def _dynamics(loop: ClosedLoop) -> dict[str, object]:
         "radial_damping": gear.bearing.damping,
         "structural_damping": gear.damping.structural,
         "hardening": {
-            "torque_1": ratings.torque_1, "torque_2": ratings.torque_2,
+            "torque_1": ratings.torque_1,
+            "torque_2": ratings.torque_2,
             "stiffness_2": stiffness * ratings.stiffness_2 / ratings.stiffness_1,
             "stiffness_3": stiffness * ratings.stiffness_3 / ratings.stiffness_1,
-        } if hard else {},
+        }
+        if hard
+        else {},
         "hysteresis": {
-            "torque": extra.hysteresis_torque, "stiffness_share": extra.hysteresis_stiffness,
-        } if extra.hysteresis_torque else {},
+            "torque": extra.hysteresis_torque,
+            "stiffness_share": extra.hysteresis_stiffness,
+        }
+        if extra.hysteresis_torque
+        else {},
         "ratio": loop.ratio,
-    }  # fmt: skip
+    }
 
 
 def _motor(motor: ServoMotor, condition: Condition) -> dict[str, object]:
@@ -192,7 +232,9 @@ def _torque_port(condition: Condition) -> dict[str, float]:
     }
 
 
-def _encoders(instruments: Instruments, condition: Condition, output_sense: int) -> dict[str, object]:
+def _encoders(
+    instruments: Instruments, condition: Condition, output_sense: int
+) -> dict[str, object]:
     """Each encoder's errors over its own absolute angle, and where its counter stands."""
     told: dict[str, object] = {
         which: {

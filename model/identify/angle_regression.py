@@ -2,11 +2,13 @@
 
     y(theta) = a_0 + s theta + sum_v (a_v cos v theta + b_v sin v theta)          (equation 16 with orders v = n + m/N)
 
-Samples that follow each other inside one narrow cell of angle are summed before they enter the normal equations. The sums
-of the regressors are exact (power sums about the centre of the cell), so nothing is biased; only the contrast inside a cell
-is not used, which costs the highest order 5 % of its information and order 2 none. Normal equations are kept per block of
-whole input revolutions; when the table of blocks is full, neighbours merge, so that a day of data needs the memory of a
-minute. The blocks carry the autocorrelation into the intervals (cluster sandwich) and show where a count slipped.
+Samples that follow each other inside one narrow cell of angle are summed before they enter the
+normal equations. The sums of the regressors are exact (power sums about the centre of the cell), so
+nothing is biased; only the contrast inside a cell is not used, which costs the highest order 5 % of
+its information and order 2 none. Normal equations are kept per block of whole input revolutions;
+when the table of blocks is full, neighbours merge, so that a day of data needs the memory of a
+minute. The blocks carry the autocorrelation into the intervals (cluster sandwich) and show where a
+count slipped.
 """
 
 from __future__ import annotations
@@ -46,7 +48,9 @@ class Basis:
         found = np.array(self.orders, dtype=np.float64)
         if found.size == 0 or not np.isfinite(found).all() or found.min() <= 0.0:
             raise IdentificationError(
-                "needs at least one order, all finite and above zero", where="orders", value=self.orders
+                "needs at least one order, all finite and above zero",
+                where="orders",
+                value=self.orders,
             )
         if found.size > 1 and np.diff(np.sort(found)).min() < 1e-9:
             raise IdentificationError("has an order twice", where="orders", value=self.orders)
@@ -59,7 +63,10 @@ class Basis:
         at = int(np.argmin(gaps))
         if gaps[at] > 1e-9:
             raise IdentificationError(
-                "is not in the basis of this fit", where="order", value=order, limit=str(self.orders)
+                "is not in the basis of this fit",
+                where="order",
+                value=order,
+                limit=str(self.orders),
             )
         return 2 + 2 * at
 
@@ -80,7 +87,10 @@ def standard_basis(ratio: float, highest: int = 12) -> Basis:
     """The basis for a kinematic error: input orders 1..highest, output orders k/N (k = 1..4) and the sidebands."""
     positive("ratio", ratio)
     found = basis_orders(ratio, range(1, highest + 1))
-    return Basis(ratio, tuple(order.order for order in found), tuple(order.label for order in found))
+    return Basis(
+        ratio, tuple(order.order for order in found), tuple(order.label for order in found)
+    )
+
 
 NEIGHBOURS = 2
 """Blocks to each side whose correlation counts."""
@@ -90,8 +100,9 @@ NEIGHBOURS = 2
 class Sums:
     """What a stream of samples leaves behind: normal equations per block, bins over one input revolution, totals.
 
-    normal (b, p, p), right (b, p); bin_basis (cells, p), bin_value (cells,); value sums are about `reference`.
-    angle of block k runs from `first_angle + direction k length`; `length` in rad is a whole number of input revolutions.
+    normal (b, p, p), right (b, p); bin_basis (cells, p), bin_value (cells,); value sums are about
+    `reference`. angle of block k runs from `first_angle + direction k length`; `length` in rad is a
+    whole number of input revolutions.
     """
 
     basis: Basis
@@ -183,9 +194,20 @@ class AngleRegression:
             end = self._first_cell + direction * self.cells * self._length * (self._block + 1)
             before = self._totals[2]
             at = kernels.accumulate(
-                x, y, at, self._group, self._rows, self._normal[self._block], self._right[self._block], self._bin_basis,
-                self._bin_value, self._totals, self.cells, end, basis,
-            )  # fmt: skip
+                x,
+                y,
+                at,
+                self._group,
+                self._rows,
+                self._normal[self._block],
+                self._right[self._block],
+                self._bin_basis,
+                self._bin_value,
+                self._totals,
+                self.cells,
+                end,
+                basis,
+            )
             self._square[self._block] += self._totals[2] - before
             if at >= len(x):
                 return
@@ -233,7 +255,9 @@ class AngleRegression:
         basis = (self._first, self._scale, n, m, orders, taylor, self.basis.ratio)
         rows = np.zeros_like(self._rows)
         before = totals[2]
-        used = kernels.close_group(group, rows, 0, normal[-1], right[-1], bins, values, totals, self.cells, basis)
+        used = kernels.close_group(
+            group, rows, 0, normal[-1], right[-1], bins, values, totals, self.cells, basis
+        )
         kernels.rank_update(normal[-1], rows, used)
         square[-1] += totals[2] - before
         for part in normal:  # one by one: a copy of the whole table would double the memory
@@ -285,7 +309,9 @@ class AngleFit:
     def complex_amplitude(self, order: float) -> tuple[complex, Array]:
         """a - ib of one order, so that y = Re[(a - ib) e^{i v theta}], and the covariance of (a, b)."""
         at = self.sums.basis.index(order)
-        return complex(self.values[at], -self.values[at + 1]), self.covariance[at : at + 2, at : at + 2]
+        return complex(self.values[at], -self.values[at + 1]), self.covariance[
+            at : at + 2, at : at + 2
+        ]
 
 
 def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
@@ -305,7 +331,10 @@ def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
         )
     if turns < 1.0:
         raise IdentificationError(
-            "covers less than one input revolution", where="angle", value=f"{turns:.2f} revolutions", limit=">= 1"
+            "covers less than one input revolution",
+            where="angle",
+            value=f"{turns:.2f} revolutions",
+            limit=">= 1",
         )
     samples = sums.count / max(turns, 1.0)
     too_high = 2.0 * orders >= samples
@@ -319,19 +348,27 @@ def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
             remedy="Record slower or sample faster.",
         )
     if too_high.any():
-        notes.append(f"{samples:.3g} samples per revolution cannot carry orders from {orders[too_high].min():g} on.")
+        notes.append(
+            f"{samples:.3g} samples per revolution cannot carry orders from {orders[too_high].min():g} on."
+        )
     if sums.count <= kept.sum() + 2:
         raise IdentificationError(
-            "too few samples for this basis", where="samples", value=sums.count, limit=f"> {kept.sum() + 2}"
+            "too few samples for this basis",
+            where="samples",
+            value=sums.count,
+            limit=f"> {kept.sum() + 2}",
         )
     return kept, notes
 
 
-def _block_covariance(sums: Sums, scores: Array, inverse: Array, kept: np.ndarray) -> tuple[Array, float]:
+def _block_covariance(
+    sums: Sums, scores: Array, inverse: Array, kept: np.ndarray
+) -> tuple[Array, float]:
     """Cluster sandwich with Bartlett weights for neighbouring blocks (Newey and West 1987).
 
-    The rounding of two counters that turn together is anticorrelated from revolution to revolution: blocks taken as
-    independent give intervals a third too wide. Each order is corrected for how many orders share its neighbourhood with it.
+    The rounding of two counters that turn together is anticorrelated from revolution to revolution:
+    blocks taken as independent give intervals a third too wide. Each order is corrected for how
+    many orders share its neighbourhood with it.
     """
     blocks = len(scores)
     meat = scores.T @ scores
@@ -364,14 +401,18 @@ def solve_angle(sums: Sums, *, columns: np.ndarray | None = None) -> tuple[Angle
             where="basis",
             value=f"condition number {condition:.3g}",
             limit=f"<= {math.sqrt(CONDITION_LIMIT):g}",
-            remedy="Record whole revolutions at a speed that is incommensurate with the sampling, or ask for fewer orders.",
+            remedy="Record whole revolutions at a speed that is incommensurate with the "
+            "sampling, or ask for fewer orders.",
         )
     inverse = (vectors / eigen) @ vectors.T / np.outer(scale, scale)
     solution = inverse @ right[kept]
     squares = max(sums.sum_square - float(solution @ right[kept]), 0.0)
     variance = squares / max(sums.count - int(kept.sum()), 1)
     scores = np.array(
-        [right_b[kept] - normal_b[part] @ solution for right_b, normal_b in zip(sums.right, sums.normal, strict=True)]
+        [
+            right_b[kept] - normal_b[part] @ solution
+            for right_b, normal_b in zip(sums.right, sums.normal, strict=True)
+        ]
     )
     counts = sums.normal[:, 0, 0]
     full = counts > 0.5 * np.median(counts)
@@ -379,7 +420,9 @@ def solve_angle(sums: Sums, *, columns: np.ndarray | None = None) -> tuple[Angle
         covariance, freedom = _block_covariance(sums, scores, inverse, kept)
     else:
         covariance, freedom = inverse * variance, float(sums.count - kept.sum())
-        notes.append(f"Only {int(full.sum())} blocks of whole revolutions: the intervals assume white noise.")
+        notes.append(
+            f"Only {int(full.sum())} blocks of whole revolutions: the intervals assume white noise."
+        )
     p = sums.basis.parameters
     values, everything = np.zeros(p), np.zeros((p, p))
     values[kept] = solution

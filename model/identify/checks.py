@@ -11,12 +11,16 @@ Array = NDArray[np.float64]
 
 
 def series(name: str, values: ArrayLike, *, minimum: int = 2) -> Array:
-    """One channel as a contiguous float64 array of shape (n,); refused if empty, short, not one-dimensional or not finite."""
+    """One channel as a contiguous float64 array of shape (n,); refused if empty, short, not
+    one-dimensional or not finite.
+    """
     try:
         found = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise IdentificationError(
-            "is not an array of numbers", where=name, remedy="Check the channel map and the unit of this channel."
+            "is not an array of numbers",
+            where=name,
+            remedy="Check the channel map and the unit of this channel.",
         ) from error
     if found.ndim != 1:
         raise IdentificationError(
@@ -24,7 +28,11 @@ def series(name: str, values: ArrayLike, *, minimum: int = 2) -> Array:
         )
     if found.size < minimum:
         raise IdentificationError(
-            "has too few samples", where=name, value=found.size, limit=f">= {minimum}", remedy="Record longer."
+            "has too few samples",
+            where=name,
+            value=found.size,
+            limit=f">= {minimum}",
+            remedy="Record longer.",
         )
     finite = np.isfinite(found)
     if not finite.all():
@@ -71,7 +79,9 @@ def increasing(name: str, time: ArrayLike, *, minimum: int = 2) -> Array:
 
 
 def sampling_period(name: str, time: Array, *, tolerance: float = 0.01) -> float:
-    """The sampling period [s] of an evenly sampled time axis; refused if a step differs by more than `tolerance` of it."""
+    """The sampling period [s] of an evenly sampled time axis; refused if a step differs by more
+    than `tolerance` of it.
+    """
     steps = np.diff(time)
     period = float(np.median(steps))
     worst = float(np.max(np.abs(steps - period))) / period
@@ -89,5 +99,7 @@ def sampling_period(name: str, time: Array, *, tolerance: float = 0.01) -> float
 def positive(name: str, value: float) -> float:
     """A number that must be finite and above zero."""
     if not np.isfinite(value) or value <= 0.0:
-        raise IdentificationError("must be a finite number above zero", where=name, value=value, limit="> 0")
+        raise IdentificationError(
+            "must be a finite number above zero", where=name, value=value, limit="> 0"
+        )
     return float(value)

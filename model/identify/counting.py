@@ -1,8 +1,10 @@
-"""What counting does to a kinematic error: aliases of the output lattice, slipped counts, and a slope that must not be there.
+"""What counting does to a kinematic error: aliases of the output lattice, slipped counts, and a
+slope that must not be there.
 
-The output encoder gives a whole number of counts per input revolution (18 000 lines x 4 / 120 = 600), so its quantisation is
-locked to the input angle at orders j 600. Sampled at M samples per input revolution it appears at |j 600 - k M|. A slipped
-count is a step in the residual; a ratio that is not the gear's, or counts that are lost all the time, are a slope.
+The output encoder gives a whole number of counts per input revolution (18 000 lines x 4 / 120 =
+600), so its quantisation is locked to the input angle at orders j 600. Sampled at M samples per
+input revolution it appears at |j 600 - k M|. A slipped count is a step in the residual; a ratio
+that is not the gear's, or counts that are lost all the time, are a slope.
 """
 
 from __future__ import annotations
@@ -65,8 +67,9 @@ def lattice_aliases(
 ) -> tuple[Alias, ...]:
     """Harmonics of the counting lattice that sampling folds onto the orders of a fit, strongest first.
 
-    samples and counts per input revolution; quantum of the output count [rad]. The saw-tooth of a quantiser has harmonics of
-    amplitude quantum/(pi j); a bound, because a kinematic error larger than the quantum spreads them.
+    samples and counts per input revolution; quantum of the output count [rad]. The saw-tooth of a
+    quantiser has harmonics of amplitude quantum/(pi j); a bound, because a kinematic error larger
+    than the quantum spreads them.
     """
     found = []
     for j in range(1, harmonics + 1):
@@ -86,7 +89,8 @@ def alias_warning(aliases: tuple[Alias, ...], samples_per_revolution: float) -> 
     if worst is None or worst.harmonic > 12:
         return None
     return (
-        f"Sampling at {samples_per_revolution:.1f} samples per input revolution folds harmonic {worst.harmonic} of the output "
+        f"Sampling at {samples_per_revolution:.1f} samples per input revolution folds harmonic "
+        f"{worst.harmonic} of the output "
         f"counts onto order {worst.order:.2f} (up to {worst.amplitude / ARCSEC:.2g} arcsec): choose a speed that is "
         "incommensurate with the sampling rate."
     )
@@ -128,8 +132,9 @@ def find_slips(
 ) -> tuple[tuple[Slip, ...], Sums]:
     """Steps in the residual, and the sums with the steps taken out (whole output counts where a quantum says so).
 
-    One by one: the boundary of blocks at which a step explains most; the two blocks beside it are dropped (the step lies
-    somewhere in them), all sizes are estimated together with the parameters of the fit, taken out, and the search goes on.
+    One by one: the boundary of blocks at which a step explains most; the two blocks beside it are
+    dropped (the step lies somewhere in them), all sizes are estimated together with the parameters
+    of the fit, taken out, and the search goes on.
     """
     taken: list[int] = []
     cleaned, now = sums, fit
@@ -157,8 +162,13 @@ def find_slips(
 
 
 def _is_local(fit: AngleFit, block: int) -> bool:
-    """Whether the residual really jumps there: three blocks before against three after, beyond a drift and the noise."""
-    residual, full = fit.block_residual, fit.block_count > 0.5 * np.median(fit.block_count[fit.block_count > 0])
+    """Whether the residual really jumps there: three blocks before against three after, beyond a
+    drift and the noise.
+    """
+    residual, full = (
+        fit.block_residual,
+        fit.block_count > 0.5 * np.median(fit.block_count[fit.block_count > 0]),
+    )
     before = residual[max(block - 4, 0) : block - 1][full[max(block - 4, 0) : block - 1]]
     after = residual[block + 1 : block + 4][full[block + 1 : block + 4]]
     if len(before) < 2 or len(after) < 2:
@@ -170,13 +180,17 @@ def _is_local(fit: AngleFit, block: int) -> bool:
     return jump > 4.0 * drift and jump > 5.0 * noise / math.sqrt(3.0)
 
 
-def _slip(sums: Sums, block: int, size: float, error: float, output_quantum: float, input_quantum: float) -> Slip:
+def _slip(
+    sums: Sums, block: int, size: float, error: float, output_quantum: float, input_quantum: float
+) -> Slip:
     counts = size / output_quantum
     whole = round(counts) if math.isfinite(counts) else 0
     if whole and abs(counts - whole) < 0.25:
         size = whole * output_quantum
     edges = [sums.first_angle + sums.direction * (block + k) * sums.length for k in (-1, 1)]
-    return Slip(min(edges), max(edges), size, error, counts, -size * sums.basis.ratio / input_quantum)
+    return Slip(
+        min(edges), max(edges), size, error, counts, -size * sums.basis.ratio / input_quantum
+    )
 
 
 def _without_blocks(sums: Sums, boundaries: list[int]) -> Sums:
@@ -203,15 +217,21 @@ def _without_blocks(sums: Sums, boundaries: list[int]) -> Sums:
     )
 
 
-def _step_sizes(sums: Sums, fit: AngleFit, boundaries: list[int], noise: float) -> tuple[np.ndarray, np.ndarray]:
+def _step_sizes(
+    sums: Sums, fit: AngleFit, boundaries: list[int], noise: float
+) -> tuple[np.ndarray, np.ndarray]:
     kept = fit.kept
     cross, gram = _step_columns(sums, boundaries)
     total = sums.normal.sum(axis=0)[np.ix_(kept, kept)]
     scale = np.sqrt(np.diag(total))
-    inverse = np.linalg.pinv(total / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
+    inverse = np.linalg.pinv(total / np.outer(scale, scale), hermitian=True) / np.outer(
+        scale, scale
+    )
     right = np.array([sums.right[b:, 0].sum() for b in boundaries])
     information = gram - cross[kept].T @ inverse @ cross[kept]
-    sizes = np.linalg.solve(information, right - cross[kept].T @ inverse @ sums.right.sum(axis=0)[kept])
+    sizes = np.linalg.solve(
+        information, right - cross[kept].T @ inverse @ sums.right.sum(axis=0)[kept]
+    )
     return sizes, np.sqrt(noise * np.diag(np.linalg.inv(information)))
 
 
@@ -250,14 +270,16 @@ def refuse_wrong_ratio(ratio: float, slope: float, output_revolutions: float) ->
     seen = ratio_from_slope(ratio, slope)
     if abs(seen + ratio) < 0.02 * ratio:
         remedy = (
-            "The sign of the output angle is reversed: it counts positive opposite to the input when the circular spline "
+            "The sign of the output angle is reversed: it counts positive opposite to the "
+            "input when the circular spline "
             "is fixed."
         )
     elif abs(abs(seen) - ratio) < 1.5:
         remedy = f"The nearest whole ratio is {round(seen)}: check which spline is fixed and the gear's ratio."
     else:
         remedy = (
-            f"That is {seen / ratio:.4g} times the stated ratio: check lines and multiplication of both encoders, and the "
+            f"That is {seen / ratio:.4g} times the stated ratio: check lines and "
+            "multiplication of both encoders, and the "
             "gear's ratio."
         )
     raise IdentificationError(
@@ -269,7 +291,9 @@ def refuse_wrong_ratio(ratio: float, slope: float, output_revolutions: float) ->
     )
 
 
-def slope_sentence(ratio: float, closure: float, output_quantum: float, input_quantum: float) -> str:
+def slope_sentence(
+    ratio: float, closure: float, output_quantum: float, input_quantum: float
+) -> str:
     """What a significant slope means, in counts; `closure` is the error left after one output revolution [rad]."""
     text = (
         f"The kinematic error does not close: {closure / ARCSEC:.3g} arcsec per output revolution (ratio seen "
@@ -281,4 +305,7 @@ def slope_sentence(ratio: float, closure: float, output_quantum: float, input_qu
     if math.isfinite(input_quantum):
         parts.append(f"{-closure / input_quantum:.2f} input counts per input revolution")
     counts = f", which is {' or '.join(parts)}" if parts else ""
-    return f"{text}{counts}: counts are lost, or a coupling slips, or the part drifts. Do not use the transmission accuracy."
+    return (
+        f"{text}{counts}: counts are lost, or a coupling slips, or the part drifts. Do not "
+        "use the transmission accuracy."
+    )

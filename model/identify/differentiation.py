@@ -1,9 +1,10 @@
 """Speed and acceleration from counted angles: local polynomials whose width follows from the size of a count.
 
-Differencing an 18-arcsecond count at 1 kHz is noise. A polynomial of third degree fitted around each sample (Savitzky and
-Golay 1964) has the noise of a slope over its whole window instead. The window is the widest one over which the polynomial
-still describes the motion to within the noise of counting (discrepancy principle: the residual may not exceed q/sqrt(12) by
-more than a tenth), so that it is wide at slow steady speed and narrow in a transient that is worth many counts.
+Differencing an 18-arcsecond count at 1 kHz is noise. A polynomial of third degree fitted around
+each sample (Savitzky and Golay 1964) has the noise of a slope over its whole window instead. The
+window is the widest one over which the polynomial still describes the motion to within the noise of
+counting (discrepancy principle: the residual may not exceed q/sqrt(12) by more than a tenth), so
+that it is wide at slow steady speed and narrow in a transient that is worth many counts.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ EDGE_DENSITY = 0.25
 class CountedMotion:
     """A counted angle, smoothed and differentiated on its own time stamps: arrays of shape (n,), SI.
 
-    window: width of the polynomials [s]; speed_noise: standard deviation of the speed from counting [rad/s]; from_edges: whether
-    only the instants at which the count changed were used.
+    window: width of the polynomials [s]; speed_noise: standard deviation of the speed from counting
+    [rad/s]; from_edges: whether only the instants at which the count changed were used.
     """
 
     time: Array
@@ -51,25 +52,38 @@ def count_edges(time: ArrayLike, angle: ArrayLike, quantum: float) -> tuple[Arra
     positive("quantum", quantum)
     at = np.flatnonzero(np.abs(np.diff(theta)) > 0.5 * quantum)
     if at.size < 2:
-        raise IdentificationError("has fewer than two changes of its count", where="angle", value=at.size, limit=">= 2")
+        raise IdentificationError(
+            "has fewer than two changes of its count", where="angle", value=at.size, limit=">= 2"
+        )
     return 0.5 * (clock[at] + clock[at + 1]), 0.5 * (theta[at] + theta[at + 1])
 
 
 def speed_from_counts(
-    time: ArrayLike, angle: ArrayLike, quantum: float, *, window: float | None = None, longest: float = 0.2
+    time: ArrayLike,
+    angle: ArrayLike,
+    quantum: float,
+    *,
+    window: float | None = None,
+    longest: float = 0.2,
 ) -> CountedMotion:
     """Angle, speed and acceleration of a counted angle [rad] at its time stamps [s], shape (n,).
 
-    `quantum`: one count [rad]. `window` [s] fixes the width of the polynomials; by default it is chosen, up to `longest`. Slow
-    motion (less than a quarter count per sample throughout) is taken from the instants at which the count changed. Time must be
-    the stamps of the samples, not index times period; they may be uneven.
+    `quantum`: one count [rad]. `window` [s] fixes the width of the polynomials; by default it is
+    chosen, up to `longest`. Slow motion (less than a quarter count per sample throughout) is taken
+    from the instants at which the count changed. Time must be the stamps of the samples, not index
+    times period; they may be uneven.
     """
-    clock, theta = channels(SHORTEST + 2, time=increasing("time", time, minimum=SHORTEST + 2), angle=angle)
+    clock, theta = channels(
+        SHORTEST + 2, time=increasing("time", time, minimum=SHORTEST + 2), angle=angle
+    )
     positive("quantum", quantum)
     period = float(np.median(np.diff(clock)))
     even = np.arange(clock[0], clock[-1] + 0.5 * period, period)
     changes = np.abs(np.diff(theta))
-    slow = float(changes.max()) <= 1.5 * quantum and float(np.mean(changes > 0.5 * quantum)) < EDGE_DENSITY
+    slow = (
+        float(changes.max()) <= 1.5 * quantum
+        and float(np.mean(changes > 0.5 * quantum)) < EDGE_DENSITY
+    )
     slow = slow and np.count_nonzero(changes > 0.5 * quantum) >= 8
     if slow:
         stamps, values = count_edges(clock, theta, quantum)
@@ -78,10 +92,16 @@ def speed_from_counts(
     else:
         values = np.interp(even, clock, theta)
         even_noise = quantum / math.sqrt(12.0)
-    width = _chosen_width(values, even_noise, period, longest) if window is None else _odd(window / period)
+    width = (
+        _chosen_width(values, even_noise, period, longest)
+        if window is None
+        else _odd(window / period)
+    )
     width = min(width, _odd(len(even)) if len(even) % 2 else _odd(len(even) - 1))
     if width <= DEGREE + 1:
-        raise IdentificationError("is shorter than one window", where="time", value=len(even), limit=f">= {SHORTEST}")
+        raise IdentificationError(
+            "is shorter than one window", where="time", value=len(even), limit=f">= {SHORTEST}"
+        )
     smooth = [
         scipy.signal.savgol_filter(values, width, DEGREE, deriv=order, delta=period, mode="interp")
         for order in (0, 1, 2)
@@ -106,7 +126,10 @@ def _chosen_width(values: Array, noise: float, period: float, longest: float) ->
     while width <= top:
         left = values - scipy.signal.savgol_filter(values, width, DEGREE, mode="interp")
         local = np.sqrt(np.convolve(left**2, np.full(width, 1.0 / width), mode="valid"))
-        if np.max(local) > EXCESS * noise * math.sqrt(2.0) or np.sqrt(np.mean(left**2)) > EXCESS * noise:
+        if (
+            np.max(local) > EXCESS * noise * math.sqrt(2.0)
+            or np.sqrt(np.mean(left**2)) > EXCESS * noise
+        ):
             break
         chosen = width
         width = _odd(width * 1.25 + 1)

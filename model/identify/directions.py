@@ -1,11 +1,13 @@
 """Two directions together: the kinematic error proper, wind-up and skew, and the phase of friction against error.
 
-The mean of forward and reverse is the kinematic error (a function of the input angle alone); their half difference is what
-changes sign with the direction: wind-up by friction, backlash, and skew between the channels times speed.
+The mean of forward and reverse is the kinematic error (a function of the input angle alone); their
+half difference is what changes sign with the direction: wind-up by friction, backlash, and skew
+between the channels times speed.
 
-Figure 16: the half difference of the *torque* of both directions over the input angle is friction; the half sum is
-conservative (cogging, and the reaction of the error's own slope). The phase between the friction's order 2 and that of the
-kinematic error says whether both have their extremes at the same angle.
+Figure 16: the half difference of the *torque* of both directions over the input angle is friction;
+the half sum is conservative (cogging, and the reaction of the error's own slope). The phase between
+the friction's order 2 and that of the kinematic error says whether both have their extremes at the
+same angle.
 """
 
 from __future__ import annotations
@@ -61,13 +63,17 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     """The kinematic error of a gear from one fit of each direction; both must share basis, ratio and index mark."""
     if forward.direction == reverse.direction:
         raise IdentificationError(
-            "are both of the same direction", where="forward, reverse", remedy="Give one fit of each direction."
+            "are both of the same direction",
+            where="forward, reverse",
+            remedy="Give one fit of each direction.",
         )
     if forward.direction < 0.0:
         forward, reverse = reverse, forward
     if forward.basis.orders != reverse.basis.orders or forward.ratio != reverse.ratio:
         raise IdentificationError(
-            "differ in basis or ratio", where="forward, reverse", remedy="Fit both with the same orders."
+            "differ in basis or ratio",
+            where="forward, reverse",
+            remedy="Fit both with the same orders.",
         )
     ahead, back = forward.regression, reverse.regression
     mean = 0.5 * (ahead.values + back.values)
@@ -83,17 +89,25 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     for k, label in enumerate(basis.labels):
         block = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         if forward.orders[k].significant or reverse.orders[k].significant:
-            amplitude, phase = polar_estimates(label, mean[2 + 2 * k], mean[3 + 2 * k], block, freedom, "rad")
+            amplitude, phase = polar_estimates(
+                label, mean[2 + 2 * k], mean[3 + 2 * k], block, freedom, "rad"
+            )
             # What the encoders put on an order is the same in both directions: the mean does not lessen it.
             lines = [line for line in forward.orders[k].amplitude.budget if line.kind == "B"]
             amplitude = above_encoders(amplitude.with_budget(lines))
-            tangential = 0.5 * (phase.high - phase.low) / student_quantile(freedom) * amplitude.value
+            tangential = (
+                0.5 * (phase.high - phase.low) / student_quantile(freedom) * amplitude.value
+            )
             phase = phase.with_budget(phase_budget(amplitude, tangential))
             estimates[f"amplitude_{label}"] = amplitude
-            estimates[f"phase_{label}"] = replace(phase, identifiable=amplitude.identifiable, note=amplitude.note)
+            estimates[f"phase_{label}"] = replace(
+                phase, identifiable=amplitude.identifiable, note=amplitude.note
+            )
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     curves = [_whole_orders(basis, values, angle) for values in (ahead.values, back.values)]
-    warnings = [f"forward: {w}" for w in forward.warnings] + [f"reverse: {w}" for w in reverse.warnings]
+    warnings = [f"forward: {w}" for w in forward.warnings] + [
+        f"reverse: {w}" for w in reverse.warnings
+    ]
     return CombinedKinematicError(
         ratio=forward.ratio,
         orders=basis.orders,
@@ -132,14 +146,18 @@ def _whole_orders(basis: Basis, values: Array, angle: Array) -> Array:
     total = np.zeros_like(angle)
     for k, order in enumerate(basis.orders):
         if abs(order - round(order)) < 1e-9:
-            total += values[2 + 2 * k] * np.cos(order * angle) + values[3 + 2 * k] * np.sin(order * angle)
+            total += values[2 + 2 * k] * np.cos(order * angle) + values[3 + 2 * k] * np.sin(
+                order * angle
+            )
     return total
 
 
 def polar_estimates(
     label: str, a: float, b: float, block: Array, freedom: float, unit: str
 ) -> tuple[Estimate, Estimate]:
-    """Amplitude and phase of a cos + b sin = amplitude cos(v theta - phase), with 95 % intervals from the covariance."""
+    """Amplitude and phase of a cos + b sin = amplitude cos(v theta - phase), with 95 % intervals
+    from the covariance.
+    """
     size = math.hypot(a, b)
     t = student_quantile(freedom)
     along = np.array([a, b]) / size if size > 0.0 else np.array([1.0, 0.0])
@@ -153,11 +171,17 @@ def polar_estimates(
     note = "" if verdict == "yes" else "not above the noise"
     return (
         Estimate(
-            f"amplitude_{label}", size, unit, max(size - radial, 0.0), size + radial, verdict, note,
+            f"amplitude_{label}",
+            size,
+            unit,
+            max(size - radial, 0.0),
+            size + radial,
+            verdict,
+            note,
             (BudgetLine("residual, blocks of whole revolutions", "A", error),),
         ),
         Estimate(f"phase_{label}", phase, "rad", phase - turn, phase + turn, verdict, note),
-    )  # fmt: skip
+    )
 
 
 def fit_over_angle(angle: ArrayLike, value: ArrayLike, basis: Basis) -> AngleFit:
@@ -197,9 +221,9 @@ def phase_relation(
 ) -> PhaseRelation:
     """Phase difference between friction torque and kinematic error at one order, with 95 % interval and verdict.
 
-    The torques are `fit_over_angle` of the torque channel of each direction over the same input angle. `torque_lag_angle`:
-    value and standard uncertainty of the torque's lag times input speed [rad of input angle]; the lag turns the phase of each
-    direction the opposite way.
+    The torques are `fit_over_angle` of the torque channel of each direction over the same input
+    angle. `torque_lag_angle`: value and standard uncertainty of the torque's lag times input speed
+    [rad of input angle]; the lag turns the phase of each direction the opposite way.
     """
     if torque_forward.sums.direction < 0.0:
         torque_forward, torque_reverse = torque_reverse, torque_forward
@@ -212,12 +236,18 @@ def phase_relation(
     e_block = error.covariance[2 * at : 2 * at + 2, 2 * at : 2 * at + 2]
     freedom = min(torque_forward.freedom, torque_reverse.freedom, error.freedom)
     label = error.labels[at]
-    block = 0.25 * (block_a + block_b) + 0.5 * (order * lag_error * abs(conservative)) ** 2 * np.eye(2)
+    block = 0.25 * (block_a + block_b) + 0.5 * (
+        order * lag_error * abs(conservative)
+    ) ** 2 * np.eye(2)
     f_amp, f_phase = polar_estimates(label, friction.real, -friction.imag, block, freedom, "N m")
-    e_amp, e_phase = polar_estimates(label, float(error.cosine[at]), float(error.sine[at]), e_block, freedom, "rad")
+    e_amp, e_phase = polar_estimates(
+        label, float(error.cosine[at]), float(error.sine[at]), e_block, freedom, "rad"
+    )
     c_amp, _ = polar_estimates(label, conservative.real, -conservative.imag, block, freedom, "N m")
     difference = math.remainder(f_phase.value - e_phase.value, 2.0 * math.pi)
-    half = min(math.hypot(0.5 * (f_phase.high - f_phase.low), 0.5 * (e_phase.high - e_phase.low)), math.pi)
+    half = min(
+        math.hypot(0.5 * (f_phase.high - f_phase.low), 0.5 * (e_phase.high - e_phase.low)), math.pi
+    )
     verdict = _phase_verdict(difference, half)
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     basis = torque_forward.sums.basis
@@ -229,8 +259,15 @@ def phase_relation(
         sentence=_phase_sentence(label, difference, half, verdict),
         estimates={
             "phase_difference": Estimate(
-                "phase_difference", difference, "rad", difference - half, difference + half, known,
-                "" if known == "yes" else "the friction torque at this order is not above the noise",
+                "phase_difference",
+                difference,
+                "rad",
+                difference - half,
+                difference + half,
+                known,
+                ""
+                if known == "yes"
+                else "the friction torque at this order is not above the noise",
             ),
             "friction_amplitude": f_amp,
             "conservative_amplitude": c_amp,
@@ -240,7 +277,7 @@ def phase_relation(
         friction_torque=0.5 * (curves[0] - curves[1]),
         conservative_torque=0.5 * (curves[0] + curves[1]),
         kinematic_error=error.mean,
-    )  # fmt: skip
+    )
 
 
 def _phase_verdict(difference: float, half: float) -> PhaseVerdict:
@@ -253,9 +290,13 @@ def _phase_verdict(difference: float, half: float) -> PhaseVerdict:
 
 def _phase_sentence(label: str, difference: float, half: float, verdict: PhaseVerdict) -> str:
     digits = 0 if half >= 10.0 * DEGREE else 1 if half >= DEGREE else 2
-    number = f"{difference / DEGREE:.{digits}f} ± {half / DEGREE:.{digits}f} degrees of order {label}"
+    number = (
+        f"{difference / DEGREE:.{digits}f} ± {half / DEGREE:.{digits}f} degrees of order {label}"
+    )
     if verdict == "in phase":
         return f"Friction torque and kinematic error have their extremes near the same angle: {number} apart."
     if verdict == "not in phase":
         return f"Friction torque and kinematic error do not have their extremes at the same angle: {number} apart."
-    return f"The data cannot tell whether friction torque and kinematic error are in phase: {number}."
+    return (
+        f"The data cannot tell whether friction torque and kinematic error are in phase: {number}."
+    )

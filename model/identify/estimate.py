@@ -1,4 +1,6 @@
-"""What every fit returns: numbers with intervals, a budget, and the verdict whether the data can identify them at all."""
+"""What every fit returns: numbers with intervals, a budget, and the verdict whether the data can
+identify them at all.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ COVERAGE_FACTOR = 2.0
 
 @dataclass(frozen=True, slots=True)
 class BudgetLine:
-    """One contribution to an uncertainty budget: its kind (A from the data, B from elsewhere), u in the estimate's unit."""
+    """One contribution to an uncertainty budget: its kind (A from the data, B from elsewhere), u in
+    the estimate's unit.
+    """
 
     source: str
     kind: Literal["A", "B"]
@@ -42,7 +46,9 @@ class Estimate:
 
     @property
     def standard_uncertainty(self) -> float:
-        """Combined standard uncertainty: root sum of squares of the budget, or a quarter of the interval without one."""
+        """Combined standard uncertainty: root sum of squares of the budget, or a quarter of the
+        interval without one.
+        """
         if self.budget:
             return math.sqrt(sum(line.standard_uncertainty**2 for line in self.budget))
         return 0.25 * (self.high - self.low)
@@ -68,7 +74,12 @@ class Estimate:
             "expanded_uncertainty": self.expanded_uncertainty,
             "note": self.note,
             "budget": [
-                {"source": b.source, "kind": b.kind, "standard_uncertainty": b.standard_uncertainty, "note": b.note}
+                {
+                    "source": b.source,
+                    "kind": b.kind,
+                    "standard_uncertainty": b.standard_uncertainty,
+                    "note": b.note,
+                }
                 for b in self.budget
             ],
         }

@@ -2,9 +2,10 @@
 
     T(v) = l_b M_0(v) + l_m {F_c + (F_s - F_c) exp[-(v/v_s)^sigma] + c_v v}
 
-M_0 and the levers l_b, l_m come from the parameter set in the torque balance that it names ("energy" or "published"); F_c, F_s,
-v_s, sigma and c_v are identified. The torque port sees motor and gear: without a valid tare the result is labelled
-"motor + gear" and claims nothing about the gear alone.
+M_0 and the levers l_b, l_m come from the parameter set in the torque balance that it names
+("energy" or "published"); F_c, F_s, v_s, sigma and c_v are identified. The torque port sees motor
+and gear: without a valid tare the result is labelled "motor + gear" and claims nothing about the
+gear alone.
 """
 
 from __future__ import annotations
@@ -21,21 +22,40 @@ from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh
 from model.gear import HarmonicDrive
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Estimate
-from model.identify.running_torque import FrictionPoints, RunningTorque, Tare, bracket_drift, pair_directions
-from model.identify.stribeck import NAMES, StribeckBounds, StribeckFit, fit_stribeck, profile_intervals, stribeck_curve
+from model.identify.running_torque import (
+    FrictionPoints,
+    RunningTorque,
+    Tare,
+    bracket_drift,
+    pair_directions,
+)
+from model.identify.stribeck import (
+    NAMES,
+    StribeckBounds,
+    StribeckFit,
+    fit_stribeck,
+    profile_intervals,
+    stribeck_curve,
+)
 from model.units import RPM
 
 Object = Literal["gear", "motor + gear"]
-UNITS = {"coulomb": "N", "static": "N", "stribeck_velocity": "rad/s", "shape": "1", "viscous": "N s/rad"}
+UNITS = {
+    "coulomb": "N",
+    "static": "N",
+    "stribeck_velocity": "rad/s",
+    "shape": "1",
+    "viscous": "N s/rad",
+}
 
 
 @dataclass(frozen=True)
 class TorqueUncertainty:
     """Standard uncertainties of type B of the torque channel and the conditions.
 
-    scale: relative, of the torque constant; zero [N m]: of the servo-off zero (matters for holds without a partner); tare:
-    relative, of the tare as a whole (same motor, another day); temperature [K] with temperature_coefficient [1/K] of the
-    friction; bearing: relative, of M_0.
+    scale: relative, of the torque constant; zero [N m]: of the servo-off zero (matters for holds
+    without a partner); tare: relative, of the tare as a whole (same motor, another day);
+    temperature [K] with temperature_coefficient [1/K] of the friction; bearing: relative, of M_0.
     """
 
     scale: float = 0.0
@@ -50,9 +70,10 @@ class TorqueUncertainty:
 class FrictionFit:
     """Friction of a gear (or of motor and gear together), fitted, with what is needed to judge and to plot it.
 
-    estimates: coulomb, static, stribeck_velocity, shape, viscous, and offset, asymmetry of the torque (half sums).
-    metrics: chi_square, freedom, birge, residual_rms [N m], relative_rms, bracket_drift, points, slowest_speed. speed, torque,
-    standard_error, fitted (n,): friction at the input [N m], tare subtracted; tare (n,); curve_speed, curve_torque for plots.
+    estimates: coulomb, static, stribeck_velocity, shape, viscous, and offset, asymmetry of the
+    torque (half sums). metrics: chi_square, freedom, birge, residual_rms [N m], relative_rms,
+    bracket_drift, points, slowest_speed. speed, torque, standard_error, fitted (n,): friction at
+    the input [N m], tare subtracted; tare (n,); curve_speed, curve_torque for plots.
     """
 
     subject: Object
@@ -100,8 +121,9 @@ def fit_friction(
 ) -> FrictionFit:
     """The friction of a gear from holds at constant speeds in both directions.
 
-    `tare` is subtracted with its uncertainty; `bracket`: the visits to the reference speed; `balance`: the torque balance
-    (the parameter set's own by default). Without `profile` the intervals are the linearised ones.
+    `tare` is subtracted with its uncertainty; `bracket`: the visits to the reference speed;
+    `balance`: the torque balance (the parameter set's own by default). Without `profile` the
+    intervals are the linearised ones.
     """
     chosen: TorqueBalance = balance or gear.options.torque_balance
     points = pair_directions(holds)
@@ -113,13 +135,16 @@ def fit_friction(
         if beyond.any():
             fastest = float(points.speed[beyond].max()) / RPM
             warnings.append(
-                f"{int(beyond.sum())} speeds (to {fastest:.0f} r/min) lie beyond the tare's range: its ends are used there."
+                f"{int(beyond.sum())} speeds (to {fastest:.0f} r/min) lie beyond the tare's "
+                "range: its ends are used there."
             )
         subject = "gear" if tare.valid else "motor + gear"
         if tare.note:
             warnings.append(f"Tare: {tare.note}.")
     if subject == "motor + gear":
-        warnings.append("Without a valid tare this is the friction of motor and gear together, not of the gear.")
+        warnings.append(
+            "Without a valid tare this is the friction of motor and gear together, not of the gear."
+        )
     torque = points.friction - tare_torque
     error = np.hypot(_pooled_errors(points), tare_error)
     lever, drag = mesh_lever(gear, chosen), _bearing_torque(gear, points.speed, chosen)
@@ -127,10 +152,23 @@ def fit_friction(
     fit = fit_stribeck(points.speed, force, force_error, bounds=bounds)
     intervals = _intervals(fit, points.speed, force, force_error, bounds, profile)
     estimates = _estimates(fit, intervals, points.speed)
-    sources = _type_b(uncertainty or TorqueUncertainty(), fit, points, torque, tare_torque, drag, force_error, lever)
+    sources = _type_b(
+        uncertainty or TorqueUncertainty(),
+        fit,
+        points,
+        torque,
+        tare_torque,
+        drag,
+        force_error,
+        lever,
+    )
     for k, name in enumerate(NAMES):
-        lines = [BudgetLine("scatter between revolutions and points", "A", _half_width(estimates[name]))]
-        lines += [BudgetLine(source, "B", abs(float(change[k]))) for source, change in sources.items()]
+        lines = [
+            BudgetLine("scatter between revolutions and points", "A", _half_width(estimates[name]))
+        ]
+        lines += [
+            BudgetLine(source, "B", abs(float(change[k]))) for source, change in sources.items()
+        ]
         estimates[name] = estimates[name].with_budget(lines)
     estimates.update(_offset(points))
     drift, sentence = bracket_drift(bracket, limit=bracket_limit) if bracket else (math.nan, None)
@@ -162,18 +200,26 @@ def fit_friction(
         offset=points.offset,
         offset_error=points.offset_error,
         curve_speed=curve_speed,
-        curve_torque=lever * stribeck_curve(curve_speed, fit.values) + _bearing_torque(gear, curve_speed, chosen),
+        curve_torque=lever * stribeck_curve(curve_speed, fit.values)
+        + _bearing_torque(gear, curve_speed, chosen),
         stribeck=fit,
     )
 
 
 def _bearing_torque(gear: HarmonicDrive, speed: Array, balance: TorqueBalance) -> Array:
-    magnitude = bearing_magnitude(gear.bearing, speed, low_speed_branch=gear.options.low_speed_branch)
+    magnitude = bearing_magnitude(
+        gear.bearing, speed, low_speed_branch=gear.options.low_speed_branch
+    )
     return bearing_lever(gear, balance) * magnitude
 
 
 def _intervals(
-    fit: StribeckFit, speed: Array, force: Array, error: Array, bounds: StribeckBounds | None, profile: bool
+    fit: StribeckFit,
+    speed: Array,
+    force: Array,
+    error: Array,
+    bounds: StribeckBounds | None,
+    profile: bool,
 ) -> Array:
     if profile:
         return profile_intervals(fit, speed, force, error, bounds=bounds)
@@ -190,8 +236,14 @@ def _estimates(fit: StribeckFit, intervals: Array, speed: Array) -> dict[str, Es
         verdict: Literal["yes", "weakly", "no"] = "yes"
         note = ""
         if not (math.isfinite(low) and math.isfinite(high)):
-            verdict, note = "no", "the profile of the likelihood does not close: the data do not bound it"
-            low, high = (low if math.isfinite(low) else 0.0), (high if math.isfinite(high) else math.inf)
+            verdict, note = (
+                "no",
+                "the profile of the likelihood does not close: the data do not bound it",
+            )
+            low, high = (
+                (low if math.isfinite(low) else 0.0),
+                (high if math.isfinite(high) else math.inf),
+            )
         elif name in fit.at_bound:
             verdict, note = "weakly", "stopped at its bound"
         elif high - low > abs(value):
@@ -230,7 +282,9 @@ def _type_b(
 
 
 def _offset(points: FrictionPoints) -> dict[str, Estimate]:
-    """Constant part of the half sums (torque zero) and their slope over speed (asymmetry), weighted, with 95 % intervals."""
+    """Constant part of the half sums (torque zero) and their slope over speed (asymmetry),
+    weighted, with 95 % intervals.
+    """
     use = points.paired
     if use.sum() < 3:
         return {}
@@ -243,12 +297,17 @@ def _offset(points: FrictionPoints) -> dict[str, Estimate]:
     half = 2.0 * np.sqrt(np.diag(covariance) * max(chi, 1.0))
     return {
         "offset": Estimate("offset", values[0], "N m", values[0] - half[0], values[0] + half[0]),
-        "asymmetry": Estimate("asymmetry", values[1], "N m s/rad", values[1] - half[1], values[1] + half[1]),
+        "asymmetry": Estimate(
+            "asymmetry", values[1], "N m s/rad", values[1] - half[1], values[1] + half[1]
+        ),
     }
 
 
 def _judge(
-    fit: StribeckFit, estimates: dict[str, Estimate], points: FrictionPoints, holds: Sequence[RunningTorque]
+    fit: StribeckFit,
+    estimates: dict[str, Estimate],
+    points: FrictionPoints,
+    holds: Sequence[RunningTorque],
 ) -> list[str]:
     """What a reader must know before using the numbers."""
     found = []
@@ -256,10 +315,18 @@ def _judge(
     if slowest > velocity / 10.0 * 1.05:
         found.append(
             f"The slowest speed ({slowest / RPM:.3g} r/min) is above a tenth of the Stribeck velocity "
-            f"({velocity / RPM:.3g} r/min): it cannot pin the Stribeck part. Measure down to {velocity / 10.0 / RPM:.2g} r/min."
+            f"({velocity / RPM:.3g} r/min): it cannot pin the Stribeck part. Measure down to "
+            f"{velocity / 10.0 / RPM:.2g} r/min."
         )
-    found += [f"{name} stopped at its bound ({estimates[name].value:.4g} {UNITS[name]})." for name in fit.at_bound]
-    found += [f"{name} is not identified: {e.note}." for name, e in estimates.items() if e.identifiable == "no"]
+    found += [
+        f"{name} stopped at its bound ({estimates[name].value:.4g} {UNITS[name]})."
+        for name in fit.at_bound
+    ]
+    found += [
+        f"{name} is not identified: {e.note}."
+        for name, e in estimates.items()
+        if e.identifiable == "no"
+    ]
     stuck = sorted({round(abs(h.speed) / RPM, 2) for h in holds if h.sticks})
     if stuck:
         found.append(
@@ -268,7 +335,8 @@ def _judge(
     birge = math.sqrt(fit.chi_square / max(fit.freedom, 1))
     if birge > 2.0:
         found.append(
-            f"The points scatter {birge:.1f} times as much about the curve as they do from revolution to revolution: something "
+            f"The points scatter {birge:.1f} times as much about the curve as they do from "
+            "revolution to revolution: something "
             "drifts between them, or the curve is not theirs. Intervals are widened by that factor."
         )
     return found
@@ -279,6 +347,9 @@ def check_identifiable(fit: FrictionFit, *, limit: float = 0.03) -> None:
     drift = fit.metrics["bracket_drift"]
     if math.isfinite(drift) and drift > limit:
         raise IdentificationError(
-            "the reference speed drifted during the sweep", where="bracket", value=f"{100 * drift:.1f} %",
-            limit=f"<= {100 * limit:g} %", remedy="Warm up until the running torque is steady, then repeat.",
-        )  # fmt: skip
+            "the reference speed drifted during the sweep",
+            where="bracket",
+            value=f"{100 * drift:.1f} %",
+            limit=f"<= {100 * limit:g} %",
+            remedy="Warm up until the running torque is steady, then repeat.",
+        )

@@ -2,12 +2,14 @@
 
     ke(theta_i) = theta_o - theta_i/N ,   y = a_0 + s theta_i + sum_v (a_v cos v theta_i + b_v sin v theta_i)
 
-theta_o counts positive in the direction in which an ideal gear turns its output when theta_i grows; positive = the output
-leads. One accumulator takes one direction; `model.identify.directions` puts two directions together.
+theta_o counts positive in the direction in which an ideal gear turns its output when theta_i grows;
+positive = the output leads. One accumulator takes one direction; `model.identify.directions` puts
+two directions together.
 
-Transmission accuracy is the peak-to-peak of the fitted curve over one output revolution, one direction (catalogue
-definition), up to a stated order; raw peak-to-peak and the 360-degree closure stand beside it. The slope s must be zero:
-a significant slope is reported as what it is (wrong ratio, lost counts, slip), never as a parameter of the gear.
+Transmission accuracy is the peak-to-peak of the fitted curve over one output revolution, one
+direction (catalogue definition), up to a stated order; raw peak-to-peak and the 360-degree closure
+stand beside it. The slope s must be zero: a significant slope is reported as what it is (wrong
+ratio, lost counts, slip), never as a parameter of the gear.
 """
 
 from __future__ import annotations
@@ -20,7 +22,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
-from model.identify.angle_regression import AngleFit, AngleRegression, Basis, Sums, solve_angle, standard_basis
+from model.identify.angle_regression import (
+    AngleFit,
+    AngleRegression,
+    Basis,
+    Sums,
+    solve_angle,
+    standard_basis,
+)
 from model.identify.checks import Array, channels, positive
 from model.identify.counting import (
     WHOLE_TURN,
@@ -44,8 +53,9 @@ SLOPE_SIGNIFICANCE = 4.0
 class Encoders:
     """What the two encoders can do: size of one count [rad] and standard uncertainty of their position [rad].
 
-    Quanta are of the counts as recorded (after multiplication). Accuracies include eccentricity of the scale; they cannot be
-    told from the gear's own output order 1 and input orders 1 and 2, so they enter the budget (type B).
+    Quanta are of the counts as recorded (after multiplication). Accuracies include eccentricity of
+    the scale; they cannot be told from the gear's own output order 1 and input orders 1 and 2, so
+    they enter the budget (type B).
     """
 
     output_quantum: float = math.nan
@@ -74,11 +84,12 @@ class OrderEstimate:
 class KinematicErrorFit:
     """The kinematic error of one direction, fitted, with what is needed to judge and to plot it.
 
-    estimates: transmission_accuracy, slope, ratio, and amplitude_v, phase_v of the significant orders. orders: all orders.
-    metrics [SI]: mse_curve, mse_raw (equation 22), raw_peak_to_peak, closure, residual_rms, repeatability, input_revolutions,
-    output_revolutions, samples, samples_per_revolution, condition. Arrays: input_angle (c,) over one input revolution with
-    measured_curve and fitted_curve; output_curve over one output revolution at output_curve_angle [input angle, rad];
-    block_angle, block_residual: mean residual per whole revolution.
+    estimates: transmission_accuracy, slope, ratio, and amplitude_v, phase_v of the significant
+    orders. orders: all orders. metrics [SI]: mse_curve, mse_raw (equation 22), raw_peak_to_peak,
+    closure, residual_rms, repeatability, input_revolutions, output_revolutions, samples,
+    samples_per_revolution, condition. Arrays: input_angle (c,) over one input revolution with
+    measured_curve and fitted_curve; output_curve over one output revolution at output_curve_angle
+    [input angle, rad]; block_angle, block_residual: mean residual per whole revolution.
     """
 
     ratio: float
@@ -116,7 +127,10 @@ def edges(input_angle: ArrayLike, output_angle: ArrayLike) -> tuple[Array, Array
     at = np.flatnonzero(np.diff(theta_o) != 0.0)
     if at.size == 0:
         raise IdentificationError(
-            "never changes", where="output_angle", value=theta_o[0], remedy="Check the output encoder."
+            "never changes",
+            where="output_angle",
+            value=theta_o[0],
+            remedy="Check the output encoder.",
         )
     return 0.5 * (theta_i[at] + theta_i[at + 1]), 0.5 * (theta_o[at] + theta_o[at + 1])
 
@@ -124,8 +138,9 @@ def edges(input_angle: ArrayLike, output_angle: ArrayLike) -> tuple[Array, Array
 class KinematicErrorAccumulator:
     """Takes blocks of (input angle, output angle) of one steady stretch in one direction; memory does not grow.
 
-    `ratio` is that of the mounting (N with the circular spline fixed, N + 1 with the flexspline fixed); `output_angle` counts
-    positive as an ideal output turns. `edge_triggered` keeps only the samples at which the output count changes.
+    `ratio` is that of the mounting (N with the circular spline fixed, N + 1 with the flexspline
+    fixed); `output_angle` counts positive as an ideal output turns. `edge_triggered` keeps only the
+    samples at which the output count changes.
     """
 
     def __init__(
@@ -153,15 +168,26 @@ class KinematicErrorAccumulator:
             self._regression.add(theta_i, theta_o - theta_i / self.ratio)
             return
         if self._carry is not None:
-            theta_i, theta_o = np.append(self._carry[0], theta_i), np.append(self._carry[1], theta_o)
+            theta_i, theta_o = (
+                np.append(self._carry[0], theta_i),
+                np.append(self._carry[1], theta_o),
+            )
         self._carry = (float(theta_i[-1]), float(theta_o[-1]))
         if np.any(np.diff(theta_o) != 0.0):
             theta_i, theta_o = edges(theta_i, theta_o)
             self._regression.add(theta_i, theta_o - theta_i / self.ratio)
 
     def fit(self, *, accuracy_order: float | None = None) -> KinematicErrorFit:
-        """The fit of all samples so far; `accuracy_order`: highest order of the transmission accuracy (all by default)."""
-        return _finish(self._regression.sums(), self.encoders, accuracy_order, self._samples, self.edge_triggered)
+        """The fit of all samples so far; `accuracy_order`: highest order of the transmission
+        accuracy (all by default).
+        """
+        return _finish(
+            self._regression.sums(),
+            self.encoders,
+            accuracy_order,
+            self._samples,
+            self.edge_triggered,
+        )
 
 
 def fit_kinematic_error(
@@ -174,8 +200,12 @@ def fit_kinematic_error(
     edge_triggered: bool = False,
     accuracy_order: float | None = None,
 ) -> KinematicErrorFit:
-    """The kinematic error from whole arrays [rad], shape (n,): one direction, steady, at low speed. See the accumulator."""
-    accumulator = KinematicErrorAccumulator(ratio, basis=basis, encoders=encoders, edge_triggered=edge_triggered)
+    """The kinematic error from whole arrays [rad], shape (n,): one direction, steady, at low speed.
+    See the accumulator.
+    """
+    accumulator = KinematicErrorAccumulator(
+        ratio, basis=basis, encoders=encoders, edge_triggered=edge_triggered
+    )
     accumulator.add(input_angle, output_angle)
     return accumulator.fit(accuracy_order=accuracy_order)
 
@@ -197,14 +227,19 @@ def _finish(
     accuracy, angle, curve = transmission_accuracy(fit, highest)
     accuracy = accuracy.with_budget(_encoder_budget(fit, accuracy, encoders))
     if sentences:
-        accuracy = replace(accuracy, identifiable="no", note="the kinematic error does not close: see the slope")
+        accuracy = replace(
+            accuracy, identifiable="no", note="the kinematic error does not close: see the slope"
+        )
     elif cleaned.revolutions < WHOLE_TURN * ratio:
         accuracy = replace(accuracy, identifiable="no", note="needs one complete output revolution")
     orders = tuple(_order(fit, k, encoders) for k in range(len(sums.basis.orders)))
     estimates = {"transmission_accuracy": accuracy, **estimates}
     for found in orders:
         if found.significant:
-            estimates[f"amplitude_{found.label}"], estimates[f"phase_{found.label}"] = found.amplitude, found.phase
+            estimates[f"amplitude_{found.label}"], estimates[f"phase_{found.label}"] = (
+                found.amplitude,
+                found.phase,
+            )
     bins, measured, fitted = measured_curve(fit)
     if not edge_triggered:
         per_turn = samples / max(sums.revolutions, 1e-9)
@@ -224,7 +259,9 @@ def _finish(
         output_curve_angle=angle,
         output_curve=curve,
         block_angle=sums.first_angle
-        + sums.direction * (np.arange(len(first.block_residual), dtype=np.float64) + 0.5) * sums.length,
+        + sums.direction
+        * (np.arange(len(first.block_residual), dtype=np.float64) + 0.5)
+        * sums.length,
         block_residual=first.block_residual,
         regression=fit,
     )
@@ -255,15 +292,22 @@ def _slope(fit: AngleFit, encoders: Encoders) -> tuple[dict[str, Estimate], list
     scale, ratio = fit.sums.trend_scale, fit.sums.basis.ratio
     closure, error = float(fit.values[1]), math.sqrt(max(float(fit.covariance[1, 1]), 0.0))
     half = fit.quantile() * error
-    slope = Estimate("slope", closure / scale, "rad/rad", (closure - half) / scale, (closure + half) / scale)
+    slope = Estimate(
+        "slope", closure / scale, "rad/rad", (closure - half) / scale, (closure + half) / scale
+    )
     seen = 1.0 / (1.0 / ratio + slope.value)
     spread = ratio**2 * half / scale
-    estimates = {"slope": slope, "ratio": Estimate("ratio", seen, "1", seen - spread, seen + spread)}
+    estimates = {
+        "slope": slope,
+        "ratio": Estimate("ratio", seen, "1", seen - spread, seen + spread),
+    }
     quantum = encoders.output_quantum if math.isfinite(encoders.output_quantum) else 2.0 * ARCSEC
     matters = abs(closure) > max(0.1 * quantum, 0.5 * ARCSEC)
     turns = fit.sums.revolutions / ratio
     if abs(closure) > SLOPE_SIGNIFICANCE * error and matters and turns >= WHOLE_TURN:
-        return estimates, [slope_sentence(ratio, closure, encoders.output_quantum, encoders.input_quantum)]
+        return estimates, [
+            slope_sentence(ratio, closure, encoders.output_quantum, encoders.input_quantum)
+        ]
     return estimates, []
 
 
@@ -289,9 +333,20 @@ def _order(fit: AngleFit, index: int, encoders: Encoders) -> OrderEstimate:
     accuracy = _encoder_accuracy(order, fit.sums.basis.ratio, encoders)
     lines = [BudgetLine("residual, blocks of whole revolutions", "A", radial)]
     if accuracy > 0.0:
-        lines.append(BudgetLine("encoder accuracy at this order", "B", accuracy, "cannot be told from the gear"))
+        lines.append(
+            BudgetLine(
+                "encoder accuracy at this order", "B", accuracy, "cannot be told from the gear"
+            )
+        )
     amplitude = Estimate(
-        f"amplitude_{label}", size, "rad", max(size - t * radial, 0.0), size + t * radial, verdict, note, tuple(lines)
+        f"amplitude_{label}",
+        size,
+        "rad",
+        max(size - t * radial, 0.0),
+        size + t * radial,
+        verdict,
+        note,
+        tuple(lines),
     )
     amplitude = above_encoders(amplitude)
     verdict, note = amplitude.identifiable, amplitude.note
@@ -302,7 +357,14 @@ def _order(fit: AngleFit, index: int, encoders: Encoders) -> OrderEstimate:
         sine=Estimate(f"sine_{label}", b, "rad", b - half_b, b + half_b, verdict, note),
         amplitude=amplitude,
         phase=Estimate(
-            f"phase_{label}", phase, "rad", phase - turn, phase + turn, verdict, note, phase_budget(amplitude, tangential)
+            f"phase_{label}",
+            phase,
+            "rad",
+            phase - turn,
+            phase + turn,
+            verdict,
+            note,
+            phase_budget(amplitude, tangential),
         ),
         significant=significant and not left_out,
     )
@@ -311,13 +373,18 @@ def _order(fit: AngleFit, index: int, encoders: Encoders) -> OrderEstimate:
 def above_encoders(amplitude: Estimate) -> Estimate:
     """The amplitude of an order, told "weakly" where the encoders alone may make all of it."""
     of_encoders = any(line.kind == "B" for line in amplitude.budget)
-    if amplitude.identifiable != "yes" or not of_encoders or amplitude.expanded_uncertainty < amplitude.value:
+    if (
+        amplitude.identifiable != "yes"
+        or not of_encoders
+        or amplitude.expanded_uncertainty < amplitude.value
+    ):
         return amplitude
     return replace(amplitude, identifiable="weakly", note="not above what the encoders may add")
 
 
 def phase_budget(amplitude: Estimate, tangential: float) -> tuple[BudgetLine, ...]:
-    """The budget of a phase [rad]: standard error across the phasor, and what encoders add to the order, over its amplitude.
+    """The budget of a phase [rad]: standard error across the phasor, and what encoders add to the
+    order, over its amplitude.
 
     No line exceeds that of a phase of which nothing is known.
     """
@@ -326,7 +393,10 @@ def phase_budget(amplitude: Estimate, tangential: float) -> tuple[BudgetLine, ..
     lines = [BudgetLine("residual, blocks of whole revolutions", "A", tangential)]
     lines += [line for line in amplitude.budget if line.kind == "B"]
     unknown = math.pi / math.sqrt(3.0)
-    return tuple(replace(e, standard_uncertainty=min(e.standard_uncertainty / amplitude.value, unknown)) for e in lines)
+    return tuple(
+        replace(e, standard_uncertainty=min(e.standard_uncertainty / amplitude.value, unknown))
+        for e in lines
+    )
 
 
 def _polar_errors(a: float, b: float, block: Array) -> tuple[float, float]:
@@ -334,7 +404,9 @@ def _polar_errors(a: float, b: float, block: Array) -> tuple[float, float]:
     size = math.hypot(a, b)
     along = np.array([a, b]) / size if size > 0.0 else np.array([1.0, 0.0])
     across = np.array([-along[1], along[0]])
-    return math.sqrt(max(float(along @ block @ along), 0.0)), math.sqrt(max(float(across @ block @ across), 0.0))
+    return math.sqrt(max(float(along @ block @ along), 0.0)), math.sqrt(
+        max(float(across @ block @ across), 0.0)
+    )
 
 
 def _encoder_accuracy(order: float, ratio: float, encoders: Encoders) -> float:
@@ -351,28 +423,43 @@ def _encoder_budget(fit: AngleFit, accuracy: Estimate, encoders: Encoders) -> li
     lines = [BudgetLine("residual, blocks of whole revolutions", "A", spread)]
     if encoders.output_accuracy > 0.0:
         lines.append(
-            BudgetLine("output encoder, eccentricity of the scale", "B", math.sqrt(2.0) * encoders.output_accuracy,
-                       "cannot be told from the gear's output order 1 without re-clocking the encoder")
-        )  # fmt: skip
+            BudgetLine(
+                "output encoder, eccentricity of the scale",
+                "B",
+                math.sqrt(2.0) * encoders.output_accuracy,
+                "cannot be told from the gear's output order 1 without re-clocking the encoder",
+            )
+        )
     if encoders.input_accuracy > 0.0:
         u = math.sqrt(2.0) * encoders.input_accuracy / fit.sums.basis.ratio
         lines.append(
-            BudgetLine("motor encoder, once and twice per revolution", "B", u, "cannot be told from orders 1 and 2")
+            BudgetLine(
+                "motor encoder, once and twice per revolution",
+                "B",
+                u,
+                "cannot be told from orders 1 and 2",
+            )
         )
     return lines
 
 
-def _sampling_warnings(per_turn: float, ratio: float, encoders: Encoders, highest: float) -> list[str]:
+def _sampling_warnings(
+    per_turn: float, ratio: float, encoders: Encoders, highest: float
+) -> list[str]:
     if not math.isfinite(encoders.output_quantum):
         return []
     counts = REVOLUTION / encoders.output_quantum / ratio
-    found = alias_warning(lattice_aliases(per_turn, counts, encoders.output_quantum, highest), per_turn)
+    found = alias_warning(
+        lattice_aliases(per_turn, counts, encoders.output_quantum, highest), per_turn
+    )
     return [] if found is None else [found]
 
 
 @dataclass(frozen=True)
 class KinematicErrorScore:
-    """A fitted curve on a run that it was not fitted to: MSE (22) on the averaged curve, and both curves over one turn."""
+    """A fitted curve on a run that it was not fitted to: MSE (22) on the averaged curve, and both
+    curves over one turn.
+    """
 
     mse: float
     input_angle: Array
@@ -381,10 +468,14 @@ class KinematicErrorScore:
 
 
 def score_kinematic_error(fit: KinematicErrorFit, other: KinematicErrorFit) -> KinematicErrorScore:
-    """MSE (22) of `fit` on the averaged curve of another run (same basis, same index mark, same gear); offsets are free."""
+    """MSE (22) of `fit` on the averaged curve of another run (same basis, same index mark, same
+    gear); offsets are free.
+    """
     if fit.basis.orders != other.basis.orders or fit.ratio != other.ratio:
         raise IdentificationError(
-            "the two fits differ in basis or ratio", where="basis", remedy="Fit both with the same orders."
+            "the two fits differ in basis or ratio",
+            where="basis",
+            remedy="Fit both with the same orders.",
         )
     bins, measured, _ = measured_curve(other.regression)
     sums = other.regression.sums
@@ -400,14 +491,18 @@ def score_kinematic_error(fit: KinematicErrorFit, other: KinematicErrorFit) -> K
 def repeat_scatter(fits: Sequence[KinematicErrorFit]) -> float:
     """Repeatability between repeats of one direction: rms of the curves about their mean over angle [rad].
 
-    All fits share basis, ratio and index mark; constant and trend are free. Scatter from revolution to revolution within one
-    fit is its `repeatability` metric.
+    All fits share basis, ratio and index mark; constant and trend are free. Scatter from revolution
+    to revolution within one fit is its `repeatability` metric.
     """
     if len(fits) < 2:
-        raise IdentificationError("needs at least two repeats", where="fits", value=len(fits), limit=">= 2")
+        raise IdentificationError(
+            "needs at least two repeats", where="fits", value=len(fits), limit=">= 2"
+        )
     if any(fit.basis.orders != fits[0].basis.orders or fit.ratio != fits[0].ratio for fit in fits):
         raise IdentificationError(
-            "the repeats differ in basis or ratio", where="basis", remedy="Fit all with the same orders."
+            "the repeats differ in basis or ratio",
+            where="basis",
+            remedy="Fit all with the same orders.",
         )
     values = np.array([fit.regression.values[2:] for fit in fits])
     deviation = values - values.mean(axis=0)

@@ -1,8 +1,9 @@
 """Linear least squares with errors that respect autocorrelation: the common ground of every linear fit here.
 
-Parameters of y = X b + r come from a column-scaled QR-equivalent (SVD) solution; their covariance is a sandwich
-(X'X)^-1 S (X'X)^-1, where S sums the scores x_t r_t either over contiguous blocks (clusters) or with Bartlett weights over
-lags (Newey and West 1987, lag by Andrews 1991). Intervals use Student's t with the degrees of freedom that remain.
+Parameters of y = X b + r come from a column-scaled QR-equivalent (SVD) solution; their covariance
+is a sandwich (X'X)^-1 S (X'X)^-1, where S sums the scores x_t r_t either over contiguous blocks
+(clusters) or with Bartlett weights over lags (Newey and West 1987, lag by Andrews 1991). Intervals
+use Student's t with the degrees of freedom that remain.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ def student_quantile(freedom: float, level: float = 0.95) -> float:
 class LinearFit:
     """Solution of a linear least-squares problem.
 
-    values, standard_error: (p,); covariance (p, p); residual (n,); condition of X with unit columns, condition_raw of X as
-    given; freedom of the variance; relative_error |r|/|y|.
+    values, standard_error: (p,); covariance (p, p); residual (n,); condition of X with unit
+    columns, condition_raw of X as given; freedom of the variance; relative_error |r|/|y|.
     """
 
     values: Array
@@ -86,18 +87,24 @@ def _block_scores(design: Array, residual: Array, starts: Array) -> tuple[Array,
     return sums.T @ sums * len(sums) / max(len(sums) - 1, 1), float(len(sums) - 1)
 
 
-def solve(design: Array, observed: Array, *, block_starts: Array | None = None, where: str = "design") -> LinearFit:
+def solve(
+    design: Array, observed: Array, *, block_starts: Array | None = None, where: str = "design"
+) -> LinearFit:
     """Least squares of `observed` (n,) on `design` (n, p), covariance by lags or by the given blocks.
 
     Raises `IdentificationError` when there are too few samples or a column is empty or a combination of others.
     """
     n, p = design.shape
     if n <= p + 1:
-        raise IdentificationError("too few samples for this fit", where=where, value=n, limit=f"> {p + 1}")
+        raise IdentificationError(
+            "too few samples for this fit", where=where, value=n, limit=f"> {p + 1}"
+        )
     scale = np.linalg.norm(design, axis=0)
     if not np.all(scale > 0.0):
         column = int(np.argmin(scale))
-        raise IdentificationError("has a regressor that is zero throughout", where=where, value=f"column {column}")
+        raise IdentificationError(
+            "has a regressor that is zero throughout", where=where, value=f"column {column}"
+        )
     left, singular, right = np.linalg.svd(design / scale, full_matrices=False)
     condition = float(singular[0] / max(singular[-1], np.finfo(float).tiny))
     if condition > CONDITION_LIMIT:

@@ -1,12 +1,14 @@
-"""Inertia and friction from any motion: inverse dynamics by least squares (IDIM-LS; Gautier and Khalil 1990, Janot 2019).
+"""Inertia and friction from any motion: inverse dynamics by least squares (IDIM-LS; Gautier and
+Khalil 1990, Janot 2019).
 
     symmetric     F = M a + F_v v + F_c sgn v + F_0
     asymmetric    F = M a + F_v+ v + F_c+          (v > 0)
                   F = M a + F_v- v - F_c-          (v < 0)
 
-Channels are a position and the force that drives it, linear (m, N) or rotary (rad, N m). Velocity and acceleration come from
-the position: zero-phase low-pass Butterworth filter, central differences, then regressors and force are decimated together
-(parallel filter), so that regressors and force see the same filter.
+Channels are a position and the force that drives it, linear (m, N) or rotary (rad, N m). Velocity
+and acceleration come from the position: zero-phase low-pass Butterworth filter, central
+differences, then regressors and force are decimated together (parallel filter), so that regressors
+and force see the same filter.
 """
 
 from __future__ import annotations
@@ -45,8 +47,8 @@ class MotionFilter:
 class MotionFit:
     """Inertia and friction of a motion, with what is needed to judge and to plot them.
 
-    estimates by name; metrics: relative_error_percent, condition, residual_norm, samples, and those of a cross-validation;
-    time, velocity, measured, predicted: (n,) after decimation.
+    estimates by name; metrics: relative_error_percent, condition, residual_norm, samples, and those
+    of a cross-validation; time, velocity, measured, predicted: (n,) after decimation.
     """
 
     variant: Variant
@@ -95,11 +97,17 @@ def _regressors(velocity: Array, acceleration: Array, variant: Variant) -> Array
         return np.column_stack([acceleration, velocity, np.sign(velocity), np.ones_like(velocity)])
     forward = (velocity > 0.0).astype(np.float64)
     reverse = 1.0 - forward
-    return np.column_stack([acceleration, velocity * forward, forward, velocity * reverse, -reverse])
+    return np.column_stack(
+        [acceleration, velocity * forward, forward, velocity * reverse, -reverse]
+    )
 
 
 def _decimate(values: Array, factor: int) -> Array:
-    return values if factor == 1 else np.ascontiguousarray(scipy.signal.decimate(values, factor, axis=0))
+    return (
+        values
+        if factor == 1
+        else np.ascontiguousarray(scipy.signal.decimate(values, factor, axis=0))
+    )
 
 
 def _check_filter(recipe: MotionFilter, period: float, count: int) -> None:
@@ -114,7 +122,9 @@ def _check_filter(recipe: MotionFilter, period: float, count: int) -> None:
         )
     if recipe.order < 1 or recipe.decimation < 1 or min(recipe.edge_samples) < 2:
         raise IdentificationError(
-            "order and decimation start at 1, two edge samples are the least", where="filter", value=recipe
+            "order and decimation start at 1, two edge samples are the least",
+            where="filter",
+            value=recipe,
         )
     left = (count - sum(recipe.edge_samples)) // recipe.decimation
     if left < 20:
@@ -135,7 +145,10 @@ def _regression(
     _check_filter(recipe, period, len(clock))
     if np.ptp(place) <= 0.0:
         raise IdentificationError(
-            "does not move", where="position", value=place[0], remedy="Choose a part of the run with motion."
+            "does not move",
+            where="position",
+            value=place[0],
+            remedy="Choose a part of the run with motion.",
         )
     b, a = scipy.signal.butter(recipe.order, recipe.cutoff_hz * 2.0 * period)
     smooth = scipy.signal.filtfilt(b, a, place)
@@ -146,7 +159,9 @@ def _regression(
     kept = slice(recipe.edge_samples[0], len(smooth) - recipe.edge_samples[1])
     design = _regressors(velocity[kept], acceleration[kept], variant)
     q = recipe.decimation
-    return _Regression(clock[kept][::q], velocity[kept][::q], _decimate(design, q), _decimate(effort[kept], q))
+    return _Regression(
+        clock[kept][::q], velocity[kept][::q], _decimate(design, q), _decimate(effort[kept], q)
+    )
 
 
 def _units(variant: Variant, rotary: bool) -> dict[str, str]:
@@ -180,8 +195,9 @@ def fit_motion(
 ) -> MotionFit:
     """Inertia, viscous and Coulomb friction (and offset) of one axis from a recorded motion.
 
-    time [s], position [m or rad], force [N or N m]: shape (n,), evenly sampled. Intervals are 95 % with an error that respects
-    the autocorrelation of the residual. Raises `IdentificationError` for data that cannot carry the fit.
+    time [s], position [m or rad], force [N or N m]: shape (n,), evenly sampled. Intervals are 95 %
+    with an error that respects the autocorrelation of the residual. Raises `IdentificationError`
+    for data that cannot carry the fit.
     """
     recipe = MotionFilter() if recipe is None else recipe
     data = _regression(time, position, force, variant, recipe)
@@ -223,11 +239,18 @@ def fit_motion(
 
 
 def score_motion(
-    fit: MotionFit, time: ArrayLike, position: ArrayLike, force: ArrayLike, *, recipe: MotionFilter | None = None
+    fit: MotionFit,
+    time: ArrayLike,
+    position: ArrayLike,
+    force: ArrayLike,
+    *,
+    recipe: MotionFilter | None = None,
 ) -> MotionScore:
     """Cross-validation: how well a fitted set predicts the force of another recording, |F - X b|/|F| in per cent."""
     recipe = MotionFilter() if recipe is None else recipe
     data = _regression(time, position, force, fit.variant, recipe)
     predicted = data.design @ fit.values
     norm = float(np.linalg.norm(data.force - predicted))
-    return MotionScore(100.0 * norm / float(np.linalg.norm(data.force)), norm, data.time, data.force, predicted)
+    return MotionScore(
+        100.0 * norm / float(np.linalg.norm(data.force)), norm, data.time, data.force, predicted
+    )

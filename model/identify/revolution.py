@@ -2,12 +2,14 @@
 
     y(theta) = c_± + sum_n (a_n± cos n theta + b_n± sin n theta)
 
-+ and - are the two directions of travel. Their mean is a function of the angle alone (cogging, eccentricity); half the
-difference of the constants is what opposes motion (friction). An order counts when its amplitude rises above the local noise
-floor: around each order the squared amplitudes of noise are exponentially distributed, so their median gives the floor and
-the chance of each amplitude; among the orders chosen 5 % are expected to be false. An order that stands out only in the
-difference of the directions (friction that varies over angle) counts too. The floor gives the intervals as well, whatever
-the colour of the noise. No FFT over time: the series is fitted at the angles where the samples are.
++ and - are the two directions of travel. Their mean is a function of the angle alone (cogging,
+eccentricity); half the difference of the constants is what opposes motion (friction). An order
+counts when its amplitude rises above the local noise floor: around each order the squared
+amplitudes of noise are exponentially distributed, so their median gives the floor and the chance of
+each amplitude; among the orders chosen 5 % are expected to be false. An order that stands out only
+in the difference of the directions (friction that varies over angle) counts too. The floor gives
+the intervals as well, whatever the colour of the noise. No FFT over time: the series is fitted at
+the angles where the samples are.
 """
 
 from __future__ import annotations
@@ -109,7 +111,9 @@ def _usable_order(angle: Array, wanted: int) -> int:
 
 
 def _coefficients(angle: Array, value: Array, orders: np.ndarray) -> Solved:
-    """Constant and complex amplitudes a - ib of the orders (ascending) by least squares, in chunks; and the residual."""
+    """Constant and complex amplitudes a - ib of the orders (ascending) by least squares, in chunks;
+    and the residual.
+    """
     p = 1 + 2 * len(orders)
     normal, right = np.zeros((p, p)), np.zeros(p)
     parts = range(0, len(angle), CHUNK)
@@ -120,13 +124,18 @@ def _coefficients(angle: Array, value: Array, orders: np.ndarray) -> Solved:
     eigen, vectors = np.linalg.eigh(normal)
     if eigen[0] <= 1e-9 * eigen[-1]:
         raise IdentificationError(
-            "the samples do not cover the revolution evenly enough for these orders", where="angle",
-            value=f"condition number {math.sqrt(eigen[-1] / max(eigen[0], 1e-300)):.3g}", limit="<= 3e4",
+            "the samples do not cover the revolution evenly enough for these orders",
+            where="angle",
+            value=f"condition number {math.sqrt(eigen[-1] / max(eigen[0], 1e-300)):.3g}",
+            limit="<= 3e4",
             remedy="Cover one whole revolution, or ask for fewer orders.",
-        )  # fmt: skip
+        )
     solution = vectors @ ((vectors.T @ right) / eigen)
     residual = np.concatenate(
-        [value[at : at + CHUNK] - _design(angle[at : at + CHUNK], orders) @ solution for at in parts]
+        [
+            value[at : at + CHUNK] - _design(angle[at : at + CHUNK], orders) @ solution
+            for at in parts
+        ]
     )
     return float(solution[0]), solution[1::2] - 1j * solution[2::2], residual
 
@@ -145,7 +154,9 @@ def _design(angle: Array, orders: np.ndarray) -> Array:
 
 
 def noise_floor(power: Array, *, neighbours: int = NEIGHBOURS) -> Array:
-    """Mean noise power around each order from the median of its neighbours (itself left out), peaks removed in two rounds."""
+    """Mean noise power around each order from the median of its neighbours (itself left out), peaks
+    removed in two rounds.
+    """
     n = len(power)
     floor = np.empty(n)
     peak = np.zeros(n, dtype=bool)
@@ -161,7 +172,8 @@ def noise_floor(power: Array, *, neighbours: int = NEIGHBOURS) -> Array:
 
 
 def significant(power: Array, floor: Array) -> np.ndarray:
-    """Which orders rise above the noise: the share of false ones among them is kept at 5 % (Benjamini and Hochberg 1995).
+    """Which orders rise above the noise: the share of false ones among them is kept at 5 %
+    (Benjamini and Hochberg 1995).
 
     The floor is itself an estimate from few neighbours, so the ratio follows F(2, 2k) and not an exponential.
     """
@@ -194,12 +206,16 @@ def fit_revolution(
             warnings.append(f"{name} travel covers only {turned:.2f} revolutions and is left out.")
     if not covered:
         raise IdentificationError(
-            "covers no whole revolution in any direction", where="angle", value=f"{np.ptp(theta) / REVOLUTION:.2f} revolutions",
+            "covers no whole revolution in any direction",
+            where="angle",
+            value=f"{np.ptp(theta) / REVOLUTION:.2f} revolutions",
             limit=">= 1",
-        )  # fmt: skip
+        )
     highest = min(_usable_order(theta[mask], highest_order) for mask in covered.values())
     if highest < 1:
-        raise IdentificationError("leaves gaps in the revolution too wide for any order", where="angle")
+        raise IdentificationError(
+            "leaves gaps in the revolution too wide for any order", where="angle"
+        )
     if highest < highest_order:
         warnings.append(f"The samples carry orders up to {highest} only.")
     candidates = np.arange(1, highest + 1)
@@ -215,7 +231,9 @@ def fit_revolution(
     chosen = chosen[np.argsort(-power[chosen - 1])]
     final = {s: _coefficients(theta[m], y[m], np.sort(chosen)) for s, m in covered.items()}
     series = {s: _series(found, np.sort(chosen), chosen) for s, found in final.items()}
-    return _revolution_fit(chosen, series, final, mean, floor, candidates, warnings, unit, np.ptp(theta) / REVOLUTION)
+    return _revolution_fit(
+        chosen, series, final, mean, floor, candidates, warnings, unit, np.ptp(theta) / REVOLUTION
+    )
 
 
 def _floor(mean: np.ndarray, every: dict[float, Solved]) -> Array:
@@ -291,7 +309,9 @@ def _order_estimates(
     for n, size, turn in zip(orders.tolist(), amplitude.tolist(), phase.tolist(), strict=True):
         half = t * math.sqrt(0.5 * float(floor[n - 1]))
         angle = min(half / max(size, 1e-300), math.pi)
-        found[f"amplitude_{n}"] = Estimate(f"amplitude_{n}", size, unit, max(size - half, 0.0), size + half)
+        found[f"amplitude_{n}"] = Estimate(
+            f"amplitude_{n}", size, unit, max(size - half, 0.0), size + half
+        )
         found[f"phase_{n}"] = Estimate(f"phase_{n}", turn, "rad", turn - angle, turn + angle)
     return found
 
@@ -300,7 +320,10 @@ def _direction_estimates(
     orders: np.ndarray, series: dict[float, DirectionSeries], final: dict[float, Solved], unit: str
 ) -> dict[str, Estimate]:
     """Mean (half sum), friction (half difference), and the angle by which the series of the directions are shifted."""
-    errors = {s: math.sqrt(float(np.var(r)) * correlation_length(r) / len(r)) for s, (_, _, r) in final.items()}
+    errors = {
+        s: math.sqrt(float(np.var(r)) * correlation_length(r) / len(r))
+        for s, (_, _, r) in final.items()
+    }
     if len(series) == 1:
         (only,) = series
         half = 1.96 * errors[only]
@@ -321,7 +344,9 @@ def _direction_estimates(
         shifts = wrapped / orders
         shift = float(weight @ shifts / weight.sum())
         spread = 2.0 * math.sqrt(float(weight @ (shifts - shift) ** 2 / weight.sum()) / len(orders))
-        found["direction_shift"] = Estimate("direction_shift", shift, "rad", shift - spread, shift + spread)
+        found["direction_shift"] = Estimate(
+            "direction_shift", shift, "rad", shift - spread, shift + spread
+        )
     return found
 
 
@@ -340,10 +365,14 @@ class OrderPeaks:
     revolutions: int
 
 
-def order_peaks(angle: ArrayLike, value: ArrayLike, *, ratio: float = 1.0, highest_order: float = 64.0) -> OrderPeaks:
-    """The spectrum of any channel over the input angle, or over the output angle with `ratio` (orders k per output turn).
+def order_peaks(
+    angle: ArrayLike, value: ArrayLike, *, ratio: float = 1.0, highest_order: float = 64.0
+) -> OrderPeaks:
+    """The spectrum of any channel over the input angle, or over the output angle with `ratio`
+    (orders k per output turn).
 
-    Uses the largest whole number of revolutions, resampled over angle. Peaks rise above the local noise floor (1 % false alarm).
+    Uses the largest whole number of revolutions, resampled over angle. Peaks rise above the local
+    noise floor (1 % false alarm).
     """
     theta, y = channels(32, angle=angle, value=value)
     positive("ratio", ratio)
@@ -351,7 +380,11 @@ def order_peaks(angle: ArrayLike, value: ArrayLike, *, ratio: float = 1.0, highe
     floor = noise_floor(found.amplitude[1:] ** 2)
     power = found.amplitude[1:] ** 2
     above = power > floor * math.log(max(len(power), 2) / FALSE_ALARM)
-    top = above & (power >= np.concatenate([power[1:], [0.0]])) & (power >= np.concatenate([[0.0], power[:-1]]))
+    top = (
+        above
+        & (power >= np.concatenate([power[1:], [0.0]]))
+        & (power >= np.concatenate([[0.0], power[:-1]]))
+    )
     index = np.flatnonzero(top)
     index = index[np.argsort(-power[index])]
     return OrderPeaks(

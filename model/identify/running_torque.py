@@ -2,9 +2,10 @@
 
     T = (1/2 pi K) * integral of T d theta over K whole input revolutions
 
-Averaging over angle takes out everything that is periodic in the input (cogging, mesh depth), averaging over time would not at
-a speed that ripples. The error comes from revolution to revolution; with few revolutions, from what a Fourier series over one
-revolution leaves. Half the difference of the directions is friction; half the sum is offset of the torque zero and asymmetry.
+Averaging over angle takes out everything that is periodic in the input (cogging, mesh depth),
+averaging over time would not at a speed that ripples. The error comes from revolution to
+revolution; with few revolutions, from what a Fourier series over one revolution leaves. Half the
+difference of the directions is friction; half the sum is offset of the torque zero and asymmetry.
 """
 
 from __future__ import annotations
@@ -32,8 +33,9 @@ REST_LIMIT = 5.0 * DEGREE
 class RunningTorque:
     """Mean torque of one hold: speed [rad/s, signed], torque [N m, signed], its standard error and degrees of freedom.
 
-    revolutions: whole input revolutions averaged; time: middle of the hold [s]; speed_ripple: rms of the speed between tenths
-    of a revolution, relative; rest_angle: longest standstill as the angle that the mean speed would have turned [rad].
+    revolutions: whole input revolutions averaged; time: middle of the hold [s]; speed_ripple: rms
+    of the speed between tenths of a revolution, relative; rest_angle: longest standstill as the
+    angle that the mean speed would have turned [rad].
     """
 
     speed: float
@@ -85,7 +87,9 @@ def average_torque(
     speed = direction * REVOLUTION * whole / (times[-1] - times[0])
     inside = turned >= marks[0]
     error, freedom = _mean_error(means, turned[inside] - marks[0], effort[inside], whole)
-    tenths = np.interp(np.linspace(marks[0], marks[-1], 10 * whole + 1), turned[rising], clock[rising])
+    tenths = np.interp(
+        np.linspace(marks[0], marks[-1], 10 * whole + 1), turned[rising], clock[rising]
+    )
     local = REVOLUTION / 10.0 / np.maximum(np.diff(tenths), 1e-12)
     rests = np.diff(clock[rising])
     return RunningTorque(
@@ -116,10 +120,17 @@ def _mean_error(means: Array, turned: Array, effort: Array, whole: int) -> tuple
         variance = float(centred @ centred) / (whole - 1)
         inflation = 1.0
         if whole >= 20 and variance > 0.0:
-            rho = min(max(float(centred[1:] @ centred[:-1]) / float(centred @ centred) + 1.0 / whole, 0.0), 0.9)
+            rho = min(
+                max(
+                    float(centred[1:] @ centred[:-1]) / float(centred @ centred) + 1.0 / whole, 0.0
+                ),
+                0.9,
+            )
             inflation = (1.0 + rho) / (1.0 - rho)
         floor = 1e-12 * max(abs(float(means.mean())), 1e-9)
-        return max(math.sqrt(variance * inflation / whole), floor), max((whole - 1) / inflation, 2.0)
+        return max(math.sqrt(variance * inflation / whole), floor), max(
+            (whole - 1) / inflation, 2.0
+        )
     return _error_within(turned, effort, whole)
 
 
@@ -132,7 +143,9 @@ def _error_within(turned: Array, effort: Array, whole: int) -> tuple[float, floa
     means = np.bincount(place, weights=effort, minlength=bins)[filled] / counts[filled]
     angle: Array = (np.flatnonzero(filled).astype(np.float64) + 0.5) * (REVOLUTION * whole / bins)
     orders = [n for n in range(1, 13) if 2 * n + 4 < int(filled.sum()) // 3]
-    design: Array = np.column_stack([np.ones_like(angle)] + [f(n * angle) for n in orders for f in (np.cos, np.sin)])
+    design: Array = np.column_stack(
+        [np.ones_like(angle)] + [f(n * angle) for n in orders for f in (np.cos, np.sin)]
+    )
     if len(angle) <= design.shape[1] + 3:
         spread = float(np.std(effort, ddof=1)) if len(effort) > 1 else abs(float(effort.mean()))
         return max(spread / math.sqrt(max(whole, 1)), 1e-12), 2.0
@@ -162,11 +175,14 @@ class FrictionPoints:
 def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) -> FrictionPoints:
     """Half difference and half sum of forward and reverse holds whose speeds agree within `tolerance` (relative).
 
-    Holds of one speed and direction (up and down, repeats) are matched in order of time, so that what drifts slowly cancels.
-    Holds without a partner keep their own torque and are marked as not paired.
+    Holds of one speed and direction (up and down, repeats) are matched in order of time, so that
+    what drifts slowly cancels. Holds without a partner keep their own torque and are marked as not
+    paired.
     """
     if not holds:
-        raise IdentificationError("holds no point", where="running torque", remedy="Give at least six speeds.")
+        raise IdentificationError(
+            "holds no point", where="running torque", remedy="Give at least six speeds."
+        )
     ordered = sorted(holds, key=lambda h: abs(h.speed))
     groups: list[list[RunningTorque]] = []
     for hold in ordered:
@@ -181,27 +197,54 @@ def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) 
         back = sorted((h for h in group if h.speed < 0.0), key=lambda h: h.time)
         for a, b in zip(ahead, back, strict=False):
             variance = 0.25 * (a.standard_error**2 + b.standard_error**2)
-            parts = (0.25 * a.standard_error**2) ** 2 / a.freedom + (0.25 * b.standard_error**2) ** 2 / b.freedom
+            parts = (0.25 * a.standard_error**2) ** 2 / a.freedom + (
+                0.25 * b.standard_error**2
+            ) ** 2 / b.freedom
             freedom = variance**2 / parts if parts > 0.0 else a.freedom + b.freedom
             speed, error = 0.5 * (a.speed - b.speed), math.sqrt(variance)
-            rows.append((speed, 0.5 * (a.torque - b.torque), error, freedom, 0.5 * (a.torque + b.torque), error, True))
+            rows.append(
+                (
+                    speed,
+                    0.5 * (a.torque - b.torque),
+                    error,
+                    freedom,
+                    0.5 * (a.torque + b.torque),
+                    error,
+                    True,
+                )
+            )
         matched = min(len(ahead), len(back))
         for h in (*ahead[matched:], *back[matched:]):
             alone += 1
-            rows.append((abs(h.speed), h.direction * h.torque, h.standard_error, h.freedom, math.nan, math.nan, False))
+            rows.append(
+                (
+                    abs(h.speed),
+                    h.direction * h.torque,
+                    h.standard_error,
+                    h.freedom,
+                    math.nan,
+                    math.nan,
+                    False,
+                )
+            )
     table = np.array([row[:6] for row in rows])
     warnings = []
     if alone:
         warnings.append(
-            f"{alone} of {len(holds)} holds have no partner in the other direction: an error of the torque zero enters their "
+            f"{alone} of {len(holds)} holds have no partner in the other direction: an error "
+            "of the torque zero enters their "
             "friction in full."
         )
-    return FrictionPoints(*table.T, paired=np.array([row[6] for row in rows]), warnings=tuple(warnings))
+    return FrictionPoints(
+        *table.T, paired=np.array([row[6] for row in rows]), warnings=tuple(warnings)
+    )
 
 
 @dataclass(frozen=True)
 class Tare:
-    """Friction torque of the motor alone over speed, from a run without the gear: speed, torque, standard error (n,)."""
+    """Friction torque of the motor alone over speed, from a run without the gear: speed, torque,
+    standard error (n,).
+    """
 
     speed: Array
     torque: Array
@@ -216,7 +259,9 @@ class Tare:
         left = right - 1
         width = self.speed[right] - self.speed[left]
         share = np.clip((speed - self.speed[left]) / width, 0.0, 1.0)
-        error = np.hypot((1.0 - share) * self.standard_error[left], share * self.standard_error[right])
+        error = np.hypot(
+            (1.0 - share) * self.standard_error[left], share * self.standard_error[right]
+        )
         beyond = (speed < self.speed[0] * 0.97) | (speed > self.speed[-1] * 1.03)
         return torque, error, beyond
 
@@ -235,23 +280,32 @@ def tare_from(holds: Sequence[RunningTorque]) -> Tare:
         count = k - start
         internal = math.sqrt(float(np.sum(error[part] ** 2))) / count
         scatter = float(np.std(torque[part], ddof=1)) / math.sqrt(count) if count > 1 else 0.0
-        merged.append((float(speed[part].mean()), float(torque[part].mean()), max(internal, scatter)))
+        merged.append(
+            (float(speed[part].mean()), float(torque[part].mean()), max(internal, scatter))
+        )
         start = k
     if len(merged) < 2:
-        raise IdentificationError("needs at least two speeds", where="tare", value=len(merged), limit=">= 2")
+        raise IdentificationError(
+            "needs at least two speeds", where="tare", value=len(merged), limit=">= 2"
+        )
     table = np.array(merged)
     note = "" if points.paired.all() else "the tare was not taken in both directions"
     return Tare(table[:, 0], table[:, 1], table[:, 2], note=note)
 
 
-def bracket_drift(holds: Sequence[RunningTorque], *, limit: float = 0.03) -> tuple[float, str | None]:
+def bracket_drift(
+    holds: Sequence[RunningTorque], *, limit: float = 0.03
+) -> tuple[float, str | None]:
     """Relative drift of the friction at the reference speed over a sweep, and a sentence when it exceeds `limit`
     and the noise of the visits.
 
     `holds`: the visits to the reference speed in order of time, each direction apart or mixed.
     """
     if len(holds) < 2:
-        return math.nan, "The sweep was not bracketed by a reference speed: a drift with temperature cannot be seen."
+        return (
+            math.nan,
+            "The sweep was not bracketed by a reference speed: a drift with temperature cannot be seen.",
+        )
     worst, seen = 0.0, False
     for sign in (1.0, -1.0):
         part = [h for h in sorted(holds, key=lambda h: h.time) if h.direction == sign]

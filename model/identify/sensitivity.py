@@ -1,9 +1,10 @@
 """What velocity steps can and cannot identify: singular values of the sensitivity of equation 2 to its parameters.
 
-Each parameter of equation 2 (K_m, K_b, K_t, J_o, C_b, C_t) is changed by a small share, the simulated output (and input torque)
-is compared, and the singular value decomposition of the result, scaled by the noise, gives directions in parameter space with
-the relative standard deviation to which each is determined. With the output alone only K/J_o and a damping come out; K_m and C_b
-never do, so they are never reported.
+Each parameter of equation 2 (K_m, K_b, K_t, J_o, C_b, C_t) is changed by a small share, the
+simulated output (and input torque) is compared, and the singular value decomposition of the result,
+scaled by the noise, gives directions in parameter space with the relative standard deviation to
+which each is determined. With the output alone only K/J_o and a damping come out; K_m and C_b never
+do, so they are never reported.
 """
 
 from __future__ import annotations
@@ -46,7 +47,9 @@ class Direction:
         terms = [f"{value:+.2f} {PARAMETERS[name]}" for name, value in ordered if abs(value) > 0.15]
         percent = 100.0 * self.relative_deviation
         return (
-            f"{' '.join(terms)}: known to {percent:.2g} %" if percent < 1000.0 else f"{' '.join(terms)}: not determined"
+            f"{' '.join(terms)}: known to {percent:.2g} %"
+            if percent < 1000.0
+            else f"{' '.join(terms)}: not determined"
         )
 
 
@@ -69,7 +72,10 @@ class Identifiability:
         """What the data can give, in one sentence."""
         poor = [PARAMETERS[name] for name, verdict in self.verdicts.items() if verdict == "no"]
         source = "output and input torque" if self.with_torque else "the output alone"
-        text = f"From {source}, {self.count} independent combinations are determined to better than {100 * IDENTIFIABLE:g} %"
+        text = (
+            f"From {source}, {self.count} independent combinations are determined to better "
+            f"than {100 * IDENTIFIABLE:g} %"
+        )
         return text + (f"; {', '.join(poor)} cannot be identified one by one." if poor else ".")
 
 
@@ -84,8 +90,8 @@ def step_identifiability(
 ) -> Identifiability:
     """Singular value decomposition of the sensitivity of a step (n,) of the input angle [rad], evenly sampled.
 
-    Noise: output counting, quantum/sqrt(12) [rad]; `torque_noise` [N m] of one sample includes the input torque. Friction and
-    kinematic error count as known, so the figures are the best case.
+    Noise: output counting, quantum/sqrt(12) [rad]; `torque_noise` [N m] of one sample includes the
+    input torque. Friction and kinematic error count as known, so the figures are the best case.
     """
     (angle,) = channels(64, input_angle=input_angle)
     positive("sample_interval", sample_interval)
@@ -111,7 +117,10 @@ def step_identifiability(
         value = float(getattr(base, name))
         if value == 0.0:
             continue
-        columns.append((outputs({name: value * (1 + STEP)}) - outputs({name: value * (1 - STEP)})) / (2.0 * STEP))
+        columns.append(
+            (outputs({name: value * (1 + STEP)}) - outputs({name: value * (1 - STEP)}))
+            / (2.0 * STEP)
+        )
         names.append(name)
     if not columns:
         raise IdentificationError("has no parameter to vary", where="gear")

@@ -1,12 +1,13 @@
 """Skew between channels: how much later one of them is latched than another, from what the motion itself shows.
 
-Encoders: theta_o(t + tau) - theta_i(t)/N = ke + w sign(omega) + tau omega, omega the output's speed. The mean over whole input
-revolutions takes the input orders away; the orders of the output's revolution are fitted beside. What is proportional to
-speed is tau *and* the viscous part of the wind-up (a torque c omega twists the gear by c omega / K): steady motion cannot
-tell them apart, so c/K stands in the budget as type B.
+Encoders: theta_o(t + tau) - theta_i(t)/N = ke + w sign(omega) + tau omega, omega the output's
+speed. The mean over whole input revolutions takes the input orders away; the orders of the output's
+revolution are fitted beside. What is proportional to speed is tau *and* the viscous part of the
+wind-up (a torque c omega twists the gear by c omega / K): steady motion cannot tell them apart, so
+c/K stands in the budget as type B.
 
-Torque channels: y(t) = a + g x(t - tau) for two readings of one torque; both are smoothed by the same window, to first order in
-tau: y = a + g x - g tau dx/dt.
+Torque channels: y(t) = a + g x(t - tau) for two readings of one torque; both are smoothed by the
+same window, to first order in tau: y = a + g x - g tau dx/dt.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ LEAST_VARIATION = 4.0
 class RevolutionMeans:
     """Means over whole input revolutions at constant speed, in the order they were turned.
 
-    speed (n,) of the output [rad/s], signed; offset (n,) of theta_o - theta_i/N [rad]; output_angle (n,) [rad]; stretch (n,)
-    which stretch of constant speed each belongs to, ascending.
+    speed (n,) of the output [rad/s], signed; offset (n,) of theta_o - theta_i/N [rad]; output_angle
+    (n,) [rad]; stretch (n,) which stretch of constant speed each belongs to, ascending.
     """
 
     speed: Array
@@ -52,17 +53,26 @@ class RevolutionMeans:
 def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 0.0) -> Estimate:
     """How much later the output encoder is latched than the input encoder [s].
 
-    `needed` [s]: an expanded uncertainty up to this counts as identified; `viscous_windup` [s] the standard uncertainty of
-    c/K, the viscous wind-up per speed. One speed, one direction or too few revolutions are "no", never an exception.
+    `needed` [s]: an expanded uncertainty up to this counts as identified; `viscous_windup` [s] the
+    standard uncertainty of c/K, the viscous wind-up per speed. One speed, one direction or too few
+    revolutions are "no", never an exception.
     """
     n = len(means.speed)
     if n < LEAST_ROWS:
-        return _unknown("encoder_skew", f"{n} whole revolutions at constant speed, {LEAST_ROWS} are needed")
+        return _unknown(
+            "encoder_skew", f"{n} whole revolutions at constant speed, {LEAST_ROWS} are needed"
+        )
     both = bool((means.speed > 0).any() and (means.speed < 0).any())
     span = float(np.abs(means.speed).max() / np.abs(means.speed).min())
     if not both or span < SPEED_SPAN:
-        why = "one direction only" if not both else f"one speed only (largest over smallest {span:.3g})"
-        return _unknown("encoder_skew", f"{why}: wind-up by friction and skew times speed are one number")
+        why = (
+            "one direction only"
+            if not both
+            else f"one speed only (largest over smallest {span:.3g})"
+        )
+        return _unknown(
+            "encoder_skew", f"{why}: wind-up by friction and skew times speed are one number"
+        )
     turned = float(np.ptp(means.output_angle))
     orders = OUTPUT_ORDERS if turned >= REVOLUTION else 0
     try:
@@ -71,20 +81,37 @@ def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 
         return _unknown("encoder_skew", str(error))
     lines = [BudgetLine("scatter between stretches", "A", deviation)]
     if viscous_windup > 0.0:
-        lines.append(BudgetLine("viscous wind-up c/K", "B", viscous_windup, "proportional to speed as the skew is"))
-    found = Estimate("encoder_skew", value, "s", value - half, value + half, "yes", "", tuple(lines))
-    notes = [] if orders else [f"only {turned / REVOLUTION:.2f} output revolutions: its orders are in the scatter"]
+        lines.append(
+            BudgetLine(
+                "viscous wind-up c/K", "B", viscous_windup, "proportional to speed as the skew is"
+            )
+        )
+    found = Estimate(
+        "encoder_skew", value, "s", value - half, value + half, "yes", "", tuple(lines)
+    )
+    notes = (
+        []
+        if orders
+        else [f"only {turned / REVOLUTION:.2f} output revolutions: its orders are in the scatter"]
+    )
     if half > needed:
         notes.append(f"the scatter allows {half:.2g} s, {needed:.2g} s were needed")
         return _judged(found, "no", notes)
     if found.expanded_uncertainty > needed:
-        notes.append("skew and viscous wind-up together; what is proportional to speed is known, not which of them it is")
+        notes.append(
+            "skew and viscous wind-up together; what is proportional to speed is known, not which of them it is"
+        )
         return _judged(found, "weakly", notes)
     return _judged(found, "weakly" if notes else "yes", notes)
 
 
 def torque_skew(
-    first: Array, second: Array, interval: float, needed: float, starts: NDArray[np.int64], quantum: float = 0.0
+    first: Array,
+    second: Array,
+    interval: float,
+    needed: float,
+    starts: NDArray[np.int64],
+    quantum: float = 0.0,
 ) -> Estimate:
     """How much later `second` (n,) shows a torque than `first` (n,) [s], both sampled every `interval` [s].
 
@@ -100,17 +127,37 @@ def torque_skew(
     lines = [BudgetLine("scatter between pieces", "A", error)]
     if not isinstance(longer, str):
         # Torque that is faster than half the sampling rate appears slow, with a delay of its own.
-        lines.append(BudgetLine("choice of the window", "B", abs(longer[0] - delay), "aliased ripple changes with it"))
-    estimate = Estimate("torque_skew", delay, "s", delay - half, delay + half, "yes", "", tuple(lines))
+        lines.append(
+            BudgetLine(
+                "choice of the window",
+                "B",
+                abs(longer[0] - delay),
+                "aliased ripple changes with it",
+            )
+        )
+    estimate = Estimate(
+        "torque_skew", delay, "s", delay - half, delay + half, "yes", "", tuple(lines)
+    )
     if half > needed:
-        return _judged(estimate, "no", [f"the scatter allows {half:.2g} s, {needed:.2g} s were needed"])
+        return _judged(
+            estimate, "no", [f"the scatter allows {half:.2g} s, {needed:.2g} s were needed"]
+        )
     if estimate.expanded_uncertainty > needed:
-        return _judged(estimate, "weakly", ["it changes with the window: the torque has ripple faster than the sampling"])
+        return _judged(
+            estimate,
+            "weakly",
+            ["it changes with the window: the torque has ripple faster than the sampling"],
+        )
     return estimate
 
 
 def _delay(
-    first: Array, second: Array, interval: float, starts: NDArray[np.int64], quantum: float, width: int
+    first: Array,
+    second: Array,
+    interval: float,
+    starts: NDArray[np.int64],
+    quantum: float,
+    width: int,
 ) -> tuple[float, float, float] | str:
     """Delay, its standard error and half its 95 % interval with one window; in words why there is none."""
     x, slope, y, blocks = _smoothed(first, second, interval, starts, width)
@@ -134,7 +181,8 @@ def _delay(
 def _fit(means: RevolutionMeans, orders: int) -> tuple[float, float, float]:
     """The factor of the speed, its standard error and half its 95 % interval, from the scatter between the stretches.
 
-    Few stretches say little about their own scatter: three of their degrees of freedom belong to offset, wind-up and skew.
+    Few stretches say little about their own scatter: three of their degrees of freedom belong to
+    offset, wind-up and skew.
     """
     angle = means.output_angle
     columns = [np.ones(len(angle)), np.sign(means.speed), means.speed]
@@ -143,8 +191,18 @@ def _fit(means: RevolutionMeans, orders: int) -> tuple[float, float, float]:
     starts = np.flatnonzero(np.diff(means.stretch, prepend=means.stretch[0] - 1))
     free = len(starts) - 3
     if free < 1:
-        raise IdentificationError("too few stretches of constant speed", where="encoder skew", value=len(starts), limit=">= 4")
-    fit = solve(np.column_stack(columns), means.offset, block_starts=starts.astype(np.float64), where="encoder skew")
+        raise IdentificationError(
+            "too few stretches of constant speed",
+            where="encoder skew",
+            value=len(starts),
+            limit=">= 4",
+        )
+    fit = solve(
+        np.column_stack(columns),
+        means.offset,
+        block_starts=starts.astype(np.float64),
+        where="encoder skew",
+    )
     deviation = float(fit.standard_error[2]) * math.sqrt(len(starts) / free)
     return float(fit.values[2]), deviation, deviation * student_quantile(free)
 
@@ -157,7 +215,12 @@ def _without_noise(
         return fit.values, fit.covariance
     window = _window(width)
     slope = np.convolve(window, [1.0, 0.0, -1.0]) / (2.0 * interval)
-    noise = len(design) * quantum**2 / 12.0 * np.diag([0.0, float(window @ window), float(slope @ slope)])
+    noise = (
+        len(design)
+        * quantum**2
+        / 12.0
+        * np.diag([0.0, float(window @ window), float(slope @ slope)])
+    )
     normal = design.T @ design
     if np.any(np.linalg.eigvalsh(normal - 2.0 * noise) <= 0.0):
         # Hardly more than quantisation: nothing is made of it.
@@ -192,8 +255,15 @@ def _smoothed(
 
 def _judged(found: Estimate, verdict: str, notes: list[str]) -> Estimate:
     return Estimate(
-        found.name, found.value, found.unit, found.low, found.high, verdict, "; ".join(notes), found.budget  # type: ignore[arg-type]
-    )  # fmt: skip
+        found.name,
+        found.value,
+        found.unit,
+        found.low,
+        found.high,
+        verdict,
+        "; ".join(notes),
+        found.budget,  # type: ignore[arg-type]
+    )
 
 
 def _unknown(name: str, why: str) -> Estimate:

@@ -1,8 +1,9 @@
 """One velocity step as arrays, the motion that its input prescribes, and the scores of a prediction.
 
-Scored is x = theta_o - theta_i/N - ke, never the raw angle (a rigid gear is almost perfect there), and the output's speed,
-against the null models rigid (theta_i/N) and rigid with kinematic error (x = 0). Speeds are slopes of local polynomials; the
-prediction goes through the same window as the measurement.
+Scored is x = theta_o - theta_i/N - ke, never the raw angle (a rigid gear is almost perfect there),
+and the output's speed, against the null models rigid (theta_i/N) and rigid with kinematic error (x
+= 0). Speeds are slopes of local polynomials; the prediction goes through the same window as the
+measurement.
 """
 
 from __future__ import annotations
@@ -57,29 +58,42 @@ def step_data(
 ) -> StepData:
     """Check and bundle the channels of one step, which begins at rest; time are the stamps of the samples [s]."""
     clock = increasing("time", time, minimum=64)
-    clock, theta_i, theta_o = channels(64, time=clock, input_angle=input_angle, output_angle=output_angle)
-    for name, value in (("ratio", ratio), ("output_quantum", output_quantum), ("input_quantum", input_quantum)):
+    clock, theta_i, theta_o = channels(
+        64, time=clock, input_angle=input_angle, output_angle=output_angle
+    )
+    for name, value in (
+        ("ratio", ratio),
+        ("output_quantum", output_quantum),
+        ("input_quantum", input_quantum),
+    ):
         positive(name, value)
     travel_in, travel_out = theta_i[-1] - theta_i[0], theta_o[-1] - theta_o[0]
     if abs(travel_in) < math.pi:
-        raise IdentificationError("hardly moves", where="input_angle", value=f"{travel_in:.3g} rad", limit="> pi rad")
+        raise IdentificationError(
+            "hardly moves", where="input_angle", value=f"{travel_in:.3g} rad", limit="> pi rad"
+        )
     slack = 4.0 * output_quantum + 0.02 * abs(travel_in) / ratio + 60.0 * ARCSEC
     if abs(travel_out - travel_in / ratio) > slack:
         seen = travel_in / travel_out if travel_out else math.inf
         raise IdentificationError(
-            "the encoders show another ratio than the one stated", where="ratio", value=f"stated {ratio:g}, seen {seen:.5g}",
+            "the encoders show another ratio than the one stated",
+            where="ratio",
+            value=f"stated {ratio:g}, seen {seen:.5g}",
             remedy="Check ratio, mounting, signs, lines and multiplication of both encoders.",
-        )  # fmt: skip
-    return StepData(clock, theta_i, theta_o, ratio, output_quantum, input_quantum, tuple(kinematic_error))
+        )
+    return StepData(
+        clock, theta_i, theta_o, ratio, output_quantum, input_quantum, tuple(kinematic_error)
+    )
 
 
 @dataclass(frozen=True)
 class StepScore:
     """How a prediction of the output does against rigid gears, on one step. Speeds [rad/s], deviations x [rad].
 
-    skill: 1 - SSE/SSE(rigid with kinematic error) on x; skill_rigid: against the rigid gear; skill_speed: on the output
-    speed; mse_speed: normalised (form of equation 22); rms [rad], rms_speed [rad/s]; overshoot and ripple (p-p) relative to the
-    steady output speed, measured and predicted.
+    skill: 1 - SSE/SSE(rigid with kinematic error) on x; skill_rigid: against the rigid gear;
+    skill_speed: on the output speed; mse_speed: normalised (form of equation 22); rms [rad],
+    rms_speed [rad/s]; overshoot and ripple (p-p) relative to the steady output speed, measured and
+    predicted.
     """
 
     metrics: dict[str, float]
@@ -162,7 +176,9 @@ def score_step(data: StepData, predicted: ArrayLike, *, ideal: Array | None = No
         curve = speeds[name] / steady
         metrics[f"overshoot_{name}"] = float(curve.max()) - 1.0
         metrics[f"ripple_{name}"] = float(np.ptp(curve[last]))
-    return StepScore(metrics, data.time, speeds["measured"], speeds["predicted"], speeds["rigid"], x, x_hat)
+    return StepScore(
+        metrics, data.time, speeds["measured"], speeds["predicted"], speeds["rigid"], x, x_hat
+    )
 
 
 def _skill(sse: float, null: float) -> float:

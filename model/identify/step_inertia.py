@@ -2,8 +2,9 @@
 
     T = J_i theta_i'' + J_o (1/N + ke'(theta_i)) theta_o'' + friction
 
-The output's acceleration is that of the identified mode, free of counting noise. Torque and regressors get the average that
-local polynomials put on the input's acceleration (parallel filter). Together with K/J_o the inertia gives the stiffness.
+The output's acceleration is that of the identified mode, free of counting noise. Torque and
+regressors get the average that local polynomials put on the input's acceleration (parallel filter).
+Together with K/J_o the inertia gives the stiffness.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ class InertiaFit:
 def _averaged(values: Array, width: int) -> Array:
     """The average that the second derivative of a local polynomial contains, along the samples of (n,) or (n, k).
 
-    Slope of slope over a window is a weighted mean of the true acceleration; torque and regressors get the same weights.
+    Slope of slope over a window is a weighted mean of the true acceleration; torque and regressors
+    get the same weights.
     """
     second = scipy.signal.savgol_coeffs(width, DEGREE, deriv=2, use="dot")
     kernel = np.cumsum(np.cumsum(second))[:-2]
@@ -68,13 +70,16 @@ def fit_step_inertia(
         T = J_i theta_i'' + J_o (1/N + ke'(theta_i)) theta_o''
             + {F_c + F_1 exp(-|theta_i'|/v_s) + F_2 ke'(theta_i)} sgn theta_i' + F_v theta_i' + T_0
 
-    Torque and regressors get the average that the local polynomials put on the acceleration. theta_o'' (and with it the
-    torque in the gear) is that of the identified mode. The lag of the torque port [s] is a nuisance, taken from `lags`. J_o
-    shows only where the output rings: its interval says how well.
+    Torque and regressors get the average that the local polynomials put on the acceleration.
+    theta_o'' (and with it the torque in the gear) is that of the identified mode. The lag of the
+    torque port [s] is a nuisance, taken from `lags`. J_o shows only where the output rings: its
+    interval says how well.
     """
     (effort,) = channels(64, torque=torque)
     period = float(np.median(np.diff(data.time)))
-    motion = speed_from_counts(data.time, data.input_angle, data.input_quantum, window=INPUT_WIDTH * period)
+    motion = speed_from_counts(
+        data.time, data.input_angle, data.input_quantum, window=INPUT_WIDTH * period
+    )
     moving = np.tanh(motion.speed / SPEED_SMOOTHING)
     lever = 1.0 / data.ratio + series_slope(data.kinematic_error, motion.angle)
     slope = np.sign(data.target) * moving * (lever - 1.0 / data.ratio) * data.ratio
@@ -87,11 +92,17 @@ def fit_step_inertia(
     for lag in np.asarray(lags, dtype=np.float64):
         alpha = np.interp(data.time - lag, data.time, motion.acceleration)
         output = np.interp(data.time - lag, data.time, fit.predicted_acceleration * lever)
-        design = np.column_stack([output, alpha, moving, motion.speed, np.ones_like(alpha), falling, slope])
+        design = np.column_stack(
+            [output, alpha, moving, motion.speed, np.ones_like(alpha), falling, slope]
+        )
         others = [0, 2, 3, 5, 6]
         design[:, others] = _averaged(design[:, others], width)
         kept = slice(width, -width)
-        found = solve(design[kept] * weight[kept, None], smooth[kept] * weight[kept], where="torque of the step")
+        found = solve(
+            design[kept] * weight[kept, None],
+            smooth[kept] * weight[kept],
+            where="torque of the step",
+        )
         if best is None or found.relative_error < best[0]:
             best = (found.relative_error, float(lag), found)
     assert best is not None
@@ -110,21 +121,32 @@ def fit_step_inertia(
         if name == "output_inertia":
             half = math.hypot(0.5 * (high - low), 2.0 * abs(value) * _ring_error(data, fit))
             low, high = value - half, value + half
-        known: Identifiable = "yes" if high - low < abs(value) else "weakly" if high - low < 4 * abs(value) else "no"
+        known: Identifiable = (
+            "yes" if high - low < abs(value) else "weakly" if high - low < 4 * abs(value) else "no"
+        )
         known = "no" if name == "output_inertia" and not fit.resolvable else known
         estimates[name] = Estimate(
             name, value, unit, low, high, known, "" if known == "yes" else "the output hardly rings"
         )
     ratio, inertia = fit.estimates["stiffness_over_inertia"], estimates["output_inertia"]
-    relative = 0.5 * math.hypot((inertia.high - inertia.low) / inertia.value, (ratio.high - ratio.low) / ratio.value)
+    relative = 0.5 * math.hypot(
+        (inertia.high - inertia.low) / inertia.value, (ratio.high - ratio.low) / ratio.value
+    )
     stiffness = ratio.value * inertia.value
     half = abs(stiffness) * relative
     estimates["output_stiffness"] = Estimate(
-        "output_stiffness", stiffness, "N m/rad", stiffness - half, stiffness + half, inertia.identifiable,
+        "output_stiffness",
+        stiffness,
+        "N m/rad",
+        stiffness - half,
+        stiffness + half,
+        inertia.identifiable,
         "dynamic, small-signal: from the resonance, not from a loaded output",
-    )  # fmt: skip
+    )
     warnings = (
-        () if inertia.identifiable == "yes" else ("The torque of this step does not identify the output's inertia.",)
+        ()
+        if inertia.identifiable == "yes"
+        else ("The torque of this step does not identify the output's inertia.",)
     )
     return InertiaFit(
         estimates,

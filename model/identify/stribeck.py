@@ -2,9 +2,10 @@
 
     F(v) = F_c + (F_s - F_c) exp[-(v/v_s)^sigma] + c_v v        v = |theta_i'|        (equation 19)
 
-For given (v_s, sigma) the curve is linear in F_c, F_s - F_c and c_v, so only two parameters are searched (variable projection;
-Golub and Pereyra 1973): a coarse grid, then Levenberg-Marquardt on the projected residual. Intervals are where the profile
-of chi-square has risen by the quantile of F(1, n - 5), so that they are as skew as the likelihood is.
+For given (v_s, sigma) the curve is linear in F_c, F_s - F_c and c_v, so only two parameters are
+searched (variable projection; Golub and Pereyra 1973): a coarse grid, then Levenberg-Marquardt on
+the projected residual. Intervals are where the profile of chi-square has risen by the quantile of
+F(1, n - 5), so that they are as skew as the likelihood is.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ class StribeckBounds:
 class StribeckFit:
     """Best parameters (5,) in the order of `NAMES`, chi-square, degrees of freedom, linearised covariance (5, 5).
 
-    `scale` multiplies the stated errors so that chi-square per degree of freedom is at least one (Birge ratio, squared).
-    at_bound: names of parameters that stopped at a bound.
+    `scale` multiplies the stated errors so that chi-square per degree of freedom is at least one
+    (Birge ratio, squared). at_bound: names of parameters that stopped at a bound.
     """
 
     values: Array
@@ -68,27 +69,45 @@ def stribeck_jacobian(speed: Array, values: Array) -> Array:
     power = ratio**shape
     decay = np.exp(-power)
     drop = (static - coulomb) * decay * power
-    return np.column_stack([1.0 - decay, decay, drop * shape / velocity, -drop * np.log(ratio), speed])
+    return np.column_stack(
+        [1.0 - decay, decay, drop * shape / velocity, -drop * np.log(ratio), speed]
+    )
 
 
-def _checked(speed: ArrayLike, force: ArrayLike, standard_error: ArrayLike) -> tuple[Array, Array, Array]:
-    v, f, u = channels(6, speed=np.abs(np.asarray(speed, dtype=np.float64)), force=force, standard_error=standard_error)
+def _checked(
+    speed: ArrayLike, force: ArrayLike, standard_error: ArrayLike
+) -> tuple[Array, Array, Array]:
+    v, f, u = channels(
+        6,
+        speed=np.abs(np.asarray(speed, dtype=np.float64)),
+        force=force,
+        standard_error=standard_error,
+    )
     if v.min() <= 0.0:
         raise IdentificationError(
             "needs speeds other than zero", where="speed", value=float(v.min()), limit="> 0 rad/s"
         )
     if u.min() <= 0.0:
-        raise IdentificationError("must be above zero", where="standard_error", value=float(u.min()), limit="> 0")
+        raise IdentificationError(
+            "must be above zero", where="standard_error", value=float(u.min()), limit="> 0"
+        )
     if len(np.unique(np.round(v, 9))) < 6:
         raise IdentificationError(
-            "has too few different speeds for five parameters", where="speed", value=len(np.unique(np.round(v, 9))), limit=">= 6",
+            "has too few different speeds for five parameters",
+            where="speed",
+            value=len(np.unique(np.round(v, 9))),
+            limit=">= 6",
             remedy="Measure at more speeds, dense at the low end.",
-        )  # fmt: skip
+        )
     return v, f, u
 
 
 def fit_stribeck(
-    speed: ArrayLike, force: ArrayLike, standard_error: ArrayLike, *, bounds: StribeckBounds | None = None
+    speed: ArrayLike,
+    force: ArrayLike,
+    standard_error: ArrayLike,
+    *,
+    bounds: StribeckBounds | None = None,
 ) -> StribeckFit:
     """The five parameters of equation 19 from forces [N] at speeds [rad/s] with standard errors [N], all of shape (n,).
 
@@ -101,33 +120,56 @@ def fit_stribeck(
     high = max(min(limits[0, 1], math.log(v.max())), low + 1.0)
     grid_v, grid_s = np.linspace(low, high, 14), np.clip(np.log([0.5, 0.8, 1.2, 2.0]), *limits[1])
     chi, best, linear = _search(v, f, weight, limits, grid_v, grid_s)
-    values = np.array([linear[0], linear[0] + linear[1], math.exp(best[0]), math.exp(best[1]), linear[2]])
+    values = np.array(
+        [linear[0], linear[0] + linear[1], math.exp(best[0]), math.exp(best[1]), linear[2]]
+    )
     jacobian = stribeck_jacobian(v, values)
     freedom = len(v) - 5
     scale = max(1.0, chi / max(freedom, 1))
     information = (jacobian * weight[:, None]).T @ (jacobian * weight[:, None])
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     covariance = (
-        scale * np.linalg.pinv(information / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
+        scale
+        * np.linalg.pinv(information / np.outer(size, size), rcond=1e-12, hermitian=True)
+        / np.outer(size, size)
     )
     at_bound = [
-        name for name, k in (("stribeck_velocity", 0), ("shape", 1)) if np.min(np.abs(limits[k] - best[k])) < 1e-6
+        name
+        for name, k in (("stribeck_velocity", 0), ("shape", 1))
+        if np.min(np.abs(limits[k] - best[k])) < 1e-6
     ]
-    at_bound += [name for name, value in (("coulomb", linear[0]), ("viscous", linear[2])) if value <= 0.0]
+    at_bound += [
+        name for name, value in (("coulomb", linear[0]), ("viscous", linear[2])) if value <= 0.0
+    ]
     if linear[1] <= 0.0:
         at_bound.append("static")
     return StribeckFit(
-        values, float(chi), freedom, float(scale), covariance, stribeck_curve(v, values), jacobian, tuple(at_bound)
+        values,
+        float(chi),
+        freedom,
+        float(scale),
+        covariance,
+        stribeck_curve(v, values),
+        jacobian,
+        tuple(at_bound),
     )
 
 
 def _search(
     v: Array, f: Array, weight: Array, limits: Array, grid_v: Array, grid_s: Array
 ) -> tuple[float, Array, Array]:
-    """The best of a coarse grid of (log v_s, log sigma), then descent from its two best cells that are not neighbours."""
+    """The best of a coarse grid of (log v_s, log sigma), then descent from its two best cells that
+    are not neighbours.
+    """
     residual, linear = np.empty_like(v), np.zeros(3)
     cells = [
-        (kernels.stribeck_inner(v, f, weight, math.exp(x), math.exp(s), kernels.FREE, 0.0, linear, residual), x, s)
+        (
+            kernels.stribeck_inner(
+                v, f, weight, math.exp(x), math.exp(s), kernels.FREE, 0.0, linear, residual
+            ),
+            x,
+            s,
+        )
         for x in grid_v.tolist()
         for s in grid_s.tolist()
     ]
@@ -137,7 +179,9 @@ def _search(
     found = []
     for _, x, s in (cells[0], *apart[:1]):
         start, linear = np.array([x, s]), np.zeros(3)
-        chi = kernels.stribeck_descend(v, f, weight, start, hold, kernels.FREE, 0.0, limits, 60, linear)
+        chi = kernels.stribeck_descend(
+            v, f, weight, start, hold, kernels.FREE, 0.0, limits, 60, linear
+        )
         found.append((float(chi), start, linear))
     return min(found, key=lambda item: item[0])
 
@@ -166,12 +210,25 @@ def profile_intervals(
     steps[2:4] = np.minimum(errors[2:4] / fit.values[2:4], 1.0)
     steps = np.where(steps > 0.0, 1.8 * steps, 0.1 * np.maximum(np.abs(start), 1e-3))
     ceiling = 20.0 * max(float(np.max(np.abs(f))), 1e-12)
-    ends = np.array([[0.0, ceiling], [0.0, ceiling], limits[0], limits[1], [0.0, ceiling / max(float(v.min()), 1e-6)]])
+    ends = np.array(
+        [
+            [0.0, ceiling],
+            [0.0, ceiling],
+            limits[0],
+            limits[1],
+            [0.0, ceiling / max(float(v.min()), 1e-6)],
+        ]
+    )
     profile = _Profile(v, f, 1.0 / u, limits, optimum, fit.chi_square)
     found = np.array(
-        [[profile.end(k, float(start[k]), sign * float(steps[k]), float(ends[k, i]), rise) for i, sign in enumerate((-1.0, 1.0))]
-         for k in range(5)]
-    )  # fmt: skip
+        [
+            [
+                profile.end(k, float(start[k]), sign * float(steps[k]), float(ends[k, i]), rise)
+                for i, sign in enumerate((-1.0, 1.0))
+            ]
+            for k in range(5)
+        ]
+    )
     found[2:4] = np.exp(found[2:4])
     return found
 
@@ -188,13 +245,26 @@ class _Profile:
     lowest: float
 
     def root(self, which: int, place: float, start: Array) -> float:
-        """Square root of the rise of chi-square with parameter `which` held; `start` follows the optimum of the others."""
+        """Square root of the rise of chi-square with parameter `which` held; `start` follows the
+        optimum of the others.
+        """
         hold = np.zeros(2, dtype=np.int64)
-        mode = {0: kernels.FIXED_COULOMB, 1: kernels.FIXED_STATIC, 4: kernels.FIXED_VISCOUS}.get(which, kernels.FREE)
+        mode = {0: kernels.FIXED_COULOMB, 1: kernels.FIXED_STATIC, 4: kernels.FIXED_VISCOUS}.get(
+            which, kernels.FREE
+        )
         if which in (2, 3):
             start[which - 2], hold[which - 2] = place, 1
         chi = kernels.stribeck_descend(
-            self.speed, self.force, self.weight, start, hold, mode, place, self.limits, 20, np.zeros(3)
+            self.speed,
+            self.force,
+            self.weight,
+            start,
+            hold,
+            mode,
+            place,
+            self.limits,
+            20,
+            np.zeros(3),
         )
         return math.sqrt(max(float(chi) - self.lowest, 0.0))
 
@@ -251,12 +321,20 @@ def fit_stribeck_genetic(
     bounds: StribeckBounds | None = None,
     generations: int = 400,
 ) -> GeneticFit:
-    """Equation 19 by differential evolution, as in the paper, for comparison with `fit_stribeck`; same data, same bounds."""
+    """Equation 19 by differential evolution, as in the paper, for comparison with `fit_stribeck`;
+    same data, same bounds.
+    """
     v, f, u = _checked(speed, force, standard_error)
     box = StribeckBounds() if bounds is None else bounds
     top = 3.0 * float(np.max(np.abs(f)))
     slope = 3.0 * float(np.max(np.abs(f)) / v.max())
-    ranges = [(0.0, top), (0.0, top), np.log(box.stribeck_velocity), np.log(box.shape), (0.0, slope)]
+    ranges = [
+        (0.0, top),
+        (0.0, top),
+        np.log(box.stribeck_velocity),
+        np.log(box.shape),
+        (0.0, slope),
+    ]
 
     def chi_square(x: Array) -> Array:
         coulomb, drop, velocity, shape, viscous = x
@@ -277,4 +355,6 @@ def fit_stribeck_genetic(
     )
     coulomb, drop, velocity, shape, viscous = result.x
     values = np.array([coulomb, coulomb + drop, math.exp(velocity), math.exp(shape), viscous])
-    return GeneticFit(values, float(np.sum(result.fun)), (int(result.nit) + 1) * len(result.population))
+    return GeneticFit(
+        values, float(np.sum(result.fun)), (int(result.nit) + 1) * len(result.population)
+    )

@@ -34,10 +34,12 @@ def curve_over_output(fit: AngleFit, highest_order: float) -> tuple[Array, Array
 
 
 def transmission_accuracy(fit: AngleFit, highest_order: float) -> tuple[Estimate, Array, Array]:
-    """Largest positive plus largest negative deviation of the fitted curve over one output revolution, with 95 % interval.
+    """Largest positive plus largest negative deviation of the fitted curve over one output
+    revolution, with 95 % interval.
 
-    Returns the estimate, and the curve with its input angles. The interval is that of the difference of the fitted curve at
-    its two extremes; extremes of a noisy curve lie too far apart by less than that.
+    Returns the estimate, and the curve with its input angles. The interval is that of the
+    difference of the fitted curve at its two extremes; extremes of a noisy curve lie too far apart
+    by less than that.
     """
     angle, curve = curve_over_output(fit, highest_order)
     top, bottom = int(np.argmax(curve)), int(np.argmin(curve))
@@ -48,13 +50,18 @@ def transmission_accuracy(fit: AngleFit, highest_order: float) -> tuple[Estimate
     gradient[2::2] = use * (np.cos(orders * angle[top]) - np.cos(orders * angle[bottom]))
     gradient[3::2] = use * (np.sin(orders * angle[top]) - np.sin(orders * angle[bottom]))
     half = fit.quantile() * math.sqrt(max(float(gradient @ fit.covariance @ gradient), 0.0))
-    return Estimate("transmission_accuracy", value, "rad", max(value - half, 0.0), value + half), angle, curve
+    return (
+        Estimate("transmission_accuracy", value, "rad", max(value - half, 0.0), value + half),
+        angle,
+        curve,
+    )
 
 
 def measured_curve(fit: AngleFit) -> tuple[Array, Array, Array]:
     """The kinematic error averaged per cell of input angle, and the fit averaged over the same samples.
 
-    Constant and trend are taken out of both. Returns input angles in [0, 2 pi), measured and fitted, shape (cells filled,).
+    Constant and trend are taken out of both. Returns input angles in [0, 2 pi), measured and
+    fitted, shape (cells filled,).
     """
     sums = fit.sums
     counts = sums.bin_basis[:, 0]

@@ -14,40 +14,121 @@ from numba import njit
 
 # State. W..UO are the linear part: speeds absolute, displacements relative to the rigid gear (x2 - lambda theta, ...).
 (
-    W, R2, V2, R1, U1, RO, UO, THETA, ERROR, SLOPE, INTEGRAL, FILTER, TICK, RAMP, PORT, FRICTION, WINDUP, HYSTERESIS,
-    TORSION, HOUSING, MOTOR, ACCELERATION, OUTPUT_ACCELERATION, OUTPUT_FRICTION, LOAD, WEDGE, EXTRA,
+    W,
+    R2,
+    V2,
+    R1,
+    U1,
+    RO,
+    UO,
+    THETA,
+    ERROR,
+    SLOPE,
+    INTEGRAL,
+    FILTER,
+    TICK,
+    RAMP,
+    PORT,
+    FRICTION,
+    WINDUP,
+    HYSTERESIS,
+    TORSION,
+    HOUSING,
+    MOTOR,
+    ACCELERATION,
+    OUTPUT_ACCELERATION,
+    OUTPUT_FRICTION,
+    LOAD,
+    WEDGE,
+    EXTRA,
     FORCE,
-) = range(28)  # fmt: skip
+) = range(28)
 STATE_SIZE = 28
 
 # Physics.
 (
-    H, LAMBDA, INVERSE_RATIO, RADIUS, TANGENT, K_B, C_B, ERROR_TURNS, ERROR_POINTS, FRICTION_SCALE, FRICTION_LAST,
-    MOTOR_COULOMB, MOTOR_VISCOUS, BEARING_LOW, DEPTH, KINK_1, KINK_2, EXTRA_2, EXTRA_3, HYSTERESIS_STIFFNESS,
-    HYSTERESIS_LIMIT, OUTPUT_COULOMB, OUTPUT_VISCOUS, PORT_STEP, TORQUE_FACTOR, TORQUE_PER_KELVIN, COULOMB_PER_KELVIN,
-    VISCOUS_PER_KELVIN, MOTOR_PER_KELVIN, AMBIENT, HOUSING_REFERENCE, MOTOR_REFERENCE, HOUSING_STEP, MOTOR_STEP,
-    HOUSING_LOSS, MOTOR_LOSS, COUPLING, COPPER, COGGING_POINTS, ELASTIC, CUP,
-) = range(41)  # fmt: skip
+    H,
+    LAMBDA,
+    INVERSE_RATIO,
+    RADIUS,
+    TANGENT,
+    K_B,
+    C_B,
+    ERROR_TURNS,
+    ERROR_POINTS,
+    FRICTION_SCALE,
+    FRICTION_LAST,
+    MOTOR_COULOMB,
+    MOTOR_VISCOUS,
+    BEARING_LOW,
+    DEPTH,
+    KINK_1,
+    KINK_2,
+    EXTRA_2,
+    EXTRA_3,
+    HYSTERESIS_STIFFNESS,
+    HYSTERESIS_LIMIT,
+    OUTPUT_COULOMB,
+    OUTPUT_VISCOUS,
+    PORT_STEP,
+    TORQUE_FACTOR,
+    TORQUE_PER_KELVIN,
+    COULOMB_PER_KELVIN,
+    VISCOUS_PER_KELVIN,
+    MOTOR_PER_KELVIN,
+    AMBIENT,
+    HOUSING_REFERENCE,
+    MOTOR_REFERENCE,
+    HOUSING_STEP,
+    MOTOR_STEP,
+    HOUSING_LOSS,
+    MOTOR_LOSS,
+    COUPLING,
+    COPPER,
+    COGGING_POINTS,
+    ELASTIC,
+    CUP,
+) = range(41)
 PHYSICS_SIZE = 41
 
 # Servo: gains and limits that a drive can be told; rates are per servo period.
 (
-    GAIN, INTEGRAL_STEP, FILTER_STEP, PERIOD_STEPS, TORQUE_LIMIT, SPEED_LIMIT, RATE_UP, RATE_DOWN, RATE_QUICK_STOP,
+    GAIN,
+    INTEGRAL_STEP,
+    FILTER_STEP,
+    PERIOD_STEPS,
+    TORQUE_LIMIT,
+    SPEED_LIMIT,
+    RATE_UP,
+    RATE_DOWN,
+    RATE_QUICK_STOP,
     GUARD_GAIN,
-) = range(10)  # fmt: skip
+) = range(10)
 SERVO_SIZE = 10
 
 OFF, SPEED, TORQUE, QUICK_STOP = 0, 1, 2, 3
 
 # Columns of a row: what is true at a SYNC instant, before this cycle's set-point acts.
 (
-    ROW_INPUT_ANGLE, ROW_INPUT_SPEED, ROW_INPUT_ACCELERATION, ROW_OUTPUT_ANGLE, ROW_OUTPUT_SPEED,
-    ROW_OUTPUT_ACCELERATION, ROW_TORQUE_REFERENCE, ROW_PORT_TORQUE, ROW_FRICTION, ROW_WEDGE_TORQUE, ROW_WINDUP_TORQUE,
-    ROW_SPEED_REFERENCE, ROW_HOUSING, ROW_MOTOR,
-) = range(14)  # fmt: skip
+    ROW_INPUT_ANGLE,
+    ROW_INPUT_SPEED,
+    ROW_INPUT_ACCELERATION,
+    ROW_OUTPUT_ANGLE,
+    ROW_OUTPUT_SPEED,
+    ROW_OUTPUT_ACCELERATION,
+    ROW_TORQUE_REFERENCE,
+    ROW_PORT_TORQUE,
+    ROW_FRICTION,
+    ROW_WEDGE_TORQUE,
+    ROW_WINDUP_TORQUE,
+    ROW_SPEED_REFERENCE,
+    ROW_HOUSING,
+    ROW_MOTOR,
+) = range(14)
 ROW_SIZE = 14
 
-# Rows of the step matrix: the seven linear states, then the inputs; eight columns: the states and the increment of theta.
+# Rows of the step matrix: the seven linear states, then the inputs; eight columns: the states and
+# the increment of theta.
 STEP_TORQUE, STEP_ERROR_START, STEP_ERROR_END, STEP_OUTPUT = 7, 8, 9, 10
 STEP_ROWS = 11
 
@@ -70,9 +151,17 @@ def servo_reference(state, servo, mode, target):
         ramp = state[RAMP]
         slower = servo[RATE_DOWN] if mode == SPEED else servo[RATE_QUICK_STOP]
         if goal >= ramp:
-            ramp = min(goal, ramp + servo[RATE_UP]) if ramp >= 0.0 else min(goal, min(0.0, ramp + slower))
+            ramp = (
+                min(goal, ramp + servo[RATE_UP])
+                if ramp >= 0.0
+                else min(goal, min(0.0, ramp + slower))
+            )
         else:
-            ramp = max(goal, ramp - servo[RATE_UP]) if ramp <= 0.0 else max(goal, max(0.0, ramp - slower))
+            ramp = (
+                max(goal, ramp - servo[RATE_UP])
+                if ramp <= 0.0
+                else max(goal, max(0.0, ramp - slower))
+            )
         state[RAMP] = ramp
         difference = ramp - speed
         summed = state[INTEGRAL] + servo[INTEGRAL_STEP] * difference
@@ -94,7 +183,9 @@ def error_at(table, turns, points, angle):
     index = int(place)
     f = place - index
     c1, c2, c3 = table[index, 1], table[index, 2], table[index, 3]
-    return table[index, 0] + f * (c1 + f * (c2 + f * c3)), (c1 + f * (2.0 * c2 + 3.0 * f * c3)) * (turns * points)
+    return table[index, 0] + f * (c1 + f * (c2 + f * c3)), (c1 + f * (2.0 * c2 + 3.0 * f * c3)) * (
+        turns * points
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -141,13 +232,30 @@ def dahl(physics, torque, moved):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def advance(state, physics, servo, step, error_table, friction_table, cogging_table, mode, targets, substeps, rows):
+def advance(
+    state,
+    physics,
+    servo,
+    step,
+    error_table,
+    friction_table,
+    cogging_table,
+    mode,
+    targets,
+    substeps,
+    rows,
+):
     """Run one SYNC cycle of `substeps` per row of `rows` (n, ROW_SIZE), filled with what is true at each SYNC.
 
     `targets` (n,) acts from its row on; `error_table` (points, 4) holds cubic pieces of e over one period of the wedge;
     `friction_table` (points, 4) mesh dry, mesh viscous, bearing, wind-up over sqrt(|w|).
     """
-    h, lift, inverse_ratio, radius = physics[H], physics[LAMBDA], physics[INVERSE_RATIO], physics[RADIUS]
+    h, lift, inverse_ratio, radius = (
+        physics[H],
+        physics[LAMBDA],
+        physics[INVERSE_RATIO],
+        physics[RADIUS],
+    )
     tangent, k_b, c_b = physics[TANGENT], physics[K_B], physics[C_B]
     turns, points = physics[ERROR_TURNS], physics[ERROR_POINTS]
     last_friction = int(physics[FRICTION_LAST])
@@ -156,15 +264,30 @@ def advance(state, physics, servo, step, error_table, friction_table, cogging_ta
     elastic, hysteretic = physics[ELASTIC] > 0.0, physics[HYSTERESIS_LIMIT] > 0.0
     output_friction = physics[OUTPUT_COULOMB] > 0.0 or physics[OUTPUT_VISCOUS] > 0.0
     period = int(servo[PERIOD_STEPS])
-    w, r2, v2, r1, u1, ro, uo = state[W], state[R2], state[V2], state[R1], state[U1], state[RO], state[UO]
+    w, r2, v2, r1, u1, ro, uo = (
+        state[W],
+        state[R2],
+        state[V2],
+        state[R1],
+        state[U1],
+        state[RO],
+        state[UO],
+    )
     theta, e0, slope0 = state[THETA], state[ERROR], state[SLOPE]
     port, hysteresis, torsion = state[PORT], state[HYSTERESIS], state[TORSION]
     acceleration, output_acceleration = state[ACCELERATION], state[OUTPUT_ACCELERATION]
-    friction, windup, output_drag, wedge = state[FRICTION], state[WINDUP], state[OUTPUT_FRICTION], state[WEDGE]
+    friction, windup, output_drag, wedge = (
+        state[FRICTION],
+        state[WINDUP],
+        state[OUTPUT_FRICTION],
+        state[WEDGE],
+    )
     housing, motor = state[HOUSING], state[MOTOR]
     tick, force_before = int(state[TICK]), state[FORCE]
     next_state = state[:8].copy()
-    width = next_state.size  # not a constant, so that the loops over it become SIMD instead of being unrolled
+    width = (
+        next_state.size
+    )  # not a constant, so that the loops over it become SIMD instead of being unrolled
     extra = state[EXTRA]
     warming = physics[HOUSING_STEP] > 0.0
     dry_factor, viscous_factor, bearing_factor, motor_factor = 1.0, 1.0, 1.0, 1.0
@@ -197,7 +320,9 @@ def advance(state, physics, servo, step, error_table, friction_table, cogging_ta
             bearing_factor = thinner * thinner
             viscous_factor = bearing_factor * thinner
             motor_factor = 1.0 - physics[MOTOR_PER_KELVIN] * motor_warmer
-            torque_factor = physics[TORQUE_FACTOR] * (1.0 - physics[TORQUE_PER_KELVIN] * motor_warmer)
+            torque_factor = physics[TORQUE_FACTOR] * (
+                1.0 - physics[TORQUE_PER_KELVIN] * motor_warmer
+            )
         gear_heat = 0.0
         motor_heat = 0.0
         target = targets[k]
@@ -216,7 +341,9 @@ def advance(state, physics, servo, step, error_table, friction_table, cogging_ta
             # The wedge's error where the rotor will be, so that one look-up per step serves both ends of the hold.
             e1, slope1 = error_at(error_table, turns, points, theta + h * w)
             force = k_b * (e0 - r2) + c_b * ((lift + slope0) * w - v2)
-            torque = torque_factor * reference - (slope0 + slope1) * (0.75 * force - 0.25 * force_before)
+            torque = torque_factor * reference - (slope0 + slope1) * (
+                0.75 * force - 0.25 * force_before
+            )
             force_before = force
             output_torque = -state[LOAD]
             if elastic:
@@ -234,7 +361,9 @@ def advance(state, physics, servo, step, error_table, friction_table, cogging_ta
             if cogging > 0:
                 torque += cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
             speed = abs(w)
-            dry, viscous, bearing, wound = friction_at(friction_table, friction_scale, last_friction, speed)
+            dry, viscous, bearing, wound = friction_at(
+                friction_table, friction_scale, last_friction, speed
+            )
             sliding = 1.0 + slope0 * per_lift
             gear_part = (
                 sliding * (dry_factor * dry * (1.0 + depth * e0) + viscous_factor * viscous)
@@ -246,7 +375,10 @@ def advance(state, physics, servo, step, error_table, friction_table, cogging_ta
             for i in range(width):
                 next_state[i] = (
                     ((w * step[i] + r2 * step[8 + i]) + (v2 * step[16 + i] + r1 * step[24 + i]))
-                    + ((u1 * step[32 + i] + ro * step[40 + i]) + (uo * step[48 + i] + e0 * step[64 + i]))
+                    + (
+                        (u1 * step[32 + i] + ro * step[40 + i])
+                        + (uo * step[48 + i] + e0 * step[64 + i])
+                    )
                 ) + ((torque * step[56 + i] + output_torque * step[80 + i]) + e1 * step[72 + i])
             free = next_state[0]
             stuck = abs(free) <= rotor * bound
@@ -281,14 +413,33 @@ def advance(state, physics, servo, step, error_table, friction_table, cogging_ta
             duration = substeps * h
             copper = physics[COPPER] * state[FILTER] * state[FILTER] * duration
             exchanged = physics[COUPLING] * (motor - housing) * duration
-            housing_heat = gear_heat + exchanged - physics[HOUSING_LOSS] * (housing - physics[AMBIENT]) * duration
-            motor_heat += copper - exchanged - physics[MOTOR_LOSS] * (motor - physics[AMBIENT]) * duration
+            housing_heat = (
+                gear_heat
+                + exchanged
+                - physics[HOUSING_LOSS] * (housing - physics[AMBIENT]) * duration
+            )
+            motor_heat += (
+                copper - exchanged - physics[MOTOR_LOSS] * (motor - physics[AMBIENT]) * duration
+            )
             housing += physics[HOUSING_STEP] * housing_heat
             motor += physics[MOTOR_STEP] * motor_heat
-    state[W], state[R2], state[V2], state[R1], state[U1], state[RO], state[UO] = w, r2, v2, r1, u1, ro, uo
+    state[W], state[R2], state[V2], state[R1], state[U1], state[RO], state[UO] = (
+        w,
+        r2,
+        v2,
+        r1,
+        u1,
+        ro,
+        uo,
+    )
     state[THETA], state[ERROR], state[SLOPE] = theta, e0, slope0
     state[PORT], state[HYSTERESIS], state[TORSION] = port, hysteresis, torsion
     state[ACCELERATION], state[OUTPUT_ACCELERATION] = acceleration, output_acceleration
-    state[FRICTION], state[WINDUP], state[OUTPUT_FRICTION], state[WEDGE] = friction, windup, output_drag, wedge
+    state[FRICTION], state[WINDUP], state[OUTPUT_FRICTION], state[WEDGE] = (
+        friction,
+        windup,
+        output_drag,
+        wedge,
+    )
     state[HOUSING], state[MOTOR] = housing, motor
     state[TICK], state[EXTRA], state[FORCE] = tick, extra, force_before

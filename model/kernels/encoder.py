@@ -21,18 +21,23 @@ def count_at(angle, waves, quantum, offset):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def read_encoder(rows, column, sense, late, delay, waves, quantum, offset, mark, latch, counts, indices, seen):
+def read_encoder(
+    rows, column, sense, late, delay, waves, quantum, offset, mark, latch, counts, indices, seen
+):
     """Counts, latched index counts and whether a mark was seen, per row.
 
-    Angle, speed and acceleration stand in the columns from `column` on; `late` (n,) [s] is how late SYNC is, `delay` [s]
-    the encoder's own. The mark is one count wide: passed backwards it latches its far edge. `latch` (3,) is carried.
+    Angle, speed and acceleration stand in the columns from `column` on; `late` (n,) [s] is how late
+    SYNC is, `delay` [s] the encoder's own. The mark is one count wide: passed backwards it latches
+    its far edge. `latch` (3,) is carried.
     """
     turn = latch[TURN]
     latched = int(latch[LATCHED])
     known = latch[SEEN] > 0.0
     for k in range(rows.shape[0]):
         wait = late[k] + delay
-        angle = sense * (rows[k, column] + wait * (rows[k, column + 1] + 0.5 * wait * rows[k, column + 2]))
+        angle = sense * (
+            rows[k, column] + wait * (rows[k, column + 1] + 0.5 * wait * rows[k, column + 2])
+        )
         counts[k] = count_at(angle, waves, quantum, offset)
         now = math.floor((angle - mark) / (2.0 * math.pi))
         if now != turn:

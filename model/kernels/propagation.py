@@ -55,7 +55,13 @@ def friction_signals(speed, before, after, friction, mesh, bearing, jump):
     and `after` are the speeds next to this block. At a sample of zero speed the friction keeps the sign of the motion
     that ends there, and `jump` is the step to the sign of the motion that begins.
     """
-    coulomb, excess, stribeck, shape, viscous = friction[0], friction[1], friction[2], friction[3], friction[4]
+    coulomb, excess, stribeck, shape, viscous = (
+        friction[0],
+        friction[1],
+        friction[2],
+        friction[3],
+        friction[4],
+    )
     drag, product, least, smoothing = friction[5], friction[6], friction[7], friction[8]
     floor = drag * least ** (2.0 / 3.0) if least > 0.0 else 0.0
     n = speed.size
@@ -108,7 +114,9 @@ def _drive(n, gain, k, m, signals, loaded, track):
         f0, f1, f2 = gain[k, part, m, 0], gain[k, part, m, 1], gain[k, part, m, 2]
         f3, f4 = gain[k, part, m, 3], gain[k, part, m, 4]
         for i in range(n):
-            track[r, i] = f0 * signals[0, i] + f1 * signals[1, i] + f2 * signals[2, i] + f3 * signals[3, i]
+            track[r, i] = (
+                f0 * signals[0, i] + f1 * signals[1, i] + f2 * signals[2, i] + f3 * signals[3, i]
+            )
         if loaded:
             for i in range(n):
                 track[r, i] += f4 * signals[4, i]
@@ -125,17 +133,33 @@ def _observe(n, output, through, k, o, modes, signals, loaded, track, row):
         for i in range(n):
             row[i] += f4 * signals[4, i]
     for m in range(0, modes, 2):
-        a, b, c, d = output[k, o, 0, m], output[k, o, 1, m], output[k, o, 0, m + 1], output[k, o, 1, m + 1]
+        a, b, c, d = (
+            output[k, o, 0, m],
+            output[k, o, 1, m],
+            output[k, o, 0, m + 1],
+            output[k, o, 1, m + 1],
+        )
         r = 2 * m
         for i in range(n):
-            row[i] += a * track[r, i] - b * track[r + 1, i] + c * track[r + 2, i] - d * track[r + 3, i]
+            row[i] += (
+                a * track[r, i] - b * track[r + 1, i] + c * track[r + 2, i] - d * track[r + 3, i]
+            )
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def _advance_modes(n, k, first, decay, jump, kick, state, track):
     """Four modes of set k over a chunk, z' = E z + g: `track` holds g (rows real, imaginary) and then the states z."""
     a, b, c, d = first, first + 1, first + 2, first + 3
-    r0, r1, r2, r3, r4, r5, r6, r7 = 2 * a, 2 * a + 1, 2 * b, 2 * b + 1, 2 * c, 2 * c + 1, 2 * d, 2 * d + 1
+    r0, r1, r2, r3, r4, r5, r6, r7 = (
+        2 * a,
+        2 * a + 1,
+        2 * b,
+        2 * b + 1,
+        2 * c,
+        2 * c + 1,
+        2 * d,
+        2 * d + 1,
+    )
     ar, ai, br, bi = decay[k, 0, a], decay[k, 1, a], decay[k, 0, b], decay[k, 1, b]
     cr, ci, dr, di = decay[k, 0, c], decay[k, 1, c], decay[k, 0, d], decay[k, 1, d]
     xr, xi, yr, yi = state[k, 0, a], state[k, 1, a], state[k, 0, b], state[k, 1, b]
@@ -175,9 +199,27 @@ def _advance_dense(n, k, transition, jump, kick, state, track):
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
 def propagate(
-    angle, speed, before, after, load, ratio, series, friction, lever,
-    dense, decay, transition, gain, kick, output, through, state, stride, offset, result,
-):  # fmt: skip
+    angle,
+    speed,
+    before,
+    after,
+    load,
+    ratio,
+    series,
+    friction,
+    lever,
+    dense,
+    decay,
+    transition,
+    gain,
+    kick,
+    output,
+    through,
+    state,
+    stride,
+    offset,
+    result,
+):
     """Propagate a block for every parameter set and keep the outputs of every `stride`-th sample.
 
     Per set (first axis): `decay` (2, m) or `transition` (6, 6); `gain` (2, m, 5) and `kick` (2, m) drive the modes;
@@ -196,9 +238,18 @@ def propagate(
         left = speed[start - 1] if start > 0 else before
         right = speed[stop] if stop < angle.size else after
         input_signals(
-            angle[start:stop], speed[start:stop], left, right, load[start:stop], ratio, series, friction,
-            signals, slope, jump,
-        )  # fmt: skip
+            angle[start:stop],
+            speed[start:stop],
+            left,
+            right,
+            load[start:stop],
+            ratio,
+            series,
+            friction,
+            signals,
+            slope,
+            jump,
+        )
         begin = -start % stride
         kept = (n - begin + stride - 1) // stride if n > begin else 0
         for k in range(sets):
@@ -233,8 +284,12 @@ def refine(angle, speed, interval, load, steps, fine_angle, fine_speed, fine_loa
         arrive_rate = s * (3.0 * s - 2.0)
         for k in range(angle.size - 1):
             change = angle[k + 1] - angle[k]
-            fine_angle[k * steps + j] = angle[k] + rise * change + leave * speed[k] + arrive * speed[k + 1]
-            fine_speed[k * steps + j] = rise_rate * change + leave_rate * speed[k] + arrive_rate * speed[k + 1]
+            fine_angle[k * steps + j] = (
+                angle[k] + rise * change + leave * speed[k] + arrive * speed[k + 1]
+            )
+            fine_speed[k * steps + j] = (
+                rise_rate * change + leave_rate * speed[k] + arrive_rate * speed[k + 1]
+            )
         if load.size > 0:
             for k in range(angle.size - 1):
                 fine_load[k * steps + j] = load[k] + s * (load[k + 1] - load[k])

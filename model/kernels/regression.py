@@ -118,7 +118,21 @@ def close_group(group, rows, used, normal, right, bin_basis, bin_value, totals, 
 
 
 @njit(cache=True, nogil=True)
-def accumulate(angle, value, start, group, rows, normal, right, bin_basis, bin_value, totals, cells, last_cell, basis):
+def accumulate(
+    angle,
+    value,
+    start,
+    group,
+    rows,
+    normal,
+    right,
+    bin_basis,
+    bin_value,
+    totals,
+    cells,
+    last_cell,
+    basis,
+):
     """Add samples from `start` on until the block ends; returns the index of the first sample that was not taken.
 
     The block covers cells below `last_cell` in the direction of travel that `totals[5]` (+1 or -1) names.
@@ -134,7 +148,9 @@ def accumulate(angle, value, start, group, rows, normal, right, bin_basis, bin_v
         x = angle[k]
         cell = math.floor(x * per_angle)
         if cell != group[1] or group[0] == 0.0:
-            used = close_group(group, rows, used, normal, right, bin_basis, bin_value, totals, cells, basis)
+            used = close_group(
+                group, rows, used, normal, right, bin_basis, bin_value, totals, cells, basis
+            )
             if direction * (cell - last_cell) >= 0.0:
                 stop = k
                 break
@@ -200,8 +216,8 @@ def solve_masked(g00, g01, g02, g11, g12, g22, r0, r1, r2, u0, u1, u2):
 def stribeck_inner(speed, force, weight, velocity, shape, mode, fixed, parameters, residual):
     """Chi-square of the Stribeck curve (equation 19) with its linear parameters at their best non-negative values.
 
-    parameters receives F_c, F_s - F_c, c_v; residual the weighted residuals. In the profile of F_s the fixed value enters as
-    F_s exp(...) and the free column is 1 - exp(...).
+    parameters receives F_c, F_s - F_c, c_v; residual the weighted residuals. In the profile of F_s
+    the fixed value enters as F_s exp(...) and the free column is 1 - exp(...).
     """
     n = len(speed)
     g00, g01, g02, g11, g12, g22, r0, r1, r2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -258,7 +274,9 @@ def copy_into(target, source):
 
 
 @njit(cache=True, nogil=True)
-def stribeck_descend(speed, force, weight, start, hold, mode, fixed, bounds, iterations, parameters):
+def stribeck_descend(
+    speed, force, weight, start, hold, mode, fixed, bounds, iterations, parameters
+):
     """Levenberg-Marquardt in (log v_s, log sigma) on the projected residual; `hold` fixes one of them.
 
     start (2,) is changed in place to the optimum; bounds (2, 2) in log. Returns chi-square.
@@ -275,7 +293,15 @@ def stribeck_descend(speed, force, weight, start, hold, mode, fixed, bounds, ite
     phase, rounds, tries = 0, 0, 0
     while rounds < iterations:
         found = stribeck_inner(
-            speed, force, weight, math.exp(trial[0]), math.exp(trial[1]), mode, fixed, trial_parameters, moved
+            speed,
+            force,
+            weight,
+            math.exp(trial[0]),
+            math.exp(trial[1]),
+            mode,
+            fixed,
+            trial_parameters,
+            moved,
         )
         if phase == 0:
             chi = found

@@ -23,9 +23,12 @@ def make_port(name: str, request: BenchRequest) -> Bench:
     maker = BACKENDS.get(name)
     if maker is None:
         raise ConfigurationError(
-            "no such rig", where="--backend", value=repr(name), limit=", ".join((*BACKENDS, f"{REPLAY}RUN.h5")),
+            "no such rig",
+            where="--backend",
+            value=repr(name),
+            limit=", ".join((*BACKENDS, f"{REPLAY}RUN.h5")),
             remedy="Choose one of these.",
-        )  # fmt: skip
+        )
     return maker(request)
 
 
@@ -51,5 +54,9 @@ REPLAY = "replay:"
 """What stands before the run file in the name of a replay."""
 HARDWARE = "hardware"
 """The rig that the configuration describes."""
-BACKENDS: dict[str, Callable[[BenchRequest], Bench]] = {"sim": _simulated, "wire": _on_the_wire, HARDWARE: _hardware}
+BACKENDS: dict[str, Callable[[BenchRequest], Bench]] = {
+    "sim": _simulated,
+    "wire": _on_the_wire,
+    HARDWARE: _hardware,
+}
 """Every rig there is, by the name given to --backend; a replay is named by its file."""

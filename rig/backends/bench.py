@@ -17,9 +17,10 @@ from model.motor import ServoMotor
 class Bench:
     """A rig that can be run: its port, its clock, and whether its time is that of the wall.
 
-    Of a rig of hardware: `second_bus` opens another handle on its bus for the watchdog, `guard` reads the input of the guard's
-    contact (value, whether that means closed) once the rig is open, `reaction` [s] is how long an exchange may take,
-    `priority` and `lock_memory` are what the loop asks of the computer.
+    Of a rig of hardware: `second_bus` opens another handle on its bus for the watchdog, `guard`
+    reads the input of the guard's contact (value, whether that means closed) once the rig is open,
+    `reaction` [s] is how long an exchange may take, `priority` and `lock_memory` are what the loop
+    asks of the computer.
     """
 
     name: str
@@ -37,9 +38,10 @@ class Bench:
 class BenchRequest:
     """What a rig is asked for.
 
-    `gear` and `motor` are the nominal ones. On a simulated rig `seed` is the laboratory (its motor and instruments), seed
-    and `serial` together are the individual gear, seed and `protocol` together are the run (start angle, drift, noise).
-    `configuration` is the file that describes a rig of hardware.
+    `gear` and `motor` are the nominal ones. On a simulated rig `seed` is the laboratory (its motor
+    and instruments), seed and `serial` together are the individual gear, seed and `protocol`
+    together are the run (start angle, drift, noise). `configuration` is the file that describes a
+    rig of hardware.
     """
 
     gear: HarmonicDrive

@@ -1,7 +1,7 @@
 """The rig of hardware: what its configuration describes becomes drivers on a CAN bus, in real time.
 
-A bench whose devices call themselves simulated is marked SIMULATED however it is reached: nothing that came out of a simulator
-can be taken for a measurement.
+A bench whose devices call themselves simulated is marked SIMULATED however it is reached: nothing
+that came out of a simulator can be taken for a measurement.
 """
 
 from __future__ import annotations
@@ -32,27 +32,34 @@ from rig.config.objects import read_object
 from rig.errors import ConfigurationError
 
 _MODES = {
-    "cyclic velocity": OperationMode.CYCLIC_VELOCITY, "profile velocity": OperationMode.PROFILE_VELOCITY,
-    "cyclic torque": OperationMode.CYCLIC_TORQUE, "profile torque": OperationMode.PROFILE_TORQUE,
-}  # fmt: skip
+    "cyclic velocity": OperationMode.CYCLIC_VELOCITY,
+    "profile velocity": OperationMode.PROFILE_VELOCITY,
+    "cyclic torque": OperationMode.CYCLIC_TORQUE,
+    "profile torque": OperationMode.PROFILE_TORQUE,
+}
 
 
 def hardware(request: BenchRequest) -> Bench:
     """The rig that the request's configuration describes. Raises `ConfigurationError`; nothing is connected yet."""
     path = request.configuration or DEFAULT_PATH
     configuration = load_configuration(path)
-    config = can_rig_config(configuration, request.motor, path.parent, round(1e9 / request.sample_rate))
+    config = can_rig_config(
+        configuration, request.motor, path.parent, round(1e9 / request.sample_rate)
+    )
     bus, clock = bus_config(configuration), WallClock()
     port = CanRig(config, clock, lambda: open_raw_bus(bus), time_base=bus.time_base)
     real_time, guard = configuration.real_time, configuration.guard
     return Bench(
-        "hardware", port, clock, real_time=True,
+        "hardware",
+        port,
+        clock,
+        real_time=True,
         second_bus=lambda: open_raw_bus(bus),
         guard=None if guard is None else lambda: _read_guard(port, guard),
         reaction=real_time.reaction_ms * 1e-3,
         priority=real_time.scheduler_priority,
         lock_memory=real_time.lock_memory,
-    )  # fmt: skip
+    )
 
 
 def _read_guard(port: CanRig, guard: described.GuardInput) -> tuple[int, bool]:
@@ -64,10 +71,14 @@ def bus_config(configuration: RigConfiguration) -> BusConfig:
     """How python-can reaches the bus."""
     bus = configuration.bus
     stamps = None if bus.time_stamps == "automatic" else bus.time_stamps
-    return BusConfig(bus.interface, bus.channel, bus.bit_rate, bus.arguments, stamps, bus.own_node_id)
+    return BusConfig(
+        bus.interface, bus.channel, bus.bit_rate, bus.arguments, stamps, bus.own_node_id
+    )
 
 
-def can_rig_config(configuration: RigConfiguration, motor: ServoMotor, folder: Path, cycle_ns: int) -> CanRigConfig:
+def can_rig_config(
+    configuration: RigConfiguration, motor: ServoMotor, folder: Path, cycle_ns: int
+) -> CanRigConfig:
     """Drive, counters and modules as the drivers take them; EDS files are looked for in `folder`."""
     real_time = configuration.real_time
     return CanRigConfig(
@@ -75,13 +86,16 @@ def can_rig_config(configuration: RigConfiguration, motor: ServoMotor, folder: P
         drive=_drive(configuration.drive, folder),
         motor_encoder=_motor_encoder(configuration.motor_encoder, motor),
         counters=tuple(_counter(counter, folder) for counter in configuration.counters),
-        modules=tuple(_module(module, configuration, motor, folder) for module in configuration.analog_modules),
+        modules=tuple(
+            _module(module, configuration, motor, folder) for module in configuration.analog_modules
+        ),
         guard=_guard(configuration.guard),
         patience_cycles=real_time.patience_cycles,
         stale_cycles=real_time.stale_cycles,
         stamp_wrap_ns=round(configuration.bus.stamp_wrap_s * 1e9),
         own_node_id=configuration.bus.own_node_id,
-        title=configuration.rig.name + (f", {configuration.rig.location}" if configuration.rig.location else ""),
+        title=configuration.rig.name
+        + (f", {configuration.rig.location}" if configuration.rig.location else ""),
     )
 
 
@@ -91,9 +105,15 @@ def readout_config(configuration: RigConfiguration) -> ReadoutConfig | None:
     if found is None:
         return None
     return ReadoutConfig(
-        found.url, found.baud_rate, found.data_bits, found.parity, found.stop_bits, found.xon_xoff, found.storage_delay_ms,
+        found.url,
+        found.baud_rate,
+        found.data_bits,
+        found.parity,
+        found.stop_bits,
+        found.xon_xoff,
+        found.storage_delay_ms,
         found.answer_ms,
-    )  # fmt: skip
+    )
 
 
 def _description(name: str, folder: Path, node_id: int) -> DeviceDescription | None:
@@ -102,7 +122,9 @@ def _description(name: str, folder: Path, node_id: int) -> DeviceDescription | N
     try:
         return load_eds(folder / name, node_id)
     except DriverError as error:
-        raise ConfigurationError(f"the EDS cannot be used: {error}", where=f"node {node_id}", value=name) from error
+        raise ConfigurationError(
+            f"the EDS cannot be used: {error}", where=f"node {node_id}", value=name
+        ) from error
 
 
 def _object(text: str | None, name: str) -> ObjectRef | None:
@@ -111,15 +133,21 @@ def _object(text: str | None, name: str) -> ObjectRef | None:
 
 def _calibration(found: described.Calibration) -> Calibration:
     return Calibration(
-        found.certificate, str(found.date or ""), str(found.due or ""), found.scale_relative_uncertainty,
-        found.offset_uncertainty, found.accuracy,
-    )  # fmt: skip
+        found.certificate,
+        str(found.date or ""),
+        str(found.due or ""),
+        found.scale_relative_uncertainty,
+        found.offset_uncertainty,
+        found.accuracy,
+    )
 
 
 def _guard(guard: described.GuardInput | None) -> GuardContact | None:
     if guard is None:
         return None
-    return GuardContact(guard.node_id, read_object(guard.object, "guard input"), guard.mask, guard.closed)
+    return GuardContact(
+        guard.node_id, read_object(guard.object, "guard input"), guard.mask, guard.closed
+    )
 
 
 def _drive(drive: described.Drive, folder: Path) -> DriveConfig:
@@ -149,10 +177,19 @@ def _drive(drive: described.Drive, folder: Path) -> DriveConfig:
 
 def _motor_encoder(encoder: described.MotorEncoder, motor: ServoMotor) -> MotorEncoder:
     return MotorEncoder(
-        encoder.lines, encoder.multiplication, encoder.direction, 1.5 * motor.maximum_speed, encoder.modulus,
-        _object(encoder.index_position, "index position"), _object(encoder.index_status, "index status"), encoder.index_mask,
-        "motor encoder", encoder.model, encoder.serial_number, _calibration(encoder.calibration),
-    )  # fmt: skip
+        encoder.lines,
+        encoder.multiplication,
+        encoder.direction,
+        1.5 * motor.maximum_speed,
+        encoder.modulus,
+        _object(encoder.index_position, "index position"),
+        _object(encoder.index_status, "index status"),
+        encoder.index_mask,
+        "motor encoder",
+        encoder.model,
+        encoder.serial_number,
+        _calibration(encoder.calibration),
+    )
 
 
 def _counter(counter: described.Counter, folder: Path) -> CounterConfig:
@@ -187,22 +224,36 @@ def _module(
 ) -> AnalogModuleConfig:
     rated = configuration.drive.rated_torque_n_m or motor.rated_torque
     return AnalogModuleConfig(
-        module.node_id, tuple(_analog_input(found, rated) for found in module.inputs),
-        _description(module.eds, folder, module.node_id), module.heartbeat_ms, module.sdo_timeout_ms,
-    )  # fmt: skip
+        module.node_id,
+        tuple(_analog_input(found, rated) for found in module.inputs),
+        _description(module.eds, folder, module.node_id),
+        module.heartbeat_ms,
+        module.sdo_timeout_ms,
+    )
 
 
 def _analog_input(found: described.AnalogInput, rated_torque: float) -> AnalogInput:
     source = read_object(found.object, f"analogue input of {found.channel}")
     details = {
-        "zero_volts": found.zero_volts, "full_scale": found.full_scale_volts, "open_level": found.open_level_volts,
-        "direction": found.direction, "model": found.model, "serial_number": found.serial_number,
+        "zero_volts": found.zero_volts,
+        "full_scale": found.full_scale_volts,
+        "open_level": found.open_level_volts,
+        "direction": found.direction,
+        "model": found.model,
+        "serial_number": found.serial_number,
         "calibration": _calibration(found.calibration),
-    }  # fmt: skip
+    }
     if found.volts_per_rated_torque is not None:
         return torque_input(
-            rated_torque, volts_per_rated_torque=found.volts_per_rated_torque, index=source.index, subindex=source.subindex,
-            data_type=source.data_type, volts_per_count=found.volts_per_count, **details,
-        )  # fmt: skip
+            rated_torque,
+            volts_per_rated_torque=found.volts_per_rated_torque,
+            index=source.index,
+            subindex=source.subindex,
+            data_type=source.data_type,
+            volts_per_count=found.volts_per_count,
+            **details,
+        )
     per_volt = found.unit_per_volt if found.unit_per_volt is not None else math.nan
-    return AnalogInput(found.channel, found.unit, source, found.volts_per_count, per_volt, **details)  # type: ignore[arg-type]
+    return AnalogInput(
+        found.channel, found.unit, source, found.volts_per_count, per_volt, **details
+    )  # type: ignore[arg-type]

@@ -19,16 +19,25 @@ def replayed(path: Path) -> Bench:
 
     recording = open_run(path)
     source = recording.source
-    if not isinstance(source, FileSource) or any(column.dtype == "float64" for column in source.columns):
+    if not isinstance(source, FileSource) or any(
+        column.dtype == "float64" for column in source.columns
+    ):
         raise ConfigurationError(
-            "only a run recorded in counts can be replayed", where=str(path), remedy="Analyse an imported run with `rig fit`."
+            "only a run recorded in counts can be replayed",
+            where=str(path),
+            remedy="Analyse an imported run with `rig fit`.",
         )
     channels = tuple(column.channel() for column in source.columns)
     counts = np.column_stack([source.stored(channel.name, 0, source.rows) for channel in channels])
     clock = VirtualClock(time.time_ns())
     port = ReplayRig(
-        channels, source.time_ns(0, source.rows), counts, source.flags(0, source.rows),
-        cycle_ns=round(1e9 / recording.metadata.sample_rate), title=f"replay of {recording.metadata.run_id}",
-        truth=recording.metadata.process.get("truth"), clock=clock,
-    )  # fmt: skip
+        channels,
+        source.time_ns(0, source.rows),
+        counts,
+        source.flags(0, source.rows),
+        cycle_ns=round(1e9 / recording.metadata.sample_rate),
+        title=f"replay of {recording.metadata.run_id}",
+        truth=recording.metadata.process.get("truth"),
+        clock=clock,
+    )
     return Bench("replay", port, clock)

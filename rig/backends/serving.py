@@ -55,35 +55,58 @@ def serve_rig(
 ) -> None:
     """Serve the simulated rig of a request until the process is interrupted, or for `lifetime` [s].
 
-    The gear, the motor and the noise are those of `--backend wire` with the same request. `faults` happen at the SYNC that
-    they name. `sheets` is a folder for the devices' EDS files, `configuration` a file for the description that reaches this
-    rig. Raises `ConfigurationError` for an address that is not this computer's own, unless `expose` allows it, and
-    `DriverError` for a port that is taken.
+    The gear, the motor and the noise are those of `--backend wire` with the same request. `faults`
+    happen at the SYNC that they name. `sheets` is a folder for the devices' EDS files,
+    `configuration` a file for the description that reaches this rig. Raises `ConfigurationError`
+    for an address that is not this computer's own, unless `expose` allows it, and `DriverError` for
+    a port that is taken.
     """
     if host not in LOOPBACK and not expose:
         raise ConfigurationError(
-            "would let other computers command the simulated rig", where="--host", value=host, limit=", ".join(sorted(LOOPBACK)),
+            "would let other computers command the simulated rig",
+            where="--host",
+            value=host,
+            limit=", ".join(sorted(LOOPBACK)),
             remedy="Add --expose if that is wanted: the hub asks nobody who they are.",
-        )  # fmt: skip
+        )
     bench = make_bench(**seeds_of(request), time=time, faults=faults)
     if sheets is not None:
         write_sheets(bench, sheets)
 
     def told(addresses: Addresses) -> None:
-        served = Served(addresses.host, addresses.port, addresses.channel, addresses.readout, NODES, bench.title)
+        served = Served(
+            addresses.host, addresses.port, addresses.channel, addresses.readout, NODES, bench.title
+        )
         if configuration is not None:
             _write(configuration, description_of(served, request))
         announce(served)
 
-    serve(bench, host=host, port=port, channel=channel, readout=readout, announce=told, lifetime=lifetime)
+    serve(
+        bench,
+        host=host,
+        port=port,
+        channel=channel,
+        readout=readout,
+        announce=told,
+        lifetime=lifetime,
+    )
 
 
 def write_sheets(bench: WireBench, folder: Path) -> tuple[Path, ...]:
     """The EDS of every device, made from what it really has."""
     written = []
-    for name, slave in (("drive", bench.drive), ("counter", bench.counter), ("analog-input", bench.analog_input)):
+    for name, slave in (
+        ("drive", bench.drive),
+        ("counter", bench.counter),
+        ("analog-input", bench.analog_input),
+    ):
         path = folder / f"simulated-{name}.eds"
-        _write(path, electronic_data_sheet(slave.dictionary, product=f"simulated {name}", vendor="nobody", vendor_number=0))
+        _write(
+            path,
+            electronic_data_sheet(
+                slave.dictionary, product=f"simulated {name}", vendor="nobody", vendor_number=0
+            ),
+        )
         written.append(path)
     return tuple(written)
 
@@ -91,11 +114,19 @@ def write_sheets(bench: WireBench, folder: Path) -> tuple[Path, ...]:
 def description_of(served: Served, request: BenchRequest) -> str:
     """A `rig.toml` that reaches the served rig."""
     template = resources.files("rig.config").joinpath("served.toml").read_text(encoding="utf-8")
-    readout = f'\n[readout]\nurl = "{served.readout}"\nbaud_rate = 115200\n' if served.readout else ""
+    readout = (
+        f'\n[readout]\nurl = "{served.readout}"\nbaud_rate = 115200\n' if served.readout else ""
+    )
     values: dict[str, Any] = {
-        "host": served.host, "port": served.port, "channel": served.channel, "rate": f"{request.sample_rate:g}",
-        "drive": DRIVE_NODE, "counter": COUNTER_NODE, "module": ANALOG_INPUT_NODE, "readout": readout,
-    }  # fmt: skip
+        "host": served.host,
+        "port": served.port,
+        "channel": served.channel,
+        "rate": f"{request.sample_rate:g}",
+        "drive": DRIVE_NODE,
+        "counter": COUNTER_NODE,
+        "module": ANALOG_INPUT_NODE,
+        "readout": readout,
+    }
     for name, value in values.items():
         template = template.replace(f"<{name}>", str(value))
     return template
@@ -109,4 +140,6 @@ def _write(path: Path, text: str) -> None:
         beside.write_text(text, encoding="utf-8")
         beside.replace(path)
     except OSError as error:
-        raise ConfigurationError(f"cannot be written: {error.strerror or error}", where=str(path)) from error
+        raise ConfigurationError(
+            f"cannot be written: {error.strerror or error}", where=str(path)
+        ) from error

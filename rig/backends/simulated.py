@@ -55,13 +55,20 @@ def on_the_wire(request: BenchRequest) -> Bench:
 
 
 def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None = None) -> CanRig:
-    """The real drivers in front of a simulated bench, on its pumped bus in virtual time; `config` where it is not the usual."""
+    """The real drivers in front of a simulated bench, on its pumped bus in virtual time; `config`
+    where it is not the usual.
+    """
     from drivers.cyclic import CanRig
 
     return CanRig(
-        config or wire_config(bench, motor), bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated",
+        config or wire_config(bench, motor),
+        bench.clock,
+        bench.bus,
+        pump=bench.pump,
+        time_base="hardware",
+        origin="simulated",
         truth=bench.truth,
-    )  # fmt: skip
+    )
 
 
 def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False) -> CanRigConfig:
@@ -78,24 +85,44 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
     by_name = {channel.name: channel for channel in bench.channels}
     inner, outer = by_name[names.INPUT_ANGLE], by_name[names.OUTPUT_ANGLE]
     thermometers = tuple(
-        AnalogInput(name, "degC", ObjectRef(0x6401, sub, I16, name.replace("_", " ")), VOLTS_PER_INCREMENT, 32.0)
+        AnalogInput(
+            name,
+            "degC",
+            ObjectRef(0x6401, sub, I16, name.replace("_", " ")),
+            VOLTS_PER_INCREMENT,
+            32.0,
+        )
         for sub, name in ((3, names.HOUSING_TEMPERATURE), (4, names.AMBIENT_TEMPERATURE))
     )
     return CanRigConfig(
         cycle_ns=bench.cycle_ns,
         drive=DriveConfig(DRIVE_NODE),
-        motor_encoder=MotorEncoder(inner.lines, inner.multiplication, largest_speed=1.5 * motor.maximum_speed),
+        motor_encoder=MotorEncoder(
+            inner.lines, inner.multiplication, largest_speed=1.5 * motor.maximum_speed
+        ),
         counters=(
             CounterConfig(
-                COUNTER_NODE, outer.lines, outer.multiplication, position=ObjectRef(0x6004, 0, I32, "position value"),
+                COUNTER_NODE,
+                outer.lines,
+                outer.multiplication,
+                position=ObjectRef(0x6004, 0, I32, "position value"),
                 index_position=ObjectRef(0x2000, 1, U32, "index position"),
-                index_status=ObjectRef(0x2000, 2, U8, "index marks seen"), largest_speed=0.1 * motor.maximum_speed,
+                index_status=ObjectRef(0x2000, 2, U8, "index marks seen"),
+                largest_speed=0.1 * motor.maximum_speed,
             ),
         ),
-        modules=(AnalogModuleConfig(ANALOG_INPUT_NODE, (torque_input(motor.rated_torque), *thermometers)),),
-        guard=GuardContact(DRIVE_NODE, ObjectRef(0x60FD, 0, U32, "digital inputs"), INTERLOCK, INTERLOCK) if has_guard else None,
+        modules=(
+            AnalogModuleConfig(
+                ANALOG_INPUT_NODE, (torque_input(motor.rated_torque), *thermometers)
+            ),
+        ),
+        guard=GuardContact(
+            DRIVE_NODE, ObjectRef(0x60FD, 0, U32, "digital inputs"), INTERLOCK, INTERLOCK
+        )
+        if has_guard
+        else None,
         title=bench.title,
-    )  # fmt: skip
+    )
 
 
 def _mixed(seed: int, name: str) -> int:

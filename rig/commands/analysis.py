@@ -15,55 +15,85 @@ if TYPE_CHECKING:
     from rig.adopt import Comparison
     from rig.fit import Fit
 
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
+]
 Parameters = Annotated[
-    Path | None, typer.Option("--parameters", metavar="FILE", help="Parameter set (TOML) instead of the run's own.")
+    Path | None,
+    typer.Option(
+        "--parameters", metavar="FILE", help="Parameter set (TOML) instead of the run's own."
+    ),
 ]
 Tare = Annotated[
-    Path | None, typer.Option("--tare", metavar="RUN", help="Motor-tare run (gear removed) that is subtracted.")
+    Path | None,
+    typer.Option("--tare", metavar="RUN", help="Motor-tare run (gear removed) that is subtracted."),
 ]
 Settings = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="NAME=VALUE", help="A setting of the analysis, for instance channel=torque."),
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="A setting of the analysis, for instance channel=torque.",
+    ),
 ]
 MissedShare = Annotated[
     float | None,
     typer.Option(
-        "--largest-missed-share", min=0.0, max=1.0, metavar="SHARE",
+        "--largest-missed-share",
+        min=0.0,
+        max=1.0,
+        metavar="SHARE",
         help="Share of missed cycles above which a run is refused (0.001 unless given).",
     ),
-]  # fmt: skip
+]
 
 
 def fit(
     words: Annotated[
-        list[str], typer.Argument(metavar="[KIND] RUN...", help="Kind of fit (optional), then one or more run files.")
+        list[str],
+        typer.Argument(
+            metavar="[KIND] RUN...", help="Kind of fit (optional), then one or more run files."
+        ),
     ],
     tare: Tare = None,
     parameters: Parameters = None,
     parameters_out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the parameter set with what was identified (TOML).")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write the parameter set with what was identified (TOML)."
+        ),
     ] = None,
     setting: Settings = None,
     largest_missed_share: MissedShare = None,
-    plots: Annotated[bool, typer.Option("--plots", help="With --json: figures and tables as data too.")] = False,
+    plots: Annotated[
+        bool, typer.Option("--plots", help="With --json: figures and tables as data too.")
+    ] = False,
     keep: Annotated[
-        bool, typer.Option("--keep/--no-keep", help="Append the analysis to the store beside the run, or leave no trace.")
+        bool,
+        typer.Option(
+            "--keep/--no-keep",
+            help="Append the analysis to the store beside the run, or leave no trace.",
+        ),
     ] = True,
     json: Json = False,
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
 
-    Kinds: kinematic-error, friction, velocity-steps, motor-tare, warm-up, starting-torque, home, and for any recording
-    motion (inertia and friction), revolution (Fourier series per revolution), order-spectrum. The exit code is the verdict:
-    0 PASS or nothing to judge, 1 FAIL, 3 MARGINAL.
+    Kinds: kinematic-error, friction, velocity-steps, motor-tare, warm-up, starting-torque, home,
+    and for any recording motion (inertia and friction), revolution (Fourier series per revolution),
+    order-spectrum. The exit code is the verdict: 0 PASS or nothing to judge, 1 FAIL, 3 MARGINAL.
     """
     from rig.exits import code_of_outcome
     from rig.fit import fit_files
 
     kind, runs = split_kind(words)
     fits = fit_files(
-        runs, kind, gear=_gear(parameters), tare=tare, settings=_settings(setting), largest_missed_share=largest_missed_share
+        runs,
+        kind,
+        gear=_gear(parameters),
+        tare=tare,
+        settings=_settings(setting),
+        largest_missed_share=largest_missed_share,
     )
     notes = _keep(fits) if keep else []
     if parameters_out is not None:
@@ -85,9 +115,14 @@ def fit(
 def compare(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Run file.")],
     parameters: Annotated[
-        Path, typer.Option("--parameters", metavar="FILE", help="Parameter set (TOML) to hold against it.")
+        Path,
+        typer.Option(
+            "--parameters", metavar="FILE", help="Parameter set (TOML) to hold against it."
+        ),
     ],
-    kind: Annotated[str, typer.Option(help="Kind of fit, where the run's protocol does not say it.")] = "",
+    kind: Annotated[
+        str, typer.Option(help="Kind of fit, where the run's protocol does not say it.")
+    ] = "",
     tare: Tare = None,
     setting: Settings = None,
     largest_missed_share: MissedShare = None,
@@ -100,7 +135,12 @@ def compare(
     gear = _gear(parameters)
     assert gear is not None
     found = fit_files(
-        [run], kind, gear=gear, tare=tare, settings=_settings(setting), largest_missed_share=largest_missed_share
+        [run],
+        kind,
+        gear=gear,
+        tare=tare,
+        settings=_settings(setting),
+        largest_missed_share=largest_missed_share,
     )[0]
     rows = compare_with(gear, found.result)
     scored = score(found)
@@ -128,7 +168,9 @@ def split_kind(words: list[str]) -> tuple[str, list[Path]]:
     first, rest = words[0], words[1:]
     if first in catalogue.kinds() and not Path(first).is_file():
         if not rest:
-            raise typer.BadParameter(f"which run? For instance: rig fit {first} RUN.h5", param_hint="RUN")
+            raise typer.BadParameter(
+                f"which run? For instance: rig fit {first} RUN.h5", param_hint="RUN"
+            )
         return first, [Path(w) for w in rest]
     if rest and not Path(first).exists() and not any(c in first for c in "./\\"):
         kinds = ", ".join(catalogue.kinds())
@@ -188,7 +230,9 @@ def _keep(fits: tuple[Fit, ...]) -> list[str]:
             typer.echo(f"Not stored: {error}", err=True)
         else:
             if kept.stored and found.path is not None:
-                notes.append(f"kept as {found.path.with_name(kept.stored.split('/')[0]) / kept.stored.split('/')[1]}")
+                notes.append(
+                    f"kept as {found.path.with_name(kept.stored.split('/')[0]) / kept.stored.split('/')[1]}"
+                )
     return notes
 
 
@@ -198,7 +242,10 @@ def _as_object(fits: tuple[Fit, ...], *, plots: bool = False) -> dict[str, Any]:
     from rig.adopt import pooled
 
     spread = pooled([f.result for f in fits])
-    return {"fits": [_with_drawings(f.result, wanted=plots) for f in fits], "pooled": {p.key: p.as_json() for p in spread}}
+    return {
+        "fits": [_with_drawings(f.result, wanted=plots) for f in fits],
+        "pooled": {p.key: p.as_json() for p in spread},
+    }
 
 
 def _with_drawings(result: Result, *, wanted: bool) -> dict[str, Any]:
@@ -207,7 +254,11 @@ def _with_drawings(result: Result, *, wanted: bool) -> dict[str, Any]:
     from rig.result_data import plot_to_mapping, table_to_mapping
 
     tables = [table_to_mapping(table) for table in result.tables]
-    return {**result.as_json(), "plots": [plot_to_mapping(plot) for plot in result.plots], "tables": tables}
+    return {
+        **result.as_json(),
+        "plots": [plot_to_mapping(plot) for plot in result.plots],
+        "tables": tables,
+    }
 
 
 def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
@@ -223,7 +274,9 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
         word = WATERMARKS.get(metadata.origin, metadata.origin.upper())
         gear = f", gear {metadata.gear_serial}" if metadata.gear_serial else ""
         print_result(
-            out, found.result, f"{found.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}"
+            out,
+            found.result,
+            f"{found.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}",
         )
     if len(fits) > 1:
         from rig.adopt import pooled
@@ -240,7 +293,9 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
         out.print(Text(f"  {note}", style="dim"))
 
 
-def _print_comparison(found: Fit, scored: Result, gear: HarmonicDrive, rows: Sequence[Comparison]) -> None:
+def _print_comparison(
+    found: Fit, scored: Result, gear: HarmonicDrive, rows: Sequence[Comparison]
+) -> None:
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -250,17 +305,28 @@ def _print_comparison(found: Fit, scored: Result, gear: HarmonicDrive, rows: Seq
 
     out = console()
     out.print()
-    out.print(Text(f"{found.result.kind} · run {found.result.run} against parameter set {gear.name}", style="bold"))
+    out.print(
+        Text(
+            f"{found.result.kind} · run {found.result.run} against parameter set {gear.name}",
+            style="bold",
+        )
+    )
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     for heading in ("parameter", "set", "run", "± U", "unit", "|Δ| / U", "agrees?"):
-        table.add_column(heading, justify="left" if heading in ("parameter", "unit", "agrees?") else "right")
+        table.add_column(
+            heading, justify="left" if heading in ("parameter", "unit", "agrees?") else "right"
+        )
     for row in rows:
         factor, unit = display_unit(row.path, row.unit, row.identified)
         table.add_row(
-            _name_of(gear, row.path), number(row.parameter / factor), number(row.identified / factor),
-            number(row.uncertainty / factor, 2), unit, number(row.normalised_error, 2),
+            _name_of(gear, row.path),
+            number(row.parameter / factor),
+            number(row.identified / factor),
+            number(row.uncertainty / factor, 2),
+            unit,
+            number(row.normalised_error, 2),
             Text("yes", style="green") if row.agrees else Text("no", style="red"),
-        )  # fmt: skip
+        )
     if rows:
         out.print(table)
     else:

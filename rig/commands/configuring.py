@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from rig.config.apply import ConfiguredRig
 
 config = typer.Typer(
-    name="config", no_args_is_help=True, help="Describe the rig: write a description to start from, check the one there is."
+    name="config",
+    no_args_is_help=True,
+    help="Describe the rig: write a description to start from, check the one there is.",
 )
 
 File = Annotated[Path, typer.Argument(metavar="[FILE]", help="The description of the rig.")]
@@ -29,18 +31,29 @@ def initialise(file: File = Path("rig.toml")) -> None:
         with file.open("x", encoding="utf-8") as out:
             out.write(text)
     except FileExistsError as error:
-        raise ConfigurationError("exists already and is left alone", where=str(file), remedy="Name another file.") from error
+        raise ConfigurationError(
+            "exists already and is left alone", where=str(file), remedy="Name another file."
+        ) from error
     except OSError as error:
-        raise ConfigurationError(f"cannot be written: {error.strerror or error}", where=str(file)) from error
-    typer.echo(f"{file}: fill in the numbers of your rig, then `rig config check {file}` and `rig doctor --config {file}`.")
+        raise ConfigurationError(
+            f"cannot be written: {error.strerror or error}", where=str(file)
+        ) from error
+    typer.echo(
+        f"{file}: fill in the numbers of your rig, then `rig config check {file}` and `rig doctor --config {file}`."
+    )
 
 
 @config.command("check")
 def check(
     file: File = Path("rig.toml"),
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")] = False,
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+    ] = False,
 ) -> None:
-    """Read a description and tell everything that is wrong with it: path, value and reason. Exit code 2 when something is."""
+    """Read a description and tell everything that is wrong with it: path, value and reason. Exit
+    code 2 when something is.
+    """
     from rig import exits
     from rig.config import RigConfiguration, inspect_configuration
     from rig.config.apply import configured_rig
@@ -75,25 +88,39 @@ def _warnings(configured: ConfiguredRig) -> tuple[str, ...]:
     channels |= {c.channel: c.calibration for c in configuration.counters}
     inputs = [a for module in configuration.analog_modules for a in module.inputs]
     channels |= {a.channel: a.calibration for a in inputs}
-    told = [f"{name}: no calibration certificate" for name, c in channels.items() if not c.certificate]
-    told += [f"{name}: the calibration was due on {c.due}" for name, c in channels.items() if c.due and c.due < today]
+    told = [
+        f"{name}: no calibration certificate" for name, c in channels.items() if not c.certificate
+    ]
+    told += [
+        f"{name}: the calibration was due on {c.due}"
+        for name, c in channels.items()
+        if c.due and c.due < today
+    ]
     if "torque" not in channels:
         told.append("no torque port: the torque that the drive reports (0x6077) is all there is")
     if "output_angle" not in channels:
-        told.append("no output encoder: kinematic error, torsion and standstill of the output cannot be seen")
+        told.append(
+            "no output encoder: kinematic error, torsion and standstill of the output cannot be seen"
+        )
     if configuration.guard is None:
         told.append("no guard input: arming cannot look whether the guard is closed")
     return tuple(told)
 
 
 def _as_json(
-    file: Path, problems: tuple[Problem, ...], warnings: tuple[str, ...], configured: ConfiguredRig | None
+    file: Path,
+    problems: tuple[Problem, ...],
+    warnings: tuple[str, ...],
+    configured: ConfiguredRig | None,
 ) -> dict[str, Any]:
     from dataclasses import asdict
 
     found: dict[str, Any] = {
-        "file": str(file), "ok": not problems, "problems": [asdict(problem) for problem in problems], "warnings": list(warnings)
-    }  # fmt: skip
+        "file": str(file),
+        "ok": not problems,
+        "problems": [asdict(problem) for problem in problems],
+        "warnings": list(warnings),
+    }
     if configured is not None:
         found["configuration"] = configured.configuration.model_dump(mode="json", by_alias=True)
         found["limits"] = dict(configured.limits)
@@ -101,7 +128,10 @@ def _as_json(
 
 
 def _print(
-    file: Path, problems: tuple[Problem, ...], warnings: tuple[str, ...], configured: ConfiguredRig | None
+    file: Path,
+    problems: tuple[Problem, ...],
+    warnings: tuple[str, ...],
+    configured: ConfiguredRig | None,
 ) -> None:
     from rich.console import Console
 
@@ -111,12 +141,18 @@ def _print(
     for warning in warnings:
         console.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
     if configured is None:
-        console.print(f"{file}: {len(problems)} problem{'s' if len(problems) != 1 else ''}", markup=False, soft_wrap=True)
+        console.print(
+            f"{file}: {len(problems)} problem{'s' if len(problems) != 1 else ''}",
+            markup=False,
+            soft_wrap=True,
+        )
         return
     rig = configured.configuration
     nodes = [f"drive {rig.drive.node_id}", *(f"{c.channel} {c.node_id}" for c in rig.counters)]
     nodes += [f"analogue inputs {m.node_id}" for m in rig.analog_modules]
     console.print(
         f"{file}: {rig.rig.name}, {rig.bus.interface} {rig.bus.channel} at {rig.bus.bit_rate / 1e6:g} Mbit/s, nodes: "
-        f"{', '.join(nodes)}; {configured.gear.name} on {configured.motor.name}", markup=False, soft_wrap=True,
-    )  # fmt: skip
+        f"{', '.join(nodes)}; {configured.gear.name} on {configured.motor.name}",
+        markup=False,
+        soft_wrap=True,
+    )

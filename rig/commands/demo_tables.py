@@ -29,20 +29,31 @@ def _line(message: Step | Finished) -> None:
 
     if isinstance(message, Finished):
         done = "run and fitted" if message.result is not None else "ended"
-        sys.stderr.write(f"{message.protocol}: {message.outcome}, {done} in {message.seconds:.1f} s\n")
+        sys.stderr.write(
+            f"{message.protocol}: {message.outcome}, {done} in {message.seconds:.1f} s\n"
+        )
 
 
 @contextlib.contextmanager
 def _bars() -> Iterator[Callable[[Step | Finished], None]]:
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
 
     from rig.demo_work import ORDER, Finished
 
     columns = (
-        TextColumn("{task.description:<16}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn(),
+        TextColumn("{task.description:<16}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
         TextColumn("{task.fields[what]}"),
-    )  # fmt: skip
+    )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
         tasks = {name: bars.add_task(name, total=1.0, what="waiting") for name in ORDER}
 
@@ -82,14 +93,20 @@ def print_demonstration(made: Demonstration) -> None:
         shown, u = show(row.estimate), row.estimate.expanded_uncertainty
         truth = shown.number(row.estimate.value - row.difference)
         table.add_row(
-            "  " + readable(row.estimate.name).removesuffix(", amplitude"), shown.with_uncertainty, truth,
+            "  " + readable(row.estimate.name).removesuffix(", amplitude"),
+            shown.with_uncertainty,
+            truth,
             number(abs(row.difference) / u, 2) if u > 0 else "–",
             Text("yes", style="green") if row.within else Text("no", style="yellow"),
-        )  # fmt: skip
+        )
     out.print()
-    out.print(Text("SIMULATED: what was found, and what the simulated gear was made of", style="bold"))
+    out.print(
+        Text("SIMULATED: what was found, and what the simulated gear was made of", style="bold")
+    )
     out.print(table)
-    covered, within = (sum(getattr(row, what) for _, row in made.truth) for what in ("covered", "within"))
+    covered, within = (
+        sum(getattr(row, what) for _, row in made.truth) for what in ("covered", "within")
+    )
     of = f"of {len(made.truth)} true values (phases included)"
     out.print(Text(f"{covered} {of} lie in the 95 % interval, {within} within ± U (k = 2).\n"))
     for fit in made.fits:

@@ -19,32 +19,56 @@ MARK = {"ok": "ok", "warning": "WARNING", "failed": "FAILED", "skipped": "not lo
 
 
 def doctor(
-    backend: Annotated[str, typer.Option(help="Which rig: sim, wire, or hardware (see --config).")] = "sim",
+    backend: Annotated[
+        str, typer.Option(help="Which rig: sim, wire, or hardware (see --config).")
+    ] = "sim",
     config: Annotated[
-        Path | None, typer.Option("--config", metavar="FILE", help="The rig's configuration (rig.toml).")
+        Path | None,
+        typer.Option("--config", metavar="FILE", help="The rig's configuration (rig.toml)."),
     ] = None,
-    gear_serial: Annotated[str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")] = "unknown",
+    gear_serial: Annotated[
+        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
+    ] = "unknown",
     mounting: MountedHow = None,
-    parameters: Annotated[Path | None, typer.Option(metavar="FILE", help="Parameter set of the gear (TOML).")] = None,
-    sample_rate: Annotated[
-        float | None, typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz].")
+    parameters: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Parameter set of the gear (TOML).")
     ] = None,
-    output: Annotated[Path | None, typer.Option(metavar="DIR", help="Folder of the runs: where the disk is looked at.")] = None,
-    operator: Annotated[str, typer.Option(metavar="NAME", help="Who does it; needed where hardware is to move.")] = "",
+    sample_rate: Annotated[
+        float | None,
+        typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz]."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the runs: where the disk is looked at."),
+    ] = None,
+    operator: Annotated[
+        str, typer.Option(metavar="NAME", help="Who does it; needed where hardware is to move.")
+    ] = "",
     confirm: Annotated[
-        str, typer.Option(metavar="SERIAL", help="Arms motion on hardware: the gear's serial number once more.")
+        str,
+        typer.Option(
+            metavar="SERIAL", help="Arms motion on hardware: the gear's serial number once more."
+        ),
     ] = "",
     move: Annotated[
-        bool | None, typer.Option("--move/--no-move", help="Whether the rig may turn; without it only a simulated one does.")
+        bool | None,
+        typer.Option(
+            "--move/--no-move",
+            help="Whether the rig may turn; without it only a simulated one does.",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of a simulated rig.")] = 0,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")] = False,
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+    ] = False,
 ) -> None:
     """Look a rig over and print a checklist with evidence; exit code 6 when a line of it failed, 4 when it was stopped.
 
-    Standing: nodes, identities, firmware, states, heartbeats, missing objects, limits, zero and noise, rate and jitter,
-    calibrations, disk, clock, readout. In motion: a degree of creep, a turn of the input, a turn of the output: which way
-    both encoders count, and whether the ratio is the one that was described. Motion on hardware is armed as a run is.
+    Standing: nodes, identities, firmware, states, heartbeats, missing objects, limits, zero and
+    noise, rate and jitter, calibrations, disk, clock, readout. In motion: a degree of creep, a turn
+    of the input, a turn of the output: which way both encoders count, and whether the ratio is the
+    one that was described. Motion on hardware is armed as a run is.
     """
     from rig import exits
     from rig.backends import HARDWARE
@@ -57,9 +81,19 @@ def doctor(
 
     _refuse_a_replay(backend)
     request = request_of(
-        "doctor", {}, backend=backend, config=config, parameters=parameters, mounting=mounting, sample_rate=sample_rate,
-        output=output, gear_serial=gear_serial, operator=operator, seed=seed, confirmation=confirm,
-    )  # fmt: skip
+        "doctor",
+        {},
+        backend=backend,
+        config=config,
+        parameters=parameters,
+        mounting=mounting,
+        sample_rate=sample_rate,
+        output=output,
+        gear_serial=gear_serial,
+        operator=operator,
+        seed=seed,
+        confirmation=confirm,
+    )
     planned = plan_of(request)
     moves = move if move is not None else backend != HARDWARE
     if moves:
@@ -70,17 +104,23 @@ def doctor(
     stop = StopRequest()
     with pressed_by_signals(stop):
         found = examine(
-            lambda: bench_for(request, planned), request, moves=moves, why_not="asked not to move; --move lets it",
-            readout_config=_readout(request), stop=stop,
+            lambda: bench_for(request, planned),
+            request,
+            moves=moves,
+            why_not="asked not to move; --move lets it",
+            readout_config=_readout(request),
+            stop=stop,
             on_stage=lambda stage: None if json else typer.echo(f"{stage} ...", err=True),
-        )  # fmt: skip
+        )
     if json:
         from rig.results import json_text
 
         typer.echo(json_text(found.as_json()))
     else:
         _print(found)
-    raise typer.Exit(exits.ABORTED if found.was_stopped else exits.DONE if found.is_fine else exits.ERROR)
+    raise typer.Exit(
+        exits.ABORTED if found.was_stopped else exits.DONE if found.is_fine else exits.ERROR
+    )
 
 
 def _refuse_a_replay(backend: str) -> None:
@@ -89,16 +129,23 @@ def _refuse_a_replay(backend: str) -> None:
 
     if backend.startswith(REPLAY):
         raise ConfigurationError(
-            "a recorded run is no rig that could be looked over", where="--backend", value=backend, limit="sim, wire, hardware",
+            "a recorded run is no rig that could be looked over",
+            where="--backend",
+            value=backend,
+            limit="sim, wire, hardware",
             remedy="What was recorded is told by `rig show`.",
-        )  # fmt: skip
+        )
 
 
 def _readout(request: RunRequest) -> ReadoutConfig | None:
     from rig.backends.hardware import readout_config
     from rig.config import load_configuration
 
-    return None if request.configuration is None else readout_config(load_configuration(request.configuration))
+    return (
+        None
+        if request.configuration is None
+        else readout_config(load_configuration(request.configuration))
+    )
 
 
 def _print(found: Examination) -> None:
@@ -107,7 +154,9 @@ def _print(found: Examination) -> None:
     from rich.text import Text
 
     console = Console(highlight=False)
-    table = Table("what", "", "evidence", title=f"rig doctor: {found.backend}", title_justify="left", box=None)
+    table = Table(
+        "what", "", "evidence", title=f"rig doctor: {found.backend}", title_justify="left", box=None
+    )
     # Each heading once, in the order in which the groups came up.
     for group in dict.fromkeys(finding.group for finding in found.findings):
         table.add_section()
@@ -120,9 +169,13 @@ def _print(found: Examination) -> None:
         for finding in (f for f in found.findings if f.result == result):
             words = f"{finding.remedy}" if finding.remedy else finding.evidence
             console.print(
-                f"{MARK[result]}  {finding.group}, {finding.name}: {words}", style=STYLE[result], markup=False, soft_wrap=True
+                f"{MARK[result]}  {finding.group}, {finding.name}: {words}",
+                style=STYLE[result],
+                markup=False,
+                soft_wrap=True,
             )
     count = {result: sum(f.result == result for f in found.findings) for result in MARK}
     console.print(
-        f"{len(found.findings)} lines, {count['failed']} failed, {count['warning']} warnings, {count['skipped']} not looked at"
+        f"{len(found.findings)} lines, {count['failed']} failed, {count['warning']} warnings, "
+        f"{count['skipped']} not looked at"
     )

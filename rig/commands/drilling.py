@@ -13,21 +13,38 @@ if TYPE_CHECKING:
 
 def drill(
     backend: Annotated[
-        str | None, typer.Option(help="Which simulated rig: sim or wire; without it, whichever carries the fault.")
+        str | None,
+        typer.Option(
+            help="Which simulated rig: sim or wire; without it, whichever carries the fault."
+        ),
     ] = None,
     fault: Annotated[
-        list[str] | None, typer.Option("--fault", metavar="NAME", help="Only this fault; may be given again.")
+        list[str] | None,
+        typer.Option("--fault", metavar="NAME", help="Only this fault; may be given again."),
     ] = None,
     random: Annotated[
-        int, typer.Option("--random", metavar="N", min=0, help="N faults drawn at random, at random cycles.")
+        int,
+        typer.Option(
+            "--random", metavar="N", min=0, help="N faults drawn at random, at random cycles."
+        ),
     ] = 0,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated rig and of what is random.")] = 0,
-    output: Annotated[Path | None, typer.Option(metavar="DIR", help="Keep the run files here.")] = None,
-    markdown: Annotated[Path | None, typer.Option(metavar="FILE", help="Write the table for the documentation.")] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the simulated rig and of what is random.")
+    ] = 0,
+    output: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Keep the run files here.")
+    ] = None,
+    markdown: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write the table for the documentation.")
+    ] = None,
     list_: Annotated[bool, typer.Option("--list", help="List the faults and exit.")] = False,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")] = False,
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+    ] = False,
 ) -> None:
-    """Let every fault happen on a simulated rig: what is detected, how soon, how the rig is made safe, what the file says.
+    """Let every fault happen on a simulated rig: what is detected, how soon, how the rig is made
+    safe, what the file says.
 
     Refuses any hardware. Exit code 0 when every drill ended as it must, 6 otherwise.
     """
@@ -44,7 +61,10 @@ def drill(
     for row in run_drills(drills, backend=backend, seed=seed, output=output, offset=moved):
         rows.append(row)
         if not json:
-            typer.echo(f"[{len(rows)}/{len(drills)}] {'ok    ' if row.passed else 'FAILED'} {row.fault}", err=True)
+            typer.echo(
+                f"[{len(rows)}/{len(drills)}] {'ok    ' if row.passed else 'FAILED'} {row.fault}",
+                err=True,
+            )
     if json:
         from rig.results import json_text
 
@@ -58,9 +78,16 @@ def drill(
 
 def acknowledge(
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who acknowledges the trip.")],
-    output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the run files.")] = Path("runs"),
-    remark: Annotated[str, typer.Option(metavar="TEXT", help="What was found and done; kept with the name.")] = "",
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")] = False,
+    output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the run files.")] = Path(
+        "runs"
+    ),
+    remark: Annotated[
+        str, typer.Option(metavar="TEXT", help="What was found and done; kept with the name.")
+    ] = "",
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+    ] = False,
 ) -> None:
     """Acknowledge a latched trip by name, so that the next run may be started. Nothing starts by itself."""
     from dataclasses import asdict
@@ -77,28 +104,55 @@ def acknowledge(
         return
     typer.echo(f"acknowledged by {operator.strip()}: {trip.cause} in run {trip.run}, {trip.time}")
     if not trip.standstill_verified:
-        typer.echo("Standstill was NOT verified in that run: look at the rig before it is switched on.", err=True)
+        typer.echo(
+            "Standstill was NOT verified in that run: look at the rig before it is switched on.",
+            err=True,
+        )
 
 
 def _print_table(rows: list[DrillRow]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("fault", "detected", "cycles", "made safe", "stands", "verified", "outcome", "file", title="Fault drills")
+    table = Table(
+        "fault",
+        "detected",
+        "cycles",
+        "made safe",
+        "stands",
+        "verified",
+        "outcome",
+        "file",
+        title="Fault drills",
+    )
     for row in rows:
         style = None if row.passed else "bold red"
         table.add_row(
-            row.fault, row.detected, str(row.cycles), row.action, _word(row.safe), _word(row.verified), row.outcome,
-            _word(row.file_readable), style=style,
-        )  # fmt: skip
+            row.fault,
+            row.detected,
+            str(row.cycles),
+            row.action,
+            _word(row.safe),
+            _word(row.verified),
+            row.outcome,
+            _word(row.file_readable),
+            style=style,
+        )
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=180)
     console.print(table)
     failed = [row for row in rows if not row.passed]
-    console.print(f"{len(rows) - len(failed)} of {len(rows)} drills ended as they must.", style="red" if failed else "green")
+    console.print(
+        f"{len(rows) - len(failed)} of {len(rows)} drills ended as they must.",
+        style="red" if failed else "green",
+    )
     for row in failed:
-        console.print(f"{row.fault}: {row.outcome}, expected {row.expected}. {row.message}", markup=False, soft_wrap=True)
+        console.print(
+            f"{row.fault}: {row.outcome}, expected {row.expected}. {row.message}",
+            markup=False,
+            soft_wrap=True,
+        )
 
 
 def _write(path: Path, rows: list[DrillRow]) -> None:
@@ -108,7 +162,9 @@ def _write(path: Path, rows: list[DrillRow]) -> None:
     try:
         path.write_text(markdown(rows), encoding="utf-8")
     except OSError as error:
-        raise RigError(f"the table cannot be written: {error.strerror or error}", where=str(path)) from error
+        raise RigError(
+            f"the table cannot be written: {error.strerror or error}", where=str(path)
+        ) from error
 
 
 def _word(value: bool) -> str:

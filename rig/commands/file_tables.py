@@ -23,7 +23,11 @@ SHOWN_SEGMENTS = 24
 SHOWN_EVENTS = 20
 _COLOURS = {"error": "bold red", "warning": "yellow", "ok": "green", "info": ""}
 _OUTCOME_COLOURS = {"PASS": "green", "MARGINAL": "yellow", "being written": "cyan", "-": ""}
-_STATE_WORDS = {"being written": "being written", "left behind": "unfinished, left behind: rig recover", "sealed": "-"}
+_STATE_WORDS = {
+    "being written": "being written",
+    "left behind": "unfinished, left behind: rig recover",
+    "sealed": "-",
+}
 
 
 def print_runs(folder: Path, found: Sequence[IndexedRun]) -> None:
@@ -35,7 +39,9 @@ def print_runs(folder: Path, found: Sequence[IndexedRun]) -> None:
     table = Table(box=None, header_style="bold", pad_edge=False)
     for heading in ("run", "started", "protocol", "gear", "time", "rows", "outcome", "origin"):
         right = heading in ("time", "rows")
-        table.add_column(heading, overflow="fold", no_wrap=heading == "run", justify="right" if right else "left")
+        table.add_column(
+            heading, overflow="fold", no_wrap=heading == "run", justify="right" if right else "left"
+        )
     for run in found:
         if run.problem:
             table.add_row(run.path.name, Text("unreadable: " + run.problem, style="bold red"))
@@ -44,9 +50,15 @@ def print_runs(folder: Path, found: Sequence[IndexedRun]) -> None:
         style = _OUTCOME_COLOURS.get(outcome, "bold red")
         mark = ORIGIN_WORDS.get(run.origin, run.origin) or "hardware"
         table.add_row(
-            run.path.name, run.start[:16] or "-", run.protocol or "-", _gear_text(run.gear, run.gear_serial),
-            duration_text(run.duration), str(run.rows), Text(outcome, style=style), mark,
-        )  # fmt: skip
+            run.path.name,
+            run.start[:16] or "-",
+            run.protocol or "-",
+            _gear_text(run.gear, run.gear_serial),
+            duration_text(run.duration),
+            str(run.rows),
+            Text(outcome, style=style),
+            mark,
+        )
     console.print(table)
 
 
@@ -55,7 +67,10 @@ def print_recording(recording: Recording, path: Path) -> None:
     console = Console()
     m = recording.metadata
     mark = ORIGIN_WORDS[m.origin]
-    console.print(Text(f"{m.run_id or path.name}", style="bold") + Text(f"  {mark}" if mark else "", style="bold magenta"))
+    console.print(
+        Text(f"{m.run_id or path.name}", style="bold")
+        + Text(f"  {mark}" if mark else "", style="bold magenta")
+    )
     facts = Table(box=None, show_header=False, pad_edge=False)
     facts.add_column(style="dim")
     facts.add_column(overflow="fold")
@@ -74,27 +89,64 @@ def recording_as_json(recording: Recording, path: Path) -> dict[str, Any]:
     m = recording.metadata
     ranges = channel_ranges(recording)
     return {
-        "run": m.run_id, "file": str(path), "title": m.title, "protocol": m.experiment, "origin": m.origin,
-        "outcome": m.outcome, "started": m.start_time, "ended": m.end_time, "operator": m.operator,
-        "gear": run_gear(m.gear), "gear_serial": m.gear_serial, "ratio": m.ratio, "mounting": m.mounting,
-        "output_sense": m.output_sense, "gear_mounted": m.gear_mounted, "rows": recording.rows,
-        "sample_rate": m.sample_rate, "time_base": m.time_base, "sha256": m.sha256, "parameters": m.parameters,
-        "conditions": m.conditions, "process": {k: v for k, v in m.process.items() if k != "truth"},
+        "run": m.run_id,
+        "file": str(path),
+        "title": m.title,
+        "protocol": m.experiment,
+        "origin": m.origin,
+        "outcome": m.outcome,
+        "started": m.start_time,
+        "ended": m.end_time,
+        "operator": m.operator,
+        "gear": run_gear(m.gear),
+        "gear_serial": m.gear_serial,
+        "ratio": m.ratio,
+        "mounting": m.mounting,
+        "output_sense": m.output_sense,
+        "gear_mounted": m.gear_mounted,
+        "rows": recording.rows,
+        "sample_rate": m.sample_rate,
+        "time_base": m.time_base,
+        "sha256": m.sha256,
+        "parameters": m.parameters,
+        "conditions": m.conditions,
+        "process": {k: v for k, v in m.process.items() if k != "truth"},
         "channels": [
-            {"name": s.name, "unit": s.unit, "scale": s.scale, "offset": s.offset, "quantum": s.quantum,
-             "long_name": s.long_name, "minimum": ranges[s.name][0], "maximum": ranges[s.name][1]}
+            {
+                "name": s.name,
+                "unit": s.unit,
+                "scale": s.scale,
+                "offset": s.offset,
+                "quantum": s.quantum,
+                "long_name": s.long_name,
+                "minimum": ranges[s.name][0],
+                "maximum": ranges[s.name][1],
+            }
             for s in recording.signals.values()
         ],
         "segments": [
-            {"index": s.index, "label": s.label, "start": s.start, "stop": s.stop, "setpoint": s.setpoint,
-             "direction": s.direction, "repeat": s.repeat}
+            {
+                "index": s.index,
+                "label": s.label,
+                "start": s.start,
+                "stop": s.stop,
+                "setpoint": s.setpoint,
+                "direction": s.direction,
+                "repeat": s.repeat,
+            }
             for s in recording.segments
         ],
         "events": [
-            {"time": _moment(e.time_ns), "level": e.level, "code": e.code, "source": e.source, "text": e.text}
+            {
+                "time": _moment(e.time_ns),
+                "level": e.level,
+                "code": e.code,
+                "source": e.source,
+                "text": e.text,
+            }
             for e in recording.events
         ],
-    }  # fmt: skip
+    }
 
 
 def print_findings(checked: Mapping[str, Sequence[Finding]]) -> None:
@@ -107,7 +159,11 @@ def print_findings(checked: Mapping[str, Sequence[Finding]]) -> None:
         table.add_column()
         table.add_column(overflow="fold")
         for finding in findings:
-            table.add_row(Text(finding.level, style=_COLOURS[finding.level]), finding.check, Text(finding.text))
+            table.add_row(
+                Text(finding.level, style=_COLOURS[finding.level]),
+                finding.check,
+                Text(finding.text),
+            )
         console.print(table)
 
 
@@ -138,21 +194,44 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
     mounted = f"{m.mounting}, output encoder counts {'with' if m.output_sense > 0 else 'against'} the input"
     rate = "" if math.isnan(m.sample_rate) else f" at {m.sample_rate:g} Hz"
     flagged = _flagged(recording)
-    total = float(recording.time(slice(recording.rows - 1, recording.rows))[0]) if recording.rows else 0.0
+    total = (
+        float(recording.time(slice(recording.rows - 1, recording.rows))[0])
+        if recording.rows
+        else 0.0
+    )
     missed = f", {flagged} cycles flagged" if flagged else ""
     facts = [
-        ("file", str(path)), ("title", m.title), ("protocol", m.experiment or "-"),
+        ("file", str(path)),
+        ("title", m.title),
+        ("protocol", m.experiment or "-"),
         ("outcome", m.outcome or ("unfinished" if path.name.endswith(".part") else "-")),
-        ("started", m.start_time or "-"), ("ended", m.end_time or "-"), ("operator", m.operator or "-"),
-        ("gear", f"{_gear_text(run_gear(m.gear), m.gear_serial)}{ratio}" if m.gear_mounted else "none mounted"),
+        ("started", m.start_time or "-"),
+        ("ended", m.end_time or "-"),
+        ("operator", m.operator or "-"),
+        (
+            "gear",
+            f"{_gear_text(run_gear(m.gear), m.gear_serial)}{ratio}"
+            if m.gear_mounted
+            else "none mounted",
+        ),
         ("mounting", mounted if m.gear_mounted else ""),
-        ("rows", f"{recording.rows}{rate}, {duration_text(total)}, time base {m.time_base}{missed}"),
-        ("backend", ", ".join(f"{k} {m.process[k]}" for k in ("backend", "seed", "program_version") if k in m.process)),
+        (
+            "rows",
+            f"{recording.rows}{rate}, {duration_text(total)}, time base {m.time_base}{missed}",
+        ),
+        (
+            "backend",
+            ", ".join(
+                f"{k} {m.process[k]}"
+                for k in ("backend", "seed", "program_version")
+                if k in m.process
+            ),
+        ),
         *acquisition_facts(m.process.get("acquisition")),
         ("parameters", ", ".join(f"{name} = {value}" for name, value in m.parameters.items())),
         ("conditions", ", ".join(f"{name} = {value}" for name, value in m.conditions.items())),
         ("SHA-256", m.sha256 or "not sealed"),
-    ]  # fmt: skip
+    ]
     return [(name, text) for name, text in facts if text]
 
 
@@ -161,9 +240,13 @@ def _flagged(recording: Recording) -> int:
 
 
 def _channel_table(recording: Recording) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False, title="Channels", title_justify="left")
+    table = Table(
+        box=None, header_style="bold", pad_edge=False, title="Channels", title_justify="left"
+    )
     for heading in ("channel", "what", "unit", "one count", "minimum", "maximum"):
-        table.add_column(heading, justify="left" if heading in ("channel", "what", "unit") else "right")
+        table.add_column(
+            heading, justify="left" if heading in ("channel", "what", "unit") else "right"
+        )
     ranges = channel_ranges(recording)
     for name, signal in recording.signals.items():
         low, high = ranges[name]
@@ -174,13 +257,31 @@ def _channel_table(recording: Recording) -> Table:
 
 def _segment_table(recording: Recording) -> Table:
     shown, left = recording.segments[:SHOWN_SEGMENTS], len(recording.segments) - SHOWN_SEGMENTS
-    title = "Segments" + (f" (the first {SHOWN_SEGMENTS}; {left} more with --json)" if left > 0 else "")
+    title = "Segments" + (
+        f" (the first {SHOWN_SEGMENTS}; {left} more with --json)" if left > 0 else ""
+    )
     table = Table(box=None, header_style="bold", pad_edge=False, title=title, title_justify="left")
-    for heading in ("#", "label", "from row", "to row", "set-point (SI)", "r/min", "direction", "repeat"):
+    for heading in (
+        "#",
+        "label",
+        "from row",
+        "to row",
+        "set-point (SI)",
+        "r/min",
+        "direction",
+        "repeat",
+    ):
         table.add_column(heading, justify="left" if heading == "label" else "right")
     for s in shown:
         table.add_row(
-            str(s.index), s.label, str(s.start), str(s.stop), f"{s.setpoint:.6g}", _rpm(s), f"{s.direction:+d}", str(s.repeat)
+            str(s.index),
+            s.label,
+            str(s.start),
+            str(s.stop),
+            f"{s.setpoint:.6g}",
+            _rpm(s),
+            f"{s.direction:+d}",
+            str(s.repeat),
         )
     return table
 
@@ -196,9 +297,17 @@ def _event_table(events: Sequence[Event]) -> Table:
     for heading in ("time (UTC)", "level", "code", "source", "text"):
         table.add_column(heading, overflow="fold")
     for e in events[-SHOWN_EVENTS:]:
-        table.add_row(_moment(e.time_ns)[11:23], Text(e.level, style=_COLOURS.get(e.level, "")), e.code, e.source, Text(e.text))
+        table.add_row(
+            _moment(e.time_ns)[11:23],
+            Text(e.level, style=_COLOURS.get(e.level, "")),
+            e.code,
+            e.source,
+            Text(e.text),
+        )
     return table
 
 
 def _moment(time_ns: int) -> str:
-    return datetime.fromtimestamp(time_ns // 1_000_000 / 1e3, UTC).isoformat(timespec="milliseconds")
+    return datetime.fromtimestamp(time_ns // 1_000_000 / 1e3, UTC).isoformat(
+        timespec="milliseconds"
+    )

@@ -10,7 +10,9 @@ from typing import Annotated
 import typer
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
-RunArgument = Annotated[Path, typer.Argument(metavar="RUN", help="Run file (.h5), or a growing or dead one (.h5.part).")]
+RunArgument = Annotated[
+    Path, typer.Argument(metavar="RUN", help="Run file (.h5), or a growing or dead one (.h5.part).")
+]
 
 
 class TableFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
@@ -38,13 +40,23 @@ class TimeBaseChoice(str, Enum):  # noqa: UP042
 
 def runs(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of runs.")] = Path("."),
-    text: Annotated[str, typer.Option(metavar="WORDS", help="Only runs in which every word is found somewhere.")] = "",
+    text: Annotated[
+        str, typer.Option(metavar="WORDS", help="Only runs in which every word is found somewhere.")
+    ] = "",
     gear: Annotated[str, typer.Option(metavar="SERIAL", help="Only runs of this gear.")] = "",
     protocol: Annotated[str, typer.Option(metavar="NAME", help="Only runs of this protocol.")] = "",
-    outcome: Annotated[str, typer.Option(metavar="WORD", help="Only runs that ended so: PASS, FAIL, TRIPPED, ...")] = "",
-    origin: Annotated[str, typer.Option(metavar="WORD", help="hardware, simulated, replay or imported.")] = "",
-    since: Annotated[str | None, typer.Option(metavar="DAY", help="Only runs from this day on (YYYY-MM-DD).")] = None,
-    until: Annotated[str | None, typer.Option(metavar="DAY", help="Only runs up to this day, itself included.")] = None,
+    outcome: Annotated[
+        str, typer.Option(metavar="WORD", help="Only runs that ended so: PASS, FAIL, TRIPPED, ...")
+    ] = "",
+    origin: Annotated[
+        str, typer.Option(metavar="WORD", help="hardware, simulated, replay or imported.")
+    ] = "",
+    since: Annotated[
+        str | None, typer.Option(metavar="DAY", help="Only runs from this day on (YYYY-MM-DD).")
+    ] = None,
+    until: Annotated[
+        str | None, typer.Option(metavar="DAY", help="Only runs up to this day, itself included.")
+    ] = None,
     json: JsonFlag = False,
 ) -> None:
     """List the runs of a folder: number, protocol, gear, when, how long, outcome; unreadable ones with their reason.
@@ -57,13 +69,26 @@ def runs(
     with reading_bar("Reading the runs", quiet=json) as on_progress:
         index = LibraryIndex(folder, on_progress)
         found = index.search(
-            text, gear=gear, protocol=protocol, outcome=outcome, since=_day(since, "--since"), until=_day(until, "--until"),
+            text,
+            gear=gear,
+            protocol=protocol,
+            outcome=outcome,
+            since=_day(since, "--since"),
+            until=_day(until, "--until"),
             origin=origin,
-        )  # fmt: skip
+        )
     if json:
         from rig.results import json_text
 
-        typer.echo(json_text({"folder": str(folder), "index": index.rebuilt, "runs": [run.as_json() for run in found]}))
+        typer.echo(
+            json_text(
+                {
+                    "folder": str(folder),
+                    "index": index.rebuilt,
+                    "runs": [run.as_json() for run in found],
+                }
+            )
+        )
         return
     from rig.commands.file_tables import print_runs
 
@@ -98,12 +123,21 @@ def show(run: RunArgument, json: JsonFlag = False) -> None:
 
 def export(
     run: RunArgument,
-    format: Annotated[TableFormat, typer.Option("--format", help="Text or MATLAB 5.")] = TableFormat.csv,
-    output: Annotated[Path | None, typer.Option("--output", "-o", metavar="FILE", help="Beside the run without it.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite an export that is there already.")] = False,
+    format: Annotated[
+        TableFormat, typer.Option("--format", help="Text or MATLAB 5.")
+    ] = TableFormat.csv,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Beside the run without it."),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite an export that is there already.")
+    ] = False,
     json: JsonFlag = False,
 ) -> None:
-    """Write a run for other programs, in SI with units in the headings; SIMULATED or IMPORTED runs say so in the file."""
+    """Write a run for other programs, in SI with units in the headings; SIMULATED or IMPORTED runs
+    say so in the file.
+    """
     from rig.runfile.export import export_csv, export_mat
     from rig.runfile.read import close_recording, open_run
 
@@ -118,85 +152,163 @@ def export(
     if json:
         from rig.results import json_text
 
-        typer.echo(json_text({"run": recording.metadata.run_id, "file": str(target), "format": format.value, "rows": rows}))
+        typer.echo(
+            json_text(
+                {
+                    "run": recording.metadata.run_id,
+                    "file": str(target),
+                    "format": format.value,
+                    "rows": rows,
+                }
+            )
+        )
     else:
         typer.echo(f"{rows} rows written to {target}")
 
 
 def import_(
-    format: Annotated[TableFormat, typer.Argument(help="csv (any delimited text) or mat (MATLAB 4 to 7.3).")],
+    format: Annotated[
+        TableFormat, typer.Argument(help="csv (any delimited text) or mat (MATLAB 4 to 7.3).")
+    ],
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording of another rig.")],
     channel: Annotated[
         list[str] | None,
         typer.Option(
-            "--channel", "-c", metavar="NAME=COLUMN[:UNIT[:SCALE]]",
-            help="One channel; repeat it. COLUMN is a heading or a number from 1; NAME `time` is the time column. SCALE: counts "
+            "--channel",
+            "-c",
+            metavar="NAME=COLUMN[:UNIT[:SCALE]]",
+            help="One channel; repeat it. COLUMN is a heading or a number from 1; NAME `time` "
+            "is the time column. SCALE: counts "
             "per revolution for an angle in `count`, N m per A (or V) for a torque in A (or V), else a factor.",
         ),
     ] = None,
     map_file: Annotated[
-        Path | None, typer.Option("--map", metavar="FILE", help="Channel map in TOML: [channels.NAME], [[segments]].")
+        Path | None,
+        typer.Option(
+            "--map", metavar="FILE", help="Channel map in TOML: [channels.NAME], [[segments]]."
+        ),
     ] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of runs.")] = Path("."),
-    rate: Annotated[float | None, typer.Option("--rate", help="Sample rate in Hz, where there is no time column.")] = None,
-    no_time: Annotated[bool, typer.Option("--no-time", help="The recording has no time base; only angles count.")] = False,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of runs.")
+    ] = Path("."),
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", help="Sample rate in Hz, where there is no time column."),
+    ] = None,
+    no_time: Annotated[
+        bool, typer.Option("--no-time", help="The recording has no time base; only angles count.")
+    ] = False,
     time_base: Annotated[
         TimeBaseChoice, typer.Option("--time-base", help="What stamped the time column.")
     ] = TimeBaseChoice.device,
-    start: Annotated[str, typer.Option("--start", help="When the first row was recorded, ISO 8601.")] = "",
-    protocol: Annotated[str, typer.Option("--protocol", help="The protocol that it corresponds to, if any.")] = "",
-    gear: Annotated[str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")] = "",
+    start: Annotated[
+        str, typer.Option("--start", help="When the first row was recorded, ISO 8601.")
+    ] = "",
+    protocol: Annotated[
+        str, typer.Option("--protocol", help="The protocol that it corresponds to, if any.")
+    ] = "",
+    gear: Annotated[
+        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
+    ] = "",
     parameters: Annotated[
-        Path | None, typer.Option("--parameters", metavar="FILE", help="Parameter set of the gear (TOML).")
+        Path | None,
+        typer.Option("--parameters", metavar="FILE", help="Parameter set of the gear (TOML)."),
     ] = None,
-    ratio: Annotated[float | None, typer.Option("--ratio", help="Input revolutions per output revolution.")] = None,
+    ratio: Annotated[
+        float | None, typer.Option("--ratio", help="Input revolutions per output revolution.")
+    ] = None,
     mounting: Annotated[
         MountingChoice, typer.Option("--mounting", help="Which part of the gear was fixed.")
     ] = MountingChoice.circular_spline_fixed,
     output_sense: Annotated[
-        int, typer.Option("--output-sense", help="+1 or -1: sense of the output encoder; 0: from the mounting.", min=-1, max=1)
+        int,
+        typer.Option(
+            "--output-sense",
+            help="+1 or -1: sense of the output encoder; 0: from the mounting.",
+            min=-1,
+            max=1,
+        ),
     ] = 0,
     torque_constant: Annotated[
         float | None, typer.Option("--torque-constant", help="N m per A, for a torque given in A.")
     ] = None,
-    delimiter: Annotated[str, typer.Option("--delimiter", help="Found out without it; `tab` and `space` are words.")] = "",
-    decimal: Annotated[str, typer.Option("--decimal", help="Decimal mark; found out without it.")] = "",
+    delimiter: Annotated[
+        str, typer.Option("--delimiter", help="Found out without it; `tab` and `space` are words.")
+    ] = "",
+    decimal: Annotated[
+        str, typer.Option("--decimal", help="Decimal mark; found out without it.")
+    ] = "",
     drop_bad_rows: Annotated[
-        bool, typer.Option("--drop-bad-rows", help="Leave out rows with holes, count and list them.")
+        bool,
+        typer.Option("--drop-bad-rows", help="Leave out rows with holes, count and list them."),
     ] = False,
     operator: Annotated[str, typer.Option("--operator", help="Who recorded it.")] = "",
     title: Annotated[str, typer.Option("--title", help="What it is, in a few words.")] = "",
     json: JsonFlag = False,
 ) -> None:
-    """Make a run of a recording from another rig, marked IMPORTED; every analysis then works on it or says what it lacks."""
+    """Make a run of a recording from another rig, marked IMPORTED; every analysis then works on it
+    or says what it lacks.
+    """
     from rig.errors import ConfigurationError
     from rig.library import claim_run
-    from rig.runfile.foreign import ImportOptions, import_csv, import_mat, parse_channel, read_channel_map
+    from rig.runfile.foreign import (
+        ImportOptions,
+        import_csv,
+        import_mat,
+        parse_channel,
+        read_channel_map,
+    )
 
     channels, segments = read_channel_map(map_file) if map_file else ((), ())
     given = tuple(parse_channel(text) for text in channel or ())
     names = {source.name for source in given}
     for name, value in (("--ratio", ratio), ("--torque-constant", torque_constant)):
         if value is not None and not (math.isfinite(value) and value != 0.0):
-            raise ConfigurationError("is not usable", where=name, value=value, limit="a finite number that is not 0")
+            raise ConfigurationError(
+                "is not usable", where=name, value=value, limit="a finite number that is not 0"
+            )
     gear_set = None
     if parameters is not None:
         from model.gear_file import load_gear
 
         gear_set = load_gear(parameters)
     options = ImportOptions(
-        channels=(*(source for source in channels if source.name not in names), *given), rate=rate, no_time=no_time,
-        time_base=time_base.value, start_time=start, drop_bad_rows=drop_bad_rows, torque_constant=torque_constant,
-        segments=segments, delimiter=delimiter, decimal=decimal, experiment=protocol, title=title, operator=operator,
-        gear=gear_set, gear_serial=gear, ratio=math.nan if ratio is None else ratio, mounting=mounting.value,
+        channels=(*(source for source in channels if source.name not in names), *given),
+        rate=rate,
+        no_time=no_time,
+        time_base=time_base.value,
+        start_time=start,
+        drop_bad_rows=drop_bad_rows,
+        torque_constant=torque_constant,
+        segments=segments,
+        delimiter=delimiter,
+        decimal=decimal,
+        experiment=protocol,
+        title=title,
+        operator=operator,
+        gear=gear_set,
+        gear_serial=gear,
+        ratio=math.nan if ratio is None else ratio,
+        mounting=mounting.value,
         output_sense=output_sense,
-    )  # fmt: skip
+    )
     read = import_csv if format is TableFormat.csv else import_mat
-    made = read(file, options, lambda: claim_run(output, protocol or "import", gear or file.stem).path)
+    made = read(
+        file, options, lambda: claim_run(output, protocol or "import", gear or file.stem).path
+    )
     if json:
         from rig.results import json_text
 
-        typer.echo(json_text({"run": str(made.path), "rows": made.rows, "rows_left_out": made.dropped, "notes": made.notes}))
+        typer.echo(
+            json_text(
+                {
+                    "run": str(made.path),
+                    "rows": made.rows,
+                    "rows_left_out": made.dropped,
+                    "notes": made.notes,
+                }
+            )
+        )
         return
     typer.echo(f"{made.rows} rows imported into {made.path} (IMPORTED)")
     for note in made.notes:
@@ -204,7 +316,9 @@ def import_(
 
 
 def recover(
-    part: Annotated[list[Path], typer.Argument(metavar="PART...", help="Files (.h5.part) whose writer died.")],
+    part: Annotated[
+        list[Path], typer.Argument(metavar="PART...", help="Files (.h5.part) whose writer died.")
+    ],
     json: JsonFlag = False,
 ) -> None:
     """Turn what a dead writer left behind into runs with outcome INTERRUPTED; says how many rows, and what was cut."""
@@ -214,7 +328,10 @@ def recover(
     if json:
         from rig.results import json_text
 
-        found = [{"run": str(r.path), "rows": r.rows, "outcome": r.outcome, "notes": r.notes} for r in recovered]
+        found = [
+            {"run": str(r.path), "rows": r.rows, "outcome": r.outcome, "notes": r.notes}
+            for r in recovered
+        ]
         typer.echo(json_text({"recovered": found}))
         return
     for run in recovered:
@@ -227,7 +344,9 @@ def verify(
     run: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run files.")],
     json: JsonFlag = False,
 ) -> None:
-    """Check that runs are what was recorded: hash, counters, time, flags, segments, calibrations. Exit code 6 if not."""
+    """Check that runs are what was recorded: hash, counters, time, flags, segments, calibrations.
+    Exit code 6 if not.
+    """
     from rig import exits
     from rig.runfile.verify import verify_run
 
@@ -237,7 +356,12 @@ def verify(
         from rig.results import json_text
 
         found = [
-            {"run": path, "findings": [{"check": f.check, "level": f.level, "text": f.text} for f in findings]}
+            {
+                "run": path,
+                "findings": [
+                    {"check": f.check, "level": f.level, "text": f.text} for f in findings
+                ],
+            }
             for path, findings in checked.items()
         ]
         typer.echo(json_text({"runs": found, "trusted": not failed}))

@@ -11,15 +11,28 @@ if TYPE_CHECKING:
     from rig.gear_card import GearCard
 
 gear = typer.Typer(
-    name="gear", no_args_is_help=True,
-    help="Gear cards: what is known of each gear (part, mounting, lubricant, hours, load inertia, run-outs); who confirmed it.",
-)  # fmt: skip
+    name="gear",
+    no_args_is_help=True,
+    help="Gear cards: what is known of each gear (part, mounting, lubricant, hours, load "
+    "inertia, run-outs); who confirmed it.",
+)
 
 Serial = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the gear.")]
-Folder = Annotated[Path, typer.Option("--output", metavar="DIR", help="Folder of the run files; cards lie in its .gears.")]
-By = Annotated[str, typer.Option("--by", metavar="NAME", help="Who says so; kept in the history of the card.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
-HelpFlag = Annotated[bool, typer.Option("--help", "-h", help="Show this and the flags of every fact, and exit.")]
+Folder = Annotated[
+    Path,
+    typer.Option(
+        "--output", metavar="DIR", help="Folder of the run files; cards lie in its .gears."
+    ),
+]
+By = Annotated[
+    str, typer.Option("--by", metavar="NAME", help="Who says so; kept in the history of the card.")
+]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
+]
+HelpFlag = Annotated[
+    bool, typer.Option("--help", "-h", help="Show this and the flags of every fact, and exit.")
+]
 
 
 @gear.command("list")
@@ -32,7 +45,8 @@ def list_(output: Folder = Path("runs"), json: Json = False) -> None:
         from rig.results import json_text
 
         cards = [
-            one.card.as_json() if one.card else {"path": str(one.path), "problem": one.problem} for one in listed
+            one.card.as_json() if one.card else {"path": str(one.path), "problem": one.problem}
+            for one in listed
         ]
         typer.echo(json_text({"gears": cards}))
         return
@@ -40,7 +54,9 @@ def list_(output: Folder = Path("runs"), json: Json = False) -> None:
     from rich.table import Table
 
     if not listed:
-        typer.echo(f"No gear cards in {output}. Write one with: rig gear set SERIAL --by NAME --part csf-25-120")
+        typer.echo(
+            f"No gear cards in {output}. Write one with: rig gear set SERIAL --by NAME --part csf-25-120"
+        )
         return
     table = Table("gear", "part", "mounting", "lubricant", "hours", "confirmed", box=None)
     for one in listed:
@@ -51,7 +67,9 @@ def list_(output: Folder = Path("runs"), json: Json = False) -> None:
         last = one.card.confirmation
         confirmed = f"{last.by}, {last.at}" if one.card.is_confirmed and last else "NO"
         cells = (str(facts.get(name, "-")) for name in ("part", "mounting", "lubricant", "hours"))
-        table.add_row(one.card.serial, *cells, confirmed, style=None if one.card.is_confirmed else "yellow")
+        table.add_row(
+            one.card.serial, *cells, confirmed, style=None if one.card.is_confirmed else "yellow"
+        )
     Console(highlight=False).print(table)
 
 
@@ -68,20 +86,30 @@ def show(serial: Serial, output: Folder = Path("runs"), json: Json = False) -> N
 
 
 @gear.command(
-    "set", context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+    "set",
+    context_settings={
+        "allow_extra_args": True,
+        "ignore_unknown_options": True,
+        "help_option_names": [],
+    },
 )
 def set_(
     context: typer.Context,
-    serial: Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the gear.")] = "",
+    serial: Annotated[
+        str, typer.Argument(metavar="SERIAL", help="Serial number of the gear.")
+    ] = "",
     by: By = "",
     output: Folder = Path("runs"),
-    confirm: Annotated[bool, typer.Option("--confirm", help="Confirm the card as it then is.")] = False,
+    confirm: Annotated[
+        bool, typer.Option("--confirm", help="Confirm the card as it then is.")
+    ] = False,
     json: Json = False,
     show_help: HelpFlag = False,
 ) -> None:
     """Write down facts of a gear, such as --mounting flexspline-fixed --hours 120; an empty value forgets one.
 
-    A change of anything but the hours takes the confirmation away: confirm again with --confirm, or with `rig gear confirm`.
+    A change of anything but the hours takes the confirmation away: confirm again with --confirm, or
+    with `rig gear confirm`.
     """
     if show_help:
         typer.echo(context.get_help())
@@ -89,14 +117,26 @@ def set_(
         raise typer.Exit
     from experiments.parameters import parameter_fields
     from rig.commands.running import read_flags
-    from rig.gear_card import GearFacts, card_for, now_text, save_card, with_changes, with_confirmation
+    from rig.gear_card import (
+        GearFacts,
+        card_for,
+        now_text,
+        save_card,
+        with_changes,
+        with_confirmation,
+    )
 
     if not serial or serial.startswith("-"):
         raise typer.BadParameter("name the gear first, by its serial number", param_hint="SERIAL")
     fields = tuple(field for field in parameter_fields(GearFacts) if field.name != "serial")
-    values = {name: _absolute(name, text) for name, text in read_flags("gear set", fields, context.args).items()}
+    values = {
+        name: _absolute(name, text)
+        for name, text in read_flags("gear set", fields, context.args).items()
+    }
     before = card_for(output, serial)
-    card = with_changes(before, {**({} if before else {"serial": serial}), **values}, by, now_text())
+    card = with_changes(
+        before, {**({} if before else {"serial": serial}), **values}, by, now_text()
+    )
     if confirm:
         card = with_confirmation(card, by, now_text())
     save_card(output, card)
@@ -131,9 +171,12 @@ def _card(folder: Path, serial: str) -> GearCard:
     if card is None:
         known = ", ".join(one.card.serial for one in list_cards(folder) if one.card)
         raise ConfigurationError(
-            "there is no card of this gear", where=str(folder), value=serial, limit=known,
+            "there is no card of this gear",
+            where=str(folder),
+            value=serial,
+            limit=known,
             remedy="Write one with `rig gear set`.",
-        )  # fmt: skip
+        )
     return card
 
 
@@ -159,12 +202,21 @@ def _print(card: GearCard) -> None:
     table = Table(show_header=False, box=None, title=f"Gear {card.serial}", title_justify="left")
     for field in dataclasses.fields(GearFacts):
         value = told.get(field.name)
-        text = "not known" if value is None else f"{value:g} {units[field.name]}" if isinstance(value, float) else str(value)
+        text = (
+            "not known"
+            if value is None
+            else f"{value:g} {units[field.name]}"
+            if isinstance(value, float)
+            else str(value)
+        )
         table.add_row(in_words(field.name), text, style="dim" if value is None else None)
     console.print(table)
     for event in card.history:
         names = ", ".join(in_words(name) for name in event.values)
-        console.print(f"{event.at}  {event.what} by {event.by}" + (f": {names}" if names else ""), markup=False)
+        console.print(
+            f"{event.at}  {event.what} by {event.by}" + (f": {names}" if names else ""),
+            markup=False,
+        )
     last = card.confirmation
     if card.is_confirmed and last is not None:
         console.print(f"confirmed by {last.by}, {last.at}", style="green", markup=False)
@@ -182,5 +234,10 @@ def _print_flags() -> None:
     table = Table("flag", "unit", "allowed", "what", title="Facts of a gear", title_justify="left")
     for field in parameter_fields(GearFacts):
         if field.name != "serial":
-            table.add_row(field.flag, field.unit, ", ".join(CHOICES.get(field.name, ())) or field.limit, field.help)
+            table.add_row(
+                field.flag,
+                field.unit,
+                ", ".join(CHOICES.get(field.name, ())) or field.limit,
+                field.help,
+            )
     Console(highlight=False).print(table)

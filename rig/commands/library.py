@@ -11,13 +11,17 @@ if TYPE_CHECKING:
     from rig.library import IndexedRun
     from rig.passport import Analysed
 
-JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
+JsonFlag = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
+]
 
 
 def diff(
     first: Annotated[Path, typer.Argument(metavar="RUN", help="Run file.")],
     second: Annotated[Path, typer.Argument(metavar="RUN", help="The run file to hold against it.")],
-    everything: Annotated[bool, typer.Option("--all", help="What is the same in both too.")] = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="What is the same in both too.")
+    ] = False,
     json: JsonFlag = False,
 ) -> None:
     """Say what differs between two runs: parameters, limits, calibrations, versions, conditions, gear, results.
@@ -42,24 +46,43 @@ def diff(
 
 
 def passport(
-    serial: Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the gear, letter for letter.")],
+    serial: Annotated[
+        str, typer.Argument(metavar="SERIAL", help="Serial number of the gear, letter for letter.")
+    ],
     output: Annotated[
-        list[Path] | None, typer.Option("--output", metavar="DIR", help="Folder of the run files; may be given several times.")
+        list[Path] | None,
+        typer.Option(
+            "--output", metavar="DIR", help="Folder of the run files; may be given several times."
+        ),
     ] = None,
-    analyse: Annotated[bool, typer.Option("--analyse", help="First fit the runs that have no analysis yet.")] = False,
+    analyse: Annotated[
+        bool, typer.Option("--analyse", help="First fit the runs that have no analysis yet.")
+    ] = False,
     tare: Annotated[
-        Path | None, typer.Option("--tare", metavar="RUN", help="With --analyse: motor-tare run, subtracted from friction.")
+        Path | None,
+        typer.Option(
+            "--tare",
+            metavar="RUN",
+            help="With --analyse: motor-tare run, subtracted from friction.",
+        ),
     ] = None,
     origin: Annotated[
-        str, typer.Option(metavar="WORD", help="hardware, simulated, replay or imported; hardware alone where there is any.")
+        str,
+        typer.Option(
+            metavar="WORD",
+            help="hardware, simulated, replay or imported; hardware alone where there is any.",
+        ),
     ] = "",
-    baseline: Annotated[int, typer.Option(min=2, metavar="RUNS", help="First runs that make the control limits.")] = 10,
+    baseline: Annotated[
+        int, typer.Option(min=2, metavar="RUNS", help="First runs that make the control limits.")
+    ] = 10,
     json: JsonFlag = False,
 ) -> None:
     """Show a gear over its runs: transmission accuracy, order spectrum, friction, starting torque, with control limits.
 
-    Drawn from the analyses beside the runs. Only runs that can be compared stand in one series: one origin, mounting, speed
-    and subject (gear, or motor and gear). What is missing is named. The exit code is 0 also where a limit is broken.
+    Drawn from the analyses beside the runs. Only runs that can be compared stand in one series: one
+    origin, mounting, speed and subject (gear, or motor and gear). What is missing is named. The
+    exit code is 0 also where a limit is broken.
     """
     from rig.passport import passport as passport_of
 
@@ -71,7 +94,13 @@ def passport(
 
         told = made.as_json()
         told["analysed"] = [
-            {"run": one.run.run_id, "file": str(one.run.path), "stored": one.stored, "problem": one.problem} for one in analysed
+            {
+                "run": one.run.run_id,
+                "file": str(one.run.path),
+                "stored": one.stored,
+                "problem": one.problem,
+            }
+            for one in analysed
         ]
         typer.echo(json_text(told))
         return
@@ -80,7 +109,9 @@ def passport(
     print_passport(made, analysed)
 
 
-def _analyse(where: list[Path], serial: str, tare: Path | None, origin: str, *, quiet: bool) -> tuple[Analysed, ...]:
+def _analyse(
+    where: list[Path], serial: str, tare: Path | None, origin: str, *, quiet: bool
+) -> tuple[Analysed, ...]:
     from datetime import datetime
 
     from rig.passport import analyse_runs

@@ -18,11 +18,20 @@ _STATE_COLOURS = {"in control": "green", "to be watched": "yellow", "out of cont
 def print_difference(found: Difference, *, everything: bool) -> None:
     """What differs, group by group; with `everything` what does not as well."""
     console = Console()
-    console.print(Text(found.first, style="bold") + Text("  against  ") + Text(found.second, style="bold"))
+    console.print(
+        Text(found.first, style="bold") + Text("  against  ") + Text(found.second, style="bold")
+    )
     for group, looked_at in found.compared.items():
         changes = found.of(group)
-        shown = [*changes, *(change for change in found.same if change.group == group and everything)]
-        title = f"{group}: {len(changes)} of {looked_at} differ" if looked_at else f"{group}: nothing to compare"
+        shown = [
+            *changes,
+            *(change for change in found.same if change.group == group and everything),
+        ]
+        title = (
+            f"{group}: {len(changes)} of {looked_at} differ"
+            if looked_at
+            else f"{group}: nothing to compare"
+        )
         console.print(Text(title, style="bold" if changes else "dim"))
         if shown:
             console.print(_change_table(shown, results=group == "results"))
@@ -32,7 +41,12 @@ def print_difference(found: Difference, *, everything: bool) -> None:
 
 def _change_table(changes: Sequence[Change], *, results: bool) -> Table:
     table = Table(box=None, header_style="dim", pad_edge=True)
-    headings = ("what", "first", "second", *(("difference", "significant", "remark") if results else ()))
+    headings = (
+        "what",
+        "first",
+        "second",
+        *(("difference", "significant", "remark") if results else ()),
+    )
     for heading in headings:
         table.add_column(heading, overflow="fold")
     for change in changes:
@@ -53,7 +67,11 @@ def _difference_text(change: Change) -> str:
 def _significance(change: Change) -> Text:
     if change.significant is None:
         return Text("")
-    return Text("yes", style="bold yellow") if change.significant else Text("no: within U_c", style="dim")
+    return (
+        Text("yes", style="bold yellow")
+        if change.significant
+        else Text("no: within U_c", style="dim")
+    )
 
 
 def print_passport(made: Passport, analysed: Sequence[Analysed] = ()) -> None:
@@ -62,7 +80,12 @@ def print_passport(made: Passport, analysed: Sequence[Analysed] = ()) -> None:
     mark = Text(f"  {made.mark}", style="bold magenta") if made.mark else Text("")
     console.print(Text(f"Gear {made.serial}", style="bold") + Text(f"  {made.gear}") + mark)
     for one in analysed:
-        console.print(Text(f"fitted {one.run.run_id}: {one.stored or one.problem}", style="" if one.stored else "bold red"))
+        console.print(
+            Text(
+                f"fitted {one.run.run_id}: {one.stored or one.problem}",
+                style="" if one.stored else "bold red",
+            )
+        )
     first, last = (made.runs[0].start[:10], made.runs[-1].start[:10]) if made.runs else ("-", "-")
     console.print(f"{len(made.runs)} runs, {first} to {last}")
     if made.series:
@@ -72,7 +95,14 @@ def print_passport(made: Passport, analysed: Sequence[Analysed] = ()) -> None:
             for signal in point.signals:
                 text = f"{series.title}, {point.run}: {made.rules[signal]}"
                 text += " (within the measuring uncertainty)" if point.within_uncertainty else ""
-                console.print(Text(text, style=_STATE_COLOURS["out of control" if signal == "1" else "to be watched"]))
+                console.print(
+                    Text(
+                        text,
+                        style=_STATE_COLOURS[
+                            "out of control" if signal == "1" else "to be watched"
+                        ],
+                    )
+                )
     for heading, lines in (("Missing", made.missing), ("Runs that do not count", made.left_out)):
         if lines:
             console.print(Text(heading, style="bold"))
@@ -83,16 +113,34 @@ def print_passport(made: Passport, analysed: Sequence[Analysed] = ()) -> None:
 
 def _series_table(series: Sequence[PassportSeries]) -> Table:
     table = Table(box=None, header_style="bold", pad_edge=False)
-    for heading in ("quantity", "runs", "newest", "U (k = 2)", "unit", "centre", "control limits", "state"):
+    for heading in (
+        "quantity",
+        "runs",
+        "newest",
+        "U (k = 2)",
+        "unit",
+        "centre",
+        "control limits",
+        "state",
+    ):
         right = heading in ("runs", "newest", "U (k = 2)", "centre")
         table.add_column(heading, overflow="fold", justify="right" if right else "left")
     for one in series:
         newest, control = one.points[-1], one.control
         centre = "-" if control is None else number(control.centre / one.factor, 4)
-        limits = "-" if control is None else " … ".join(number(v / one.factor, 4) for v in (control.lower, control.upper))
+        limits = (
+            "-"
+            if control is None
+            else " … ".join(number(v / one.factor, 4) for v in (control.lower, control.upper))
+        )
         table.add_row(
-            Text(one.title), str(len(one.points)), number(newest.value / one.factor, 4),
-            number(newest.expanded_uncertainty / one.factor, 2), one.display_unit, centre, limits,
+            Text(one.title),
+            str(len(one.points)),
+            number(newest.value / one.factor, 4),
+            number(newest.expanded_uncertainty / one.factor, 2),
+            one.display_unit,
+            centre,
+            limits,
             Text(one.state, style=_STATE_COLOURS.get(one.state, "dim")),
-        )  # fmt: skip
+        )
     return table

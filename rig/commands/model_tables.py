@@ -21,7 +21,9 @@ def print_summary(gear: HarmonicDrive, summary: Summary) -> None:
 
     out = console()
     out.print(Text(f"{gear.name}: what the model derives from its parameters, in SI", style="bold"))
-    options = ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in summary.options.items())
+    options = ", ".join(
+        f"{name.replace('_', ' ')} {value}" for name, value in summary.options.items()
+    )
     out.print(Text(f"options: {options}", style="dim"))
     _quantities(out, summary)
     _shares(out, summary)
@@ -36,10 +38,14 @@ def _table(title: str, *headings: str) -> Any:
     from rich import box
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="bold", pad_edge=False)
+    table = Table(
+        box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="bold", pad_edge=False
+    )
     for heading in headings:
         numeric = heading.startswith(">")
-        table.add_column(heading.lstrip(">"), justify="right" if numeric else "left", no_wrap=numeric)
+        table.add_column(
+            heading.lstrip(">"), justify="right" if numeric else "left", no_wrap=numeric
+        )
     return table
 
 
@@ -52,13 +58,18 @@ def _text(value: float, digits: int = DIGITS) -> str:
 def _quantities(out: Console, summary: Summary) -> None:
     table = _table("Derived quantities", "name", ">value", "unit", "eq.", "what it is")
     for q in summary.quantities:
-        table.add_row(q.name, _text(q.value), "" if q.unit == "1" else q.unit, q.equation, q.description)
+        table.add_row(
+            q.name, _text(q.value), "" if q.unit == "1" else q.unit, q.equation, q.description
+        )
     out.print(table)
 
 
 def _shares(out: Console, summary: Summary) -> None:
     table = _table("Where the compliance comes from", "part", ">share")
-    for title, shares in (("at the output", summary.shares), ("one tooth pair", summary.pair_shares)):
+    for title, shares in (
+        ("at the output", summary.shares),
+        ("one tooth pair", summary.pair_shares),
+    ):
         for name, share in shares.items():
             table.add_row(f"{title}: {name}", f"{100.0 * share:.2f} %")
     out.print(table)
@@ -67,14 +78,20 @@ def _shares(out: Console, summary: Summary) -> None:
 def _catalogue(out: Console, summary: Summary) -> None:
     from model.units import ARCMIN
 
-    table = _table("Beside the catalogue", "name", ">computed", ">catalogue", "unit", ">ratio", "provenance")
+    table = _table(
+        "Beside the catalogue", "name", ">computed", ">catalogue", "unit", ">ratio", "provenance"
+    )
     for c in summary.catalogue:
         factor, unit = (ARCMIN, "arcmin") if c.unit == "rad" else (1.0, c.unit)
         name = f"K_HDf, {c.name}" if c.name in ("K1", "K2", "K3") else c.name.replace("_", " ")
         table.add_row(
-            name, _text(c.computed / factor, 4), _text(c.catalogue / factor, 4), unit,
-            f"{c.ratio:.2f}", c.provenance,
-        )  # fmt: skip
+            name,
+            _text(c.computed / factor, 4),
+            _text(c.catalogue / factor, 4),
+            unit,
+            f"{c.ratio:.2f}",
+            c.provenance,
+        )
     out.print(table)
 
 
@@ -83,13 +100,18 @@ def _modes(out: Console, summary: Summary) -> None:
 
     from model.units import RPM
 
-    table = _table("Modes, input prescribed", ">natural frequency [rad/s]", ">[Hz]", ">damping ratio")
+    table = _table(
+        "Modes, input prescribed", ">natural frequency [rad/s]", ">[Hz]", ">damping ratio"
+    )
     for mode in summary.modes:
         hertz = mode.natural_frequency / (2.0 * math.pi)
         table.add_row(_text(mode.natural_frequency), _text(hertz), _text(mode.damping_ratio, 3))
     out.print(table)
     table = _table(
-        "Where orders of the kinematic error meet the first mode", ">order", ">input speed [r/min]", ">[rad/s]"
+        "Where orders of the kinematic error meet the first mode",
+        ">order",
+        ">input speed [r/min]",
+        ">[rad/s]",
     )
     for r in summary.resonances:
         table.add_row(_text(r.order), _text(r.input_speed / RPM), _text(r.input_speed))

@@ -10,9 +10,14 @@ import typer
 
 def model(
     parameters: Annotated[
-        Path | None, typer.Option("--parameters", metavar="FILE", help="Parameter set (TOML); CSF-25-120 without it.")
+        Path | None,
+        typer.Option(
+            "--parameters", metavar="FILE", help="Parameter set (TOML); CSF-25-120 without it."
+        ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output, in SI.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object on standard output, in SI.")
+    ] = False,
 ) -> None:
     """Show what the model derives from a parameter set: stiffnesses, modes, resonance speeds, friction, in SI."""
     from model.gear_file import load_gear, shipped_gear

@@ -1,4 +1,6 @@
-"""From what was typed to what is to be run: gear, motor, limits and rates by flag, by the rig's configuration, or by default."""
+"""From what was typed to what is to be run: gear, motor, limits and rates by flag, by the rig's
+configuration, or by default.
+"""
 
 from __future__ import annotations
 
@@ -52,14 +54,29 @@ def request_of(
 
         configured = configured_rig(config)
         gear, motor, limits = configured.gear, configured.motor, configured.limits
-        rate, folder = configured.configuration.rig.sample_rate_hz, config.parent / configured.configuration.rig.output
+        rate, folder = (
+            configured.configuration.rig.sample_rate_hz,
+            config.parent / configured.configuration.rig.output,
+        )
     if parameters is not None:
         gear = load_gear(parameters)
     request = RunRequest(
-        protocol, gear, motor, output or folder, values, backend, mounting or MOUNTINGS[0],  # type: ignore[arg-type]
-        gear_serial, operator, seed, sample_rate or rate, block, configuration=config, limits=limits,
+        protocol,
+        gear,
+        motor,
+        output or folder,
+        values,
+        backend,
+        mounting or MOUNTINGS[0],  # type: ignore[arg-type]
+        gear_serial,
+        operator,
+        seed,
+        sample_rate or rate,
+        block,
+        configuration=config,
+        limits=limits,
         confirmation=confirmation,
-    )  # fmt: skip
+    )
     return carded(request, mounting, parameters is not None)
 
 
@@ -77,9 +94,12 @@ def carded(request: RunRequest, mounting: str | None, parameters_given: bool) ->
     known = card.facts.mounting
     if mounting and known and mounting != known:
         raise ConfigurationError(
-            "the gear's card says otherwise", where="--mounting", value=mounting, limit=known,
+            "the gear's card says otherwise",
+            where="--mounting",
+            value=mounting,
+            limit=known,
             remedy=f"If it was mounted anew: rig gear set {card.serial} --mounting {mounting}.",
-        )  # fmt: skip
+        )
     if card.warning:
         sys.stderr.write(f"warning: {card.warning}\n")
     return with_card(request, card, parameters_given=parameters_given)
@@ -88,8 +108,8 @@ def carded(request: RunRequest, mounting: str | None, parameters_given: bool) ->
 def confirmed(request: RunRequest, planned: PlannedRun, asks: bool) -> RunRequest:
     """The request of a run on hardware with what the operator typed; every other request as it is.
 
-    Asked is whoever sits at the terminal, once the plan and its margins have been shown; without a terminal the run stays
-    unconfirmed, and arming refuses it.
+    Asked is whoever sits at the terminal, once the plan and its margins have been shown; without a
+    terminal the run stays unconfirmed, and arming refuses it.
     """
     from rig.backends import HARDWARE
 
@@ -100,6 +120,8 @@ def confirmed(request: RunRequest, planned: PlannedRun, asks: bool) -> RunReques
 
     print_plan(planned)
     expected = arming_of(request, planned).expected
-    sys.stderr.write(f"\nThis moves the rig. Guard closed, hands away, emergency stop within reach? Type {expected} to arm: ")
+    sys.stderr.write(
+        f"\nThis moves the rig. Guard closed, hands away, emergency stop within reach? Type {expected} to arm: "
+    )
     sys.stderr.flush()
     return replace(request, confirmation=sys.stdin.readline().strip())

@@ -30,19 +30,29 @@ def preview(
     sample_rate: SampleRate = None,
     config: Config = None,
     gear_serial: Annotated[
-        str, typer.Option("--gear", metavar="SERIAL", help="Gear whose card tells part, mounting and load inertia.")
+        str,
+        typer.Option(
+            "--gear",
+            metavar="SERIAL",
+            help="Gear whose card tells part, mounting and load inertia.",
+        ),
     ] = "",
-    output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the run files, with the gear cards.")] = Path("runs"),
+    output: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder of the run files, with the gear cards.")
+    ] = Path("runs"),
     figures: Annotated[
-        Path | None, typer.Option("--figures", metavar="DIR", help="Write speed, torque, output and friction as PNG here.")
+        Path | None,
+        typer.Option(
+            "--figures", metavar="DIR", help="Write speed, torque, output and friction as PNG here."
+        ),
     ] = None,
     json: Json = False,
     show_help: Help = False,
 ) -> None:
     """Predict torque and output of a plan with their uncertainty, and say which limit they touch.
 
-    Usage: rig preview PROTOCOL [flags of the protocol]. Quasi-static, by the gear's parameter set; a gear card gives the load
-    inertia with its uncertainty. Nothing is connected.
+    Usage: rig preview PROTOCOL [flags of the protocol]. Quasi-static, by the gear's parameter set;
+    a gear card gives the load inertia with its uncertainty. Nothing is connected.
     """
     if show_help:
         from rig.commands.run_tables import print_help
@@ -58,12 +68,21 @@ def preview(
     protocol, values = read_protocol(context.args)
     if gear_serial and card_for(output, gear_serial) is None:
         raise ConfigurationError(
-            "there is no card of this gear", where=str(output), value=gear_serial, remedy="Write one with `rig gear set`."
+            "there is no card of this gear",
+            where=str(output),
+            value=gear_serial,
+            remedy="Write one with `rig gear set`.",
         )
     request = request_of(
-        protocol, values, config=config, parameters=parameters, mounting=mounting, sample_rate=sample_rate, output=output,
+        protocol,
+        values,
+        config=config,
+        parameters=parameters,
+        mounting=mounting,
+        sample_rate=sample_rate,
+        output=output,
         gear_serial=gear_serial,
-    )  # fmt: skip
+    )
     found = preview_plan(plan_request(request))
     written = _write_figures(found, figures, request.backend) if figures is not None else []
     if json:
@@ -88,7 +107,9 @@ def _write_figures(found: PlanPreview, folder: Path, backend: str) -> list[Path]
             path.write_bytes(draw_png(plot, "prediction"))
             written.append(path)
     except OSError as error:
-        raise RigError(f"the figures cannot be written: {error.strerror or error}", where=str(folder)) from error
+        raise RigError(
+            f"the figures cannot be written: {error.strerror or error}", where=str(folder)
+        ) from error
     return written
 
 
@@ -103,24 +124,35 @@ def _print(found: PlanPreview, written: list[Path]) -> None:
     console = Console(highlight=False)
     planned = found.planned
     console.print(
-        f"{planned.experiment.name} on {planned.gear.name}, {planned.mounting}: {in_words(planned.nominal)} nominal", markup=False
+        f"{planned.experiment.name} on {planned.gear.name}, {planned.mounting}: {in_words(planned.nominal)} nominal",
+        markup=False,
     )
     start = found.starting
     console.print(
         f"predicted starting torque {1e3 * float(start.value):.0f} ± {1e3 * float(start.uncertainty):.0f} mN m (95 %)"
     )
     table = Table(
-        "limit on", "predicted", "limit", "margin", "least margin", "where", title="Margins with their uncertainty",
+        "limit on",
+        "predicted",
+        "limit",
+        "margin",
+        "least margin",
+        "where",
+        title="Margins with their uncertainty",
         title_justify="left",
-    )  # fmt: skip
+    )
     for margin in found.margins:
         factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
         doubt = f" ± {margin.uncertainty / factor:.2g}" if margin.uncertainty else ""
         table.add_row(
-            margin.quantity.replace("_", " "), f"{margin.value / factor:.4g}{doubt} {unit}",
-            f"{margin.limit.value / factor:.4g} {unit}", percent(margin.margin), percent(margin.least_margin), margin.where,
+            margin.quantity.replace("_", " "),
+            f"{margin.value / factor:.4g}{doubt} {unit}",
+            f"{margin.limit.value / factor:.4g} {unit}",
+            percent(margin.margin),
+            percent(margin.least_margin),
+            margin.where,
             style="yellow" if margin.touches else None,
-        )  # fmt: skip
+        )
     console.print(table)
     for warning in found.warnings:
         console.print(f"warning: {warning.text}", style="yellow", markup=False, soft_wrap=True)

@@ -19,32 +19,61 @@ class ReportFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that sh
 
 def report(
     runs: Annotated[
-        list[Path] | None, typer.Argument(metavar="[RUN...]", help="Run files of one gear, in any order.")
+        list[Path] | None,
+        typer.Argument(metavar="[RUN...]", help="Run files of one gear, in any order."),
     ] = None,
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="What to write: .html or .pdf; a folder with --per-run.")
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="What to write: .html or .pdf; a folder with --per-run.",
+        ),
     ] = Path("report.html"),
     format_: Annotated[
-        ReportFormat | None, typer.Option("--format", help="Instead of the suffix of FILE; both writes the two side by side.")
+        ReportFormat | None,
+        typer.Option(
+            "--format", help="Instead of the suffix of FILE; both writes the two side by side."
+        ),
     ] = None,
-    per_run: Annotated[bool, typer.Option("--per-run", help="A report of its own for every run, into the folder FILE.")] = False,
+    per_run: Annotated[
+        bool,
+        typer.Option("--per-run", help="A report of its own for every run, into the folder FILE."),
+    ] = False,
     gear: Annotated[
-        str, typer.Option("--gear", metavar="SERIAL", help="The report of a gear over its life, from the runs in --runs.")
+        str,
+        typer.Option(
+            "--gear",
+            metavar="SERIAL",
+            help="The report of a gear over its life, from the runs in --runs.",
+        ),
     ] = "",
-    folder: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs, for --gear.")] = Path("runs"),
+    folder: Annotated[
+        Path, typer.Option("--runs", metavar="DIR", help="Folder of runs, for --gear.")
+    ] = Path("runs"),
     tare: Annotated[
         Path | None,
-        typer.Option("--tare", metavar="RUN", help="Motor-tare run; one among RUN... is used without asking."),
+        typer.Option(
+            "--tare", metavar="RUN", help="Motor-tare run; one among RUN... is used without asking."
+        ),
     ] = None,
     parameters: Annotated[
-        Path | None, typer.Option("--parameters", metavar="FILE", help="Parameter set (TOML) instead of the run's own.")
+        Path | None,
+        typer.Option(
+            "--parameters", metavar="FILE", help="Parameter set (TOML) instead of the run's own."
+        ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")] = False,
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+    ] = False,
 ) -> None:
     """Write a self-contained report: verdict, figures, parameters with intervals and budgets, conditions, provenance.
 
-    HTML or PDF, of all the runs together, of every run for itself, or of a gear over its life (its passport). Only runs from
-    hardware have room for a signature; all others are marked on every page.
+    HTML or PDF, of all the runs together, of every run for itself, or of a gear over its life (its
+    passport). Only runs from hardware have room for a signature; all others are marked on every
+    page.
     """
     from rig.report.build import report_on_files, report_on_gear
 
@@ -56,7 +85,10 @@ def report(
     if gear:
         made = [report_on_gear(folder, gear, [output.with_suffix(suffix) for suffix in suffixes])]
     elif per_run:
-        named = [(run, [output / f"{run.name.split('.')[0]}{suffix}" for suffix in suffixes]) for run in runs or ()]
+        named = [
+            (run, [output / f"{run.name.split('.')[0]}{suffix}" for suffix in suffixes])
+            for run in runs or ()
+        ]
         made = []
         for number, (run, paths) in enumerate(named, 1):
             if not json and len(named) > 1:
@@ -92,10 +124,17 @@ def _suffixes(output: Path, format_: ReportFormat | None, per_run: bool) -> tupl
 
 def demo(
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for runs, report and parameter set.")
+        Path,
+        typer.Option(
+            "--output", "-o", metavar="DIR", help="Folder for runs, report and parameter set."
+        ),
     ] = Path("rig-demo"),
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated gear and its imperfections.")] = 0,
-    json: Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")] = False,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the simulated gear and its imperfections.")
+    ] = 0,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object on standard output.")
+    ] = False,
 ) -> None:
     """Turn a simulated gear through the paper's experiments, fit them, compare with the truth, and write the report.
 

@@ -1,4 +1,6 @@
-"""Results as tables on a terminal: value ± U, unit, 95 % interval, whether the data identify it; then what to beware of."""
+"""Results as tables on a terminal: value ± U, unit, 95 % interval, whether the data identify it;
+then what to beware of.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,12 @@ if TYPE_CHECKING:
 
     from experiments.result import Result
 
-VERDICT_STYLE = {"PASS": "bold green", "MARGINAL": "bold yellow", "FAIL": "bold red", "no verified limit": "dim"}
+VERDICT_STYLE = {
+    "PASS": "bold green",
+    "MARGINAL": "bold yellow",
+    "FAIL": "bold red",
+    "no verified limit": "dim",
+}
 IDENTIFIABLE_STYLE = {"yes": "green", "weakly": "yellow", "no": "red"}
 
 
@@ -30,7 +37,11 @@ def print_result(out: Console, result: Result, heading: str = "") -> None:
     out.print(Text(heading or f"{result.kind} of run {result.run}", style="bold"))
     if result.estimates:
         out.print(estimate_table(result))
-    notes = [(readable(n), e.note) for n, e in result.estimates.items() if e.note and e.identifiable != "yes"]
+    notes = [
+        (readable(n), e.note)
+        for n, e in result.estimates.items()
+        if e.note and e.identifiable != "yes"
+    ]
     for name, note in notes:
         out.print(Text(f"  {name}: {note}", style="dim"))
     print_metrics(out, result)

@@ -27,7 +27,9 @@ def print_help(context: typer.Context) -> None:
     console = Console(highlight=False)
     named = next((word for word in context.args if word in catalogue.names()), "")
     if not named:
-        table = Table("protocol", "what it measures", title="Protocols", title_justify="left", box=None)
+        table = Table(
+            "protocol", "what it measures", title="Protocols", title_justify="left", box=None
+        )
         for name in catalogue.names():
             table.add_row(name, catalogue.entry(name).summary)
         console.print(table)
@@ -37,7 +39,13 @@ def print_help(context: typer.Context) -> None:
 
     experiment = catalogue.load(named)
     table = Table(
-        "flag", "unit", "allowed", "default", "what", title=f"{named}: {experiment.title}", title_justify="left"
+        "flag",
+        "unit",
+        "allowed",
+        "default",
+        "what",
+        title=f"{named}: {experiment.title}",
+        title_justify="left",
     )
     for field in parameter_fields(experiment.parameters):
         table.add_row(field.flag, field.unit, field.limit, _default(field), field.help)
@@ -68,24 +76,44 @@ def print_plan(planned: PlannedRun) -> None:
     facts = Table(show_header=False, box=None, title=title, title_justify="left")
     facts.add_row("gear", f"{planned.gear.name}, {planned.mounting}, ratio {planned.load.ratio:g}")
     facts.add_row("steps", f"{len(planned.plan)}")
-    facts.add_row("duration", f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most")
-    out = f", {turns / planned.load.ratio:.2f} of the output" if planned.experiment.gear_mounted else ""
+    facts.add_row(
+        "duration", f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most"
+    )
+    out = (
+        f", {turns / planned.load.ratio:.2f} of the output"
+        if planned.experiment.gear_mounted
+        else ""
+    )
     facts.add_row("revolutions", f"{turns:.1f} of the input{out}")
     facts.add_row(
-        "samples", f"{planned.samples} at {planned.sample_rate:g} Hz, about {planned.file_size() / 1e6:.1f} MB"
+        "samples",
+        f"{planned.samples} at {planned.sample_rate:g} Hz, about {planned.file_size() / 1e6:.1f} MB",
     )
     facts.add_row("peak speed", f"{peak:.4g} r/min")
     console.print(facts)
-    table = Table("limit on", "planned", "allowed", "margin", "where", "origin", title="Margins", title_justify="left")
+    table = Table(
+        "limit on",
+        "planned",
+        "allowed",
+        "margin",
+        "where",
+        "origin",
+        title="Margins",
+        title_justify="left",
+    )
     for margin in planned.margins:
         factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
         origin = f"{margin.limit.tier}: {margin.limit.origin}"
         if margin.limit.provenance in ("recalled", "assumed"):
             origin += f" ({margin.limit.provenance})"
         table.add_row(
-            margin.quantity.replace("_", " "), f"{margin.value / factor:.4g} {unit}", f"{margin.limit.value / factor:.4g} {unit}",
-            f"{100.0 * margin.margin:.0f} %", margin.where, origin,
-        )  # fmt: skip
+            margin.quantity.replace("_", " "),
+            f"{margin.value / factor:.4g} {unit}",
+            f"{margin.limit.value / factor:.4g} {unit}",
+            f"{100.0 * margin.margin:.0f} %",
+            margin.where,
+            origin,
+        )
     console.print(table)
 
 
@@ -102,11 +130,25 @@ def _print_margins(console: Console, report: RunReport) -> None:
     """How near the run came to each limit, the nearest first."""
     from rich.table import Table
 
-    table = Table("limit on", "peak", "limit", "margin", title="Margins of this run", title_justify="left", box=None)
+    table = Table(
+        "limit on",
+        "peak",
+        "limit",
+        "margin",
+        title="Margins of this run",
+        title_justify="left",
+        box=None,
+    )
     for name, found in sorted(report.margins.items(), key=lambda item: item[1]["margin"]):
         style = "red" if found["margin"] < 0.0 else "yellow" if found["margin"] < 0.1 else None
         share = f"{100.0 * found['margin']:.0f} %"
-        table.add_row(name.replace("_", " "), f"{found['peak']:.4g}", f"{found['limit']:.4g}", share, style=style)
+        table.add_row(
+            name.replace("_", " "),
+            f"{found['peak']:.4g}",
+            f"{found['limit']:.4g}",
+            share,
+            style=style,
+        )
     console.print(table)
 
 
@@ -116,18 +158,26 @@ def print_report(report: RunReport) -> None:
 
     console = Console(highlight=False)
     styles = {"PASS": "green", "MARGINAL": "yellow", "ABORTED": "yellow"}
-    console.print(f"{report.outcome}  {report.run_id}", style=styles.get(report.outcome, "red"), markup=False)
+    console.print(
+        f"{report.outcome}  {report.run_id}", style=styles.get(report.outcome, "red"), markup=False
+    )
     console.print(f"{report.path}", markup=False, soft_wrap=True)
     if report.make_safe is not None and not report.safe:
         _print_alarm(console, report.make_safe.problem)
     elif report.make_safe is not None:
         seen = ", ".join(report.make_safe.verified_by)
-        console.print(f"made safe ({report.make_safe.action.value}), standstill verified by {seen}", soft_wrap=True)
+        console.print(
+            f"made safe ({report.make_safe.action.value}), standstill verified by {seen}",
+            soft_wrap=True,
+        )
     if report.message:
         console.print(report.message, markup=False, soft_wrap=True)
     if report.margins:
         _print_margins(console, report)
     if report.trip is not None:
-        console.print(f"The trip is latched: rig acknowledge --operator NAME --output {report.path.parent}", soft_wrap=True)
+        console.print(
+            f"The trip is latched: rig acknowledge --operator NAME --output {report.path.parent}",
+            soft_wrap=True,
+        )
     for warning in dict.fromkeys(w for w in report.warnings if w != report.message):
         console.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)

@@ -34,26 +34,41 @@ def with_protocol_flags(command: Command) -> Command:
     return command
 
 
-Help = Annotated[bool, typer.Option("--help", "-h", help="Show this, and with a PROTOCOL its own flags, and exit.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
+Help = Annotated[
+    bool,
+    typer.Option("--help", "-h", help="Show this, and with a PROTOCOL its own flags, and exit."),
+]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
+]
 Parameters = Annotated[
-    Path | None, typer.Option("--parameters", metavar="FILE", help="Parameter set of the gear (TOML).")
+    Path | None,
+    typer.Option("--parameters", metavar="FILE", help="Parameter set of the gear (TOML)."),
 ]
 MountedHow = Annotated[
     str | None,
     typer.Option(
-        "--mounting", help="circular-spline-fixed (ratio N, the default) or flexspline-fixed (ratio N + 1); known gears: by card."
+        "--mounting",
+        help="circular-spline-fixed (ratio N, the default) or flexspline-fixed (ratio N + 1); known gears: by card.",
     ),
 ]
 SampleRate = Annotated[
     float | None,
     typer.Option(
-        "--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz]; 1000, or that of the configuration."
+        "--sample-rate",
+        metavar="HZ",
+        min=50.0,
+        max=20000.0,
+        help="SYNC rate [Hz]; 1000, or that of the configuration.",
     ),
 ]
 Config = Annotated[
     Path | None,
-    typer.Option("--config", metavar="FILE", help="The rig's configuration (rig.toml): gear, motor, limits, rate, folder."),
+    typer.Option(
+        "--config",
+        metavar="FILE",
+        help="The rig's configuration (rig.toml): gear, motor, limits, rate, folder.",
+    ),
 ]
 
 
@@ -67,10 +82,11 @@ def plan(
     json: Json = False,
     show_help: Help = False,
 ) -> None:
-    """Walk a protocol without a rig: duration, revolutions, samples, file size, peak speed and torque, margin to each limit.
+    """Walk a protocol without a rig: duration, revolutions, samples, file size, peak speed and
+    torque, margin to each limit.
 
-    Usage: rig plan PROTOCOL [flags of the protocol]. A plan that would break a limit is refused with the step, the value
-    and the limit (exit code 2).
+    Usage: rig plan PROTOCOL [flags of the protocol]. A plan that would break a limit is refused
+    with the step, the value and the limit (exit code 2).
     """
     from rig.commands.run_tables import print_help, print_plan
 
@@ -83,9 +99,14 @@ def plan(
     protocol, values = read_protocol(context.args)
     planned = plan_request(
         request_of(
-            protocol, values, config=config, parameters=parameters, mounting=mounting, sample_rate=sample_rate
+            protocol,
+            values,
+            config=config,
+            parameters=parameters,
+            mounting=mounting,
+            sample_rate=sample_rate,
         )
-    )  # fmt: skip
+    )
     if json:
         from rig.results import json_text
 
@@ -99,39 +120,60 @@ def run(
     context: typer.Context,
     backend: Annotated[
         str,
-        typer.Option(help="Which rig: sim, wire (drivers and simulated devices), replay:RUN.h5, or hardware (see --config)."),
+        typer.Option(
+            help="Which rig: sim, wire (drivers and simulated devices), replay:RUN.h5, or hardware (see --config)."
+        ),
     ] = "sim",
     gear_serial: Annotated[
         str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
     ] = "unknown",
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who runs it.")] = "",
     output: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of the run files; runs, or that of the configuration.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of the run files; runs, or that of the configuration."
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of a simulated rig: another gear, another noise.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of a simulated rig: another gear, another noise.")
+    ] = 0,
     parameters: Parameters = None,
     mounting: MountedHow = None,
     sample_rate: SampleRate = None,
     config: Config = None,
     confirm: Annotated[
         str,
-        typer.Option(metavar="SERIAL", help="Arms a run on hardware: the gear's serial number, letter for letter, once more."),
+        typer.Option(
+            metavar="SERIAL",
+            help="Arms a run on hardware: the gear's serial number, letter for letter, once more.",
+        ),
     ] = "",
-    block: Annotated[int, typer.Option(min=1, max=100_000, help="Cycles per exchange; changes no count.")] = 2000,
+    block: Annotated[
+        int, typer.Option(min=1, max=100_000, help="Cycles per exchange; changes no count.")
+    ] = 2000,
     json: Json = False,
     events: Annotated[
-        bool, typer.Option("--events", help="Tell events and progress as JSON lines on standard output, the report last.")
+        bool,
+        typer.Option(
+            "--events",
+            help="Tell events and progress as JSON lines on standard output, the report last.",
+        ),
     ] = False,
     stdin_control: Annotated[
-        bool, typer.Option("--stdin-control", help="Take STOP, ABORT and notes as lines on standard input; its end is a STOP.")
+        bool,
+        typer.Option(
+            "--stdin-control",
+            help="Take STOP, ABORT and notes as lines on standard input; its end is a STOP.",
+        ),
     ] = False,
     show_help: Help = False,
 ) -> None:
     """Execute a protocol on a rig and keep it as one run file.
 
-    Usage: rig run PROTOCOL [flags of the protocol]. Ctrl-C is a STOP (controlled ramp, the file is sealed as ABORTED), a
-    second one an ABORT (quick stop). Whatever happens, the rig is made safe and that is checked. A rig of hardware has to
-    be armed: operator and gear named, the guard closed, the serial number typed once more.
+    Usage: rig run PROTOCOL [flags of the protocol]. Ctrl-C is a STOP (controlled ramp, the file is
+    sealed as ABORTED), a second one an ABORT (quick stop). Whatever happens, the rig is made safe
+    and that is checked. A rig of hardware has to be armed: operator and gear named, the guard
+    closed, the serial number typed once more.
     """
     from rig.commands.run_tables import print_help, print_report
 
@@ -143,9 +185,20 @@ def run(
 
     protocol, values = read_protocol(context.args)
     request = request_of(
-        protocol, values, backend=backend, config=config, parameters=parameters, mounting=mounting, sample_rate=sample_rate,
-        output=output, gear_serial=gear_serial, operator=operator, seed=seed, block=block, confirmation=confirm,
-    )  # fmt: skip
+        protocol,
+        values,
+        backend=backend,
+        config=config,
+        parameters=parameters,
+        mounting=mounting,
+        sample_rate=sample_rate,
+        output=output,
+        gear_serial=gear_serial,
+        operator=operator,
+        seed=seed,
+        block=block,
+        confirmation=confirm,
+    )
     planned = plan_request(request)
     request = confirmed(request, planned, asks=not (json or events or stdin_control))
     from rig.exits import code_of_outcome
@@ -172,12 +225,14 @@ def read_protocol(arguments: Sequence[str]) -> tuple[str, dict[str, Any]]:
     if not arguments or arguments[0].startswith("-"):
         found = f"{arguments[0]!r} stands where the protocol belongs. " if arguments else ""
         raise typer.BadParameter(
-            f"{found}Name the protocol first: {', '.join(catalogue.names())}.", param_hint="PROTOCOL"
+            f"{found}Name the protocol first: {', '.join(catalogue.names())}.",
+            param_hint="PROTOCOL",
         )
     protocol = arguments[0]
     if protocol not in catalogue.names():
         raise typer.BadParameter(
-            f"no such protocol: {protocol!r}. {_nearest(protocol, catalogue.names())}", param_hint="PROTOCOL"
+            f"no such protocol: {protocol!r}. {_nearest(protocol, catalogue.names())}",
+            param_hint="PROTOCOL",
         )
     from experiments.parameters import parameter_fields
 
@@ -185,8 +240,12 @@ def read_protocol(arguments: Sequence[str]) -> tuple[str, dict[str, Any]]:
     return protocol, read_flags(protocol, fields, arguments[1:])
 
 
-def read_flags(protocol: str, fields: Sequence[ParameterField], arguments: Sequence[str]) -> dict[str, Any]:
-    """Values by parameter name from `--flag value`, `--flag=value`, `--flag a b c` (lists), `--flag` and `--no-flag`."""
+def read_flags(
+    protocol: str, fields: Sequence[ParameterField], arguments: Sequence[str]
+) -> dict[str, Any]:
+    """Values by parameter name from `--flag value`, `--flag=value`, `--flag a b c` (lists),
+    `--flag` and `--no-flag`.
+    """
     by_flag = {f.flag: f for f in fields}
     values: dict[str, Any] = {}
     rest = list(arguments)
@@ -200,13 +259,16 @@ def read_flags(protocol: str, fields: Sequence[ParameterField], arguments: Seque
         if field is None:
             what = "no such flag" if flag.startswith("-") else "a value without a flag"
             raise typer.BadParameter(
-                f"{what} of {protocol}: {flag!r}. {_nearest(flag, tuple(by_flag))}", param_hint="flags of the protocol"
+                f"{what} of {protocol}: {flag!r}. {_nearest(flag, tuple(by_flag))}",
+                param_hint="flags of the protocol",
             )
         if field.name in values:
             raise typer.BadParameter(f"{flag} is given twice", param_hint="flags of the protocol")
         given = [inline] if equals else _values_after(rest, field)
         if not given and field.kind is not bool:
-            raise typer.BadParameter(f"{flag} needs a value [{field.unit or field.kind.__name__}]", param_hint=flag)
+            raise typer.BadParameter(
+                f"{flag} needs a value [{field.unit or field.kind.__name__}]", param_hint=flag
+            )
         values[field.name] = " ".join(given) if given else True
     return values
 
@@ -234,11 +296,18 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
 
     stop = StopRequest()
     title = f"{request.protocol} {request.gear_serial}"
-    with pressed_by_signals(stop), progress_line(title, planned.nominal, quiet) as (on_progress, on_event):
-        return run_request(request, planned, stop=stop, ask=_ask, on_progress=on_progress, on_event=on_event)
+    with (
+        pressed_by_signals(stop),
+        progress_line(title, planned.nominal, quiet) as (on_progress, on_event),
+    ):
+        return run_request(
+            request, planned, stop=stop, ask=_ask, on_progress=on_progress, on_event=on_event
+        )
 
 
-def _run_for_a_program(request: RunRequest, planned: PlannedRun, events: bool, stdin_control: bool) -> RunReport:
+def _run_for_a_program(
+    request: RunRequest, planned: PlannedRun, events: bool, stdin_control: bool
+) -> RunReport:
     """A run whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
     from rig.run.remote import RemoteOperator, lines_of
@@ -252,7 +321,8 @@ def _run_for_a_program(request: RunRequest, planned: PlannedRun, events: bool, s
             sys.stdout.write(line + "\n")
             sys.stdout.flush()
         except BrokenPipeError:
-            # Nobody listens any more. The end of standard input says so too: that stops the rig, and this must not crash it.
+            # Nobody listens any more. The end of standard input says so too: that stops the rig,
+            # and this must not crash it.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
     stop = StopRequest()
@@ -261,9 +331,13 @@ def _run_for_a_program(request: RunRequest, planned: PlannedRun, events: bool, s
         remote.listen_in_background(lines_of(sys.stdin.fileno()))
     with pressed_by_signals(stop):
         report = run_request(
-            request, planned, stop=stop, ask=remote.ask if stdin_control else _ask, on_progress=remote.on_progress,
+            request,
+            planned,
+            stop=stop,
+            ask=remote.ask if stdin_control else _ask,
+            on_progress=remote.on_progress,
             on_event=remote.on_event,
-        )  # fmt: skip
+        )
     remote.report(report)
     return report
 

@@ -10,7 +10,11 @@ import typer
 if TYPE_CHECKING:
     from rig.backends.serving import Served
 
-sim = typer.Typer(name="sim", no_args_is_help=True, help="The simulated rig as a process of its own, for other programs.")
+sim = typer.Typer(
+    name="sim",
+    no_args_is_help=True,
+    help="The simulated rig as a process of its own, for other programs.",
+)
 
 
 @sim.callback()
@@ -21,38 +25,73 @@ def _group() -> None:
 @sim.command("serve")
 def serve(
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="Where to listen.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port of the socketcand hub; 0 takes a free one.")] = 29536,
-    channel: Annotated[str, typer.Option(metavar="NAME", help="Name of the bus that clients open.")] = "can0",
+    port: Annotated[
+        int,
+        typer.Option(min=0, max=65535, help="TCP port of the socketcand hub; 0 takes a free one."),
+    ] = 29536,
+    channel: Annotated[
+        str, typer.Option(metavar="NAME", help="Name of the bus that clients open.")
+    ] = "can0",
     readout: Annotated[
-        Literal["pty", "socket", "none"], typer.Option(help="Where the ND 287's serial line is: a pseudo-terminal, a socket.")
+        Literal["pty", "socket", "none"],
+        typer.Option(help="Where the ND 287's serial line is: a pseudo-terminal, a socket."),
     ] = "pty",
     time: Annotated[
         Literal["wall", "sync"],
-        typer.Option(help="wall: the motor turns on while no SYNC comes; sync: it waits, and counts do not depend on speed."),
+        typer.Option(
+            help="wall: the motor turns on while no SYNC comes; sync: it waits, and counts do not depend on speed."
+        ),
     ] = "wall",
-    gear_serial: Annotated[str, typer.Option("--gear", metavar="SERIAL", help="Which individual gear is mounted.")] = "unknown",
+    gear_serial: Annotated[
+        str, typer.Option("--gear", metavar="SERIAL", help="Which individual gear is mounted.")
+    ] = "unknown",
     without_gear: Annotated[bool, typer.Option("--no-gear", help="The bare motor.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the laboratory: motor and instruments.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of the laboratory: motor and instruments.")
+    ] = 0,
     mounting: Annotated[
         str, typer.Option(help="circular-spline-fixed (ratio N) or flexspline-fixed (ratio N + 1).")
     ] = "circular-spline-fixed",
     sample_rate: Annotated[
-        float, typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate that it expects [Hz].")
+        float,
+        typer.Option(
+            "--sample-rate",
+            metavar="HZ",
+            min=50.0,
+            max=20000.0,
+            help="SYNC rate that it expects [Hz].",
+        ),
     ] = 250.0,
-    parameters: Annotated[Path | None, typer.Option(metavar="FILE", help="Parameter set of the gear (TOML).")] = None,
+    parameters: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Parameter set of the gear (TOML).")
+    ] = None,
     lifetime: Annotated[
-        float | None, typer.Option(metavar="SECONDS", min=0.0, help="End after so long; without it, on Ctrl-C.")
+        float | None,
+        typer.Option(metavar="SECONDS", min=0.0, help="End after so long; without it, on Ctrl-C."),
     ] = None,
     faults: Annotated[
         list[str] | None,
-        typer.Option("--fault", metavar="NAME@SYNC", help="Let a fault of `rig drill` happen at that SYNC; may be repeated."),
+        typer.Option(
+            "--fault",
+            metavar="NAME@SYNC",
+            help="Let a fault of `rig drill` happen at that SYNC; may be repeated.",
+        ),
     ] = None,
-    expose: Annotated[bool, typer.Option("--expose", help="Allow an address that other computers can reach.")] = False,
-    eds: Annotated[Path | None, typer.Option(metavar="DIR", help="Write the devices' EDS files here.")] = None,
+    expose: Annotated[
+        bool, typer.Option("--expose", help="Allow an address that other computers can reach.")
+    ] = False,
+    eds: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the devices' EDS files here.")
+    ] = None,
     config_out: Annotated[
-        Path | None, typer.Option("--config-out", metavar="FILE", help="Write the rig.toml that reaches this rig.")
+        Path | None,
+        typer.Option(
+            "--config-out", metavar="FILE", help="Write the rig.toml that reaches this rig."
+        ),
     ] = None,
-    json: Annotated[bool, typer.Option("--json", help="Tell where it is as one JSON object on one line.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Tell where it is as one JSON object on one line.")
+    ] = False,
 ) -> None:
     """Serve drive, counter, analogue inputs and readout behind a socketcand hub, in real time.
 
@@ -67,19 +106,37 @@ def serve(
     from rig.run.start import MOUNTINGS
 
     if mounting not in MOUNTINGS:
-        raise ConfigurationError("no such mounting", where="--mounting", value=repr(mounting), limit=", ".join(MOUNTINGS))
+        raise ConfigurationError(
+            "no such mounting", where="--mounting", value=repr(mounting), limit=", ".join(MOUNTINGS)
+        )
     request = BenchRequest(
-        shipped_gear() if parameters is None else load_gear(parameters), shipped_motor(), mounting,  # type: ignore[arg-type]
-        not without_gear, gear_serial, "serve", seed, sample_rate,
-    )  # fmt: skip
+        shipped_gear() if parameters is None else load_gear(parameters),
+        shipped_motor(),
+        mounting,  # type: ignore[arg-type]
+        not without_gear,
+        gear_serial,
+        "serve",
+        seed,
+        sample_rate,
+    )
 
     def announce(served: Served) -> None:
         typer.echo(served.as_json() if json else _sentence(served, config_out))
 
     serve_rig(
-        request, host=host, port=port, channel=channel, readout=None if readout == "none" else readout, time=time,
-        lifetime=lifetime, faults=_faults(faults or []), expose=expose, sheets=eds, configuration=config_out, announce=announce,
-    )  # fmt: skip
+        request,
+        host=host,
+        port=port,
+        channel=channel,
+        readout=None if readout == "none" else readout,
+        time=time,
+        lifetime=lifetime,
+        faults=_faults(faults or []),
+        expose=expose,
+        sheets=eds,
+        configuration=config_out,
+        announce=announce,
+    )
 
 
 def _faults(texts: list[str]) -> list[Any]:
@@ -93,21 +150,36 @@ def _faults(texts: list[str]) -> list[Any]:
     for text in texts:
         name, _, cycle = text.rpartition("@")
         drill = DRILLS.get(name)
-        if drill is None or drill.fault is None or "wire" not in drill.carriers or not cycle.isdecimal():
-            known = [each.name for each in DRILLS.values() if each.fault is not None and "wire" in each.carriers]
+        if (
+            drill is None
+            or drill.fault is None
+            or "wire" not in drill.carriers
+            or not cycle.isdecimal()
+        ):
+            known = [
+                each.name
+                for each in DRILLS.values()
+                if each.fault is not None and "wire" in each.carriers
+            ]
             raise ConfigurationError(
-                "no such fault on the wire", where="--fault", value=repr(text), limit=", ".join(known),
+                "no such fault on the wire",
+                where="--fault",
+                value=repr(text),
+                limit=", ".join(known),
                 remedy="Give the name, an @ and the number of the SYNC.",
-            )  # fmt: skip
+            )
         made.append(drill.fault(int(cycle)))
     return made
 
 
 def _sentence(served: Served, configuration: Path | None) -> str:
-    nodes = ", ".join(f"{name.replace('_', ' ')} {node_id}" for name, node_id in served.nodes.items())
+    nodes = ", ".join(
+        f"{name.replace('_', ' ')} {node_id}" for name, node_id in served.nodes.items()
+    )
     lines = [
         f"{served.title}: nodes {nodes}",
-        f'can.Bus(interface="socketcand", host="{served.host}", port={served.port}, channel="{served.channel}", tcp_tune=True)',
+        f'can.Bus(interface="socketcand", host="{served.host}", port={served.port}, '
+        f'channel="{served.channel}", tcp_tune=True)',
     ]
     if served.readout:
         lines.append(f'serial.serial_for_url("{served.readout}")')

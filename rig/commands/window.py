@@ -16,20 +16,25 @@ SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 
 
 def live(
-    folder: Annotated[Path, typer.Option("--folder", metavar="DIR", help="Folder of the run files.")] = Path("runs"),
+    folder: Annotated[
+        Path, typer.Option("--folder", metavar="DIR", help="Folder of the run files.")
+    ] = Path("runs"),
     backend: Annotated[
         str, typer.Option(help="Which rig: sim, wire, hardware or replay:RUN.h5, as for rig run.")
     ] = "sim",
     config: Annotated[
-        Path | None, typer.Option("--config", metavar="FILE", help="The file that describes the rig (TOML).")
+        Path | None,
+        typer.Option("--config", metavar="FILE", help="The file that describes the rig (TOML)."),
     ] = None,
     theme: Annotated[str, typer.Option(help=f"Colours: {', '.join(THEMES)}.")] = "system",
-    page: Annotated[str, typer.Option(help=f"The page to begin with: {', '.join(PAGES)}.")] = "prepare",
+    page: Annotated[
+        str, typer.Option(help=f"The page to begin with: {', '.join(PAGES)}.")
+    ] = "prepare",
 ) -> None:
     """Open the window: prepare a run, watch it, review what came of it.
 
-    It needs the extra "window" (PySide6 and pyqtgraph). The run is a process of its own: closing the window during a run
-    asks, and makes the rig safe.
+    It needs the extra "window" (PySide6 and pyqtgraph). The run is a process of its own: closing
+    the window during a run asks, and makes the rig safe.
     """
     for name, value, known in (("--theme", theme, THEMES), ("--page", page, PAGES)):
         if value not in known:
@@ -40,15 +45,18 @@ def live(
         from rig.window.main import open_window
     except ImportError as error:
         raise ConfigurationError(
-            "the window cannot be opened: a library is missing", where=str(error.name or error),
+            "the window cannot be opened: a library is missing",
+            where=str(error.name or error),
             remedy="In the folder of the clone: .venv/bin/pip install -e '.[window]' (Windows: .venv\\Scripts\\pip). "
             "Every part also works on the command line.",
-        ) from error  # fmt: skip
+        ) from error
     if sys.platform == "linux" and not any(os.environ.get(name) for name in SCREENS):
         raise ConfigurationError(
-            "there is no screen for a window", where=", ".join(SCREENS), value="none is set",
+            "there is no screen for a window",
+            where=", ".join(SCREENS),
+            value="none is set",
             remedy="Open it on a desktop. Every part also works on the command line.",
-        )  # fmt: skip
+        )
     if config is not None and not config.is_file():
         raise ConfigurationError("there is no such file", where="--config", value=str(config))
     raise typer.Exit(open_window(folder, backend, config, theme, page))

@@ -52,16 +52,26 @@ class ConfiguredRig:
 
 
 def configured_rig(path: str | Path) -> ConfiguredRig:
-    """Everything that a plan needs of a configuration. Raises `ConfigurationError` with file, path, value and reason."""
+    """Everything that a plan needs of a configuration. Raises `ConfigurationError` with file, path,
+    value and reason.
+    """
     path = Path(path)
     configuration = load_configuration(path)
     rig, folder = configuration.rig, path.parent
     try:
-        gear = load_gear(folder / rig.gear) if rig.gear.endswith(".toml") else shipped_gear(rig.gear)
-        motor = load_motor(folder / rig.motor) if rig.motor.endswith(".toml") else shipped_motor(rig.motor)
+        gear = (
+            load_gear(folder / rig.gear) if rig.gear.endswith(".toml") else shipped_gear(rig.gear)
+        )
+        motor = (
+            load_motor(folder / rig.motor)
+            if rig.motor.endswith(".toml")
+            else shipped_motor(rig.motor)
+        )
         gear = with_ratings(gear, configuration.ratings)
     except ModelError as error:
-        raise ConfigurationError(f"the parameter sets that it names cannot be used: {error}", where=str(path)) from error
+        raise ConfigurationError(
+            f"the parameter sets that it names cannot be used: {error}", where=str(path)
+        ) from error
     return ConfiguredRig(path, configuration, gear, motor, configured_limits(configuration.limits))
 
 
@@ -77,7 +87,9 @@ def configured_limits(limits: Limits) -> dict[str, float]:
 def with_ratings(gear: HarmonicDrive, ratings: Ratings) -> HarmonicDrive:
     """The gear with the ratings of its nameplate. Raises `ParameterError` where they contradict each other."""
     given = {
-        name: factor * value for word, (name, factor) in RATED.items() if (value := getattr(ratings, word)) is not None
+        name: factor * value
+        for word, (name, factor) in RATED.items()
+        if (value := getattr(ratings, word)) is not None
     }
     if not given:
         return gear

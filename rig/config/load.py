@@ -1,4 +1,6 @@
-"""Reads `rig.toml`: every wrong value with its path, what was found and why it cannot be; unknown keys with the nearest known."""
+"""Reads `rig.toml`: every wrong value with its path, what was found and why it cannot be; unknown
+keys with the nearest known.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,11 @@ def load_configuration(path: str | Path) -> RigConfiguration:
         return found
     listed = "".join(f"\n  {problem}" for problem in found)
     count = "one value" if len(found) == 1 else f"{len(found)} values"
-    raise ConfigurationError(f"{count} cannot be accepted:{listed}\n", where=str(path), remedy="Correct them; nothing has moved")
+    raise ConfigurationError(
+        f"{count} cannot be accepted:{listed}\n",
+        where=str(path),
+        remedy="Correct them; nothing has moved",
+    )
 
 
 def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem, ...]:
@@ -50,11 +56,14 @@ def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem,
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigurationError(
-            f"cannot be read: {error.strerror or error}", where=str(path),
+            f"cannot be read: {error.strerror or error}",
+            where=str(path),
             remedy="Write one with `rig config init`, or name another with --config.",
-        ) from error  # fmt: skip
+        ) from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError("is not text in UTF-8", where=str(path), value=f"byte {error.start}") from error
+        raise ConfigurationError(
+            "is not text in UTF-8", where=str(path), value=f"byte {error.start}"
+        ) from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"is not TOML: {error}", where=str(path)) from error
     try:
@@ -67,17 +76,25 @@ def missing_files(configuration: RigConfiguration, folder: Path) -> tuple[Proble
     """The files that a configuration names and that are not there; `folder` is where it lies itself."""
     named = [("drive.eds", configuration.drive.eds)]
     named += [(f"counter[{i}].eds", c.eds) for i, c in enumerate(configuration.counters)]
-    named += [(f"analog_module[{i}].eds", m.eds) for i, m in enumerate(configuration.analog_modules)]
+    named += [
+        (f"analog_module[{i}].eds", m.eds) for i, m in enumerate(configuration.analog_modules)
+    ]
     named += [(f"rig.{name}", getattr(configuration.rig, name)) for name in ("motor", "gear")]
     return tuple(
         Problem(where, repr(text), f"there is no file {folder / text}")
         for where, text in named
-        if text and (where.endswith("eds") or text.endswith(".toml")) and not (folder / text).is_file()
+        if text
+        and (where.endswith("eds") or text.endswith(".toml"))
+        and not (folder / text).is_file()
     )
 
 
 def _problem(found: Mapping[str, Any], content: Mapping[str, Any]) -> Problem:
-    place = [part for part in found["loc"] if not (isinstance(part, str) and part.startswith("function-"))]
+    place = [
+        part
+        for part in found["loc"]
+        if not (isinstance(part, str) and part.startswith("function-"))
+    ]
     path = path_text(place)
     kind, given = str(found["type"]), found.get("input")
     if kind == "extra_forbidden":
@@ -85,7 +102,9 @@ def _problem(found: Mapping[str, Any], content: Mapping[str, Any]) -> Problem:
     if kind == "missing":
         return Problem(path, "", "is missing")
     if path == "format":
-        return Problem(path, _shown(given), f'is not the format of a rig\'s description; expected "{FORMAT}"')
+        return Problem(
+            path, _shown(given), f'is not the format of a rig\'s description; expected "{FORMAT}"'
+        )
     reason = str(found["msg"]).removeprefix("Value error, ")
     shown = "" if isinstance(given, Mapping | list) else _shown(given)
     return Problem(path or "the whole file", shown, reason[:1].lower() + reason[1:])
@@ -127,7 +146,11 @@ def _table_of(model: type[BaseModel], key: str) -> type[BaseModel] | None:
     """The model of a sub-table."""
     for name, field in model.model_fields.items():
         if (field.alias or name) == key:
-            tables = (kind for kind in _kinds(field.annotation) if isinstance(kind, type) and issubclass(kind, BaseModel))
+            tables = (
+                kind
+                for kind in _kinds(field.annotation)
+                if isinstance(kind, type) and issubclass(kind, BaseModel)
+            )
             return next(tables, None)
     return None
 

@@ -14,7 +14,9 @@ def read_object(text: str, name: str = "") -> ObjectRef:
     """The entry that a text names: index (hexadecimal), sub-index, type. Raises `ValueError` for any other text."""
     found = _OBJECT.match(text)
     if found is None:
-        raise ValueError(f'{text!r} is no object; write index, sub-index and type as in "0x6004:0 I32"')
+        raise ValueError(
+            f'{text!r} is no object; write index, sub-index and type as in "0x6004:0 I32"'
+        )
     index, subindex = int(found[1], 16), int(found[2])
     if subindex > 255:
         raise ValueError(f"the sub-index {subindex} of {text!r} is above 255")

@@ -1,7 +1,7 @@
 """What can be said of a rig: bus, nodes, channels, scalings, limits, ratings, calibrations. Units stand in the names.
 
-Every model is frozen and refuses unknown keys. Defaults are those of the standards or of the rig in the paper; what only the
-nameplate can tell (lines, multiplication, node-IDs) has none.
+Every model is frozen and refuses unknown keys. Defaults are those of the standards or of the rig in
+the paper; what only the nameplate can tell (lines, multiplication, node-IDs) has none.
 """
 
 from __future__ import annotations
@@ -59,7 +59,9 @@ class Calibration(Part):
         if self.date is not None and self.due is not None and self.due < self.date:
             raise ValueError(f"it is due on {self.due}, before its date {self.date}")
         if (self.date is not None or self.due is not None) and not self.certificate:
-            raise ValueError("a date without a certificate: name the certificate, or the record of the check")
+            raise ValueError(
+                "a date without a certificate: name the certificate, or the record of the check"
+            )
         return self
 
 
@@ -88,8 +90,9 @@ class General(Part):
 class Bus(Part):
     """The CAN bus as python-can names it. `time_stamps`: what the stamps of frames are ("automatic": by the interface).
 
-    `stamp_wrap_s` is the range of an adapter's clock that wraps (a 32-bit microsecond counter: 4294.967296), 0 if it does not.
-    `arguments` go to python-can as they stand (host and port of a socketcand hub, serial number of an adapter).
+    `stamp_wrap_s` is the range of an adapter's clock that wraps (a 32-bit microsecond counter:
+    4294.967296), 0 if it does not. `arguments` go to python-can as they stand (host and port of a
+    socketcand hub, serial number of an adapter).
     """
 
     interface: str = Field(min_length=1)
@@ -112,8 +115,12 @@ class Drive(Part):
     acceleration_unit_rad_s2: Positive | None = None
     torque_unit_n_m: Positive | None = None
     actual_torque: ObjectText = "0x6077:0 I16"
-    speed_modes: tuple[SpeedMode, ...] = Field(default=("cyclic velocity", "profile velocity"), min_length=1)
-    torque_modes: tuple[TorqueMode, ...] = Field(default=("cyclic torque", "profile torque"), min_length=1)
+    speed_modes: tuple[SpeedMode, ...] = Field(
+        default=("cyclic velocity", "profile velocity"), min_length=1
+    )
+    torque_modes: tuple[TorqueMode, ...] = Field(
+        default=("cyclic torque", "profile torque"), min_length=1
+    )
     heartbeat_ms: Milliseconds = 100
     computer_heartbeat_ms: Milliseconds = 50
     computer_lost_ms: Milliseconds = 250
@@ -133,12 +140,16 @@ class Drive(Part):
                 f"{self.computer_heartbeat_ms}, or the drive stops at every late beat"
             )
         if self.abort_connection_option == 0:
-            raise ValueError("abort_connection_option = 0 lets the drive turn on when the computer is gone; 3 is quick stop")
+            raise ValueError(
+                "abort_connection_option = 0 lets the drive turn on when the computer is gone; 3 is quick stop"
+            )
         return self
 
 
 class Encoder(Instrument):
-    """An incremental encoder: lines and multiplication apart, sense, and the latch of its index mark where there is one."""
+    """An incremental encoder: lines and multiplication apart, sense, and the latch of its index
+    mark where there is one.
+    """
 
     lines: Annotated[int, Field(strict=True, ge=1, le=100_000_000)]
     multiplication: Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
@@ -155,7 +166,8 @@ class MotorEncoder(Encoder):
 
 
 class Counter(Encoder):
-    """A counter on the bus (CiA 406, or any whose object, type and range are named here). `modulus` 0: asked of the device.
+    """A counter on the bus (CiA 406, or any whose object, type and range are named here). `modulus`
+    0: asked of the device.
 
     `largest_speed_rpm` of the shaft bounds a count's step per cycle; 0: not bounded.
     """
@@ -175,7 +187,9 @@ class Counter(Encoder):
 
 
 class AnalogInput(Instrument):
-    """One analogue input. The torque port has `volts_per_rated_torque`; any other channel `unit` and `unit_per_volt`."""
+    """One analogue input. The torque port has `volts_per_rated_torque`; any other channel `unit`
+    and `unit_per_volt`.
+    """
 
     channel: str = names.TORQUE
     object: ObjectText = "0x6401:1 I16"
@@ -191,10 +205,18 @@ class AnalogInput(Instrument):
     @model_validator(mode="after")
     def _one_scale(self) -> AnalogInput:
         is_torque = self.channel == names.TORQUE
-        if is_torque and (self.volts_per_rated_torque is None or self.unit_per_volt is not None or self.unit):
-            raise ValueError("the torque port needs volts_per_rated_torque, and neither unit nor unit_per_volt")
-        if not is_torque and (self.unit_per_volt is None or not self.unit or self.volts_per_rated_torque is not None):
-            raise ValueError("a channel that is not the torque port needs unit and unit_per_volt, and no volts_per_rated_torque")
+        if is_torque and (
+            self.volts_per_rated_torque is None or self.unit_per_volt is not None or self.unit
+        ):
+            raise ValueError(
+                "the torque port needs volts_per_rated_torque, and neither unit nor unit_per_volt"
+            )
+        if not is_torque and (
+            self.unit_per_volt is None or not self.unit or self.volts_per_rated_torque is not None
+        ):
+            raise ValueError(
+                "a channel that is not the torque port needs unit and unit_per_volt, and no volts_per_rated_torque"
+            )
         return self
 
 
@@ -232,7 +254,9 @@ class GuardInput(Part):
     @model_validator(mode="after")
     def _reachable(self) -> GuardInput:
         if self.closed & ~self.mask:
-            raise ValueError(f"closed = 0x{self.closed:X} has bits outside mask = 0x{self.mask:X}: it would never be closed")
+            raise ValueError(
+                f"closed = 0x{self.closed:X} has bits outside mask = 0x{self.mask:X}: it would never be closed"
+            )
         return self
 
 
@@ -261,17 +285,24 @@ class Ratings(Part):
 
     @model_validator(mode="after")
     def _with_source(self) -> Ratings:
-        given = [name for name in type(self).model_fields if name != "source" and getattr(self, name) is not None]
+        given = [
+            name
+            for name in type(self).model_fields
+            if name != "source" and getattr(self, name) is not None
+        ]
         if given and not self.source:
-            raise ValueError("say in source where the ratings come from (catalogue and page, nameplate)")
+            raise ValueError(
+                "say in source where the ratings come from (catalogue and page, nameplate)"
+            )
         return self
 
 
 class RealTime(Part):
     """How the loop keeps time on this computer.
 
-    `reaction_ms` of cycles are exchanged at once: so soon is the operator heard. `scheduler_priority` 1 to 99 asks Linux for
-    the real-time class SCHED_FIFO, 0 does not ask. `lock_memory` keeps the process in memory.
+    `reaction_ms` of cycles are exchanged at once: so soon is the operator heard.
+    `scheduler_priority` 1 to 99 asks Linux for the real-time class SCHED_FIFO, 0 does not ask.
+    `lock_memory` keeps the process in memory.
     """
 
     reaction_ms: Annotated[float, Field(strict=True, ge=1.0, le=200.0)] = 20.0
@@ -304,15 +335,27 @@ class RigConfiguration(Part):
         nodes += [(f"analog_module {i + 1}", m.node_id) for i, m in enumerate(self.analog_modules)]
         _each_once(nodes, "node-ID")
         channels = [(f"counter on node {c.node_id}", c.channel) for c in self.counters]
-        channels += [(f"input {a.object} of node {m.node_id}", a.channel) for m in self.analog_modules for a in m.inputs]
+        channels += [
+            (f"input {a.object} of node {m.node_id}", a.channel)
+            for m in self.analog_modules
+            for a in m.inputs
+        ]
         _each_once(channels, "channel")
-        known = {self.drive.node_id, *(c.node_id for c in self.counters), *(m.node_id for m in self.analog_modules)}
+        known = {
+            self.drive.node_id,
+            *(c.node_id for c in self.counters),
+            *(m.node_id for m in self.analog_modules),
+        }
         if self.guard is not None and self.guard.node_id not in known:
-            raise ValueError(f"guard.node_id = {self.guard.node_id} is no node of this rig: {sorted(known)}")
+            raise ValueError(
+                f"guard.node_id = {self.guard.node_id} is no node of this rig: {sorted(known)}"
+            )
         return self
 
 
-def _each_once(found: list[tuple[str, object]] | list[tuple[str, int]] | list[tuple[str, str]], what: str) -> None:
+def _each_once(
+    found: list[tuple[str, object]] | list[tuple[str, int]] | list[tuple[str, str]], what: str
+) -> None:
     owner: dict[object, str] = {}
     for name, value in found:
         if value in owner:

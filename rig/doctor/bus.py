@@ -1,4 +1,6 @@
-"""The nodes of a CAN bus: who is there, what each says of itself, its state and heartbeat, what it lacks, what it told."""
+"""The nodes of a CAN bus: who is there, what each says of itself, its state and heartbeat, what it
+lacks, what it told.
+"""
 
 from __future__ import annotations
 
@@ -52,34 +54,58 @@ def _identity(group: str, name: str, identity: Identity) -> Finding:
     )
     wanted = PROFILES.get(kind, identity.profile)
     return judged(
-        group, "identity", identity.profile == wanted, text, limit=f"profile {wanted}", otherwise="warning",
+        group,
+        "identity",
+        identity.profile == wanted,
+        text,
+        limit=f"profile {wanted}",
+        otherwise="warning",
         remedy="Is this the node that the configuration means? Check its node-ID.",
-    )  # fmt: skip
+    )
 
 
 def _firmware(group: str, identity: Identity) -> Finding:
     told = [text for text in (identity.hardware_version, identity.software_version) if text]
-    text = f"hardware {identity.hardware_version or '-'}, software {identity.software_version or '-'}"
+    text = (
+        f"hardware {identity.hardware_version or '-'}, software {identity.software_version or '-'}"
+    )
     text += f", revision 0x{identity.revision:08X}"
     remedy = "The device does not tell its version: note it from the nameplate."
-    return judged(group, "firmware", bool(told) or identity.revision != 0, text, remedy=remedy, otherwise="warning")
+    return judged(
+        group,
+        "firmware",
+        bool(told) or identity.revision != 0,
+        text,
+        remedy=remedy,
+        otherwise="warning",
+    )
 
 
 def _state(group: str, device: RemoteDevice) -> Finding:
     watch = device.watch
-    text = f"NMT {watch.state.name.replace('_', '-')}, {watch.boots} boot-up messages, {watch.emergencies} emergency messages"
+    text = (
+        f"NMT {watch.state.name.replace('_', '-')}, {watch.boots} boot-up messages, "
+        f"{watch.emergencies} emergency messages"
+    )
     remedy = "Check supply, cable and termination."
     if watch.is_lost:
-        text = f"lost: no heartbeat for more than {watch.timeout_ns * 1e-6:.0f} ms; before that {text}"
+        text = (
+            f"lost: no heartbeat for more than {watch.timeout_ns * 1e-6:.0f} ms; before that {text}"
+        )
         return Finding(group, "state", "failed", text, remedy=remedy)
     if watch.state is NmtState.UNKNOWN:
         return Finding(group, "state", "warning", "its NMT state was never heard", remedy=remedy)
     if watch.state is not NmtState.OPERATIONAL:
         return Finding(group, "state", "failed", text, limit="OPERATIONAL", remedy=remedy)
     return judged(
-        group, "state", not watch.emergencies, text, limit="OPERATIONAL, no emergency", otherwise="warning",
+        group,
+        "state",
+        not watch.emergencies,
+        text,
+        limit="OPERATIONAL, no emergency",
+        otherwise="warning",
         remedy="Look the emergency code up in the manual.",
-    )  # fmt: skip
+    )
 
 
 def _heartbeat(group: str, watch: NodeWatch, heard: Sequence[int]) -> Finding:
@@ -90,14 +116,28 @@ def _heartbeat(group: str, watch: NodeWatch, heard: Sequence[int]) -> Finding:
         return Finding(group, "heartbeat", "warning", text, remedy=remedy)
     if len(heard) < 3:
         text = f"{len(heard)} heard where one every {asked:g} ms was asked for"
-        return Finding(group, "heartbeat", "failed", text, unit="ms", limit=f"<= {SLOW_HEARTBEAT * asked:g} ms", remedy=remedy)
+        return Finding(
+            group,
+            "heartbeat",
+            "failed",
+            text,
+            unit="ms",
+            limit=f"<= {SLOW_HEARTBEAT * asked:g} ms",
+            remedy=remedy,
+        )
     period = float(np.median(np.diff(np.asarray(heard)))) * 1e-6
     text = f"every {period:.0f} ms over {len(heard)} of them, asked for every {asked:g} ms"
     return judged(
-        group, "heartbeat", period <= SLOW_HEARTBEAT * asked, text, value=period, unit="ms",
-        limit=f"<= {SLOW_HEARTBEAT * asked:g} ms", otherwise="warning",
+        group,
+        "heartbeat",
+        period <= SLOW_HEARTBEAT * asked,
+        text,
+        value=period,
+        unit="ms",
+        limit=f"<= {SLOW_HEARTBEAT * asked:g} ms",
+        otherwise="warning",
         remedy="The node beats more slowly than it was asked to.",
-    )  # fmt: skip
+    )
 
 
 def _missing(group: str, missing: Sequence[Missing]) -> Finding:
@@ -108,9 +148,20 @@ def _missing(group: str, missing: Sequence[Missing]) -> Finding:
         by_consequence.setdefault(entry.consequence or "nothing follows from it", []).append(
             f"0x{entry.index:04X}:{entry.subindex} {entry.name}".rstrip()
         )
-    told = "; ".join(f"{', '.join(entries)}: {consequence}" for consequence, entries in by_consequence.items())
+    told = "; ".join(
+        f"{', '.join(entries)}: {consequence}" for consequence, entries in by_consequence.items()
+    )
     text = f"{len(missing)} are missing. {told}"
-    return Finding(group, "objects", "warning", text, float(len(missing)), "", "", "Decide whether the rig can do without.")
+    return Finding(
+        group,
+        "objects",
+        "warning",
+        text,
+        float(len(missing)),
+        "",
+        "",
+        "Decide whether the rig can do without.",
+    )
 
 
 def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
@@ -123,7 +174,9 @@ def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
             told[key] = (verdict, told.get(key, (verdict, 0))[1] + 1)
     for (source, code, text), (verdict, times) in told.items():
         often = f" ({times} times)" if times > 1 else ""
-        yield Finding("told by the devices", code, verdict, f"{source}: {text}{often}", float(times))
+        yield Finding(
+            "told by the devices", code, verdict, f"{source}: {text}{often}", float(times)
+        )
     if not told:
         yield Finding("told by the devices", "events", "ok", "no warning and no error")
 

@@ -58,7 +58,11 @@ class Examination:
 
     def as_json(self) -> dict[str, Any]:
         """The object that `rig doctor --json` prints."""
-        return {"backend": self.backend, "ok": self.is_fine, "checks": [finding.as_json() for finding in self.findings]}
+        return {
+            "backend": self.backend,
+            "ok": self.is_fine,
+            "checks": [finding.as_json() for finding in self.findings],
+        }
 
 
 def examine(
@@ -73,15 +77,17 @@ def examine(
 ) -> Examination:
     """Look a rig over. `make` puts it together anew for each stage; `why_not` tells why nothing may move.
 
-    Whatever goes wrong on the way becomes a line that failed; the rig is left with the servo off. Raises only what `make`
-    and the plan raise: a configuration that cannot be used.
+    Whatever goes wrong on the way becomes a line that failed; the rig is left with the servo off.
+    Raises only what `make` and the plan raise: a configuration that cannot be used.
     """
     planned, stop = plan_of(request), stop or StopRequest()
     on_stage("standing")
     bench = make()
     findings = [disk(request.output), calendar(bench.clock), *examine_standing(bench, planned)]
     findings.append(readout(readout_config, bench.clock))
-    refused = any(finding.result == "failed" and finding.group not in HARMLESS for finding in findings)
+    refused = any(
+        finding.result == "failed" and finding.group not in HARMLESS for finding in findings
+    )
     if stop.level or refused or not moves:
         reason = why_not if not moves else "not before the lines that failed are in order"
         reason = "stopped by the operator" if stop.level else reason
@@ -96,11 +102,18 @@ def plan_of(request: RunRequest) -> PlannedRun:
     """The planned motion with its limits. Raises `PlanError`, `LimitError`, `ConfigurationError`."""
     if request.mounting not in MOUNTINGS:
         allowed = ", ".join(MOUNTINGS)
-        raise ConfigurationError("no such mounting", where="--mounting", value=repr(request.mounting), limit=allowed)
+        raise ConfigurationError(
+            "no such mounting", where="--mounting", value=repr(request.mounting), limit=allowed
+        )
     return plan_run(
-        motion.EXPERIMENT, motion.DoctorParameters(), request.gear, request.motor, request.mounting,
-        sample_rate=request.sample_rate, configured=request.limits,
-    )  # fmt: skip
+        motion.EXPERIMENT,
+        motion.DoctorParameters(),
+        request.gear,
+        request.motor,
+        request.mounting,
+        sample_rate=request.sample_rate,
+        configured=request.limits,
+    )
 
 
 # --- standing
@@ -134,15 +147,22 @@ def _take_stand(looked: Looked) -> Iterable[Finding]:
     while left > 0:
         block = port.exchange(Command(Mode.OFF), min(cycles, left), Guard())
         if not len(block):
-            raise RigError("no cycle came back", where="standing", remedy="Check the bus and the SYNC.")
+            raise RigError(
+                "no cycle came back", where="standing", remedy="Check the bus and the SYNC."
+            )
         blocks.append(block)
         left -= len(block)
         if isinstance(port, CanRig):
             _note_beats(port, heard)
     looked.stand = Stand(
-        tuple(port.channels), np.concatenate([b.counts for b in blocks]), np.concatenate([b.flags for b in blocks]),
-        np.concatenate([b.time_ns for b in blocks]), port.cycle_ns, port.time_base, looked.planned.motor.rated_torque,
-    )  # fmt: skip
+        tuple(port.channels),
+        np.concatenate([b.counts for b in blocks]),
+        np.concatenate([b.flags for b in blocks]),
+        np.concatenate([b.time_ns for b in blocks]),
+        port.cycle_ns,
+        port.time_base,
+        looked.planned.motor.rated_torque,
+    )
     return ()
 
 
@@ -211,16 +231,34 @@ def examine_standing(bench: Bench, planned: PlannedRun) -> list[Finding]:
     found: list[Finding] = []
     try:
         description = port.open()
-        found.append(Finding("rig", "connection", "ok", f"{description.title} ({description.origin})"))
+        found.append(
+            Finding("rig", "connection", "ok", f"{description.title} ({description.origin})")
+        )
         for part in PARTS:
             try:
                 # One by one: what was found before an error stays.
                 for finding in part.inspect(looked):
                     found.append(finding)
             except (DriverError, RigError) as error:
-                found.append(Finding(part.group, part.name, "failed", str(error), remedy="Supply, cables, termination."))
+                found.append(
+                    Finding(
+                        part.group,
+                        part.name,
+                        "failed",
+                        str(error),
+                        remedy="Supply, cables, termination.",
+                    )
+                )
     except (DriverError, RigError) as error:
-        found.append(Finding("rig", "connection", "failed", str(error), remedy="Supply, cables, node-IDs, bit rate."))
+        found.append(
+            Finding(
+                "rig",
+                "connection",
+                "failed",
+                str(error),
+                remedy="Supply, cables, node-IDs, bit rate.",
+            )
+        )
         found += [*_answering(bench), *_events(looked)]
     finally:
         port.close()
@@ -240,15 +278,23 @@ def _answering(bench: Bench) -> Iterable[Finding]:
     except DriverError as error:
         yield Finding("nodes", "scan", "failed", str(error))
         return
-    told = ", ".join(f"node {node_id} (profile {profile or 'not told'})" for node_id, profile in nodes.items())
-    yield Finding("nodes", "scan", "ok" if nodes else "failed", told or "nobody answers", float(len(nodes)))
+    told = ", ".join(
+        f"node {node_id} (profile {profile or 'not told'})" for node_id, profile in nodes.items()
+    )
+    yield Finding(
+        "nodes", "scan", "ok" if nodes else "failed", told or "nobody answers", float(len(nodes))
+    )
 
 
 # --- in motion
 
 
-def examine_motion(bench: Bench, request: RunRequest, planned: PlannedRun, stop: StopRequest) -> list[Finding]:
-    """Creep, turn, whole turn of the output; recorded into a folder that is thrown away. A trip is latched as of any run."""
+def examine_motion(
+    bench: Bench, request: RunRequest, planned: PlannedRun, stop: StopRequest
+) -> list[Finding]:
+    """Creep, turn, whole turn of the output; recorded into a folder that is thrown away. A trip is
+    latched as of any run.
+    """
     with tempfile.TemporaryDirectory(prefix="harmonic-rig-doctor-") as folder:
         try:
             report = run_on(bench, replace(request, output=Path(folder)), planned, stop)
@@ -274,9 +320,17 @@ def _ending(report: RunReport) -> Finding:
         stands = "standstill verified by " + ", ".join(safe.verified_by)
     text = f"{report.outcome}, {stands}" + (f": {report.message}" if report.message else "")
     if report.outcome == "ABORTED" and report.safe:
-        return Finding("motion", "run", "warning", text, remedy="Stopped by the operator: look the rig over again.")
+        return Finding(
+            "motion",
+            "run",
+            "warning",
+            text,
+            remedy="Stopped by the operator: look the rig over again.",
+        )
     fine = report.outcome == "PASS" and report.safe
-    remedy = "Find the cause before anything else is run; a trip is taken away by name: rig acknowledge."
+    remedy = (
+        "Find the cause before anything else is run; a trip is taken away by name: rig acknowledge."
+    )
     return Finding("motion", "run", "ok" if fine else "failed", text, remedy="" if fine else remedy)
 
 

@@ -30,8 +30,25 @@ class Finding:
 
 
 def judged(
-    group: str, name: str, fine: bool, evidence: str, *, value: float | None = None, unit: str = "", limit: str = "",
-    remedy: str = "", otherwise: Verdict = "failed",
-) -> Finding:  # fmt: skip
+    group: str,
+    name: str,
+    fine: bool,
+    evidence: str,
+    *,
+    value: float | None = None,
+    unit: str = "",
+    limit: str = "",
+    remedy: str = "",
+    otherwise: Verdict = "failed",
+) -> Finding:
     """A finding that is ok or not: the remedy stays only where it is needed."""
-    return Finding(group, name, "ok" if fine else otherwise, evidence, value, unit, limit, "" if fine else remedy)
+    return Finding(
+        group,
+        name,
+        "ok" if fine else otherwise,
+        evidence,
+        value,
+        unit,
+        limit,
+        "" if fine else remedy,
+    )

@@ -1,8 +1,9 @@
 """What only motion can tell: which way the encoders count, and whether the ratio is the one that was described.
 
-The input creeps by one degree, turns once, then as often as the output takes to turn once. It is a protocol like any other:
-planned, limited, supervised and made safe by the session that runs them all. Creeping by a degree moves the output by half a
-minute of arc, less than two counts of the encoder: its sense is read from the whole turn of the input.
+The input creeps by one degree, turns once, then as often as the output takes to turn once. It is a
+protocol like any other: planned, limited, supervised and made safe by the session that runs them
+all. Creeping by a degree moves the output by half a minute of arc, less than two counts of the
+encoder: its sense is read from the whole turn of the input.
 """
 
 from __future__ import annotations
@@ -49,9 +50,13 @@ class DoctorParameters:
 def plan(parameters: DoctorParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
     """Servo off, a degree, a turn of the input, a turn of the output, servo off."""
     yield s.ServoOff(0.5, s.SegmentLabel("zero-before"))
-    yield s.MoveRevolutions(CREEP / REVOLUTION, CREEP_SPEED, ACCELERATION, 5.0, s.SegmentLabel("creep", CREEP, 1))
+    yield s.MoveRevolutions(
+        CREEP / REVOLUTION, CREEP_SPEED, ACCELERATION, 5.0, s.SegmentLabel("creep", CREEP, 1)
+    )
     yield s.HoldTime(0.2)
-    yield s.MoveRevolutions(1.0, TURN_SPEED, ACCELERATION, 15.0, s.SegmentLabel("turn", TURN_SPEED, 1))
+    yield s.MoveRevolutions(
+        1.0, TURN_SPEED, ACCELERATION, 15.0, s.SegmentLabel("turn", TURN_SPEED, 1)
+    )
     yield s.Ramp(RATIO_SPEED, ACCELERATION)
     turns = gear.ratio + 1.0
     longest = 2.0 * turns * REVOLUTION / RATIO_SPEED
@@ -66,9 +71,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
 
 EXPERIMENT = Experiment(
-    "doctor", "look over the rig", "direction of both encoders and the ratio", DoctorParameters, plan, analyse,
+    "doctor",
+    "look over the rig",
+    "direction of both encoders and the ratio",
+    DoctorParameters,
+    plan,
+    analyse,
     needs=("input_angle",),
-)  # fmt: skip
+)
 
 
 def inspect_motion(recording: Recording, gear: HarmonicDrive) -> Iterable[Finding]:
@@ -121,9 +131,15 @@ def _creep(recording: Recording, segment: Segment | None) -> Finding:
     if moved > 0.0 and not abs(moved - CREEP) <= CREEP_TOLERANCE * CREEP:
         remedy = "Lines and multiplication of the motor encoder do not fit the way it went."
     return judged(
-        "motion", "input direction", abs(moved - CREEP) <= CREEP_TOLERANCE * CREEP, text, value=moved / DEGREE, unit="deg",
-        limit=f"1 +- {CREEP_TOLERANCE:g} deg", remedy=remedy,
-    )  # fmt: skip
+        "motion",
+        "input direction",
+        abs(moved - CREEP) <= CREEP_TOLERANCE * CREEP,
+        text,
+        value=moved / DEGREE,
+        unit="deg",
+        limit=f"1 +- {CREEP_TOLERANCE:g} deg",
+        remedy=remedy,
+    )
 
 
 def _output_sense(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Finding:
@@ -132,14 +148,30 @@ def _output_sense(recording: Recording, segment: Segment, gear: HarmonicDrive) -
     mounting = recording.metadata.mounting
     text = f"{outer / DEGREE:+.3f} deg at the output for {inner / DEGREE:+.1f} deg at the input, {mounting}"
     if abs(inner) / gear.mounted_ratio(mounting) < least:
-        return Finding("motion", "output direction", "skipped", f"the motion was too short to tell it: {text}")
+        return Finding(
+            "motion", "output direction", "skipped", f"the motion was too short to tell it: {text}"
+        )
     if abs(outer) < 0.5 * least:
         remedy = "Is the output encoder coupled, and its signal there?"
-        return Finding("motion", "output direction", "failed", f"{text}: it does not move", outer / DEGREE, "deg", "", remedy)
+        return Finding(
+            "motion",
+            "output direction",
+            "failed",
+            f"{text}: it does not move",
+            outer / DEGREE,
+            "deg",
+            "",
+            remedy,
+        )
     return judged(
-        "motion", "output direction", outer * inner > 0.0, text, value=outer / DEGREE, unit="deg",
+        "motion",
+        "output direction",
+        outer * inner > 0.0,
+        text,
+        value=outer / DEGREE,
+        unit="deg",
         remedy="Turn `direction` of the output counter; check --mounting: it sets the sense in which the output turns.",
-    )  # fmt: skip
+    )
 
 
 def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Finding:
@@ -147,9 +179,20 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
     inner, outer = _moved(recording, segment, output=False), _moved(recording, segment, output=True)
     least = LEAST_COUNTS * recording.signals["output_angle"].quantum
     if abs(inner) / expected < least:
-        return Finding("motion", "ratio", "skipped", f"the motion was too short to tell it: {inner / DEGREE:+.1f} deg")
+        return Finding(
+            "motion",
+            "ratio",
+            "skipped",
+            f"the motion was too short to tell it: {inner / DEGREE:+.1f} deg",
+        )
     if abs(outer) < 0.5 * least:
-        return Finding("motion", "ratio", "failed", "the output does not move", remedy="Is the output encoder coupled?")
+        return Finding(
+            "motion",
+            "ratio",
+            "failed",
+            "the output does not move",
+            remedy="Is the output encoder coupled?",
+        )
     found = abs(inner / outer)
     doubt = found * angle_doubt(recording, gear) / abs(outer)
     turns = abs(outer) / REVOLUTION
@@ -157,68 +200,118 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
     if doubt > LARGEST_DOUBT * expected and abs(found - expected) <= doubt:
         return Finding("motion", "ratio", "skipped", f"the motion was too short to tell it: {text}")
     remedy = "Check ratio and mounting, and lines x multiplication of both encoders."
-    other = expected + 1.0 if recording.metadata.mounting == "circular-spline-fixed" else expected - 1.0
+    other = (
+        expected + 1.0 if recording.metadata.mounting == "circular-spline-fixed" else expected - 1.0
+    )
     if abs(found - other) <= doubt:
         remedy = f"{other:g} is the ratio of the other mounting: check --mounting."
     return judged(
-        "motion", "ratio", abs(found - expected) <= doubt, text, value=found, unit="1",
-        limit=f"{expected:g} +- {doubt:.4f}", remedy=remedy,
-    )  # fmt: skip
+        "motion",
+        "ratio",
+        abs(found - expected) <= doubt,
+        text,
+        value=found,
+        unit="1",
+        limit=f"{expected:g} +- {doubt:.4f}",
+        remedy=remedy,
+    )
 
 
 def angle_doubt(recording: Recording, gear: HarmonicDrive) -> float:
-    """What two positions of the output may be wrong by [rad]: a count and the accuracy at each end, kinematic error between,
+    """What two positions of the output may be wrong by [rad]: a count and the accuracy at each end,
+    kinematic error between,
     and the wind-up by a friction that changes."""
     wind_up = gear.ratings.running_torque * gear.ratio / torsion_stiffness(gear)
     accuracy = recording.signals["output_angle"].accuracy
-    return 2.0 * (recording.signals["output_angle"].quantum + accuracy) + kinematic_error_margin(gear) + wind_up
+    return (
+        2.0 * (recording.signals["output_angle"].quantum + accuracy)
+        + kinematic_error_margin(gear)
+        + wind_up
+    )
 
 
 def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
     """What the motion costs, by the port and by the drive: the same sense, and about the same number."""
     if not recording.has("torque", "drive_torque"):
-        yield Finding("motion", "torque direction", "skipped", "port and drive cannot be compared: one of them is not there")
+        yield Finding(
+            "motion",
+            "torque direction",
+            "skipped",
+            "port and drive cannot be compared: one of them is not there",
+        )
         return
     zero, good = _last(recording, "zero-before"), usable(recording, segment)
     means = []
     for name in ("torque", "drive_torque"):
         moving = recording.si(name, segment)[good]
         at_rest = recording.si(name, zero) if zero is not None else moving[:0]
-        means.append((float(moving.mean()) if len(moving) else 0.0) - (float(at_rest.mean()) if len(at_rest) else 0.0))
+        means.append(
+            (float(moving.mean()) if len(moving) else 0.0)
+            - (float(at_rest.mean()) if len(at_rest) else 0.0)
+        )
     port, drive = means
-    text = f"the motion costs {1e3 * port:+.1f} mN m by the port, {1e3 * drive:+.1f} mN m by the drive"
+    text = (
+        f"the motion costs {1e3 * port:+.1f} mN m by the port, {1e3 * drive:+.1f} mN m by the drive"
+    )
     if abs(drive) < LEAST_TORQUE:
         yield Finding("motion", "torque direction", "skipped", f"too little to tell it: {text}")
         return
     scale = port / drive
     if scale < 0.5:
         remedy = "Turn `direction` of the torque input or of the motor encoder; check that the port is connected."
-        yield Finding("motion", "torque direction", "failed", text, scale, "1", "the same sense", remedy)
+        yield Finding(
+            "motion", "torque direction", "failed", text, scale, "1", "the same sense", remedy
+        )
         return
     yield Finding("motion", "torque direction", "ok", text, scale, "1", "the same sense")
     yield judged(
-        "motion", "torque scale", abs(scale - 1.0) <= TORQUE_SCALE, f"{scale:.3f} by the port for 1 by the drive", value=scale,
-        unit="1", limit=f"1 +- {TORQUE_SCALE:g}", otherwise="warning",
+        "motion",
+        "torque scale",
+        abs(scale - 1.0) <= TORQUE_SCALE,
+        f"{scale:.3f} by the port for 1 by the drive",
+        value=scale,
+        unit="1",
+        limit=f"1 +- {TORQUE_SCALE:g}",
+        otherwise="warning",
         remedy="Check volts per rated torque of the port and the rated torque (0x6076).",
-    )  # fmt: skip
+    )
 
 
 def _missed(recording: Recording) -> Finding:
     share = float(np.mean((recording.flags() & BAD_CYCLE) != 0)) if recording.rows else 1.0
     text = f"{100.0 * share:.2f} % of {recording.rows} cycles cannot be used"
     return judged(
-        "motion", "cycles", share <= LARGEST_MISSED, text, value=share, unit="1", limit=f"<= {LARGEST_MISSED:g}",
-        otherwise="warning", remedy="Look at the bus load, the cable and the termination, and what disturbs them in motion.",
-    )  # fmt: skip
+        "motion",
+        "cycles",
+        share <= LARGEST_MISSED,
+        text,
+        value=share,
+        unit="1",
+        limit=f"<= {LARGEST_MISSED:g}",
+        otherwise="warning",
+        remedy="Look at the bus load, the cable and the termination, and what disturbs them in motion.",
+    )
 
 
 def _index(recording: Recording) -> Finding:
     if not recording.has(OUTPUT_INDEX, INDEX_SEEN):
         text = "no latch of index marks: phases are not carried from run to run"
-        return Finding("motion", "index marks", "warning", text, remedy="Map the objects of the latch, where there are any.")
+        return Finding(
+            "motion",
+            "index marks",
+            "warning",
+            text,
+            remedy="Map the objects of the latch, where there are any.",
+        )
     seen = int(recording.si(INDEX_SEEN)[-1])
-    text = f"input {'seen' if seen & 1 else 'not seen'}, output {'seen' if seen & 2 else 'not seen'}"
+    text = (
+        f"input {'seen' if seen & 1 else 'not seen'}, output {'seen' if seen & 2 else 'not seen'}"
+    )
     return judged(
-        "motion", "index marks", seen & 3 == 3, text, otherwise="warning",
+        "motion",
+        "index marks",
+        seen & 3 == 3,
+        text,
+        otherwise="warning",
         remedy="The output may not have passed its mark: turn it further, or look at the cable.",
-    )  # fmt: skip
+    )

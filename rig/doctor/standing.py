@@ -25,7 +25,9 @@ LARGEST_MISSED = 0.001
 """Share of cycles that may be missed without a word."""
 ROOM_TEMPERATURES = (-10.0, 60.0)
 SLOW_RATE, SLOWEST_RATE = 0.99, 0.9
-"""Shares of the nominal rate below which something is to be said, and below which it is not the rate that was asked for."""
+"""Shares of the nominal rate below which something is to be said, and below which it is not the
+rate that was asked for.
+"""
 LARGEST_JITTER = 0.1
 """Share of the SYNC period by which it may scatter (r.m.s.)."""
 LARGEST_STEP = 1e9
@@ -34,7 +36,9 @@ LARGEST_STEP = 1e9
 
 @dataclass(frozen=True)
 class Stand:
-    """Cycles with the servo off: channels, counts (n, channels), flags (n,), time stamps (n,) [ns], rated torque [N m]."""
+    """Cycles with the servo off: channels, counts (n, channels), flags (n,), time stamps (n,) [ns],
+    rated torque [N m].
+    """
 
     channels: Sequence[Channel]
     counts: NDArray[np.int64]
@@ -66,11 +70,16 @@ def _complete(stand: Stand) -> Finding:
     wrong = CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | CycleFlag.SHORT
     missed = float(np.mean((stand.flags & wrong) != 0)) if len(stand.flags) else 1.0
     return judged(
-        "acquisition", "cycles", missed <= LARGEST_MISSED,
-        f"{100.0 * missed:.2f} % of {len(stand.flags)} cycles incomplete, late or doubled", value=missed, unit="1",
-        limit=f"<= {LARGEST_MISSED:g}", otherwise="warning" if missed <= MISSED_SHARE else "failed",
+        "acquisition",
+        "cycles",
+        missed <= LARGEST_MISSED,
+        f"{100.0 * missed:.2f} % of {len(stand.flags)} cycles incomplete, late or doubled",
+        value=missed,
+        unit="1",
+        limit=f"<= {LARGEST_MISSED:g}",
+        otherwise="warning" if missed <= MISSED_SHARE else "failed",
         remedy="Lower the SYNC rate, look at the bus load, the cable and the termination.",
-    )  # fmt: skip
+    )
 
 
 def _time(stand: Stand) -> Iterable[Finding]:
@@ -80,51 +89,95 @@ def _time(stand: Stand) -> Iterable[Finding]:
         return
     rate, nominal = 1e9 / steps.mean(), 1e9 / stand.cycle_ns
     yield judged(
-        "acquisition", "rate", rate >= SLOW_RATE * nominal, f"{rate:.1f} Hz of {nominal:g} Hz", value=rate, unit="Hz",
-        limit=f">= {SLOW_RATE * nominal:g} Hz", otherwise="warning" if rate >= SLOWEST_RATE * nominal else "failed",
+        "acquisition",
+        "rate",
+        rate >= SLOW_RATE * nominal,
+        f"{rate:.1f} Hz of {nominal:g} Hz",
+        value=rate,
+        unit="Hz",
+        limit=f">= {SLOW_RATE * nominal:g} Hz",
+        otherwise="warning" if rate >= SLOWEST_RATE * nominal else "failed",
         remedy="A lower SYNC rate, a quieter computer.",
-    )  # fmt: skip
+    )
     jitter, largest = float(steps.std()) * 1e-3, float(np.abs(steps - stand.cycle_ns).max()) * 1e-3
     allowed = LARGEST_JITTER * stand.cycle_ns * 1e-3
     yield judged(
-        "acquisition", "jitter", jitter <= allowed, f"{jitter:.0f} us r.m.s., {largest:.0f} us at most", value=jitter, unit="us",
-        limit=f"<= {allowed:g} us r.m.s.", otherwise="warning",
+        "acquisition",
+        "jitter",
+        jitter <= allowed,
+        f"{jitter:.0f} us r.m.s., {largest:.0f} us at most",
+        value=jitter,
+        unit="us",
+        limit=f"<= {allowed:g} us r.m.s.",
+        otherwise="warning",
         remedy="An adapter with time stamps of its own, a lower SYNC rate, a quieter computer.",
-    )  # fmt: skip
+    )
     yield judged(
-        "acquisition", "time base", stand.time_base != "host", f"time stamps are those of: {stand.time_base}",
-        otherwise="warning", remedy="Analyses of speed need stamps of the adapter or the devices: pcan, kvaser, gs_usb.",
-    )  # fmt: skip
+        "acquisition",
+        "time base",
+        stand.time_base != "host",
+        f"time stamps are those of: {stand.time_base}",
+        otherwise="warning",
+        remedy="Analyses of speed need stamps of the adapter or the devices: pcan, kvaser, gs_usb.",
+    )
     wrong = int(np.sum((steps <= 0.0) | (steps > LARGEST_STEP)))
     yield judged(
-        "acquisition", "clock", not wrong, f"{wrong} of {len(steps)} steps of the time stamps go backwards or jump",
-        value=float(wrong), limit="0", remedy="The adapter's clock jumps: another driver of it, or stamps of the host.",
-    )  # fmt: skip
+        "acquisition",
+        "clock",
+        not wrong,
+        f"{wrong} of {len(steps)} steps of the time stamps go backwards or jump",
+        value=float(wrong),
+        limit="0",
+        remedy="The adapter's clock jumps: another driver of it, or stamps of the host.",
+    )
 
 
 def _torque(stand: Stand) -> Iterable[Finding]:
     port, drive = stand.si(names.TORQUE), stand.si(names.DRIVE_TORQUE)
     if port is None or not len(port):
-        yield Finding("torque", "port", "warning", "no torque port: 0x6077 is all there is", remedy="Map the analogue input.")
+        yield Finding(
+            "torque",
+            "port",
+            "warning",
+            "no torque port: 0x6077 is all there is",
+            remedy="Map the analogue input.",
+        )
     else:
         zero, noise, rated = float(port.mean()), float(port.std()), stand.rated_torque
         yield judged(
-            "torque", "zero", abs(zero) <= SOUGHT_ZERO * rated, f"{1e3 * zero:.2f} mN m with the servo off", value=zero,
-            unit="N m", limit=f"+-{SOUGHT_ZERO * rated:.3g} N m",
+            "torque",
+            "zero",
+            abs(zero) <= SOUGHT_ZERO * rated,
+            f"{1e3 * zero:.2f} mN m with the servo off",
+            value=zero,
+            unit="N m",
+            limit=f"+-{SOUGHT_ZERO * rated:.3g} N m",
             otherwise="warning" if abs(zero) <= LARGEST_ZERO * rated else "failed",
             remedy="Trim the monitor's offset, check its cable.",
-        )  # fmt: skip
+        )
         yield judged(
-            "torque", "noise", noise <= LARGEST_TORQUE_NOISE * rated, f"{1e3 * noise:.3f} mN m r.m.s.", value=noise, unit="N m",
-            limit=f"<= {LARGEST_TORQUE_NOISE * rated:.3g} N m", otherwise="warning", remedy="Check shield and ground.",
-        )  # fmt: skip
+            "torque",
+            "noise",
+            noise <= LARGEST_TORQUE_NOISE * rated,
+            f"{1e3 * noise:.3f} mN m r.m.s.",
+            value=noise,
+            unit="N m",
+            limit=f"<= {LARGEST_TORQUE_NOISE * rated:.3g} N m",
+            otherwise="warning",
+            remedy="Check shield and ground.",
+        )
     if port is not None and drive is not None and len(port):
         differs = float(abs(port.mean() - drive.mean()))
         yield judged(
-            "torque", "cross-check", differs <= DISAGREEMENT * stand.rated_torque,
-            f"port and drive differ by {1e3 * differs:.2f} mN m at rest", value=differs, unit="N m",
-            limit=f"<= {DISAGREEMENT * stand.rated_torque:.3g} N m", remedy="Check scale, direction and zero of the port.",
-        )  # fmt: skip
+            "torque",
+            "cross-check",
+            differs <= DISAGREEMENT * stand.rated_torque,
+            f"port and drive differ by {1e3 * differs:.2f} mN m at rest",
+            value=differs,
+            unit="N m",
+            limit=f"<= {DISAGREEMENT * stand.rated_torque:.3g} N m",
+            remedy="Check scale, direction and zero of the port.",
+        )
 
 
 def _encoder(stand: Stand, name: str) -> Finding:
@@ -135,13 +188,24 @@ def _encoder(stand: Stand, name: str) -> Finding:
             flicker = int(np.ptp(counts)) if len(counts) else 0
             size = channel.scale / ARCSEC
             noise = size * float(counts.std()) if len(counts) else 0.0
-            text = f"moves by {flicker} counts, {noise:.2g} arcsec r.m.s., in {len(counts)} cycles; a count is {size:.3g} arcsec"
+            text = (
+                f"moves by {flicker} counts, {noise:.2g} arcsec r.m.s., in {len(counts)} "
+                f"cycles; a count is {size:.3g} arcsec"
+            )
             remedy = "Something turns, or the signal is disturbed."
             return judged(
-                "encoders", title, flicker <= STANDING_COUNTS and bool(len(counts)), text, value=float(flicker), unit="counts",
-                limit=f"<= {STANDING_COUNTS}", remedy=remedy,
-            )  # fmt: skip
-    return Finding("encoders", title, "warning", "there is none", remedy="Map it in the configuration.")
+                "encoders",
+                title,
+                flicker <= STANDING_COUNTS and bool(len(counts)),
+                text,
+                value=float(flicker),
+                unit="counts",
+                limit=f"<= {STANDING_COUNTS}",
+                remedy=remedy,
+            )
+    return Finding(
+        "encoders", title, "warning", "there is none", remedy="Map it in the configuration."
+    )
 
 
 def _temperatures(stand: Stand) -> Iterable[Finding]:
@@ -151,6 +215,13 @@ def _temperatures(stand: Stand) -> Iterable[Finding]:
         if found is not None and len(found):
             mean = float(found.mean())
             yield judged(
-                "temperature", name.replace("_", " "), low <= mean <= high, f"{mean:.1f} degC", value=mean, unit="degC",
-                limit=f"{low:g} to {high:g} degC", otherwise="warning", remedy="Is a sensor connected to this input?",
-            )  # fmt: skip
+                "temperature",
+                name.replace("_", " "),
+                low <= mean <= high,
+                f"{mean:.1f} degC",
+                value=mean,
+                unit="degC",
+                limit=f"{low:g} to {high:g} degC",
+                otherwise="warning",
+                remedy="Is a sensor connected to this input?",
+            )

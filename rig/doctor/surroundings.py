@@ -33,16 +33,30 @@ def disk(folder: Path) -> Finding:
         place = place.parent
     if not place.is_dir() or not os.access(place, os.W_OK):
         what = f"{place} is no folder that can be written"
-        return Finding("computer", "disk", "failed", what, remedy="Name another folder with --output.")
+        return Finding(
+            "computer", "disk", "failed", what, remedy="Name another folder with --output."
+        )
     try:
         free = shutil.disk_usage(place).free
     except OSError as error:
-        return Finding("computer", "disk", "failed", f"{place}: {error.strerror or error}", remedy="Name another folder.")
+        return Finding(
+            "computer",
+            "disk",
+            "failed",
+            f"{place}: {error.strerror or error}",
+            remedy="Name another folder.",
+        )
     return judged(
-        "computer", "disk", free >= ENOUGH_SPACE, f"{free / 1e9:.1f} GB free for {folder}", value=free / 1e9, unit="GB",
-        limit=f">= {ENOUGH_SPACE / 1e9:g} GB", otherwise="warning" if free >= LEAST_SPACE else "failed",
+        "computer",
+        "disk",
+        free >= ENOUGH_SPACE,
+        f"{free / 1e9:.1f} GB free for {folder}",
+        value=free / 1e9,
+        unit="GB",
+        limit=f">= {ENOUGH_SPACE / 1e9:g} GB",
+        otherwise="warning" if free >= LEAST_SPACE else "failed",
         remedy="Free space: a run stops when the disk is full.",
-    )  # fmt: skip
+    )
 
 
 def calendar(clock: Clock) -> Finding:
@@ -50,9 +64,12 @@ def calendar(clock: Clock) -> Finding:
     now = datetime.fromtimestamp(clock.calendar_ns() * 1e-9, UTC)
     low, high = PLAUSIBLE_YEARS
     return judged(
-        "computer", "calendar", low <= now.year < high, f"{now.isoformat(timespec='seconds')}",
+        "computer",
+        "calendar",
+        low <= now.year < high,
+        f"{now.isoformat(timespec='seconds')}",
         remedy="Set the clock: start times and due dates rest on it.",
-    )  # fmt: skip
+    )
 
 
 def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
@@ -62,20 +79,35 @@ def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
             continue
         found, title = channel.calibration, channel.name.replace("_", " ")
         text = ", ".join(
-            part for part in (found.certificate or "no certificate", f"of {found.date}" if found.date else "",
-                              f"due {found.due}" if found.due else "no due date") if part
-        )  # fmt: skip
+            part
+            for part in (
+                found.certificate or "no certificate",
+                f"of {found.date}" if found.date else "",
+                f"due {found.due}" if found.due else "no due date",
+            )
+            if part
+        )
         due = _date(found.due)
         if due is not None and due < today:
-            yield Finding("calibration", title, "failed", f"{text}: overdue", remedy="Have it calibrated; reports will say so.")
+            yield Finding(
+                "calibration",
+                title,
+                "failed",
+                f"{text}: overdue",
+                remedy="Have it calibrated; reports will say so.",
+            )
         elif due is not None and due - today <= SOON:
             text += f": in {(due - today).days} days"
             yield Finding("calibration", title, "warning", text, remedy="Plan its calibration.")
         else:
             yield judged(
-                "calibration", title, bool(found.certificate) and (due is not None or not found.due), text,
-                otherwise="warning", remedy="Results rest on a tolerance that nobody has checked.",
-            )  # fmt: skip
+                "calibration",
+                title,
+                bool(found.certificate) and (due is not None or not found.due),
+                text,
+                otherwise="warning",
+                remedy="Results rest on a tolerance that nobody has checked.",
+            )
 
 
 def _date(text: str) -> date | None:
@@ -94,9 +126,17 @@ def guard(check: Check) -> Finding:
 def drive_limits(port: RigPort, wanted: DriveLimits) -> Finding:
     """Write the limits that a run would write, and compare what reads back."""
     try:
-        return Finding("safety", "drive limits", "ok", limits_check(wanted, port.write_limits(wanted)).evidence)
+        return Finding(
+            "safety", "drive limits", "ok", limits_check(wanted, port.write_limits(wanted)).evidence
+        )
     except (LimitError, DriverError) as error:
-        return Finding("safety", "drive limits", "failed", str(error), remedy="A drive that holds other limits is not armed.")
+        return Finding(
+            "safety",
+            "drive limits",
+            "failed",
+            str(error),
+            remedy="A drive that holds other limits is not armed.",
+        )
 
 
 def readout(config: ReadoutConfig | None, clock: Clock) -> Finding:
@@ -110,11 +150,22 @@ def readout(config: ReadoutConfig | None, clock: Clock) -> Finding:
     try:
         reading = Readout(port, clock, config).read()
     except DriverError as error:
-        return Finding("readout", "ND 287", "failed", str(error), remedy="Check baud rate, data bits and parity on both sides.")
+        return Finding(
+            "readout",
+            "ND 287",
+            "failed",
+            str(error),
+            remedy="Check baud rate, data bits and parity on both sides.",
+        )
     finally:
         port.close()
     text = f"{reading.value:.6g} {reading.unit}, last place {reading.quantum:.2g} {reading.unit}"
     return judged(
-        "readout", "ND 287", not reading.is_fault, text, value=reading.value, unit=reading.unit,
+        "readout",
+        "ND 287",
+        not reading.is_fault,
+        text,
+        value=reading.value,
+        unit=reading.unit,
         remedy="The readout itself says that its value is none: look at its display.",
-    )  # fmt: skip
+    )

@@ -72,7 +72,9 @@ class FailingDisk:
     row: int
     writer: RunWriter | None = None
 
-    def begin(self, order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str) -> OpenRun:
+    def begin(
+        self, order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
+    ) -> OpenRun:
         """As `begin_inline_run`, on this disk."""
         if self.how not in ("disk full", "writer stalled"):
             return begin_inline_run(order, description, epoch_ns, start_time)

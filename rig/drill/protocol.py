@@ -1,7 +1,9 @@
-"""The run in which a fault happens: every state that a run can be in, in under two seconds, and an analysis that judges.
+"""The run in which a fault happens: every state that a run can be in, in under two seconds, and an
+analysis that judges.
 
-The analysis asks what a lost, doubled or invented count would spoil: whether the output has turned by 1/N of the input over
-each hold, within what the gear's compliance allows. Where it cannot say, it refuses; a broken rig must never fail a gear.
+The analysis asks what a lost, doubled or invented count would spoil: whether the output has turned
+by 1/N of the input over each hold, within what the gear's compliance allows. Where it cannot say,
+it refuses; a broken rig must never fail a gear.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ SPEED = 60.0
 """rad/s at the input."""
 ACCELERATION = 1500.0
 CLOSURE_LIMIT = math.radians(0.2)
-"""rad at the output: far above the gear's wind-up and kinematic error, far below a lost revolution of the input (3 deg)."""
+"""rad at the output: far above the gear's wind-up and kinematic error, far below a lost revolution
+of the input (3 deg).
+"""
 
 
 @dataclass(frozen=True)
@@ -50,14 +54,27 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     checked = check_recording(recording, "drill", 0.05)
     holds = recording.labelled("hold")
     worst = max((_closure(recording, hold) for hold in holds), default=math.nan)
-    torque = float(np.mean([abs(np.mean(recording.si("torque", hold)[usable(recording, hold)])) for hold in holds]))
+    torque = float(
+        np.mean(
+            [abs(np.mean(recording.si("torque", hold)[usable(recording, hold)])) for hold in holds]
+        )
+    )
     # Input and output encoder: a count each, and the gear's kinematic error.
     doubt = 2e-4
     estimate = Estimate("closure", worst, "rad", worst - doubt, worst + doubt)
     source = "no revolution of the input is lost"
-    verdict = judge_upper("closure", "|theta_o - theta_i/N| over a hold", estimate, CLOSURE_LIMIT, "measured", source)
+    verdict = judge_upper(
+        "closure", "|theta_o - theta_i/N| over a hold", estimate, CLOSURE_LIMIT, "measured", source
+    )
     metrics = {"closure": worst, "running_torque": torque, "flagged": float(checked.missed)}
-    return Result(recording.metadata.run_id, "drill", {"closure": estimate}, metrics, checked.warnings, (verdict,))
+    return Result(
+        recording.metadata.run_id,
+        "drill",
+        {"closure": estimate},
+        metrics,
+        checked.warnings,
+        (verdict,),
+    )
 
 
 def _closure(recording: Recording, hold: Segment) -> float:
@@ -67,6 +84,11 @@ def _closure(recording: Recording, hold: Segment) -> float:
 
 
 EXPERIMENT = Experiment(
-    "drill", "fault drill", "a short run in which something goes wrong", DrillParameters, plan, analyse,
+    "drill",
+    "fault drill",
+    "a short run in which something goes wrong",
+    DrillParameters,
+    plan,
+    analyse,
     needs=("input_angle", "output_angle", "torque"),
-)  # fmt: skip
+)

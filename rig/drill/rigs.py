@@ -1,4 +1,6 @@
-"""A simulated rig that will go wrong: the direct rig or the one on the wire, with a fault that begins at a given row."""
+"""A simulated rig that will go wrong: the direct rig or the one on the wire, with a fault that
+begins at a given row.
+"""
 
 from __future__ import annotations
 
@@ -92,7 +94,9 @@ class DrilledRig:
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write the limits; they may read back as others."""
         found = self.port.write_limits(limits)
-        return DriveLimits(*(self.happening.limits_factor * value for value in vars(found).values()))
+        return DriveLimits(
+            *(self.happening.limits_factor * value for value in vars(found).values())
+        )
 
     def reset_fault(self) -> None:
         """Acknowledge a fault."""
@@ -107,15 +111,21 @@ class DrilledRig:
         self.exchanges += 1
         if self.exchanges > LARGEST_EXCHANGES:
             allowed = f"{LARGEST_EXCHANGES} exchanges"
-            raise DrillHungError("the run does not end", where="drill", value=self.exchanges, limit=allowed)
+            raise DrillHungError(
+                "the run does not end", where="drill", value=self.exchanges, limit=allowed
+            )
         happening = self.happening
         if not self.happened and self.rows + cycles > happening.row:
             self.happened = True
-            self.happened_ns = self.clock.monotonic_ns() + max(happening.row - self.rows, 0) * self.cycle_ns
+            self.happened_ns = (
+                self.clock.monotonic_ns() + max(happening.row - self.rows, 0) * self.cycle_ns
+            )
             if happening.press is not None:
                 happening.press(self.stop)
             if happening.fault is not None and self.bench is not None:
-                self.bench.inject(happening.fault(self.bench.cycle + max(happening.row - self.rows, 0)))
+                self.bench.inject(
+                    happening.fault(self.bench.cycle + max(happening.row - self.rows, 0))
+                )
         block = self.port.exchange(command, cycles, guard)
         self.rows += len(block)
         return block
@@ -142,7 +152,12 @@ class DrilledWireRig(DrilledRig):
 
 
 def drilled_rig(
-    carrier: str, gear: HarmonicDrive, motor: ServoMotor, happening: Happening, stop: StopRequest, seed: int
+    carrier: str,
+    gear: HarmonicDrive,
+    motor: ServoMotor,
+    happening: Happening,
+    stop: StopRequest,
+    seed: int,
 ) -> DrilledRig:
     """A simulated rig with a happening. Raises `ConfigurationError` for any rig that is not simulated."""
     refuse_hardware(carrier)
@@ -150,7 +165,12 @@ def drilled_rig(
     individual = individual_gear(gear, seed)
     if carrier == "sim":
         faults = () if happening.fault is None else (happening.fault(happening.row),)
-        return DrilledRig(SimulatedRig(individual, motor, seed=seed, clock=clock, faults=faults), clock, happening, stop)
+        return DrilledRig(
+            SimulatedRig(individual, motor, seed=seed, clock=clock, faults=faults),
+            clock,
+            happening,
+            stop,
+        )
     bench = WireBench(individual, motor, seed=seed, clock=clock)
     port = wire_port(bench, motor, wire_config(bench, motor, has_guard=True))
     return DrilledWireRig(port, clock, happening, stop, bench)
@@ -160,7 +180,9 @@ def refuse_hardware(carrier: str) -> None:
     """Faults are never injected into a real rig."""
     if carrier not in CARRIERS:
         raise ConfigurationError(
-            "faults are only drilled on simulated rigs", where="--backend", value=repr(carrier), limit=", ".join(CARRIERS),
+            "faults are only drilled on simulated rigs",
+            where="--backend",
+            value=repr(carrier),
+            limit=", ".join(CARRIERS),
             remedy="Leave --backend away, or name one of these.",
-        )  # fmt: skip
-
+        )

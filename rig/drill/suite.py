@@ -1,4 +1,6 @@
-"""Runs the drills and says what came of each: what was detected, how soon, how the rig was made safe, what is in the file."""
+"""Runs the drills and says what came of each: what was detected, how soon, how the rig was made
+safe, what is in the file.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,14 @@ from model.motor import shipped_motor
 from rig.drill.catalogue import DRILLS, Drill
 from rig.drill.disk import FailingDisk
 from rig.drill.protocol import EXPERIMENT, DrillParameters
-from rig.drill.rigs import CARRIERS, STANDING_SPEED, DrilledRig, Happening, drilled_rig, refuse_hardware
+from rig.drill.rigs import (
+    CARRIERS,
+    STANDING_SPEED,
+    DrilledRig,
+    Happening,
+    drilled_rig,
+    refuse_hardware,
+)
 from rig.errors import ConfigurationError, RigError
 from rig.run.dry_run import PlannedRun, plan_run
 from rig.run.judge import judge_by
@@ -37,7 +46,9 @@ from sim_backend.wire.bench import WireBench
 BLOCK_CYCLES = 20
 """Cycles per exchange of a drill: what a rig in real time at 1 kHz would use."""
 AFTERMATH = 1.0
-"""s of rig time that pass, where standstill was not verified, before the truth is looked at: the drive stops by itself."""
+"""s of rig time that pass, where standstill was not verified, before the truth is looked at: the
+drive stops by itself.
+"""
 PATIENCE = Patience(ramp=0.3, quick_stop=0.3, servo_off=0.6)
 """Less than a real rig is given: the simulated one stops within a few hundredths of a second or not at all."""
 COMPARED = ("input_angle", "output_angle", "torque")
@@ -49,9 +60,10 @@ MILLISECOND = 1_000_000
 class DrillRow:
     """What came of one drill.
 
-    `detected` is the cause that was latched or the mark that was set, `cycles` the SYNC periods from onset to the reaction.
-    `safe`: the motor of the simulated rig really stands without power; `verified`: the program has verified it as well.
-    `expected` is the outcome that the drill must have.
+    `detected` is the cause that was latched or the mark that was set, `cycles` the SYNC periods
+    from onset to the reaction. `safe`: the motor of the simulated rig really stands without power;
+    `verified`: the program has verified it as well. `expected` is the outcome that the drill must
+    have.
     """
 
     fault: str
@@ -69,15 +81,29 @@ class DrillRow:
     @property
     def passed(self) -> bool:
         """Whether the drill ended as it must."""
-        return self.safe and self.file_readable and bool(self.detected) and self.outcome == self.expected
+        return (
+            self.safe
+            and self.file_readable
+            and bool(self.detected)
+            and self.outcome == self.expected
+        )
 
     def as_json(self) -> dict[str, Any]:
         """The row as `rig drill --json` prints it."""
         return {
-            "fault": self.fault, "detected": self.detected, "cycles": self.cycles, "action": self.action, "safe": self.safe,
-            "outcome": self.outcome, "file_readable": self.file_readable, "verified": self.verified, "backend": self.carrier,
-            "expected": self.expected, "passed": self.passed, "message": self.message,
-        }  # fmt: skip
+            "fault": self.fault,
+            "detected": self.detected,
+            "cycles": self.cycles,
+            "action": self.action,
+            "safe": self.safe,
+            "outcome": self.outcome,
+            "file_readable": self.file_readable,
+            "verified": self.verified,
+            "backend": self.carrier,
+            "expected": self.expected,
+            "passed": self.passed,
+            "message": self.message,
+        }
 
 
 @dataclass(frozen=True)
@@ -91,26 +117,40 @@ class Reference:
 
 
 def chosen(names: Sequence[str], backend: str | None = None) -> list[Drill]:
-    """The drills of these names (all without any) that the rig carries. Raises `ConfigurationError` for unknown names."""
+    """The drills of these names (all without any) that the rig carries. Raises `ConfigurationError`
+    for unknown names.
+    """
     if backend is not None:
         refuse_hardware(backend)
     unknown = [name for name in names if name not in DRILLS]
     if unknown:
         raise ConfigurationError(
-            "no such fault", where="--fault", value=", ".join(unknown), limit=", ".join(DRILLS), remedy="Choose one of these."
+            "no such fault",
+            where="--fault",
+            value=", ".join(unknown),
+            limit=", ".join(DRILLS),
+            remedy="Choose one of these.",
         )
     found = [DRILLS[name] for name in names] if names else list(DRILLS.values())
     carried = [drill for drill in found if backend is None or backend in drill.carriers]
     if names and len(carried) < len(found):
         missing = [drill.name for drill in found if drill not in carried]
-        raise ConfigurationError("this rig does not carry the fault", where="--backend", value=f"{backend}: {', '.join(missing)}")
+        raise ConfigurationError(
+            "this rig does not carry the fault",
+            where="--backend",
+            value=f"{backend}: {', '.join(missing)}",
+        )
     return carried
 
 
 def run_drills(
-    drills: Sequence[Drill], *, backend: str | None = None, seed: int = 0, output: Path | None = None,
+    drills: Sequence[Drill],
+    *,
+    backend: str | None = None,
+    seed: int = 0,
+    output: Path | None = None,
     offset: Callable[[Drill], int] | None = None,
-) -> Iterator[DrillRow]:  # fmt: skip
+) -> Iterator[DrillRow]:
     """Run each drill on a rig of its own and yield its row. The run files stay in `output`, or nowhere.
 
     `offset` moves the moment of a drill by so many cycles (random drills).
@@ -122,9 +162,13 @@ def run_drills(
         for number, drill in enumerate(drills, 1):
             carrier = backend or drill.carriers[0]
             if carrier not in references:
-                references[carrier] = reference_run(planned, carrier, seed, root / f"reference-{carrier}")
+                references[carrier] = reference_run(
+                    planned, carrier, seed, root / f"reference-{carrier}"
+                )
             reference = references[carrier]
-            row = max(0, reference.rows[drill.moment] + (offset(drill) if offset is not None else 0))
+            row = max(
+                0, reference.rows[drill.moment] + (offset(drill) if offset is not None else 0)
+            )
             folder = root / f"{number:03d}-{_in_path(drill.name)}"
             yield _Staged(drill, planned, carrier, seed, folder, row, reference).run()
 
@@ -132,7 +176,9 @@ def run_drills(
 def reference_run(planned: PlannedRun, carrier: str, seed: int, folder: Path) -> Reference:
     """Run with nothing going wrong, and find the rows at which things can happen."""
     rig = drilled_rig(carrier, planned.gear, planned.motor, Happening(2**62), StopRequest(), seed)
-    report = execute(_order(planned, rig, folder, seed), FailingDisk("", 0).begin, judge=judge_by(planned))
+    report = execute(
+        _order(planned, rig, folder, seed), FailingDisk("", 0).begin, judge=judge_by(planned)
+    )
     recording = open_run(report.path)
     segments = {}
     for segment in recording.segments:
@@ -142,18 +188,31 @@ def reference_run(planned: PlannedRun, carrier: str, seed: int, folder: Path) ->
     rows = {label: (segment.start + segment.stop) // 2 for label, segment in segments.items()}
     made_safe = report.rows - (report.make_safe.rows if report.make_safe else 0)
     rows |= {
-        "start": 0, "preflight": 100, "switching-on": segments["zero-before"].stop + 5, "ramp": segments["hold"].start - 15,
+        "start": 0,
+        "preflight": 100,
+        "switching-on": segments["zero-before"].stop + 5,
+        "ramp": segments["hold"].start - 15,
         "making-safe": made_safe + 5,
-    }  # fmt: skip
+    }
     return Reference(rows, report.outcome, counts)
 
 
 def _order(planned: PlannedRun, rig: DrilledRig, folder: Path, seed: int, **more: Any) -> RunOrder:
     folder.mkdir(parents=True, exist_ok=True)
     return RunOrder(
-        planned, rig, rig.clock, "drill", folder, operator="drill", gear_serial="drill", seed=seed, block_cycles=BLOCK_CYCLES,
-        make_safe_cycles=BLOCK_CYCLES, patience=PATIENCE, **more,
-    )  # fmt: skip
+        planned,
+        rig,
+        rig.clock,
+        "drill",
+        folder,
+        operator="drill",
+        gear_serial="drill",
+        seed=seed,
+        block_cycles=BLOCK_CYCLES,
+        make_safe_cycles=BLOCK_CYCLES,
+        patience=PATIENCE,
+        **more,
+    )
 
 
 @dataclass
@@ -173,9 +232,16 @@ class _Staged:
         """Run it, look at the truth and at the file."""
         drill, stop = self.drill, StopRequest()
         happening = Happening(
-            self.row, drill.fault, drill.press, drill.prepare, drill.moment == "start", drill.limits_factor
+            self.row,
+            drill.fault,
+            drill.press,
+            drill.prepare,
+            drill.moment == "start",
+            drill.limits_factor,
         )
-        rig = drilled_rig(self.carrier, self.planned.gear, self.planned.motor, happening, stop, self.seed)
+        rig = drilled_rig(
+            self.carrier, self.planned.gear, self.planned.motor, happening, stop, self.seed
+        )
         disk = FailingDisk(drill.recording, self.row)
         readout = self._read_out(rig) if drill.readout else ""
 
@@ -185,11 +251,17 @@ class _Staged:
                 disk.release()
 
         order = _order(
-            self.planned, rig, self.folder, self.seed, free_space=lambda: disk.free_space(rig.rows),
+            self.planned,
+            rig,
+            self.folder,
+            self.seed,
+            free_space=lambda: disk.free_space(rig.rows),
             conditions={"readout": readout} if readout else {},
-        )  # fmt: skip
+        )
         try:
-            report = execute(order, disk.begin, stop=stop, judge=judge_by(self.planned), on_event=on_event)
+            report = execute(
+                order, disk.begin, stop=stop, judge=judge_by(self.planned), on_event=on_event
+            )
         except (RigError, DriverError) as error:
             return self._refused(rig, error)
         finally:
@@ -203,7 +275,11 @@ class _Staged:
         made_safe, trip = report.make_safe, report.trip
         ended = self.reacted_ns is not None
         onset = rig.happened_ns if rig.happened_ns is not None else self.row * rig.cycle_ns
-        cycles = round((self.reacted_ns - onset) / rig.cycle_ns) if self.reacted_ns is not None else marks.after
+        cycles = (
+            round((self.reacted_ns - onset) / rig.cycle_ns)
+            if self.reacted_ns is not None
+            else marks.after
+        )
         if trip is not None:
             detected = trip.cause
         elif readout:
@@ -221,9 +297,18 @@ class _Staged:
             cycles = report.rows - (made_safe.rows if made_safe is not None else 0)
         safe = safe and not marks.wrong
         return DrillRow(
-            self.drill.name, detected, max(cycles, 0), action, safe, report.outcome, readable, report.safe, self.carrier,
-            self._expected(), report.message,
-        )  # fmt: skip
+            self.drill.name,
+            detected,
+            max(cycles, 0),
+            action,
+            safe,
+            report.outcome,
+            readable,
+            report.safe,
+            self.carrier,
+            self._expected(),
+            report.message,
+        )
 
     def _action(self, report: RunReport) -> str:
         """The stages that were taken, and who really stopped the motor when nobody could hear them."""
@@ -263,14 +348,27 @@ class _Staged:
             reading = reader.read()
         except DriverError as error:
             return f"{error.what}"
-        return "the readout says that its value is none (?)" if reading.is_fault else f"BELIEVED {reading.value:g}"
+        return (
+            "the readout says that its value is none (?)"
+            if reading.is_fault
+            else f"BELIEVED {reading.value:g}"
+        )
 
     def _refused(self, rig: DrilledRig, error: Exception) -> DrillRow:
         """A run that was refused before it had a file."""
         return DrillRow(
-            self.drill.name, type(error).__name__, 0, "refused", self._truth(rig.bench), "ERROR", False, False, self.carrier,
-            self._expected(), str(error),
-        )  # fmt: skip
+            self.drill.name,
+            type(error).__name__,
+            0,
+            "refused",
+            self._truth(rig.bench),
+            "ERROR",
+            False,
+            False,
+            self.carrier,
+            self._expected(),
+            str(error),
+        )
 
     def _stands(self, rig: DrilledRig, report: RunReport) -> bool:
         """The truth: whether the motor stands without power once the drive has had time for its own reactions."""
@@ -283,7 +381,10 @@ class _Staged:
     def _truth(self, bench: WireBench | None) -> bool:
         if bench is None:
             return True
-        return abs(bench.plant.input_speed) < STANDING_SPEED and bench.drive.drive_state not in POWERED_STATES
+        return (
+            abs(bench.plant.input_speed) < STANDING_SPEED
+            and bench.drive.drive_state not in POWERED_STATES
+        )
 
 
 def let_time_pass(bench: WireBench, clock: Clock, seconds: float) -> None:
@@ -296,14 +397,18 @@ def let_time_pass(bench: WireBench, clock: Clock, seconds: float) -> None:
 
 @dataclass(frozen=True)
 class _Marks:
-    """What the cycles of a file are marked with, how long after the onset the first is, and how many are wrong unmarked."""
+    """What the cycles of a file are marked with, how long after the onset the first is, and how
+    many are wrong unmarked.
+    """
 
     words: str
     after: int
     wrong: int = 0
 
 
-def _look_at_file(report: RunReport, row: int, reference: Mapping[str, NDArray[np.int64]]) -> tuple[bool, _Marks]:
+def _look_at_file(
+    report: RunReport, row: int, reference: Mapping[str, NDArray[np.int64]]
+) -> tuple[bool, _Marks]:
     """Whether the file of a run can be read and has the rows that it must, and what its cycles are marked with."""
     path = report.path
     try:
@@ -313,9 +418,13 @@ def _look_at_file(report: RunReport, row: int, reference: Mapping[str, NDArray[n
     except RigError as error:
         return False, _Marks(str(error), 0)
     try:
-        whole = recording.rows == report.rows if report.readable else 0 < recording.rows <= report.rows
+        whole = (
+            recording.rows == report.rows if report.readable else 0 < recording.rows <= report.rows
+        )
         fits = recording.metadata.outcome in (report.outcome, "INTERRUPTED")
-        return whole and fits and len(recording.si("input_angle")) == recording.rows, _marks(recording, row, reference)
+        return whole and fits and len(recording.si("input_angle")) == recording.rows, _marks(
+            recording, row, reference
+        )
     finally:
         close_recording(recording)
 
@@ -361,4 +470,12 @@ def random_offset(seed: int) -> Callable[[Drill], int]:
     return offset
 
 
-__all__ = ["BLOCK_CYCLES", "CARRIERS", "DrillRow", "chosen", "random_drills", "random_offset", "run_drills"]
+__all__ = [
+    "BLOCK_CYCLES",
+    "CARRIERS",
+    "DrillRow",
+    "chosen",
+    "random_drills",
+    "random_offset",
+    "run_drills",
+]

@@ -26,7 +26,7 @@ in front of simulated CANopen devices; `sim` is the direct rig. Hardware is refu
 - A fault that does no harm leaves outcome and counts as they are without it; cycles with wrong counts are marked.
 
 Made by `rig drill --markdown docs/drills.md`.
-"""
+"""  # noqa: E501
 
 LIMITS = """
 ## After a trip
@@ -48,7 +48,7 @@ SYNC, as from a healthy device of which one frame was lost; stamps and bytes are
 cycles can be marked. It shows in the motion: the output lags the input by a whole cycle times the speed. The skew that is
 estimated at the end of every run that turns both ways at several speeds finds it within microseconds; more than half a cycle is
 a warning of the run and of every analysis of it.
-"""
+"""  # noqa: E501
 
 
 def markdown(rows: Sequence[DrillRow]) -> str:

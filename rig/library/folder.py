@@ -62,20 +62,28 @@ def claim_run(folder: str | Path, protocol: str, serial: str) -> RunPlace:
                 number += 1
     except OSError as error:
         raise RunFileError(
-            f"no run can be recorded here: {error.strerror or error}", where=str(folder),
+            f"no run can be recorded here: {error.strerror or error}",
+            where=str(folder),
             remedy="Name a folder that can be written.",
-        ) from error  # fmt: skip
-    return RunPlace(number, folder / f"{number:05d}-{_in_name(protocol, 'run')}-{_in_name(serial, 'unknown')}.h5")
+        ) from error
+    return RunPlace(
+        number,
+        folder / f"{number:05d}-{_in_name(protocol, 'run')}-{_in_name(serial, 'unknown')}.h5",
+    )
 
 
 def run_files(folder: str | Path) -> tuple[Path, ...]:
     """The run files of a folder in the order of their numbers, unfinished ones included."""
     folder = Path(folder)
     try:
-        found = [path for path in folder.iterdir() if path.name.endswith(RUN_SUFFIXES) and path.is_file()]
+        found = [
+            path for path in folder.iterdir() if path.name.endswith(RUN_SUFFIXES) and path.is_file()
+        ]
     except OSError as error:
         raise RunFileError(
-            f"is no folder of runs: {error.strerror or error}", where=str(folder), remedy="Name the folder with --output."
+            f"is no folder of runs: {error.strerror or error}",
+            where=str(folder),
+            remedy="Name the folder with --output.",
         ) from error
     return tuple(sorted(found, key=lambda path: (run_number(path.name), path.name)))
 
@@ -93,7 +101,9 @@ def read_listed(path: Path) -> ListedRun:
         seen = glance(path)
     except RigError as error:
         return ListedRun(path, None, problem=str(error))
-    notes = "; ".join(event.text for event in seen.events if event.source == "operator" and event.code == "note")
+    notes = "; ".join(
+        event.text for event in seen.events if event.source == "operator" and event.code == "note"
+    )
     return ListedRun(path, seen.metadata, seen.rows, seen.duration, notes=notes)
 
 

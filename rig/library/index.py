@@ -1,8 +1,9 @@
 """The index of a folder of runs: a cache in SQLite beside them, rebuilt by scanning; the files stay the truth.
 
-A file is read again when its name, size, time of change or file number has changed. Deleting the database costs one scan; so
-does finding it damaged or made by another version. Where it cannot be kept (a folder that may not be written, a disk that is
-full, another process that writes for long) the index lives in memory for as long as its object.
+A file is read again when its name, size, time of change or file number has changed. Deleting the
+database costs one scan; so does finding it damaged or made by another version. Where it cannot be
+kept (a folder that may not be written, a disk that is full, another process that writes for long)
+the index lives in memory for as long as its object.
 """
 
 from __future__ import annotations
@@ -37,8 +38,9 @@ Day = str | date | None
 class IndexedRun:
     """One run as the index knows it.
 
-    `state`: sealed; being written by a living process; left behind by a dead one (see `rig recover`); or unreadable, with
-    the reason in `problem`. `duration` in s, NaN where it is not known; `notes` are the operator's, in one text.
+    `state`: sealed; being written by a living process; left behind by a dead one (see `rig
+    recover`); or unreadable, with the reason in `problem`. `duration` in s, NaN where it is not
+    known; `notes` are the operator's, in one text.
     """
 
     path: Path
@@ -61,29 +63,54 @@ class IndexedRun:
     def as_json(self) -> dict[str, Any]:
         """One line of `rig runs --json`."""
         return {
-            "file": str(self.path), "run": self.run_id, "number": self.number, "state": self.state,
-            "unfinished": self.path.name.endswith(".part"), "protocol": self.protocol, "origin": self.origin,
-            "backend": self.backend, "outcome": self.outcome, "started": self.start, "operator": self.operator,
-            "gear": self.gear, "gear_serial": self.gear_serial, "rows": self.rows, "duration_s": self.duration,
-            "notes": self.notes, "problem": self.problem,
-        }  # fmt: skip
+            "file": str(self.path),
+            "run": self.run_id,
+            "number": self.number,
+            "state": self.state,
+            "unfinished": self.path.name.endswith(".part"),
+            "protocol": self.protocol,
+            "origin": self.origin,
+            "backend": self.backend,
+            "outcome": self.outcome,
+            "started": self.start,
+            "operator": self.operator,
+            "gear": self.gear,
+            "gear_serial": self.gear_serial,
+            "rows": self.rows,
+            "duration_s": self.duration,
+            "notes": self.notes,
+            "problem": self.problem,
+        }
 
 
 _COLUMNS = tuple(f.name for f in fields(IndexedRun) if f.name not in ("path", "state"))
 _NUMERIC = {"number": "INTEGER", "rows": "INTEGER", "duration": "REAL"}
-_SEARCHED = ("run_id", "protocol", "gear_serial", "gear", "operator", "outcome", "notes", "problem", "start")
+_SEARCHED = (
+    "run_id",
+    "protocol",
+    "gear_serial",
+    "gear",
+    "operator",
+    "outcome",
+    "notes",
+    "problem",
+    "start",
+)
 
 Told = tuple[Any, ...]
 """What one file says of itself, in the order of `_COLUMNS`; a duration that is not known is None."""
 
 
 class LibraryIndex:
-    """The runs of one folder. `refresh` looks at the files, `search` at what they said. May be used from several threads.
+    """The runs of one folder. `refresh` looks at the files, `search` at what they said. May be used
+    from several threads.
 
     `on_progress` is told how many files have been read of how many that must be, in the thread that reads.
     """
 
-    def __init__(self, folder: str | Path, on_progress: Callable[[int, int], None] = lambda done, of: None) -> None:
+    def __init__(
+        self, folder: str | Path, on_progress: Callable[[int, int], None] = lambda done, of: None
+    ) -> None:
         self.folder = Path(folder)
         self._on_progress = on_progress
         self.rebuilt = ""
@@ -98,14 +125,22 @@ class LibraryIndex:
             return self._refresh()
 
     def search(
-        self, text: str = "", *, gear: str = "", protocol: str = "", outcome: str = "", since: Day = None, until: Day = None,
+        self,
+        text: str = "",
+        *,
+        gear: str = "",
+        protocol: str = "",
+        outcome: str = "",
+        since: Day = None,
+        until: Day = None,
         origin: str = "",
-    ) -> list[IndexedRun]:  # fmt: skip
+    ) -> list[IndexedRun]:
         """The runs that fit, in the order of their numbers, after a refresh.
 
-        `text` finds every one of its words anywhere; `gear` is the whole serial number, `outcome` also one of the states
-        ("being written"); all without regard to case. `since` and `until` are days or times, both included: a day is the one
-        that the run's own clock showed. Raises `ValueError` for what is neither.
+        `text` finds every one of its words anywhere; `gear` is the whole serial number, `outcome`
+        also one of the states ("being written"); all without regard to case. `since` and `until`
+        are days or times, both included: a day is the one that the run's own clock showed. Raises
+        `ValueError` for what is neither.
         """
         bounds = _bound(since), _bound(until)
         with self._lock:
@@ -113,7 +148,11 @@ class LibraryIndex:
             runs = [self._run(name, told) for name, (_, told) in (self._known or {}).items()]
         wanted = {"gear_serial": gear, "protocol": protocol, "origin": origin}
         words = text.casefold().split()
-        found = [run for run in runs if _fits(run, words, wanted, outcome) and _within(run.start, *bounds)]
+        found = [
+            run
+            for run in runs
+            if _fits(run, words, wanted, outcome) and _within(run.start, *bounds)
+        ]
         return sorted(found, key=lambda run: (run.number, run.path.name))
 
     def _refresh(self) -> int:
@@ -122,7 +161,11 @@ class LibraryIndex:
         gone = [name for name in known if name not in found]
         for name in gone:
             del known[name]
-        changed = [name for name, (_, fingerprint) in found.items() if name not in known or known[name][0] != fingerprint]
+        changed = [
+            name
+            for name, (_, fingerprint) in found.items()
+            if name not in known or known[name][0] != fingerprint
+        ]
         for first in range(0, max(len(changed), 1 if gone else 0), WRITTEN_AT_ONCE):
             some = changed[first : first + WRITTEN_AT_ONCE]
             for place, name in enumerate(some, first):
@@ -140,7 +183,9 @@ class LibraryIndex:
             return known
 
         def read(database: sqlite3.Connection) -> dict[str, tuple[str, Told]]:
-            rows = database.execute(f"SELECT file, fingerprint, {', '.join(_COLUMNS)} FROM runs").fetchall()
+            rows = database.execute(
+                f"SELECT file, fingerprint, {', '.join(_COLUMNS)} FROM runs"
+            ).fetchall()
             return {row[0]: (row[1], row[2:]) for row in rows}
 
         found = self._with_database(read)
@@ -155,7 +200,9 @@ class LibraryIndex:
         def write(database: sqlite3.Connection) -> None:
             with database:
                 database.executemany("DELETE FROM runs WHERE file = ?", [(name,) for name in gone])
-                database.executemany(insert, [(name, fingerprint, *told) for name, fingerprint, told in rows])
+                database.executemany(
+                    insert, [(name, fingerprint, *told) for name, fingerprint, told in rows]
+                )
 
         if self._kept:
             self._with_database(write)
@@ -197,7 +244,9 @@ def fingerprint_of(path: Path) -> str:
 
 
 def _opened(path: Path) -> tuple[sqlite3.Connection, str]:
-    """The database with its table, and why it had to be made anew ("" if not). Raises `sqlite3.Error` where that cannot be."""
+    """The database with its table, and why it had to be made anew ("" if not). Raises
+    `sqlite3.Error` where that cannot be.
+    """
     try:
         return _prepared(path)
     except sqlite3.OperationalError:
@@ -220,17 +269,25 @@ def _prepared(path: Path) -> tuple[sqlite3.Connection, str]:
         version = connection.execute("PRAGMA user_version").fetchone()[0]
         if version != SCHEMA:
             connection.execute("DROP TABLE IF EXISTS runs")
-            connection.execute(f"CREATE TABLE runs (file TEXT PRIMARY KEY, fingerprint TEXT, {columns})")
+            connection.execute(
+                f"CREATE TABLE runs (file TEXT PRIMARY KEY, fingerprint TEXT, {columns})"
+            )
             connection.execute(f"PRAGMA user_version = {SCHEMA}")
         connection.commit()
     except BaseException:
         connection.close()
         raise
-    return connection, f"made anew: it was of version {version}" if version not in (0, SCHEMA) else ""
+    return connection, f"made anew: it was of version {version}" if version not in (
+        0,
+        SCHEMA,
+    ) else ""
 
 
 def _is_busy(error: sqlite3.OperationalError) -> bool:
-    return getattr(error, "sqlite_errorcode", 0) & 0xFF in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in (
+        sqlite3.SQLITE_BUSY,
+        sqlite3.SQLITE_LOCKED,
+    )
 
 
 def _deleted(path: Path) -> bool:
@@ -247,14 +304,28 @@ def _told(run: ListedRun) -> Told:
     """What a file says of itself, by column."""
     m = run.metadata
     told: dict[str, Any] = dict.fromkeys(_COLUMNS, "")
-    told |= {"run_id": run.path.name.split(".h5")[0], "number": run_number(run.path.name), "rows": run.rows}
-    told |= {"duration": None if run.duration != run.duration else run.duration, "problem": run.problem}
+    told |= {
+        "run_id": run.path.name.split(".h5")[0],
+        "number": run_number(run.path.name),
+        "rows": run.rows,
+    }
+    told |= {
+        "duration": None if run.duration != run.duration else run.duration,
+        "problem": run.problem,
+    }
     if m is not None:
         told |= {
-            "run_id": m.run_id or told["run_id"], "protocol": m.experiment, "gear_serial": m.gear_serial,
-            "gear": m.gear.name if m.gear is not None else "", "operator": m.operator, "start": m.start_time,
-            "outcome": m.outcome, "origin": m.origin, "backend": str(m.process.get("backend", "")), "notes": run.notes,
-        }  # fmt: skip
+            "run_id": m.run_id or told["run_id"],
+            "protocol": m.experiment,
+            "gear_serial": m.gear_serial,
+            "gear": m.gear.name if m.gear is not None else "",
+            "operator": m.operator,
+            "start": m.start_time,
+            "outcome": m.outcome,
+            "origin": m.origin,
+            "backend": str(m.process.get("backend", "")),
+            "notes": run.notes,
+        }
     return tuple(told.values())
 
 
@@ -268,7 +339,10 @@ def _state_of(path: Path, problem: str) -> State:
 
 
 def _fits(run: IndexedRun, words: Sequence[str], wanted: dict[str, str], outcome: str) -> bool:
-    if any(value and getattr(run, name).casefold() != value.casefold() for name, value in wanted.items()):
+    if any(
+        value and getattr(run, name).casefold() != value.casefold()
+        for name, value in wanted.items()
+    ):
         return False
     if outcome and outcome.casefold() not in (run.outcome.casefold(), run.state):
         return False
@@ -294,7 +368,9 @@ def _within(start: str, since: str | datetime | None, until: str | datetime | No
         began = datetime.fromisoformat(start)
     except ValueError:
         return False
-    return (since is None or _order(since, began) <= 0) and (until is None or _order(until, began) >= 0)
+    return (since is None or _order(since, began) <= 0) and (
+        until is None or _order(until, began) >= 0
+    )
 
 
 def _order(bound: str | datetime, began: datetime) -> int:

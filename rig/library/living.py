@@ -14,9 +14,10 @@ LOCKS = Path("/proc/locks")
 def is_being_written(part: Path) -> bool:
     """Whether a living writer holds a `.part` file.
 
-    The writer's mark is a shared lock. Trying to lock the file could come between a writer and its mark at the very moment
-    that it begins, so the system's list of locks is read first; only where that does not name the file is a lock tried, as
-    on file systems that are shared by several computers.
+    The writer's mark is a shared lock. Trying to lock the file could come between a writer and its
+    mark at the very moment that it begins, so the system's list of locks is read first; only where
+    that does not name the file is a lock tried, as on file systems that are shared by several
+    computers.
     """
     return _is_listed(part) or _is_held(part)
 

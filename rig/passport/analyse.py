@@ -23,21 +23,27 @@ class Analysed:
 
 
 def analyse_runs(
-    where: str | Path | Iterable[str | Path], serial: str, created: str, *, tare: Path | None = None,
-    origin: str = "", tell: Callable[[IndexedRun], None] | None = None,
-) -> tuple[Analysed, ...]:  # fmt: skip
+    where: str | Path | Iterable[str | Path],
+    serial: str,
+    created: str,
+    *,
+    tare: Path | None = None,
+    origin: str = "",
+    tell: Callable[[IndexedRun], None] | None = None,
+) -> tuple[Analysed, ...]:
     """Fit every run of a gear that a passport follows and that was never fitted, and keep the results beside the runs.
 
-    `created` the calendar time (ISO 8601) of the analyses; `tare` a motor-tare run, subtracted from friction runs; `origin` as
-    in `passport`; `tell` is called before each run. A run that cannot be analysed is told with its reason, and the others
-    are analysed all the same.
+    `created` the calendar time (ISO 8601) of the analyses; `tare` a motor-tare run, subtracted from
+    friction runs; `origin` as in `passport`; `tell` is called before each run. A run that cannot be
+    analysed is told with its reason, and the others are analysed all the same.
     """
     runs = runs_of(where, serial)
     only = counted_origin(runs, origin)
     return tuple(
         _analyse(run, created, tare if run.protocol == "friction" else None, tell)
-        for run in runs if _lacks_analysis(run) and only in ("", run.origin)
-    )  # fmt: skip
+        for run in runs
+        if _lacks_analysis(run) and only in ("", run.origin)
+    )
 
 
 def _lacks_analysis(run: IndexedRun) -> bool:
@@ -49,7 +55,9 @@ def _lacks_analysis(run: IndexedRun) -> bool:
         return False
 
 
-def _analyse(run: IndexedRun, created: str, tare: Path | None, tell: Callable[[IndexedRun], None] | None) -> Analysed:
+def _analyse(
+    run: IndexedRun, created: str, tare: Path | None, tell: Callable[[IndexedRun], None] | None
+) -> Analysed:
     from rig.fit import fit_files, store
     from rig.runfile.read import close_recording
 

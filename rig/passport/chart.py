@@ -2,8 +2,9 @@
 
     MR_i = |x_i - x_(i-1)|,   sigma = mean(MR)/1.128,   limits = mean +- 3 sigma,   upper limit of MR = 3.267 mean(MR)
 
-from the first runs. Sources: ISO 7870-2:2013 (individuals chart); Western Electric, Statistical Quality Control Handbook
-(1956), zone tests; Montgomery, Introduction to Statistical Quality Control, chapter 6.
+from the first runs. Sources: ISO 7870-2:2013 (individuals chart); Western Electric, Statistical
+Quality Control Handbook (1956), zone tests; Montgomery, Introduction to Statistical Quality
+Control, chapter 6.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ RULES: Mapping[str, str] = {
 Array = NDArray[np.float64]
 
 
-def control_limits(values: Sequence[float], runs: Sequence[str], baseline: int = BASELINE_RUNS) -> ControlLimits | None:
+def control_limits(
+    values: Sequence[float], runs: Sequence[str], baseline: int = BASELINE_RUNS
+) -> ControlLimits | None:
     """The limits from the first `baseline` values; None where there are fewer, or where they do not scatter at all."""
     x = np.asarray(values[:baseline], dtype=np.float64)
     if len(x) < max(baseline, 2) or not np.isfinite(x).all():
@@ -49,9 +52,15 @@ def control_limits(values: Sequence[float], runs: Sequence[str], baseline: int =
         return None
     centre, sigma = float(x.mean()), mean_range / D2
     return ControlLimits(
-        centre, sigma, centre - 3.0 * sigma, centre + 3.0 * sigma, mean_range, D4 * mean_range, tuple(runs[: len(x)]),
+        centre,
+        sigma,
+        centre - 3.0 * sigma,
+        centre + 3.0 * sigma,
+        mean_range,
+        D4 * mean_range,
+        tuple(runs[: len(x)]),
         false_alarm_share(len(x)),
-    )  # fmt: skip
+    )
 
 
 def false_alarm_share(baseline: int) -> float:
@@ -64,7 +73,9 @@ def false_alarm_share(baseline: int) -> float:
     variance = (ranges * RANGE_VARIANCE + 2.0 * (ranges - 1) * NEIGHBOUR_COVARIANCE) / ranges**2
     relative = variance / (4.0 / math.pi)
     unbiased = math.sqrt(1.0 + relative)
-    return float(2.0 * stdtr(0.5 / relative + 0.25, -3.0 * unbiased / math.sqrt(1.0 + 1.0 / baseline)))
+    return float(
+        2.0 * stdtr(0.5 / relative + 0.25, -3.0 * unbiased / math.sqrt(1.0 + 1.0 / baseline))
+    )
 
 
 def signals_of(values: Sequence[float], limits: ControlLimits) -> tuple[tuple[str, ...], ...]:

@@ -19,9 +19,10 @@ State = Literal["in control", "to be watched", "out of control", "no control lim
 class PassportPoint:
     """One run in a series; numbers in the unit of the series (SI).
 
-    `low`, `high` the 95 % interval (statistical part); `expanded_uncertainty` U (k = 2), type B included; `signals` the rules
-    of the chart that it breaks; `within_uncertainty` whether its distance from the centre line is no more than its U without
-    what all runs share (None without limits); `remarks` what changed since the run before.
+    `low`, `high` the 95 % interval (statistical part); `expanded_uncertainty` U (k = 2), type B
+    included; `signals` the rules of the chart that it breaks; `within_uncertainty` whether its
+    distance from the centre line is no more than its U without what all runs share (None without
+    limits); `remarks` what changed since the run before.
     """
 
     position: int
@@ -49,8 +50,9 @@ class PassportPoint:
 class ControlLimits:
     """Limits of an individuals chart, from the mean moving range of the first runs: centre +- 3 MR/1.128.
 
-    `moving_range_upper` = 3.267 MR; `runs` made the limits; `false_alarms` is the share of later runs of an unchanged gear
-    that fall outside all the same, limits from so few runs being uncertain themselves.
+    `moving_range_upper` = 3.267 MR; `runs` made the limits; `false_alarms` is the share of later
+    runs of an unchanged gear that fall outside all the same, limits from so few runs being
+    uncertain themselves.
     """
 
     centre: float
@@ -78,10 +80,12 @@ class CatalogueLimit:
 
 @dataclass(frozen=True)
 class PassportSeries:
-    """One quantity over time, of runs that can be compared: one origin, one mounting, one subject, one protocol setting.
+    """One quantity over time, of runs that can be compared: one origin, one mounting, one subject,
+    one protocol setting.
 
-    `key` names the series uniquely, `title` tells it to people; `conditions` is what all its runs have in common and what
-    parts them from other series of the quantity; `display_unit` with `factor`: SI = factor * shown number.
+    `key` names the series uniquely, `title` tells it to people; `conditions` is what all its runs
+    have in common and what parts them from other series of the quantity; `display_unit` with
+    `factor`: SI = factor * shown number.
     """
 
     key: str
@@ -102,7 +106,8 @@ class PassportSeries:
 
     @property
     def state(self) -> State:
-        """What the chart says of the newest run: out of control beyond a limit, to be watched where another rule speaks.
+        """What the chart says of the newest run: out of control beyond a limit, to be watched where
+        another rule speaks.
 
         A step alone is to be watched: the run after an outlier steps back, and is in its place again.
         """
@@ -115,13 +120,26 @@ class PassportSeries:
         """One series of `rig passport --json`."""
         told = {name: getattr(self, name) for name in _TOLD}
         return told | {
-            "conditions": dict(self.conditions), "state": self.state, "points": [point.as_json() for point in self.points],
+            "conditions": dict(self.conditions),
+            "state": self.state,
+            "points": [point.as_json() for point in self.points],
             "control_limits": None if self.control is None else self.control.as_json(),
-            "catalogue_limit": None if self.limit is None else dict(vars(self.limit)), "notes": list(self.notes),
-        }  # fmt: skip
+            "catalogue_limit": None if self.limit is None else dict(vars(self.limit)),
+            "notes": list(self.notes),
+        }
 
 
-_TOLD = ("key", "quantity", "title", "definition", "kind", "unit", "factor", "display_unit", "origin")
+_TOLD = (
+    "key",
+    "quantity",
+    "title",
+    "definition",
+    "kind",
+    "unit",
+    "factor",
+    "display_unit",
+    "origin",
+)
 
 
 @dataclass(frozen=True)
@@ -141,8 +159,9 @@ class Missing:
 class Passport:
     """A gear's life as its runs tell it.
 
-    `runs` are those that count, in order of time; `mark` is SIMULATED, REPLAY or IMPORTED where none of them is from hardware
-    ("" else); `plots` are one chart per series, then the order spectra; `left_out` are runs of this gear that do not count.
+    `runs` are those that count, in order of time; `mark` is SIMULATED, REPLAY or IMPORTED where
+    none of them is from hardware ("" else); `plots` are one chart per series, then the order
+    spectra; `left_out` are runs of this gear that do not count.
     """
 
     serial: str
@@ -167,8 +186,13 @@ class Passport:
         from rig.result_data import plot_to_mapping
 
         return {
-            "serial": self.serial, "gear": self.gear, "mark": self.mark, "runs": [run.as_json() for run in self.runs],
-            "series": [one.as_json() for one in self.series], "plots": [plot_to_mapping(plot) for plot in self.plots],
-            "missing": [one.as_json() for one in self.missing], "left_out": [one.as_json() for one in self.left_out],
+            "serial": self.serial,
+            "gear": self.gear,
+            "mark": self.mark,
+            "runs": [run.as_json() for run in self.runs],
+            "series": [one.as_json() for one in self.series],
+            "plots": [plot_to_mapping(plot) for plot in self.plots],
+            "missing": [one.as_json() for one in self.missing],
+            "left_out": [one.as_json() for one in self.left_out],
             "rules": dict(self.rules),
-        }  # fmt: skip
+        }

@@ -1,4 +1,6 @@
-"""From the runs of a gear to what was found of each: which runs count, their newest analyses, and the facts to compare by."""
+"""From the runs of a gear to what was found of each: which runs count, their newest analyses, and
+the facts to compare by.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,9 @@ COUNTED_OUTCOMES = ("PASS", "MARGINAL", "FAIL", "")
 
 @dataclass(frozen=True)
 class FoundRun:
-    """One run with one analysis: the facts that make runs comparable, what may change from run to run, the estimates."""
+    """One run with one analysis: the facts that make runs comparable, what may change from run to
+    run, the estimates.
+    """
 
     run: IndexedRun
     analysis: Analysis
@@ -39,7 +43,9 @@ class FoundRun:
 
 @dataclass(frozen=True)
 class Gathered:
-    """Everything of one gear: runs that count in order of time, their analyses, what is missing, what does not count."""
+    """Everything of one gear: runs that count in order of time, their analyses, what is missing,
+    what does not count.
+    """
 
     runs: tuple[IndexedRun, ...]
     found: tuple[FoundRun, ...]
@@ -64,7 +70,9 @@ def runs_of(where: str | Path | Iterable[str | Path], serial: str) -> tuple[Inde
         for run in LibraryIndex(folder).search():
             if run.gear_serial == serial and ("" in names or run.path.name in names):
                 seen.setdefault(run.path.resolve(), run)
-    return tuple(sorted(seen.values(), key=lambda run: (moment(run.start), run.number, run.path.name)))
+    return tuple(
+        sorted(seen.values(), key=lambda run: (moment(run.start), run.number, run.path.name))
+    )
 
 
 def moment(text: str) -> datetime:
@@ -77,7 +85,9 @@ def moment(text: str) -> datetime:
 
 
 def gather(runs: Sequence[IndexedRun], origin: str = "") -> Gathered:
-    """Read what was found of each run. Without `origin`: hardware alone where there is any, else every origin for itself."""
+    """Read what was found of each run. Without `origin`: hardware alone where there is any, else
+    every origin for itself.
+    """
     only = counted_origin(runs, origin)
     counted: list[IndexedRun] = []
     left_out: list[Missing] = []
@@ -98,7 +108,9 @@ def gather(runs: Sequence[IndexedRun], origin: str = "") -> Gathered:
 
 
 def counted_origin(runs: Sequence[IndexedRun], origin: str = "") -> str:
-    """The origin that alone counts: the one asked for, hardware where there is any; "" where every one counts for itself."""
+    """The origin that alone counts: the one asked for, hardware where there is any; "" where every
+    one counts for itself.
+    """
     return origin or ("hardware" if any(run.origin == "hardware" for run in runs) else "")
 
 
@@ -123,9 +135,15 @@ def _read(run: IndexedRun) -> tuple[list[FoundRun], list[Missing]]:
     """The newest analyses of a run of the kinds that are followed, and what it lacks."""
     command = f"rig fit {run.path}"
     try:
-        stored = {analysis.kind: analysis for analysis in read_analyses(run.path) if analysis.kind in KINDS}
+        stored = {
+            analysis.kind: analysis
+            for analysis in read_analyses(run.path)
+            if analysis.kind in KINDS
+        }
     except RunFileError as error:
-        return [], [Missing(str(error), run.run_id, "Move the damaged file away and fit the run again.")]
+        return [], [
+            Missing(str(error), run.run_id, "Move the damaged file away and fit the run again.")
+        ]
     missing = []
     if run.protocol in KINDS and run.protocol not in stored:
         missing.append(Missing(f"its {run.protocol} is not analysed", run.run_id, command))
@@ -139,7 +157,13 @@ def _read(run: IndexedRun) -> tuple[list[FoundRun], list[Missing]]:
         found = []
         for analysis in stored.values():
             if str(analysis.content.get("run_sha256", "")) != recording.metadata.sha256:
-                missing.append(Missing(f"analysis {analysis.number} is of another file of this name", run.run_id, command))
+                missing.append(
+                    Missing(
+                        f"analysis {analysis.number} is of another file of this name",
+                        run.run_id,
+                        command,
+                    )
+                )
                 continue
             found.append(_found(run, recording, analysis))
         return found, missing
@@ -155,13 +179,24 @@ def _found(run: IndexedRun, recording: Recording, analysis: Analysis) -> FoundRu
     facts |= {name: read(m.parameters, options, settings) for name, read in FACTS.items()}
     standing = footing(recording, analysis)
     changing = {
-        "lubricant": str(m.conditions.get("lubricant", "")), "mounted on": str(m.conditions.get("mounted_on", "")),
-        "torque calibration": standing["torque channel"], "simulated rig": simulated_bench(m),
+        "lubricant": str(m.conditions.get("lubricant", "")),
+        "mounted on": str(m.conditions.get("mounted_on", "")),
+        "torque calibration": standing["torque channel"],
+        "simulated rig": simulated_bench(m),
         "program version of the analysis": str(analysis.content.get("program_version", "")),
-        "settings of the analysis": ", ".join(f"{name} = {value}" for name, value in settings.items()),
-    }  # fmt: skip
+        "settings of the analysis": ", ".join(
+            f"{name} = {value}" for name, value in settings.items()
+        ),
+    }
     warmth = result.get("metrics", {}).get("housing_temperature")
     return FoundRun(
-        run, analysis, m.origin, facts, changing, standing, result.get("parameters", {}), result.get("verdicts", ()),
+        run,
+        analysis,
+        m.origin,
+        facts,
+        changing,
+        standing,
+        result.get("parameters", {}),
+        result.get("verdicts", ()),
         float(warmth) if isinstance(warmth, (int, float)) else None,
-    )  # fmt: skip
+    )

@@ -1,4 +1,6 @@
-"""What a passport follows: the table of quantities, each with its definition, its unit, and what makes runs comparable."""
+"""What a passport follows: the table of quantities, each with its definition, its unit, and what
+makes runs comparable.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,8 @@ class Quantity:
 _COMPARED_ERROR = ("part", "mounting", "speed", "orders")
 _COMPARED_TORQUE = ("part", "mounting", "torque of", "channel")
 _ACCURACY = (
-    "sum of the largest positive and the largest negative deviation of the output from the ideal over one complete output "
+    "sum of the largest positive and the largest negative deviation of the output from the "
+    "ideal over one complete output "
     "revolution, one direction; of the fitted curve"
 )
 
@@ -51,48 +54,79 @@ _ACCURACY = (
 def _accuracy(key: str, way: str) -> Quantity:
     title = f"Transmission accuracy, {way}"
     return Quantity(
-        key, "kinematic-error", title, _ACCURACY, ARCMIN, "arcmin", _COMPARED_ERROR, "rig run kinematic-error",
+        key,
+        "kinematic-error",
+        title,
+        _ACCURACY,
+        ARCMIN,
+        "arcmin",
+        _COMPARED_ERROR,
+        "rig run kinematic-error",
         "transmission accuracy",
-    )  # fmt: skip
+    )
 
 
 def _running(rpm: int) -> Quantity:
     return Quantity(
-        f"running_torque_{rpm}_rpm", "friction", f"No-load running torque at {rpm} r/min",
-        "torque that keeps the input turning at this speed, nothing on the output", MILLI, "mN m", _COMPARED_TORQUE,
-        "rig run friction", "running torque",
-    )  # fmt: skip
+        f"running_torque_{rpm}_rpm",
+        "friction",
+        f"No-load running torque at {rpm} r/min",
+        "torque that keeps the input turning at this speed, nothing on the output",
+        MILLI,
+        "mN m",
+        _COMPARED_TORQUE,
+        "rig run friction",
+        "running torque",
+    )
 
 
 def _starting(key: str, way: str) -> Quantity:
     return Quantity(
-        key, "starting-torque", f"No-load starting torque, {way}",
-        "quasi-static torque at which the input begins to turn, nothing on the output; mean over wave-generator positions",
-        MILLI, "mN m", (*_COMPARED_TORQUE, "ramp"), "rig run starting-torque", "starting torque",
-    )  # fmt: skip
+        key,
+        "starting-torque",
+        f"No-load starting torque, {way}",
+        "quasi-static torque at which the input begins to turn, nothing on the output; mean "
+        "over wave-generator positions",
+        MILLI,
+        "mN m",
+        (*_COMPARED_TORQUE, "ramp"),
+        "rig run starting-torque",
+        "starting torque",
+    )
 
 
 def order_quantity(label: str) -> Quantity:
     """The amplitude of one order of the kinematic error."""
     return Quantity(
-        f"amplitude_{label}", "kinematic-error", f"Kinematic error, amplitude of order {label}",
-        "amplitude of this order of the kinematic error, cycles per input revolution; mean of both directions", ARCSEC,
-        "arcsec", _COMPARED_ERROR, "rig run kinematic-error", "amplitude",
-    )  # fmt: skip
+        f"amplitude_{label}",
+        "kinematic-error",
+        f"Kinematic error, amplitude of order {label}",
+        "amplitude of this order of the kinematic error, cycles per input revolution; mean of both directions",
+        ARCSEC,
+        "arcsec",
+        _COMPARED_ERROR,
+        "rig run kinematic-error",
+        "amplitude",
+    )
 
 
 QUANTITIES: tuple[Quantity, ...] = (
-    _accuracy("transmission_accuracy_forward", "forward"), _accuracy("transmission_accuracy_reverse", "reverse"),
+    _accuracy("transmission_accuracy_forward", "forward"),
+    _accuracy("transmission_accuracy_reverse", "reverse"),
     *(_running(rpm) for rpm in REFERENCE_SPEEDS_RPM),
     _starting("starting_torque", "mean of both directions"),
-)  # fmt: skip
-"""Followed by every passport, in this order; the largest orders of the kinematic error come after the transmission accuracy."""
+)
+"""Followed by every passport, in this order; the largest orders of the kinematic error come after
+the transmission accuracy.
+"""
 
 KINDS = tuple(dict.fromkeys(quantity.kind for quantity in QUANTITIES))
 """The kinds of analysis that a passport is drawn from."""
 
 
-def order_labels(amplitudes: Sequence[Mapping[str, float]], most: int = FOLLOWED_ORDERS) -> tuple[str, ...]:
+def order_labels(
+    amplitudes: Sequence[Mapping[str, float]], most: int = FOLLOWED_ORDERS
+) -> tuple[str, ...]:
     """The labels of the largest orders over several runs (amplitude by label), by their order."""
     sizes: dict[str, list[float]] = {}
     for one in amplitudes:
@@ -127,17 +161,23 @@ SettingReader = Callable[[Mapping[str, Any], Mapping[str, Any], Mapping[str, Any
 """(parameters of the run, options of the analysis, settings of the analysis) -> one fact."""
 
 
-def _speed(parameters: Mapping[str, Any], options: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+def _speed(
+    parameters: Mapping[str, Any], options: Mapping[str, Any], settings: Mapping[str, Any]
+) -> str:
     found = parameters.get("speed_rpm")
     return f"{found:g} r/min" if isinstance(found, (int, float)) else ""
 
 
-def _orders(parameters: Mapping[str, Any], options: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+def _orders(
+    parameters: Mapping[str, Any], options: Mapping[str, Any], settings: Mapping[str, Any]
+) -> str:
     found = settings.get("accuracy_order") or options.get("highest_order")
     return f"orders up to {found:g}" if isinstance(found, (int, float)) else ""
 
 
-def _ramp(parameters: Mapping[str, Any], options: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+def _ramp(
+    parameters: Mapping[str, Any], options: Mapping[str, Any], settings: Mapping[str, Any]
+) -> str:
     found = parameters.get("rate")
     return f"{found:g} N m/s" if isinstance(found, (int, float)) else ""
 
@@ -147,6 +187,10 @@ def _option(name: str) -> SettingReader:
 
 
 FACTS: Mapping[str, SettingReader] = {
-    "speed": _speed, "orders": _orders, "ramp": _ramp, "torque of": _option("torque_is_of"), "channel": _option("channel"),
-}  # fmt: skip
+    "speed": _speed,
+    "orders": _orders,
+    "ramp": _ramp,
+    "torque of": _option("torque_is_of"),
+    "channel": _option("channel"),
+}
 """Facts that come from how a run was made and analysed; part and mounting come from its gear."""

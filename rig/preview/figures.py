@@ -57,25 +57,40 @@ def _torque(preview: PlanPreview) -> Plot:
     rows = _thinned(torque.low, torque.high)
     series = [
         Series(
-            "predicted, with 95 % band", scale * preview.time[rows], torque.value[rows], "band", low=torque.low[rows],
+            "predicted, with 95 % band",
+            scale * preview.time[rows],
+            torque.value[rows],
+            "band",
+            low=torque.low[rows],
             high=torque.high[rows],
         )
-    ]  # fmt: skip
+    ]
     time, setpoint = preview.timeline.torque_line()
     if len(time):
         series.append(Series("torque ramps", scale * time, setpoint, group=2))
-    limit, title = _limit(preview, lim.MOTOR_TORQUE, 1.0, "N m", np.concatenate([torque.low, torque.high]))
-    return Plot("preview-torque", f"Torque at the motor{title}", label, "torque [N m]", (*series, *limit))
+    limit, title = _limit(
+        preview, lim.MOTOR_TORQUE, 1.0, "N m", np.concatenate([torque.low, torque.high])
+    )
+    return Plot(
+        "preview-torque", f"Torque at the motor{title}", label, "torque [N m]", (*series, *limit)
+    )
 
 
 def _output(preview: PlanPreview) -> Plot:
     scale, label = _axis(preview)
-    rows = _thinned(preview.output_speed - preview.output_ripple, preview.output_speed + preview.output_ripple)
+    rows = _thinned(
+        preview.output_speed - preview.output_ripple, preview.output_speed + preview.output_ripple
+    )
     speed, ripple = preview.output_speed[rows] / RPM, preview.output_ripple[rows] / RPM
     series = Series(
-        "with the ripple of the kinematic error", scale * preview.time[rows], speed, "band", low=speed - ripple,
-        high=speed + ripple, group=2,
-    )  # fmt: skip
+        "with the ripple of the kinematic error",
+        scale * preview.time[rows],
+        speed,
+        "band",
+        low=speed - ripple,
+        high=speed + ripple,
+        group=2,
+    )
     return Plot("preview-output", "Output speed", label, "speed [r/min]", (series,))
 
 
@@ -84,9 +99,14 @@ def _error(preview: PlanPreview) -> Plot:
     assert error is not None
     value, doubt = error.value / ARCMIN, error.uncertainty / ARCMIN
     series = Series(
-        "of the parameter set, with 95 % band", error.angle / DEGREE, value, "band", low=value - doubt, high=value + doubt,
+        "of the parameter set, with 95 % band",
+        error.angle / DEGREE,
+        value,
+        "band",
+        low=value - doubt,
+        high=value + doubt,
         group=1,
-    )  # fmt: skip
+    )
     title = "Kinematic error over one input revolution"
     return Plot("preview-kinematic-error", title, "input angle [deg]", "error [arcmin]", (series,))
 
@@ -95,10 +115,17 @@ def _friction(preview: PlanPreview) -> Plot:
     curve = preview.curve
     of = "motor and gear" if preview.error is not None else "the motor"
     series = Series(
-        f"{of}, with 95 % band", preview.curve_speed / RPM, curve.value, "band", low=curve.low, high=curve.high
+        f"{of}, with 95 % band",
+        preview.curve_speed / RPM,
+        curve.value,
+        "band",
+        low=curve.low,
+        high=curve.high,
     )
     title = f"Running torque of {of} over speed"
-    return Plot("preview-friction", title, "input speed [r/min]", "torque [N m]", (series,), x_scale="log")
+    return Plot(
+        "preview-friction", title, "input speed [r/min]", "torque [N m]", (series,), x_scale="log"
+    )
 
 
 def _thinned(*curves: FloatArray) -> NDArray[np.intp]:

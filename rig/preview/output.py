@@ -1,10 +1,12 @@
-"""What the model expects of the output: its kinematic error over the input angle, and how the error shakes it at a speed.
+"""What the model expects of the output: its kinematic error over the input angle, and how the error
+shakes it at a speed.
 
     theta_o = theta_i/N + H(n theta_i') ke_n          H from equation 2 with the input turning steadily
     ripple of the output speed:  n |theta_i'| A_n |H|        torque in the gear:  J_o (n theta_i')^2 A_n |H|
 
-with all orders taken at their crests at once. Near a resonance n theta_i' = omega_1 the damping decides, which is the least
-known number of a gear: the height of a resonance is an order of magnitude, its speed is not.
+with all orders taken at their crests at once. Near a resonance n theta_i' = omega_1 the damping
+decides, which is the least known number of a gear: the height of a resonance is an order of
+magnitude, its speed is not.
 """
 
 from __future__ import annotations
@@ -59,7 +61,12 @@ class OutputModel:
         """|H| of the output angle to theta_i/N + ke at angular frequencies [rad/s], of the same shape."""
         omega = np.asarray(frequency, dtype=np.float64)
         p = dynamic_parameters(self.gear, ratio=self.gear.mounted_ratio(self.mounting))
-        mass, damping, stiffness, inputs = mass_matrix(p), damping_matrix(p), stiffness_matrix(p), input_matrix(p)
+        mass, damping, stiffness, inputs = (
+            mass_matrix(p),
+            damping_matrix(p),
+            stiffness_matrix(p),
+            input_matrix(p),
+        )
         s = 1j * omega.reshape(-1, 1, 1)
         drive = (inputs[:, 0] + 1j * omega.reshape(-1, 1) * inputs[:, 1])[..., None]
         moved = np.linalg.solve(mass * s**2 + damping * s + stiffness, drive)[:, 2, 0]
@@ -81,7 +88,11 @@ class OutputModel:
         total = sum(h.amplitude for h in self.gear.kinematic_error)
         if total == 0.0:
             return 0.0
-        return COVERAGE * sum(self._doubt(h.order, h.amplitude) for h in self.gear.kinematic_error) / total
+        return (
+            COVERAGE
+            * sum(self._doubt(h.order, h.amplitude) for h in self.gear.kinematic_error)
+            / total
+        )
 
     def _doubt(self, order: float, amplitude: float) -> float:
         origin = self.gear.origins.get(harmonic_path(order), Origin("assumed"))

@@ -1,7 +1,8 @@
 """The nominal course of a plan over time: pieces of linear speed or torque, and the marks between them.
 
-An ideal rig, as in the dry run: every step takes its nominal time. Angles that are approached take half a revolution, index
-marks are found half-way, torque ramps end at the predicted starting torque.
+An ideal rig, as in the dry run: every step takes its nominal time. Angles that are approached take
+half a revolution, index marks are found half-way, torque ramps end at the predicted starting
+torque.
 """
 
 from __future__ import annotations
@@ -44,8 +45,9 @@ class PreviewMark:
 class Timeline:
     """The pieces of a plan in their order, one row each.
 
-    `start`, `stop` [s]; `begin`, `end` the input speed [rad/s] at both, signed; `torque` the set-point [N m] that a torque
-    ramp reaches, 0 elsewhere; `step` the index of the step; `mode` OFF, SPEED or TORQUE.
+    `start`, `stop` [s]; `begin`, `end` the input speed [rad/s] at both, signed; `torque` the
+    set-point [N m] that a torque ramp reaches, 0 elsewhere; `step` the index of the step; `mode`
+    OFF, SPEED or TORQUE.
     """
 
     start: FloatArray
@@ -66,7 +68,9 @@ class Timeline:
     def acceleration(self) -> FloatArray:
         """Input acceleration of each piece [rad/s2]."""
         length = self.stop - self.start
-        return np.divide(self.end - self.begin, length, out=np.zeros_like(length), where=length > 0.0)
+        return np.divide(
+            self.end - self.begin, length, out=np.zeros_like(length), where=length > 0.0
+        )
 
     def polyline(self) -> tuple[FloatArray, FloatArray]:
         """Speed over time as a line: times [s] and input speeds [rad/s], points that change nothing left away."""
@@ -84,7 +88,9 @@ class Timeline:
         ramps = self.mode == TORQUE
         count = int(ramps.sum())
         time = np.column_stack([self.start[ramps], self.stop[ramps], self.stop[ramps]]).ravel()
-        torque = np.column_stack([np.zeros(count), self.torque[ramps], np.full(count, np.nan)]).ravel()
+        torque = np.column_stack(
+            [np.zeros(count), self.torque[ramps], np.full(count, np.nan)]
+        ).ravel()
         return time, torque
 
 
@@ -103,7 +109,13 @@ def timeline(planned: PlannedRun) -> Timeline:
             kind: MarkKind = "prompt" if isinstance(step, s.Prompt) else "mark"
             marks.append(PreviewMark(now, forecast.index, kind, step.text))
             continue
-        mode = OFF if isinstance(step, s.ServoOff) else TORQUE if isinstance(step, s.TorqueRamp) else SPEED
+        mode = (
+            OFF
+            if isinstance(step, s.ServoOff)
+            else TORQUE
+            if isinstance(step, s.TorqueRamp)
+            else SPEED
+        )
         left = forecast.nominal
         if (mode != OFF) is not powered:
             powered = not powered
@@ -111,15 +123,30 @@ def timeline(planned: PlannedRun) -> Timeline:
             rows.append((now, now + ENABLE_WINDOW, begin, begin, 0.0, forecast.index, OFF))
             now += ENABLE_WINDOW
             left -= ENABLE_WINDOW
-        torque = math.copysign(min(abs(step.rate) * left, step.limit), step.rate) if isinstance(step, s.TorqueRamp) else 0.0
+        torque = (
+            math.copysign(min(abs(step.rate) * left, step.limit), step.rate)
+            if isinstance(step, s.TorqueRamp)
+            else 0.0
+        )
         for length, begin, end in _PIECES[type(step)](course, step, forecast, left):
             if length > 0.0:
                 rows.append((now, now + length, begin, end, torque, forecast.index, mode))
                 now += length
-    columns = [np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)] if rows else [np.empty(0)] * 7
+    columns = (
+        [np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)]
+        if rows
+        else [np.empty(0)] * 7
+    )
     start, stop, begin, end, torque_reached, index, modes = columns
     return Timeline(
-        start, stop, begin, end, torque_reached, index.astype(np.int64), modes.astype(np.int64), tuple(marks)
+        start,
+        stop,
+        begin,
+        end,
+        torque_reached,
+        index.astype(np.int64),
+        modes.astype(np.int64),
+        tuple(marks),
     )
 
 
@@ -129,7 +156,9 @@ class _Course:
     period: float
 
 
-def _to_speed(c: _Course, begin: float, end: float, acceleration: float, left: float) -> Iterable[Piece]:
+def _to_speed(
+    c: _Course, begin: float, end: float, acceleration: float, left: float
+) -> Iterable[Piece]:
     """A ramp, then the speed held for what is left."""
     finite = math.isfinite(acceleration) and acceleration > 0.0
     up = min(abs(end - begin) / acceleration, left) if finite else 0.0
@@ -169,6 +198,14 @@ def _move(c: _Course, step: Any, f: StepForecast, left: float) -> Iterable[Piece
 
 
 _PIECES: dict[type[Any], Callable[[_Course, Any, StepForecast, float], Iterable[Piece]]] = {
-    s.ServoOff: _still, s.TorqueRamp: _still, s.Ramp: _ramp, s.SpeedStep: _at_drive_ramp, s.FindIndex: _at_drive_ramp,
-    s.HoldRevolutions: _hold, s.HoldTime: _hold, s.Settle: _hold, s.MoveToAngle: _move, s.MoveRevolutions: _move,
-}  # fmt: skip
+    s.ServoOff: _still,
+    s.TorqueRamp: _still,
+    s.Ramp: _ramp,
+    s.SpeedStep: _at_drive_ramp,
+    s.FindIndex: _at_drive_ramp,
+    s.HoldRevolutions: _hold,
+    s.HoldTime: _hold,
+    s.Settle: _hold,
+    s.MoveToAngle: _move,
+    s.MoveRevolutions: _move,
+}

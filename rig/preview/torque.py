@@ -5,10 +5,11 @@
     U = 2 sqrt( sum over p of (dT/dp u_p)^2 )        p: F_c, F_s, v_s, sigma, c_v, f_0, nu_0, T_c,m, c_m, J_wg, J_m, J_o,
                                                      and the warmth of the grease
 
-The parameters are taken as independent; u_p is the standard uncertainty that the parameter set states, or, where it states
-none, a share of the value by where the number comes from (`DOUBT`). At standstill with the servo on, friction holds whatever
-torque is left: anything within the static friction.
-"""
+The parameters are taken as independent; u_p is the standard uncertainty that the parameter set
+states, or, where it states none, a share of the value by where the number comes from (`DOUBT`). At
+standstill with the servo on, friction holds whatever torque is left: anything within the static
+friction.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -30,8 +31,14 @@ FloatArray = NDArray[np.float64]
 COVERAGE = 2.0
 """k of the expanded uncertainty: about 95 %."""
 DOUBT: Mapping[str, float] = {
-    "measured": 0.03, "identified": 0.05, "catalogue": 0.1, "published": 0.15, "computed": 0.15, "recalled": 0.2, "assumed": 0.3,
-}  # fmt: skip
+    "measured": 0.03,
+    "identified": 0.05,
+    "catalogue": 0.1,
+    "published": 0.15,
+    "computed": 0.15,
+    "recalled": 0.2,
+    "assumed": 0.3,
+}
 """Relative standard uncertainty of a parameter that states none, by its provenance."""
 WARMTH = 2.0
 """K, standard uncertainty of the grease's temperature about that at which the parameters hold."""
@@ -86,7 +93,9 @@ class TorqueModel:
         """Torque at which the input begins to turn: the static friction of mesh, bearing and motor."""
         return self.running(0.0)
 
-    def torque(self, speed: ArrayLike, acceleration: ArrayLike, direction: ArrayLike) -> PredictedTorque:
+    def torque(
+        self, speed: ArrayLike, acceleration: ArrayLike, direction: ArrayLike
+    ) -> PredictedTorque:
         """Torque at signed speeds and accelerations; `direction` (+1, -1, 0) says which way it turns where the speed is
         passing zero; 0 is standstill."""
         friction = self.running(speed)
@@ -133,7 +142,11 @@ class TorqueModel:
         branch = gear.options.low_speed_branch
         drag = bearing_lever(gear) * bearing_magnitude(bearing, omega, low_speed_branch=branch)
         factor = _relative(gear.origins.get("bearing.friction_factor"), bearing.friction_factor)
-        rising = bearing.viscosity * 1e6 * omega / RPM > BRANCH_LIMIT if branch else np.ones_like(omega, dtype=bool)
+        rising = (
+            bearing.viscosity * 1e6 * omega / RPM > BRANCH_LIMIT
+            if branch
+            else np.ones_like(omega, dtype=bool)
+        )
         viscosity = _relative(gear.origins.get("bearing.viscosity"), bearing.viscosity)
         return drag, drag * factor, np.where(rising, 2.0 / 3.0 * viscosity * drag, 0.0)
 
@@ -152,7 +165,10 @@ class TorqueModel:
         }
         force = mesh.coulomb + fall + mesh.viscous * omega
         doubts = (
-            lever * np.abs(slopes[name]) * self._gear_doubt(f"mesh_friction.{name}", getattr(mesh, name)) for name in MESH
+            lever
+            * np.abs(slopes[name])
+            * self._gear_doubt(f"mesh_friction.{name}", getattr(mesh, name))
+            for name in MESH
         )
         return lever * force, *doubts
 

@@ -43,9 +43,9 @@ def report_on_files(
 ) -> Made:
     """Fit these run files and write the report of them: one file, or several of the same content (HTML, PDF).
 
-    A motor-tare run among them is subtracted from the others unless `tare` names another one; velocity steps are compared
-    with the kinematic error that a run of the same gear among them identified. `created` is the calendar time of the
-    report; now, if not given.
+    A motor-tare run among them is subtracted from the others unless `tare` names another one;
+    velocity steps are compared with the kinematic error that a run of the same gear among them
+    identified. `created` is the calendar time of the report; now, if not given.
     """
     from model.gear_file import load_gear
     from rig.fit import TARE, fit_recording, store
@@ -57,7 +57,9 @@ def report_on_files(
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
     gear = load_gear(parameters) if parameters else None
     opened = [(Path(p), open_run(Path(p))) for p in dict.fromkeys(runs)]
-    tares = [fit_recording(r, gear=gear, path=p) for p, r in opened if r.metadata.experiment == TARE]
+    tares = [
+        fit_recording(r, gear=gear, path=p) for p, r in opened if r.metadata.experiment == TARE
+    ]
     if tare is not None:
         used = fit_recording(open_run(tare), TARE, gear=gear, path=tare)
     else:
@@ -65,7 +67,11 @@ def report_on_files(
     fits = list(tares)
     for path, recording in sorted(opened, key=lambda pair: pair[1].metadata.experiment == STEPS):
         if recording.metadata.experiment != TARE:
-            fits.append(fit_recording(recording, gear=_gear_for(recording, gear, fits), tare=used, path=path))
+            fits.append(
+                fit_recording(
+                    recording, gear=_gear_for(recording, gear, fits), tare=used, path=path
+                )
+            )
     lines = []
     kept = []
     for fit in fits:
@@ -80,7 +86,9 @@ def report_on_files(
     return Made(outputs, tuple(kept), tuple(lines))
 
 
-def report_on_gear(folder: Path, serial: str, outputs: Sequence[Path], *, created: str | None = None) -> Made:
+def report_on_gear(
+    folder: Path, serial: str, outputs: Sequence[Path], *, created: str | None = None
+) -> Made:
     """Write the report of a gear over its life, from the analyses that lie beside its runs in a folder."""
     from rig.passport import passport
     from rig.report.gear import gear_context
@@ -88,27 +96,40 @@ def report_on_gear(folder: Path, serial: str, outputs: Sequence[Path], *, create
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
     found = passport(folder, serial)
     context = gear_context(found, created=_readable(created))
-    return Made(tuple(outputs), (), tuple(_written(context, outputs, f"gear {serial}, {len(found.runs)} runs")))
+    return Made(
+        tuple(outputs),
+        (),
+        tuple(_written(context, outputs, f"gear {serial}, {len(found.runs)} runs")),
+    )
 
 
 def _written(context: dict[str, Any], outputs: Sequence[Path], what: str) -> list[str]:
     """Write every output; a line for each."""
     from rig.report.page import write_context
 
-    return [f"{path}: {what}, {write_context(context, path).stat().st_size / 1e6:.1f} MB" for path in outputs]
+    return [
+        f"{path}: {what}, {write_context(context, path).stat().st_size / 1e6:.1f} MB"
+        for path in outputs
+    ]
 
 
-def _gear_for(recording: Recording, given: HarmonicDrive | None, fits: Sequence[Fit]) -> HarmonicDrive | None:
-    """The parameter set for a run: the one given or the run's own (None); for velocity steps with the error identified."""
+def _gear_for(
+    recording: Recording, given: HarmonicDrive | None, fits: Sequence[Fit]
+) -> HarmonicDrive | None:
+    """The parameter set for a run: the one given or the run's own (None); for velocity steps with
+    the error identified.
+    """
     from rig.adopt import adopt
 
     metadata = recording.metadata
     base = given or metadata.gear
     same = [
-        f for f in fits
-        if f.result.kind == ERROR and f.recording.metadata.gear_serial == metadata.gear_serial
+        f
+        for f in fits
+        if f.result.kind == ERROR
+        and f.recording.metadata.gear_serial == metadata.gear_serial
         and f.recording.metadata.mounting == metadata.mounting
-    ]  # fmt: skip
+    ]
     if metadata.experiment != STEPS or base is None or not same:
         return given
     return adopt(base, [same[-1].result]).gear

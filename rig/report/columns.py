@@ -1,4 +1,6 @@
-"""Columns of a table of data: numbers of one column share their unit and, where they are of one size, their decimals."""
+"""Columns of a table of data: numbers of one column share their unit and, where they are of one
+size, their decimals.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ _UNIT = re.compile(r"\[([^\]]+)\]\s*\Z")
 
 def column(title: str, cells: Sequence[Any]) -> tuple[str, list[str], bool]:
     """Heading, texts and whether it is numeric, of one column of a table."""
-    numeric = bool(cells) and all(isinstance(cell, (int, float)) and not isinstance(cell, bool) for cell in cells)
+    numeric = bool(cells) and all(
+        isinstance(cell, (int, float)) and not isinstance(cell, bool) for cell in cells
+    )
     if not numeric or all(isinstance(cell, int) for cell in cells):
         return heading(title), [number(cell) for cell in cells], numeric
     values = [float(cell) for cell in cells]
@@ -33,7 +37,11 @@ def column(title: str, cells: Sequence[Any]) -> tuple[str, list[str], bool]:
 def _in_small_unit(title: str, values: list[float]) -> tuple[str, list[float]]:
     found = _UNIT.search(title)
     factor, unit = SMALL_UNITS.get(found[1], (1.0, "")) if found else (1.0, "")
-    if not found or not unit or max((abs(v) for v in values if math.isfinite(v)), default=1.0) >= 1.0:
+    if (
+        not found
+        or not unit
+        or max((abs(v) for v in values if math.isfinite(v)), default=1.0) >= 1.0
+    ):
         return title, values
     return f"{title[: found.start()]}[{unit}]", [value / factor for value in values]
 

@@ -101,11 +101,17 @@ def overall(fits: Sequence[Fit]) -> Overall:
     broken = [f.recording.metadata for f in fits if f.recording.metadata.outcome in UNFINISHED]
     judged = [o for o in outcomes if o != "no verified limit"]
     unjudged = len(outcomes) - len(judged)
-    aside = f" {_count(unjudged, 'quantity has', 'quantities have')} no verified limit." if unjudged else ""
+    aside = (
+        f" {_count(unjudged, 'quantity has', 'quantities have')} no verified limit."
+        if unjudged
+        else ""
+    )
     if broken:
         runs = ", ".join(f"{m.run_id} ({m.outcome})" for m in broken)
         return Overall(
-            "INCOMPLETE", f"Not every run reached its end: {runs}. What was recorded is reported.{aside}", "open"
+            "INCOMPLETE",
+            f"Not every run reached its end: {runs}. What was recorded is reported.{aside}",
+            "open",
         )
     if not judged:
         why = aside.strip() or "No quantity of these runs was held against a limit."
@@ -114,7 +120,8 @@ def overall(fits: Sequence[Fit]) -> Overall:
     sentence = {
         "PASS": f"{_count(len(judged), 'judged quantity keeps its limit', 'judged quantities keep their limits')} "
         "with the whole expanded uncertainty.",
-        "MARGINAL": "At least one limit lies inside the expanded uncertainty of the value: neither kept nor broken for certain.",
+        "MARGINAL": "At least one limit lies inside the expanded uncertainty of the value: "
+        "neither kept nor broken for certain.",
         "FAIL": "At least one quantity breaks its limit by more than its expanded uncertainty.",
     }[worst]
     return Overall(worst, sentence + aside, worst.lower())
@@ -133,7 +140,11 @@ def verdict_lines(fits: Sequence[Fit]) -> tuple[VerdictLine, ...]:
             limit = f"≤ {number(v.limit / factor)} {unit}".rstrip()
             source = source_text(v.limit_provenance, v.limit_source)
             value = show(v.estimate).with_uncertainty
-            lines.append(VerdictLine(readable(v.name), v.definition, value, limit, source, v.outcome, fit.result.run))
+            lines.append(
+                VerdictLine(
+                    readable(v.name), v.definition, value, limit, source, v.outcome, fit.result.run
+                )
+            )
     return tuple(lines)
 
 
@@ -146,57 +157,122 @@ def estimate_grid(title: str, estimates: Mapping[str, Estimate]) -> Grid | None:
         s = show(estimate)
         interval = f"{s.low} … {s.high}"
         rows.append(
-            (readable(name), s.value, s.expanded or "–", s.unit, interval, estimate.identifiable, estimate.note)
+            (
+                readable(name),
+                s.value,
+                s.expanded or "–",
+                s.unit,
+                interval,
+                estimate.identifiable,
+                estimate.note,
+            )
         )
-    columns = ("Quantity", "Value", "± U (k = 2)", "Unit", "95 % interval", "Identifiable", "Remark")
-    return without_empty(Grid(title, columns, tuple(rows), (False, True, True, False, True, False, False)))
+    columns = (
+        "Quantity",
+        "Value",
+        "± U (k = 2)",
+        "Unit",
+        "95 % interval",
+        "Identifiable",
+        "Remark",
+    )
+    return without_empty(
+        Grid(title, columns, tuple(rows), (False, True, True, False, True, False, False))
+    )
 
 
 def budget_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
-    """Standard uncertainties by source, its type beside it; what there is more of, quantities or sources, goes down the page."""
+    """Standard uncertainties by source, its type beside it; what there is more of, quantities or
+    sources, goes down the page.
+    """
     with_budget = {n: e for n, e in estimates.items() if e.budget}
-    sources = list(dict.fromkeys((b.source, b.kind) for e in with_budget.values() for b in e.budget))
+    sources = list(
+        dict.fromkeys((b.source, b.kind) for e in with_budget.values() for b in e.budget)
+    )
     if not sources:
         return None
     columns = [_budget_column(name, estimate, sources) for name, estimate in with_budget.items()]
     heads = (*(f"{source} ({kind})" for source, kind in sources), "u", "U (k = 2)")
-    notes = dict.fromkeys(f"{b.source}: {b.note}" for e in with_budget.values() for b in e.budget if b.note)
+    notes = dict.fromkeys(
+        f"{b.source}: {b.note}" for e in with_budget.values() for b in e.budget if b.note
+    )
     told = "; ".join(notes)
-    note = f"Standard uncertainties by source, type A or B; u is their root sum of squares. {told[:1].upper()}{told[1:]}".strip()
+    note = (
+        "Standard uncertainties by source, type A or B; u is their root sum of squares. "
+        f"{told[:1].upper()}{told[1:]}"
+    ).strip()
     if len(heads) <= len(columns) + 1:
         lines = tuple((name, unit, *cells) for name, unit, cells in columns)
-        return Grid("Uncertainty budget", ("Quantity", "Unit", *heads), lines, (False, False, *([True] * len(heads))), note)
+        return Grid(
+            "Uncertainty budget",
+            ("Quantity", "Unit", *heads),
+            lines,
+            (False, False, *([True] * len(heads))),
+            note,
+        )
     titles = tuple(f"{name} [{unit}]" if unit else name for name, unit, _ in columns)
     lines = tuple((head, *(cells[k] for _, _, cells in columns)) for k, head in enumerate(heads))
-    return Grid("Uncertainty budget", ("Source (type)", *titles), lines, (False, *([True] * len(columns))), note)
+    return Grid(
+        "Uncertainty budget",
+        ("Source (type)", *titles),
+        lines,
+        (False, *([True] * len(columns))),
+        note,
+    )
 
 
 def _budget_column(
     name: str, estimate: Estimate, sources: Sequence[tuple[str, str]]
 ) -> tuple[str, str, tuple[str, ...]]:
     """Name, unit and standard uncertainties of one quantity: by source, combined, expanded."""
-    factor, unit = display_unit(estimate.name, estimate.unit, max(abs(estimate.value), estimate.expanded_uncertainty))
+    factor, unit = display_unit(
+        estimate.name, estimate.unit, max(abs(estimate.value), estimate.expanded_uncertainty)
+    )
     found: dict[tuple[str, str], float] = {}
     for line in estimate.budget:
         key = (line.source, line.kind)
         found[key] = math.hypot(found.get(key, 0.0), line.standard_uncertainty)
-    sizes = (*(found.get(source) for source in sources), estimate.standard_uncertainty, estimate.expanded_uncertainty)
-    return readable(name), unit, tuple("·" if size is None else number(size / factor, 2) for size in sizes)
+    sizes = (
+        *(found.get(source) for source in sources),
+        estimate.standard_uncertainty,
+        estimate.expanded_uncertainty,
+    )
+    return (
+        readable(name),
+        unit,
+        tuple("·" if size is None else number(size / factor, 2) for size in sizes),
+    )
 
 
 def data_grid(table: Any) -> Grid:
     """A table of an analysis as text."""
     made = [column(title, [row[i] for row in table.rows]) for i, title in enumerate(table.columns)]
     rows = tuple(tuple(texts[k] for _, texts, _ in made) for k in range(len(table.rows)))
-    return Grid(table.title, tuple(title for title, _, _ in made), rows, tuple(numeric for _, _, numeric in made), table.note)
+    return Grid(
+        table.title,
+        tuple(title for title, _, _ in made),
+        rows,
+        tuple(numeric for _, _, numeric in made),
+        table.note,
+    )
 
 
 def file_grid(fits: Sequence[Fit]) -> Grid:
     """The run files that the report rests on, the tares among them, with their hashes whole."""
-    recordings = [r for f in fits for r in (f.recording, f.tare.recording if f.tare else None) if r is not None]
+    recordings = [
+        r
+        for f in fits
+        for r in (f.recording, f.tare.recording if f.tare else None)
+        if r is not None
+    ]
     found = {r.metadata.run_id: r.metadata for r in recordings}
-    rows = tuple((m.run_id, m.outcome or "not stated", m.sha256 or "not sealed") for _, m in sorted(found.items()))
-    return Grid("Run files", ("Run", "Outcome", "SHA-256 of the run file"), rows, (False, False, False))
+    rows = tuple(
+        (m.run_id, m.outcome or "not stated", m.sha256 or "not sealed")
+        for _, m in sorted(found.items())
+    )
+    return Grid(
+        "Run files", ("Run", "Outcome", "SHA-256 of the run file"), rows, (False, False, False)
+    )
 
 
 def without_empty(grid: Grid) -> Grid:
@@ -205,9 +281,11 @@ def without_empty(grid: Grid) -> Grid:
     if len(kept) == len(grid.columns) or not kept:
         return grid
     return replace(
-        grid, columns=tuple(grid.columns[i] for i in kept), numeric=tuple(grid.numeric[i] for i in kept),
+        grid,
+        columns=tuple(grid.columns[i] for i in kept),
+        numeric=tuple(grid.numeric[i] for i in kept),
         rows=tuple(tuple(row[i] for i in kept) for row in grid.rows),
-    )  # fmt: skip
+    )
 
 
 def metric_grid(result: Result) -> Grid | None:
@@ -223,7 +301,12 @@ def metric_grid(result: Result) -> Grid | None:
         rows.setdefault(stem if way in ways else name, ["", ""])[column] = text
     if any(cells[1] for cells in rows.values()):
         made = tuple((readable(name), *cells) for name, cells in rows.items())
-        return Grid("Figures of merit", ("Figure of merit", "Value, or forward", "Reverse"), made, (False, True, True))
+        return Grid(
+            "Figures of merit",
+            ("Figure of merit", "Value, or forward", "Reverse"),
+            made,
+            (False, True, True),
+        )
     made = tuple((readable(name), cells[0]) for name, cells in rows.items())
     return Grid("Figures of merit", ("Figure of merit", "Value"), made, (False, True))
 
@@ -239,10 +322,29 @@ def order_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
         phase = estimates.get(f"phase_{label}")
         p = show(phase) if phase else None
         angle = (p.value, p.expanded or "–") if p else ("", "")
-        rows.append((label, a.value, a.expanded or "–", a.unit, f"{a.low} … {a.high}", *angle, amplitude.identifiable))
+        rows.append(
+            (
+                label,
+                a.value,
+                a.expanded or "–",
+                a.unit,
+                f"{a.low} … {a.high}",
+                *angle,
+                amplitude.identifiable,
+            )
+        )
     if not rows:
         return None
-    columns = ("Order", "Amplitude", "± U (k = 2)", "Unit", "95 % interval", "Phase [°]", "± U (k = 2)", "Identifiable")
+    columns = (
+        "Order",
+        "Amplitude",
+        "± U (k = 2)",
+        "Unit",
+        "95 % interval",
+        "Phase [°]",
+        "± U (k = 2)",
+        "Identifiable",
+    )
     numeric = (False, True, True, False, True, True, True, False)
     return Grid("Orders, amplitude and phase", columns, tuple(rows), numeric)
 
@@ -257,7 +359,11 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
         texts, unit = in_readable_unit((v.value,), v.unit)
         u = v.origin.standard_uncertainty
         shown_u = number(u * float(texts[0]) / v.value, 2) if u is not None and v.value else ""
-        text = number(v.value, 0) if v.value == int(v.value) and unit == "1" else number(float(texts[0]), 6)
+        text = (
+            number(v.value, 0)
+            if v.value == int(v.value) and unit == "1"
+            else number(float(texts[0]), 6)
+        )
         rows.append(
             (
                 v.description,
@@ -275,7 +381,16 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
         u = origin.standard_uncertainty if origin else None
         known = (origin.provenance, origin.source) if origin else ("", "")
         name = f"kinematic error, order {order_label(h.order, gear.ratio)}: amplitude"
-        rows.append((name, "", number(h.amplitude / factor), number(u / factor, 2) if u else "", unit, *known))
+        rows.append(
+            (
+                name,
+                "",
+                number(h.amplitude / factor),
+                number(u / factor, 2) if u else "",
+                unit,
+                *known,
+            )
+        )
     columns = ("Parameter", "Symbol", "Value", "u", "Unit", "Provenance", "Source")
     numeric = (False, False, True, True, False, False, False)
     return Grid(f"Parameter set {gear.name}", columns, tuple(rows), numeric)
@@ -295,7 +410,11 @@ def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
     for gear, kinds in used:
         grid = parameter_grid(gear)
         whole = whole or grid
-        title = f"{grid.title}, used for {', '.join(dict.fromkeys(kinds))}" if len(used) > 1 else grid.title
+        title = (
+            f"{grid.title}, used for {', '.join(dict.fromkeys(kinds))}"
+            if len(used) > 1
+            else grid.title
+        )
         if grid is not whole:
             first = set(whole.rows)
             rows = tuple(row for row in grid.rows if row not in first)
@@ -314,8 +433,20 @@ def truth_grid(rows: Sequence[tuple[str, TruthRow]]) -> Grid:
         distance = number(abs(row.difference) / u, 2) if u > 0 else "–"
         inside = ("yes" if row.covered else "no", "yes" if row.within else "no")
         truth = s.number(e.value - row.difference)
-        made.append((kind, readable(e.name), s.value, s.expanded or "–", truth, s.unit, distance, *inside))
-    columns = ("Test", "Quantity", "Found", "± U", "Truth", "Unit", "|Δ| / U", "In the 95 % interval", "Within U")
+        made.append(
+            (kind, readable(e.name), s.value, s.expanded or "–", truth, s.unit, distance, *inside)
+        )
+    columns = (
+        "Test",
+        "Quantity",
+        "Found",
+        "± U",
+        "Truth",
+        "Unit",
+        "|Δ| / U",
+        "In the 95 % interval",
+        "Within U",
+    )
     numeric = (False, False, True, True, True, False, True, False, False)
     return Grid("Found against the simulator's truth", columns, tuple(made), numeric)
 
@@ -324,7 +455,12 @@ LONG_TABLE = 16
 """Rows above which a table of data stands in the annex."""
 
 KEY_RESULTS = {
-    "kinematic-error": ("transmission_accuracy", "amplitude_2", "amplitude_1", "figure_16_phase_difference"),
+    "kinematic-error": (
+        "transmission_accuracy",
+        "amplitude_2",
+        "amplitude_1",
+        "figure_16_phase_difference",
+    ),
     "friction": ("running_torque", "coulomb", "static", "stribeck_velocity", "viscous"),
     "velocity-steps": ("stiffness_over_inertia", "damping", "resonance"),
 }
@@ -352,7 +488,9 @@ def part_of(fit: Fit, index: int, title: str) -> Part:
         budget=budget_grid(others),
         metrics=metric_grid(result),
         tables=tuple(g for g in grids if len(g.rows) <= LONG_TABLE),
-        annex=tuple(replace(g, title=f"{title}: {g.title}") for g in grids if len(g.rows) > LONG_TABLE),
+        annex=tuple(
+            replace(g, title=f"{title}: {g.title}") for g in grids if len(g.rows) > LONG_TABLE
+        ),
         warnings=result.warnings,
         provenance=provenance_of(fit),
     )

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 PAPER = (
-    "Zou, Tao, Jiang, Mei, Wu: A harmonic drive model considering geometry and internal interaction. Proc IMechE Part C: "
+    "Zou, Tao, Jiang, Mei, Wu: A harmonic drive model considering geometry and internal "
+    "interaction. Proc IMechE Part C: "
     "Journal of Mechanical Engineering Science (2015), DOI 10.1177/0954406215621097"
 )
 
@@ -13,27 +14,32 @@ DEFINITIONS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     (
         "Kinematic error",
         ("kinematic-error", "velocity-steps"),
-        "Difference between the output angle and the input angle divided by the ratio, as a function of the input angle. "
+        "Difference between the output angle and the input angle divided by the ratio, as a "
+        "function of the input angle. "
         "Positive means that the output leads in the direction of travel.",
     ),
     (
         "Transmission accuracy",
         ("kinematic-error",),
         "Sum of the largest positive and the largest negative deviation of the output from the ideal over one complete "
-        "output revolution, one direction. It is taken from the fitted curve up to the stated order; the raw peak-to-peak, "
+        "output revolution, one direction. It is taken from the fitted curve up to the stated "
+        "order; the raw peak-to-peak, "
         "which holds quantisation and noise, stands beside it.",
     ),
     (
         "Normalised mean square error (MSE)",
         ("kinematic-error", "velocity-steps"),
-        "Equation 22: 100 times the mean squared deviation of the fit over the variance of the measured curve. 100 is no "
-        "better than the mean, below 5 is good, below 1 is excellent. It is computed on the curve averaged per bin of the "
+        "Equation 22: 100 times the mean squared deviation of the fit over the variance of "
+        "the measured curve. 100 is no "
+        "better than the mean, below 5 is good, below 1 is excellent. It is computed on the "
+        "curve averaged per bin of the "
         "input angle; the value on raw samples is given where it was computed.",
     ),
     (
         "No-load running torque",
         ("friction", "warm-up"),
-        "Torque that keeps the input turning at a defined constant speed with nothing on the output, averaged over whole "
+        "Torque that keeps the input turning at a defined constant speed with nothing on the "
+        "output, averaged over whole "
         "wave-generator revolutions.",
     ),
     (
@@ -51,7 +57,8 @@ DEFINITIONS: tuple[tuple[str, tuple[str, ...], str], ...] = (
         "Friction parameters",
         ("friction",),
         "Parameters of the Stribeck curve of the tooth mesh, equation 19: Coulomb friction F_c, static friction F_s, "
-        "Stribeck velocity v_s, shape σ, viscous coefficient c_v. Their size depends on the torque balance by which the "
+        "Stribeck velocity v_s, shape σ, viscous coefficient c_v. Their size depends on the "
+        "torque balance by which the "
         "mesh force is referred to the input; the balance used is named in the provenance.",
     ),
     (
@@ -63,7 +70,8 @@ DEFINITIONS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     (
         "Skill",
         ("velocity-steps",),
-        "One minus the squared error of the model over that of a null model (a rigid gear; a rigid gear with the kinematic "
+        "One minus the squared error of the model over that of a null model (a rigid gear; a "
+        "rigid gear with the kinematic "
         "error). Zero is no better than the null model, one is perfect.",
     ),
     (
@@ -75,20 +83,23 @@ DEFINITIONS: tuple[tuple[str, tuple[str, ...], str], ...] = (
     (
         "Uncertainty",
         (),
-        "U is the expanded uncertainty with coverage factor k = 2, from the budget: type A from the scatter of the data, "
+        "U is the expanded uncertainty with coverage factor k = 2, from the budget: type A "
+        "from the scatter of the data, "
         "type B from elsewhere (scales, zeros, encoders, tare). The 95 % interval holds the statistical part alone.",
     ),
     (
         "Verdict",
         (),
-        "PASS and FAIL where the limit lies outside value ± U, MARGINAL where it lies inside. A limit that is only assumed "
+        "PASS and FAIL where the limit lies outside value ± U, MARGINAL where it lies inside. "
+        "A limit that is only assumed "
         "or recalled from memory gives “no verified limit”, never PASS or FAIL.",
     ),
 )
 """Term, the kinds of fit that need it (none: every report), definition."""
 
 NOT_MEASURED = (
-    "Hysteresis loss, lost motion, static torsional stiffness, back-driving torque and efficiency under load: they need a "
+    "Hysteresis loss, lost motion, static torsional stiffness, back-driving torque and "
+    "efficiency under load: they need a "
     "locked input or a driven output with an output-torque sensor.",
     "The eccentricity of the output encoder apart from the gear's own error once per output revolution, and the motor "
     "encoder's errors once and twice per revolution apart from the gear's input orders 1 and 2: only their sums are "
@@ -101,7 +112,9 @@ NOT_MEASURED = (
 def definitions_for(kinds: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """The definitions that a report on these kinds of fit needs."""
     present = set(kinds)
-    return tuple((term, text) for term, needed, text in DEFINITIONS if not needed or present & set(needed))
+    return tuple(
+        (term, text) for term, needed, text in DEFINITIONS if not needed or present & set(needed)
+    )
 
 
 PAPER_FIGURES: Mapping[str, tuple[str, str]] = {

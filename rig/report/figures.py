@@ -86,7 +86,9 @@ class Drawing:
     remarks: tuple[str, ...] = ()
 
 
-def draw_svg(plot: Plot, origin: str, identifier: str, size: tuple[float, float] = FULL_WIDTH) -> Drawing:
+def draw_svg(
+    plot: Plot, origin: str, identifier: str, size: tuple[float, float] = FULL_WIDTH
+) -> Drawing:
     """A plot as one inline SVG element, the same bytes for the same data.
 
     `origin` is that of the run (the watermark); `identifier` keeps the ids of several figures in one page apart.
@@ -101,11 +103,17 @@ def draw_svg(plot: Plot, origin: str, identifier: str, size: tuple[float, float]
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Glyph .* missing from")
             figure.savefig(buffer, format="svg", dpi=220, metadata={"Date": None, "Creator": None})
-    label = " ".join(part for part in (plot.title, f"({plot.x_label}; {plot.y_label})", plot.note) if part)
-    return Drawing(_inline(buffer.getvalue(), identifier, label), size[0] * 96, size[1] * 96, remarks)
+    label = " ".join(
+        part for part in (plot.title, f"({plot.x_label}; {plot.y_label})", plot.note) if part
+    )
+    return Drawing(
+        _inline(buffer.getvalue(), identifier, label), size[0] * 96, size[1] * 96, remarks
+    )
 
 
-def draw_png(plot: Plot, origin: str, size: tuple[float, float] = FULL_WIDTH, dpi: float = 160.0) -> bytes:
+def draw_png(
+    plot: Plot, origin: str, size: tuple[float, float] = FULL_WIDTH, dpi: float = 160.0
+) -> bytes:
     """A plot as PNG with its title, to stand alone in a document or a folder."""
     import matplotlib
 
@@ -124,7 +132,10 @@ def _drawable(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
     kept, remarks = [], []
     for series in plot.series:
         x, y = np.asarray(series.x, dtype=float).ravel(), np.asarray(series.y, dtype=float).ravel()
-        low, high = (None if a is None else np.asarray(a, dtype=float).ravel() for a in (series.low, series.high))
+        low, high = (
+            None if a is None else np.asarray(a, dtype=float).ravel()
+            for a in (series.low, series.high)
+        )
         good = np.ones(len(x), dtype=bool)
         if plot.x_scale == "log":
             good &= ~(x <= 0)
@@ -138,7 +149,9 @@ def _drawable(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
         low, high = (None if a is None else a[good] for a in (low, high))
         label = printable(series.label)
         kept.append(replace(series, label=label, x=x[good], y=y[good], low=low, high=high))
-    words = {name: printable(getattr(plot, name)) for name in ("title", "x_label", "y_label", "note")}
+    words = {
+        name: printable(getattr(plot, name)) for name in ("title", "x_label", "y_label", "note")
+    }
     return replace(plot, series=tuple(kept), **words), tuple(remarks)
 
 
@@ -158,11 +171,15 @@ def _draw(plot: Plot, origin: str, size: tuple[float, float], title: str) -> Fig
     if any(np.isfinite(s.y).any() for s in plot.series):
         bins = int(100 * size[0])
         for number, series in enumerate(plot.series):
-            _PAINTERS[series.style](axes, series, _look(plot.series, number, plot.y_scale == "log"), bins)
+            _PAINTERS[series.style](
+                axes, series, _look(plot.series, number, plot.y_scale == "log"), bins
+            )
         axes.margins(x=0.02, y=0.06)
         _legend(axes, plot, size)
     else:
-        axes.text(0.5, 0.5, "no data", transform=axes.transAxes, ha="center", va="center", color=FAINT)
+        axes.text(
+            0.5, 0.5, "no data", transform=axes.transAxes, ha="center", va="center", color=FAINT
+        )
     _ticks(axes, plot)
     if title:
         figure.suptitle(title, x=0.02, ha="left", fontsize=9.0, fontweight="bold")
@@ -185,7 +202,9 @@ class _Look:
 def _look(all_series: Sequence[Series], number: int, logarithmic: bool) -> _Look:
     series = all_series[number]
     groups = list(dict.fromkeys(s.group for s in all_series))
-    earlier = sum(s.group == series.group and s.style in ("line", "steps") for s in all_series[:number])
+    earlier = sum(
+        s.group == series.group and s.style in ("line", "steps") for s in all_series[:number]
+    )
     barred = [i for i, s in enumerate(all_series) if s.style == "bars"]
     shift = 3.2 * (barred.index(number) - 0.5 * (len(barred) - 1)) if number in barred else 0.0
     return _Look(
@@ -206,15 +225,35 @@ def _foot(all_series: Sequence[Series]) -> float:
 def _line(axes: Axes, series: Series, look: _Look, bins: int) -> None:
     rows = peak_rows(series.y, bins)
     if series.low is not None and series.high is not None:
-        rows = np.unique(np.concatenate([rows, peak_rows(series.low, bins), peak_rows(series.high, bins)]))
-        axes.fill_between(series.x[rows], series.low[rows], series.high[rows], color=look.colour, alpha=0.18, lw=0)
+        rows = np.unique(
+            np.concatenate([rows, peak_rows(series.low, bins), peak_rows(series.high, bins)])
+        )
+        axes.fill_between(
+            series.x[rows], series.low[rows], series.high[rows], color=look.colour, alpha=0.18, lw=0
+        )
     width = 1.3 if len(series.y) < 4000 else 0.9
-    axes.plot(series.x[rows], series.y[rows], ls=look.dash, lw=width, color=look.colour, label=series.label, zorder=2.4)
+    axes.plot(
+        series.x[rows],
+        series.y[rows],
+        ls=look.dash,
+        lw=width,
+        color=look.colour,
+        label=series.label,
+        zorder=2.4,
+    )
 
 
 def _steps(axes: Axes, series: Series, look: _Look, bins: int) -> None:
     rows = peak_rows(series.y, bins)
-    axes.step(series.x[rows], series.y[rows], where="post", ls=look.dash, lw=1.1, color=look.colour, label=series.label)
+    axes.step(
+        series.x[rows],
+        series.y[rows],
+        where="post",
+        ls=look.dash,
+        lw=1.1,
+        color=look.colour,
+        label=series.label,
+    )
 
 
 def _points(axes: Axes, series: Series, look: _Look, bins: int) -> None:
@@ -222,11 +261,22 @@ def _points(axes: Axes, series: Series, look: _Look, bins: int) -> None:
     rows = scatter_rows(series.x, series.y) if many else np.arange(len(series.y))
     size = 1.2 if many else 1.8 if crowded else 3.4
     # Points lie under lines: where there are many of them the curve through them must still be seen.
-    style: dict[str, Any] = {"ls": "none", "marker": "o" if crowded else look.marker, "ms": size, "zorder": 2.0}
-    style |= {"color": look.colour, "mfc": look.colour if crowded else "white", "label": series.label}
+    style: dict[str, Any] = {
+        "ls": "none",
+        "marker": "o" if crowded else look.marker,
+        "ms": size,
+        "zorder": 2.0,
+    }
+    style |= {
+        "color": look.colour,
+        "mfc": look.colour if crowded else "white",
+        "label": series.label,
+    }
     style["mew"] = 0.0 if crowded else 0.7
     if series.low is None or series.high is None or many:
-        axes.plot(series.x[rows], series.y[rows], rasterized=many, alpha=0.55 if crowded else 1.0, **style)
+        axes.plot(
+            series.x[rows], series.y[rows], rasterized=many, alpha=0.55 if crowded else 1.0, **style
+        )
         return
     style["elinewidth"] = 0.9
     axes.errorbar(series.x[rows], series.y[rows], yerr=_arms(series, rows), capsize=1.8, **style)
@@ -240,12 +290,24 @@ def _bars(axes: Axes, series: Series, look: _Look, bins: int) -> None:
     beside = axes.transData + ScaledTranslation(look.shift / 72.0, 0.0, figure.dpi_scale_trans)
     rows = peak_rows(series.y, bins)
     axes.vlines(
-        series.x[rows], look.foot, series.y[rows], color=look.colour, lw=2.0, transform=beside, label=series.label
+        series.x[rows],
+        look.foot,
+        series.y[rows],
+        color=look.colour,
+        lw=2.0,
+        transform=beside,
+        label=series.label,
     )
     if series.low is not None and series.high is not None:
         low, high = _arms(series, rows)
         axes.vlines(
-            series.x[rows], series.y[rows] - low, series.y[rows] + high, color=INK, lw=0.8, transform=beside, zorder=3
+            series.x[rows],
+            series.y[rows] - low,
+            series.y[rows] + high,
+            color=INK,
+            lw=0.8,
+            transform=beside,
+            zorder=3,
         )
     axes.update_datalim(np.column_stack([series.x[rows], np.nan_to_num(series.y[rows])]))
     axes.update_datalim([(float(np.nanmin(series.x)), look.foot)])
@@ -279,9 +341,15 @@ def _legend(axes: Axes, plot: Plot, size: tuple[float, float]) -> None:
     characters = max(len(label) for label in labels) + 6
     columns = max(1, min(len(labels), int(size[0] * 15.5 / characters)))
     axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2, handlelength=1.9,
-        columnspacing=1.4, labelspacing=0.3, markerscale=1.0,
-    )  # fmt: skip
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.2,
+        handlelength=1.9,
+        columnspacing=1.4,
+        labelspacing=0.3,
+        markerscale=1.0,
+    )
 
 
 def _ticks(axes: Axes, plot: Plot) -> None:
@@ -312,10 +380,21 @@ def _watermark(axes: Axes, origin: str, size: tuple[float, float]) -> None:
     word = printable(WATERMARKS.get(origin, origin.upper()))
     if word:
         axes.text(
-            0.5, 0.5, word, transform=axes.transAxes, ha="center", va="center", rotation=16, zorder=0.5,
-            fontsize=7.5 * size[0] if size[0] < 5 else 5.6 * size[0], fontweight="bold", color="#24292F", alpha=0.10,
-            gid="watermark", clip_on=True,
-        )  # fmt: skip
+            0.5,
+            0.5,
+            word,
+            transform=axes.transAxes,
+            ha="center",
+            va="center",
+            rotation=16,
+            zorder=0.5,
+            fontsize=7.5 * size[0] if size[0] < 5 else 5.6 * size[0],
+            fontweight="bold",
+            color="#24292F",
+            alpha=0.10,
+            gid="watermark",
+            clip_on=True,
+        )
 
 
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
@@ -323,7 +402,9 @@ _ID = re.compile(r'(\bid="|url\(#|href="#)([^")]+)')
 
 
 def _inline(text: str, identifier: str, label: str) -> str:
-    """The bare svg element: ids made unique within the page, coordinates to a hundredth of a point, and a name for it."""
+    """The bare svg element: ids made unique within the page, coordinates to a hundredth of a point,
+    and a name for it.
+    """
     from xml.sax.saxutils import escape, quoteattr
 
     body = text[text.index("<svg") :]

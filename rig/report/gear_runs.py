@@ -1,4 +1,6 @@
-"""The runs behind a gear's report: the newest of every kind as fits, the files with their hashes, what is wrong with a scale."""
+"""The runs behind a gear's report: the newest of every kind as fits, the files with their hashes,
+what is wrong with a scale.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ FILE_COLUMNS = ("Run", "Outcome", "SHA-256 of the run file")
 
 @contextmanager
 def newest_fits(passport: Passport) -> Iterator[tuple[Fit, ...]]:
-    """The newest analysed run of every kind that the passport follows, as it lies in the store; closed when it is left."""
+    """The newest analysed run of every kind that the passport follows, as it lies in the store;
+    closed when it is left.
+    """
     from rig.passport.gather import moment
     from rig.runfile.read import close_recording
 
@@ -53,15 +57,24 @@ def _stored_fit(kind: str, point: PassportPoint) -> Fit:
         result = result_from_mapping(analysis.result)
     except (KeyError, TypeError, ValueError) as error:
         raise RigError(
-            "the stored analysis holds no result", where=str(analysis.path), value=str(error),
+            "the stored analysis holds no result",
+            where=str(analysis.path),
+            value=str(error),
             remedy=f"Move it away and analyse the run again: rig fit {point.path} --kind {kind}",
-        ) from None  # fmt: skip
+        ) from None
     leaned_on = analysis.content.get("gear")
-    gear = gear_from_mapping(leaned_on, str(analysis.path)) if leaned_on else recording.metadata.gear
+    gear = (
+        gear_from_mapping(leaned_on, str(analysis.path)) if leaned_on else recording.metadata.gear
+    )
     return Fit(
-        recording, gear or shipped_gear(), result, point.path, settings=dict(analysis.content.get("settings", {})),
-        stored=point.analysis, gear_known=recording.metadata.gear is not None,
-    )  # fmt: skip
+        recording,
+        gear or shipped_gear(),
+        result,
+        point.path,
+        settings=dict(analysis.content.get("settings", {})),
+        stored=point.analysis,
+        gear_known=recording.metadata.gear is not None,
+    )
 
 
 def _analysis(point: PassportPoint) -> Analysis:
@@ -71,14 +84,19 @@ def _analysis(point: PassportPoint) -> Analysis:
     for analysis in read_analyses(point.path):
         if analysis.path.name == name:
             return analysis
-    raise RigError("the analysis that the passport read is gone", where=str(point.path), value=point.analysis)
+    raise RigError(
+        "the analysis that the passport read is gone", where=str(point.path), value=point.analysis
+    )
 
 
 def gear_files(passport: Passport, fits: Sequence[Fit]) -> Grid:
     """Every run that counts with the hash of its file, and the tares that the newest analyses lean on."""
     from rig.runfile.seal import recorded_sha256
 
-    rows = [(run.run_id, run.outcome or "not stated", recorded_sha256(run.path) or "not sealed") for run in passport.runs]
+    rows = [
+        (run.run_id, run.outcome or "not stated", recorded_sha256(run.path) or "not sealed")
+        for run in passport.runs
+    ]
     known = {row[0] for row in rows}
     for fit in fits:
         tare = _analysis_tare(fit)
@@ -118,4 +136,8 @@ def gear_alarms(passport: Passport) -> tuple[str, ...]:
 def _named(runs: Sequence[str]) -> str:
     if len(runs) == 1:
         return f"run {runs[0]}"
-    return f"runs {', '.join(runs)}" if len(runs) <= 3 else f"{len(runs)} runs, {runs[0]} to {runs[-1]}"
+    return (
+        f"runs {', '.join(runs)}"
+        if len(runs) <= 3
+        else f"{len(runs)} runs, {runs[0]} to {runs[-1]}"
+    )

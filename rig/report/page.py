@@ -1,8 +1,8 @@
 """The report: one self-contained HTML page that a laboratory can send out, made from fits.
 
-Verdict first, then warnings, results with the paper's figures, conditions, uncertainty, provenance, definitions. Nothing is
-loaded from elsewhere; everything that comes from files is escaped. Runs that do not come from hardware are marked on every
-figure and cannot be signed.
+Verdict first, then warnings, results with the paper's figures, conditions, uncertainty, provenance,
+definitions. Nothing is loaded from elsewhere; everything that comes from files is escaped. Runs
+that do not come from hardware are marked on every figure and cannot be signed.
 """
 
 from __future__ import annotations
@@ -44,10 +44,11 @@ ORDER = tuple(TITLES)
 """The order of the parts of a report."""
 
 ORIGIN_SENTENCES = {
-    "simulated": "Made on a simulated rig with a simulated gear. This is no measurement of a physical gear, stays out of any "
-    "gear's history and cannot be signed.",
+    "simulated": "Made on a simulated rig with a simulated gear. "
+    "This is no measurement of a physical gear, stays out of any gear's history and cannot be signed.",
     "replay": "Made by playing back a recorded run. It is no new measurement and cannot be signed.",
-    "imported": "Made from a recording of another rig, whose calibration this program has not seen. It cannot be signed.",
+    "imported": "Made from a recording of another rig, whose calibration this program has not seen. "
+    "It cannot be signed.",
 }
 
 
@@ -82,15 +83,17 @@ def write_report(
 ) -> Path:
     """Write the report of these fits (of one gear) as one file, HTML or PDF by its suffix, and return its path.
 
-    `created` is the calendar time of the report (ISO 8601); `truth` kind of fit and what the simulator knows; `note` a
-    sentence under the title. The same input gives the same bytes. Raises `RigError` for nothing to report or a file that
-    cannot be written.
+    `created` is the calendar time of the report (ISO 8601); `truth` kind of fit and what the
+    simulator knows; `note` a sentence under the title. The same input gives the same bytes. Raises
+    `RigError` for nothing to report or a file that cannot be written.
     """
     return write_context(report_context(fits, created=created, truth=truth, note=note), path)
 
 
 def write_context(context: dict[str, Any], path: str | Path) -> Path:
-    """Write the content of a report as HTML or, by its suffix, as PDF. Raises `RigError` for a file that cannot be written."""
+    """Write the content of a report as HTML or, by its suffix, as PDF. Raises `RigError` for a file
+    that cannot be written.
+    """
     path = Path(path)
     if path.suffix.lower() == ".pdf":
         from rig.report.pdf import render_pdf
@@ -103,9 +106,11 @@ def write_context(context: dict[str, Any], path: str | Path) -> Path:
         path.write_bytes(content_bytes)
     except OSError as error:
         raise RigError(
-            "the report cannot be written", where=str(path), value=error.strerror or str(error),
+            "the report cannot be written",
+            where=str(path),
+            value=error.strerror or str(error),
             remedy="Choose another --output.",
-        ) from None  # fmt: skip
+        ) from None
     return path
 
 
@@ -131,19 +136,28 @@ def render_page(context: dict[str, Any]) -> str:
     from markupsafe import Markup
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("rig", "report"), autoescape=True, undefined=jinja2.StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True, finalize=_finalize,
-    )  # fmt: skip
+        loader=jinja2.PackageLoader("rig", "report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_finalize,
+    )
     environment.filters["css"] = lambda text: Markup(css_text(text))
     environment.filters["unbroken"] = unbroken
-    environment.filters["symbols"] = lambda text: Markup(_symbols(str(Markup.escape(printable(text)))))
+    environment.filters["symbols"] = lambda text: Markup(
+        _symbols(str(Markup.escape(printable(text))))
+    )
     style = environment.get_template(STYLE).render()
     return environment.get_template(TEMPLATE).render(style=Markup(style), **context)
 
 
 def css_text(text: str) -> str:
     """A text as a string of a style sheet, letter for letter: whatever is no plain letter goes by its number."""
-    plain = "".join(c if c.isascii() and (c.isalnum() or c in " ,.-_") else f"\\{ord(c):x} " for c in printable(text))
+    plain = "".join(
+        c if c.isascii() and (c.isalnum() or c in " ,.-_") else f"\\{ord(c):x} "
+        for c in printable(text)
+    )
     return f'"{plain}"'
 
 
@@ -151,7 +165,9 @@ _SYMBOL = re.compile(r"\b((?:[^\W\d_]/)?[^\W\d_])_([A-Za-z0-9]{1,4})\b")
 
 
 def _symbols(escaped: str) -> str:
-    """Symbols of the paper as they are printed: what follows the underscore of a single letter stands below the line."""
+    """Symbols of the paper as they are printed: what follows the underscore of a single letter
+    stands below the line.
+    """
     return _SYMBOL.sub(r"<i>\1</i><sub>\2</sub>", escaped)
 
 
@@ -165,7 +181,9 @@ LONGEST_LINE = 124
 
 
 def run_line(runs: Sequence[str]) -> str:
-    """The runs that a report is of, for the foot of every page: their numbers, or how many and the first and the last."""
+    """The runs that a report is of, for the foot of every page: their numbers, or how many and the
+    first and the last.
+    """
     named = sorted(set(runs))
     line = ("Run " if len(named) == 1 else "Runs ") + ", ".join(named)
     if len(line) <= LONGEST_LINE or not named:
@@ -201,7 +219,9 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
         "gear_name": ", ".join(g.name for g in gears) or "not stated",
         "heading": _heading(gears, serials, fits),
         "serial": ", ".join(s for s in serials if s) or "not stated",
-        "operators": ", ".join(dict.fromkeys(f.recording.metadata.operator or "not stated" for f in fits)),
+        "operators": ", ".join(
+            dict.fromkeys(f.recording.metadata.operator or "not stated" for f in fits)
+        ),
         "dates": _dates(fits),
         "words": [w for w in (figures.WATERMARKS.get(o, o.upper()) for o in origins) if w],
         "origin_sentences": [ORIGIN_SENTENCES[o] for o in origins if o in ORIGIN_SENTENCES],
@@ -216,8 +236,12 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
         "warnings": warnings,
         "parts": parts,
         "conditions": provenance.side_by_side([(p.title, p.provenance.conditions) for p in parts]),
-        "calibrations": provenance.side_by_side([(p.title, p.provenance.calibrations) for p in parts]),
-        "identities": provenance.side_by_side([(p.title, p.provenance.rows) for p in parts], "Runs"),
+        "calibrations": provenance.side_by_side(
+            [(p.title, p.provenance.calibrations) for p in parts]
+        ),
+        "identities": provenance.side_by_side(
+            [(p.title, p.provenance.rows) for p in parts], "Runs"
+        ),
         "conventions": provenance.side_by_side(
             [(p.title, p.provenance.options) for p in parts], "Conventions of the analyses"
         ),
@@ -244,7 +268,9 @@ def _alarms(parts: Sequence[content.Part], serials: Sequence[str]) -> tuple[str,
     """What stands loudly at the top: doubtful scales, and runs of more than one gear under one verdict."""
     told = dict.fromkeys(alarm for p in parts for alarm in p.provenance.alarms)
     if len(serials) > 1:
-        told[f"These runs are of more than one gear ({', '.join(serials)}): the verdict covers them together."] = None
+        told[
+            f"These runs are of more than one gear ({', '.join(serials)}): the verdict covers them together."
+        ] = None
     return tuple(told)
 
 
@@ -253,9 +279,12 @@ def _truth_note(truth: Sequence[tuple[str, TruthRow]]) -> str:
         return ""
     covered, within = sum(r.covered for _, r in truth), sum(r.within for _, r in truth)
     return (
-        f"The simulated rig knows what it was built from. {covered} of {len(truth)} true values lie in the 95 % interval, "
-        f"{within} within ± U (k = 2); of many, about one in twenty should not. The truth stands here as the instruments can "
-        "see it: friction of gear and output bearing together, read through the scale error of the torque port; the kinematic "
+        f"The simulated rig knows what it was built from. {covered} of {len(truth)} true "
+        "values lie in the 95 % interval, "
+        f"{within} within ± U (k = 2); of many, about one in twenty should not. The truth "
+        "stands here as the instruments can "
+        "see it: friction of gear and output bearing together, read through the scale error "
+        "of the torque port; the kinematic "
         "error with the errors of both encoders."
     )
 
@@ -265,7 +294,11 @@ def _parts(fits: Sequence[Fit]) -> tuple[tuple[content.Part, ...], list[tuple[Fi
     for index, fit in enumerate(fits):
         drawn = _figures(fit, len(all_figures))
         all_figures += drawn
-        parts.append(replace(content.part_of(fit, index, _title(fit, fits)), figures=tuple(f for f, _ in drawn)))
+        parts.append(
+            replace(
+                content.part_of(fit, index, _title(fit, fits)), figures=tuple(f for f, _ in drawn)
+            )
+        )
     return tuple(parts), all_figures
 
 
@@ -286,13 +319,22 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
     made = []
     begun: set[str] = set()
     for number, plot in enumerate(fit.result.plots, before + 1):
-        half = siblings[plot.figure] >= 3 and not (siblings[plot.figure] % 2 and plot.figure not in begun)
+        half = siblings[plot.figure] >= 3 and not (
+            siblings[plot.figure] % 2 and plot.figure not in begun
+        )
         begun.add(plot.figure)
         size = figures.HALF_WIDTH if half else figures.FULL_WIDTH
         drawing = figures.draw_svg(plot, origin, f"f{number}", size)
         after = f"cf. figure {plot.figure} of the paper" if plot.figure else ""
         note = " ".join(part for part in (plot.note, *drawing.remarks) if part)
-        made.append((Figure(number, f"figure-{number}", Markup(drawing.svg), plot.title, after, note, half), plot))
+        made.append(
+            (
+                Figure(
+                    number, f"figure-{number}", Markup(drawing.svg), plot.title, after, note, half
+                ),
+                plot,
+            )
+        )
     return made
 
 
@@ -323,7 +365,9 @@ def _heading(gears: Sequence[HarmonicDrive], serials: Sequence[str], fits: Seque
 
 
 def _dates(fits: Sequence[Fit]) -> str:
-    days = sorted({f.recording.metadata.start_time[:10] for f in fits if f.recording.metadata.start_time})
+    days = sorted(
+        {f.recording.metadata.start_time[:10] for f in fits if f.recording.metadata.start_time}
+    )
     if not days:
         return "not stated"
     return days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
@@ -332,10 +376,15 @@ def _dates(fits: Sequence[Fit]) -> str:
 def _signature(origins: Sequence[str], fits: Sequence[Fit]) -> Signature:
     if any(o != "hardware" for o in origins):
         words = ", ".join(figures.WATERMARKS.get(o, o.upper()) for o in origins if o != "hardware")
-        return Signature(False, f"This report holds runs marked {words}. There is no room for a signature on it.")
+        return Signature(
+            False, f"This report holds runs marked {words}. There is no room for a signature on it."
+        )
     unsealed = [f.recording.metadata.run_id for f in fits if not f.recording.metadata.sha256]
     if unsealed:
-        return Signature(False, f"Not sealed, so that it could still change: {', '.join(unsealed)}. It is not signed.")
+        return Signature(
+            False,
+            f"Not sealed, so that it could still change: {', '.join(unsealed)}. It is not signed.",
+        )
     if any(f.recording.metadata.outcome in content.UNFINISHED for f in fits):
         return Signature(False, "Not every run reached its end; an incomplete test is not signed.")
     return Signature(True)

@@ -1,4 +1,5 @@
-"""The report on paper: the content of the page set by typst, with the fonts that come with it; no system library, no network.
+"""The report on paper: the content of the page set by typst, with the fonts that come with it; no
+system library, no network.
 
 Everything that comes from files is handed over as data and shown letter for letter, whatever it looks like.
 """
@@ -48,12 +49,16 @@ def _compiled(context: Mapping[str, Any], **wanted: Any) -> Any:
     source = resources.files("rig.report").joinpath(TEMPLATE).read_bytes()
     try:
         return typst.compile(
-            source, sys_inputs={"content": content}, ignore_system_fonts=True,
+            source,
+            sys_inputs={"content": content},
+            ignore_system_fonts=True,
             font_paths=[_fonts()],  # type: ignore[arg-type]  the stubs leave paths out
             **wanted,
-        )  # fmt: skip
+        )
     except (RuntimeError, ValueError, OSError) as error:
-        raise RigError(f"the report cannot be set on paper: {error}", remedy="Write it as HTML instead.") from error
+        raise RigError(
+            f"the report cannot be set on paper: {error}", remedy="Write it as HTML instead."
+        ) from error
 
 
 def _fonts() -> str:
@@ -90,11 +95,15 @@ def paper_content(context: Mapping[str, Any]) -> dict[str, Any]:
         "warnings": [f"{title}: {text}" for title, _, _, text in context["warnings"]],
         "parts": [_part(part) for part in context["parts"]],
         "truth": _laid_out(context["truth"]) if context["truth"] else [],
-        "paper_figures": _laid_out(_paper_grid(context["paper_figures"])) if context["paper_figures"] else [],
+        "paper_figures": _laid_out(_paper_grid(context["paper_figures"]))
+        if context["paper_figures"]
+        else [],
         "sections": [
             {
                 "title": title,
-                "grids": _laid_out(context["files"]) if context["files"] and "identities" in keys else [],
+                "grids": _laid_out(context["files"])
+                if context["files"] and "identities" in keys
+                else [],
                 "matrices": [_matrix(m) for key in keys for m in context[key]],
             }
             for title, keys in SECTIONS
@@ -104,8 +113,12 @@ def paper_content(context: Mapping[str, Any]) -> dict[str, Any]:
         "paper": context["paper"],
         "not_measured": list(context["not_measured"]),
         "signature": asdict(context["signature"]),
-    }  # fmt: skip
-    annex = [t for g in (*context["parameter_sets"], *(g for p in context["parts"] for g in p.annex)) for t in _laid_out(g)]
+    }
+    annex = [
+        t
+        for g in (*context["parameter_sets"], *(g for p in context["parts"] for g in p.annex))
+        for t in _laid_out(g)
+    ]
     content["annex"] = [grid for grid in annex if not grid["landscape"]]
     content["wide"] = [grid for part in content["parts"] for grid in part.pop("wide")]
     content["wide"] += [grid for grid in annex if grid["landscape"]]
@@ -122,11 +135,18 @@ SECTIONS = (
 
 def _laid_out(grid: Grid, largest: float = SIZES[0]) -> list[dict[str, Any]]:
     """A table with the size of its text and the widths of its columns: one, or several where it fits no page."""
-    plain = Grid(grid.title, tuple(_clean(unbroken(c)) for c in grid.columns), tuple(map(tuple, _clean(grid.rows))), grid.numeric)
+    plain = Grid(
+        grid.title,
+        tuple(_clean(unbroken(c)) for c in grid.columns),
+        tuple(map(tuple, _clean(grid.rows))),
+        grid.numeric,
+    )
     found = laid_out(plain, largest)
     made = []
     for number, (part, layout) in enumerate(found, 1):
-        title = f"{grid.title}, columns part {number} of {len(found)}" if len(found) > 1 else grid.title
+        title = (
+            f"{grid.title}, columns part {number} of {len(found)}" if len(found) > 1 else grid.title
+        )
         note = grid.note if number == len(found) else ""
         made.append(_table(replace(part, title=title, note=note), layout))
     return made
@@ -143,14 +163,25 @@ FACES = {"Verdict": "verdict", "Identifiable": "verdict", "Symbol": "symbol", "Q
 
 def verdict_grid(lines: Sequence[VerdictLine]) -> Grid:
     """The judged quantities as one table."""
-    columns = ("Quantity", "Value ± U (k = 2)", "Limit", "Definition and source of the limit", "Verdict")
-    rows = tuple((v.name, v.value, v.limit, f"{v.definition}; {v.source}", v.outcome) for v in lines)
+    columns = (
+        "Quantity",
+        "Value ± U (k = 2)",
+        "Limit",
+        "Definition and source of the limit",
+        "Verdict",
+    )
+    rows = tuple(
+        (v.name, v.value, v.limit, f"{v.definition}; {v.source}", v.outcome) for v in lines
+    )
     return Grid("Judged quantities", columns, rows, (False, True, True, False, False))
 
 
 def _key_grid(rows: Sequence[tuple[str, str, str, str]]) -> Grid:
     return Grid(
-        "Summary", ("Test", "Quantity", "Value ± U (k = 2)", "Identifiable"), tuple(rows), (False, False, True, False)
+        "Summary",
+        ("Test", "Quantity", "Value ± U (k = 2)", "Identifiable"),
+        tuple(rows),
+        (False, False, True, False),
     )
 
 
@@ -159,19 +190,28 @@ def _paper_grid(rows: Sequence[tuple[str, str, Sequence[Any], str]]) -> Grid:
         (number, what, f"Figure {', '.join(str(f.number) for f in here)}" if here else missing)
         for number, what, here, missing in rows
     )
-    return Grid("Figures after the paper", ("Paper", "What it shows", "Here"), told, (True, False, False))
+    return Grid(
+        "Figures after the paper", ("Paper", "What it shows", "Here"), told, (True, False, False)
+    )
 
 
 def _part(part: Any) -> dict[str, Any]:
     grids = (part.estimates, part.orders, part.metrics, *part.tables, part.budget)
     tables = [table for grid in grids if grid is not None for table in _laid_out(grid)]
-    wide = [{**table, "title": f"{part.title}: {_lowered(table['title'])}"} for table in tables if table["landscape"]]
+    wide = [
+        {**table, "title": f"{part.title}: {_lowered(table['title'])}"}
+        for table in tables
+        if table["landscape"]
+    ]
     return {
-        "title": part.title, "run": part.run, "warnings": list(part.warnings),
+        "title": part.title,
+        "run": part.run,
+        "warnings": list(part.warnings),
         "figures": [{**asdict(f), "svg": str(f.svg)} for f in part.figures],
-        "grids": [table for table in tables if not table["landscape"]], "wide": wide,
+        "grids": [table for table in tables if not table["landscape"]],
+        "wide": wide,
         "elsewhere": [_lowered(table["title"]) for table in tables if table["landscape"]],
-    }  # fmt: skip
+    }
 
 
 def _lowered(title: str) -> str:
@@ -182,11 +222,17 @@ def _matrix(matrix: Any) -> dict[str, Any]:
     names = min(max((width_of(name) for name, _ in matrix.rows), default=0.0), WIDEST_NAME)
     rows = [[name, list(texts)] for name, texts in matrix.rows]
     room = (PORTRAIT / MATRIX_SIZE - names) / len(matrix.columns) - 1.0
-    lines = sum(max(math.ceil(1.08 * width_of(text) / room) for text in texts) for _, texts in matrix.rows)
+    lines = sum(
+        max(math.ceil(1.08 * width_of(text) / room) for text in texts) for _, texts in matrix.rows
+    )
     return {
-        "caption": matrix.caption, "columns": list(matrix.columns), "rows": rows, "names": names, "size": MATRIX_SIZE,
+        "caption": matrix.caption,
+        "columns": list(matrix.columns),
+        "rows": rows,
+        "names": names,
+        "size": MATRIX_SIZE,
         "kept": lines <= KEPT_LINES,
-    }  # fmt: skip
+    }
 
 
 def _shortened(text: str) -> str:
@@ -198,7 +244,9 @@ def _clean(value: Any) -> Any:
     if isinstance(value, str):
         return _breakable(printable(value))
     if isinstance(value, Mapping):
-        return {key: entry if key in ("svg", "style") else _clean(entry) for key, entry in value.items()}
+        return {
+            key: entry if key in ("svg", "style") else _clean(entry) for key, entry in value.items()
+        }
     if isinstance(value, (list, tuple)):
         return [_clean(entry) for entry in value]
     return value
@@ -210,6 +258,8 @@ def _breakable(text: str) -> str:
         return text
     step = LONGEST_WORD // 2
     return " ".join(
-        word if len(word) <= LONGEST_WORD else "\u200b".join(word[i : i + step] for i in range(0, len(word), step))
+        word
+        if len(word) <= LONGEST_WORD
+        else "\u200b".join(word[i : i + step] for i in range(0, len(word), step))
         for word in text.split(" ")
     )

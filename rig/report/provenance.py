@@ -42,8 +42,12 @@ MATRIX_COLUMNS = 4
 """Runs that fit side by side on A4."""
 
 
-def side_by_side(facts: Sequence[tuple[str, tuple[tuple[str, str], ...]]], caption: str = "") -> tuple[Matrix, ...]:
-    """Facts of several runs (heading, names and texts) side by side, at most four to a table; empty ones are left out."""
+def side_by_side(
+    facts: Sequence[tuple[str, tuple[tuple[str, str], ...]]], caption: str = ""
+) -> tuple[Matrix, ...]:
+    """Facts of several runs (heading, names and texts) side by side, at most four to a table; empty
+    ones are left out.
+    """
     given = [(heading, dict(rows)) for heading, rows in facts if rows]
     made = []
     for first in range(0, len(given), MATRIX_COLUMNS):
@@ -55,7 +59,9 @@ def side_by_side(facts: Sequence[tuple[str, tuple[tuple[str, str], ...]]], capti
 
 
 def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[tuple[str, str], ...]:
-    """What prevailed during a run: speeds, duration, temperatures, load inertia (of a known gear), and what was noted."""
+    """What prevailed during a run: speeds, duration, temperatures, load inertia (of a known gear),
+    and what was noted.
+    """
     import numpy as np
 
     rows = _setpoints(recording)
@@ -64,7 +70,9 @@ def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[tup
         rows.append(("Duration", f"{number(seconds)} s in {number(recording.rows)} cycles"))
     rate = recording.metadata.sample_rate
     if np.isfinite(rate):
-        rows.append(("Sampling", f"{number(float(rate))} Hz; time base: {recording.metadata.time_base}"))
+        rows.append(
+            ("Sampling", f"{number(float(rate))} Hz; time base: {recording.metadata.time_base}")
+        )
     rows.append(("Incomplete cycles", _missed(recording)))
     for channel, words in (
         ("housing_temperature", "Housing temperature"),
@@ -79,16 +87,23 @@ def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[tup
 
 
 def _condition(name: str, text: str) -> tuple[str, str]:
-    """A condition that was noted; one of a gear card with the unit of its field, which its name carries only in files."""
+    """A condition that was noted; one of a gear card with the unit of its field, which its name
+    carries only in files.
+    """
     from rig.gear_card import UNITS, in_words
 
     unit = UNITS.get(name, "")
     words = in_words(name) if name in UNITS else readable(name)
-    return words.capitalize(), f"{text} {pretty(unit).replace('um', 'µm')}".strip() if text else text
+    return (
+        words.capitalize(),
+        f"{text} {pretty(unit).replace('um', 'µm')}".strip() if text else text,
+    )
 
 
 POSITIONED = frozenset({"starting-torque"})
-"""Protocols whose segments are set to angles of the wave generator; those of all others are set to speeds of the input."""
+"""Protocols whose segments are set to angles of the wave generator; those of all others are set to
+speeds of the input.
+"""
 
 
 def _setpoints(recording: Recording) -> list[tuple[str, str]]:
@@ -101,7 +116,11 @@ def _setpoints(recording: Recording) -> list[tuple[str, str]]:
         places = sorted({round(s.setpoint / DEGREE, 3) for s in turning})
         if not places:
             return []
-        span = f"{number(places[0])}°" if len(places) == 1 else f"{len(places)} from {number(places[0])} to {number(places[-1])}°"
+        span = (
+            f"{number(places[0])}°"
+            if len(places) == 1
+            else f"{len(places)} from {number(places[0])} to {number(places[-1])}°"
+        )
         return [("Wave-generator positions", span + both)]
     speeds = [abs(s.setpoint) / RPM for s in turning if s.setpoint]
     if not speeds:
@@ -170,7 +189,10 @@ def provenance_of(fit: Fit) -> Provenance:
         ("Tare", tare_of(fit)),
     ]
     rows.extend(
-        (readable(str(key)).capitalize(), f"{_text(value)} s" if key.endswith("_duration") else _text(value))
+        (
+            readable(str(key)).capitalize(),
+            f"{_text(value)} s" if key.endswith("_duration") else _text(value),
+        )
         for key, value in _process(m.process)
     )
     settings = tuple(_parameters(m.experiment, {**m.parameters, **fit.settings}))
@@ -197,12 +219,20 @@ EXPIRED = "EXPIRED WHEN THE RUN BEGAN"
 
 
 def calibrations_of(recording: Recording) -> tuple[tuple[str, str], ...]:
-    """Certificate, date and due date of every calibrated channel, and loudly whether it had expired when the run began."""
+    """Certificate, date and due date of every calibrated channel, and loudly whether it had expired
+    when the run began.
+    """
     rows = []
     for name, calibration in _calibrated(recording):
         c = calibration
-        told = [c.certificate or "no certificate", f"of {c.date}" if c.date else "", f"due {c.due}" if c.due else ""]
-        text = ", ".join(part for part in told if part) + (f": {EXPIRED}" if _expired(recording, c) else "")
+        told = [
+            c.certificate or "no certificate",
+            f"of {c.date}" if c.date else "",
+            f"due {c.due}" if c.due else "",
+        ]
+        text = ", ".join(part for part in told if part) + (
+            f": {EXPIRED}" if _expired(recording, c) else ""
+        )
         rows.append((name, text))
     return tuple(rows)
 
@@ -212,7 +242,10 @@ def alarms_of(recording: Recording) -> tuple[str, ...]:
     told = []
     for name, c in _calibrated(recording):
         if _expired(recording, c):
-            told.append(f"The calibration of {name.lower()} ({c.certificate or 'no certificate'}) was due on {c.due}: {EXPIRED}.")
+            told.append(
+                f"The calibration of {name.lower()} ({c.certificate or 'no certificate'}) was "
+                f"due on {c.due}: {EXPIRED}."
+            )
         elif recording.metadata.origin == "hardware" and not c.certificate:
             told.append(f"{name} has no calibration certificate.")
     return tuple(told)
@@ -221,7 +254,11 @@ def alarms_of(recording: Recording) -> tuple[str, ...]:
 def _calibrated(recording: Recording) -> list[tuple[str, Calibration]]:
     columns = getattr(recording.source, "columns", ())
     found = [(column.name, column.calibration) for column in columns]
-    return [(readable(n).capitalize(), c) for n, c in found if c.certificate or c.date or c.due or n in CALIBRATED]
+    return [
+        (readable(n).capitalize(), c)
+        for n, c in found
+        if c.certificate or c.date or c.due or n in CALIBRATED
+    ]
 
 
 def _expired(recording: Recording, calibration: Calibration) -> bool:
@@ -259,7 +296,10 @@ def _parameters(protocol: str, values: Mapping[str, Any]) -> list[tuple[str, str
         unit = units.get(name, "")
         text = _text(value)
         rows.append(
-            (readable(str(name)).removesuffix(" rpm"), f"{text} {pretty(unit)}" if unit not in ("", "1") and text else text)
+            (
+                readable(str(name)).removesuffix(" rpm"),
+                f"{text} {pretty(unit)}" if unit not in ("", "1") and text else text,
+            )
         )
     return rows
 
@@ -267,6 +307,9 @@ def _parameters(protocol: str, values: Mapping[str, Any]) -> list[tuple[str, str
 def _process(process: Mapping[str, Any]) -> list[tuple[str, Any]]:
     """What the run file says about how it was made, without long texts and the truth of a simulated rig."""
     return [
-        (k, v) for k, v in process.items()
-        if k not in ("truth", "experiment", "parameters") and not isinstance(v, Mapping) and len(str(v)) <= 200
-    ]  # fmt: skip
+        (k, v)
+        for k, v in process.items()
+        if k not in ("truth", "experiment", "parameters")
+        and not isinstance(v, Mapping)
+        and len(str(v)) <= 200
+    ]

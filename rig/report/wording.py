@@ -1,4 +1,6 @@
-"""Numbers in words: an estimate as people read it, rounded by its own uncertainty (GUM: two digits of U), unit beside it."""
+"""Numbers in words: an estimate as people read it, rounded by its own uncertainty (GUM: two digits
+of U), unit beside it.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ _SPEED_WORDS = ("speed", "rpm")
 
 @dataclass(frozen=True)
 class Shown:
-    """An estimate as text: value and U share their decimals; `low` and `high` bound the 95 % interval, often narrower."""
+    """An estimate as text: value and U share their decimals; `low` and `high` bound the 95 %
+    interval, often narrower.
+    """
 
     value: str
     expanded: str
@@ -29,12 +33,20 @@ class Shown:
 
     def number(self, value: float) -> str:
         """Another value of the same quantity (SI), such as a truth, in the same unit and one decimal more."""
-        return number(value / self.scale, 6) if self.decimals is None else fixed(value / self.scale, self.decimals + 1)
+        return (
+            number(value / self.scale, 6)
+            if self.decimals is None
+            else fixed(value / self.scale, self.decimals + 1)
+        )
 
     @property
     def with_uncertainty(self) -> str:
         """`value ± U unit`."""
-        return f"{self.value} ± {self.expanded} {self.unit}".rstrip() if self.expanded else f"{self.value} {self.unit}"
+        return (
+            f"{self.value} ± {self.expanded} {self.unit}".rstrip()
+            if self.expanded
+            else f"{self.value} {self.unit}"
+        )
 
 
 def display_unit(name: str, unit: str, size: float) -> tuple[float, str]:
@@ -164,9 +176,21 @@ def readable(name: str) -> str:
 
 
 GREEK = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "delta": "δ", "eta": "η", "theta": "θ", "lambda": "λ", "mu": "μ", "nu": "ν",
-    "rho": "ρ", "sigma": "σ", "tau": "τ", "phi": "φ", "omega": "ω",
-}  # fmt: skip
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "delta": "δ",
+    "eta": "η",
+    "theta": "θ",
+    "lambda": "λ",
+    "mu": "μ",
+    "nu": "ν",
+    "rho": "ρ",
+    "sigma": "σ",
+    "tau": "τ",
+    "phi": "φ",
+    "omega": "ω",
+}
 
 
 def printed_symbol(symbol: str) -> str:
@@ -176,17 +200,27 @@ def printed_symbol(symbol: str) -> str:
 
 
 def order_label(order: float, ratio: float) -> str:
-    """An order as it is named elsewhere, by input orders and output orders: 2+1/N; one that is neither by its number."""
+    """An order as it is named elsewhere, by input orders and output orders: 2+1/N; one that is
+    neither by its number.
+    """
     whole = round(order)
     part = round((order - whole) * ratio)
-    if not part or abs(part) >= ratio / 2 or not math.isclose(order, whole + part / ratio, abs_tol=1e-6):
+    if (
+        not part
+        or abs(part) >= ratio / 2
+        or not math.isclose(order, whole + part / ratio, abs_tol=1e-6)
+    ):
         return number(order, 6)
     return f"{whole if whole else ''}{'+' if whole and part > 0 else '−' if part < 0 else ''}{abs(part)}/N"
 
 
 def unbroken(title: str) -> str:
     """The heading of a column with its unit and its coverage factor in one piece."""
-    return re.sub(r"\[[^\]]*\]|\(k = 2\)", lambda m: m[0].replace(" ", "\u00a0").replace("/", "/\u2060"), title)
+    return re.sub(
+        r"\[[^\]]*\]|\(k = 2\)",
+        lambda m: m[0].replace(" ", "\u00a0").replace("/", "/\u2060"),
+        title,
+    )
 
 
 def source_text(provenance: str, source: str) -> str:
@@ -205,20 +239,31 @@ _PRINTED = {"degC": "°C", "deg": "°"}
 
 METRIC_UNITS: dict[str, tuple[tuple[str, str], ...]] = {
     "kinematic-error": (
-        ("raw_peak_to_peak", "rad"), ("closure", "rad"), ("residual_rms", "rad"), ("repeatability", "rad"),
+        ("raw_peak_to_peak", "rad"),
+        ("closure", "rad"),
+        ("residual_rms", "rad"),
+        ("repeatability", "rad"),
         ("agreement_of_directions", "rad"),
     ),
     "friction": (
-        ("residual_rms", "N m"), ("mean_residual", "N m"), ("torque_zero_drift", "N m"), ("slowest_speed", "rad/s"),
-        ("genetic_coulomb", "N"), ("genetic_static", "N"), ("genetic_stribeck_velocity", "rad/s"),
-        ("genetic_viscous", "N s/rad"), ("housing_temperature_span", "K"), ("housing_temperature", "°C"),
-        ("dry_friction_per_kelvin", "1/K"), ("viscous_friction_per_kelvin", "1/K"),
+        ("residual_rms", "N m"),
+        ("mean_residual", "N m"),
+        ("torque_zero_drift", "N m"),
+        ("slowest_speed", "rad/s"),
+        ("genetic_coulomb", "N"),
+        ("genetic_static", "N"),
+        ("genetic_stribeck_velocity", "rad/s"),
+        ("genetic_viscous", "N s/rad"),
+        ("housing_temperature_span", "K"),
+        ("housing_temperature", "°C"),
+        ("dry_friction_per_kelvin", "1/K"),
+        ("viscous_friction_per_kelvin", "1/K"),
     ),
     "motor-tare": (("cogging_peak_to_peak", "N m"), ("torque_zero_drift", "N m")),
     "home": (("input_index_spread", "rad"), ("output_index_spread", "rad")),
     "starting-torque": (("largest_starting_torque", "N m"), ("smallest_starting_torque", "N m")),
     "warm-up": (("last_change", "N m"), ("total_change", "N m"), ("time_until", "s")),
-}  # fmt: skip
+}
 """SI units of the figures of merit that have one: kind of fit, beginning of the name."""
 
 
@@ -231,7 +276,9 @@ def metric(kind: str, name: str, value: float) -> str:
 
 def printable(text: str) -> str:
     """A text from a file without control characters, which neither XML nor HTML can hold."""
-    return "".join(" " if c in "\t\n\r" else c for c in text if c >= " " or c in "\t\n\r").translate(_UNPRINTABLE)
+    return "".join(
+        " " if c in "\t\n\r" else c for c in text if c >= " " or c in "\t\n\r"
+    ).translate(_UNPRINTABLE)
 
 
 _UNPRINTABLE = dict.fromkeys([*range(0x7F, 0xA0), *range(0xD800, 0xE000), 0xFFFE, 0xFFFF])

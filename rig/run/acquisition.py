@@ -1,7 +1,8 @@
 """How well a run was acquired, in figures for its file: rate, jitter, missed cycles, index marks, torques, skew.
 
-Ports that count for themselves (on the bus) are asked; for every other one the blocks are counted as they come. What is known
-only from the whole recording, the skew between the channels, is estimated from the file before it is sealed.
+Ports that count for themselves (on the bus) are asked; for every other one the blocks are counted
+as they come. What is known only from the whole recording, the skew between the channels, is
+estimated from the file before it is sealed.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ class AcquisitionLog:
         self._statistics.add(block.time_ns, np.zeros(len(block), dtype=np.int64), block.flags)
 
     def kept(self, reviewed: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
-        """Metrics for the report and figures for the file; `reviewed` is what the supervisor found. An event tells them too."""
+        """Metrics for the report and figures for the file; `reviewed` is what the supervisor found.
+        An event tells them too.
+        """
         counted = self._counted()
         line = ", ".join(f"{name} {value:.6g}" for name, value in counted.items())
         self._logbook.event("info", "acquisition", "port", line)
@@ -57,7 +60,9 @@ class AcquisitionLog:
         if report is None:
             # How long a cycle took on the computer is known to the port alone.
             told = {name: value for name, value in told.items() if not name.startswith("latency")}
-        return {name: float(value) for name, value in told.items()} | {"missed_share": own.missed_share}
+        return {name: float(value) for name, value in told.items()} | {
+            "missed_share": own.missed_share
+        }
 
     def _skews(self) -> dict[str, Any]:
         """The skew between the channels, from the file as it stands; an estimate that fails must not cost the data."""
@@ -76,7 +81,9 @@ class AcquisitionLog:
 
 
 def skews_of(part: Path) -> tuple[dict[str, Any], list[str]]:
-    """Skew between the channels of a run file that is still open, as the file keeps it, and what has to be said of it."""
+    """Skew between the channels of a run file that is still open, as the file keeps it, and what
+    has to be said of it.
+    """
     from experiments.quality import skew_remark
     from experiments.skew import skews
     from rig.runfile.read import close_recording, open_run

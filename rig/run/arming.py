@@ -3,8 +3,8 @@
     before it is connected   operator named, gear named, confirmation typed: the gear's serial number, letter for letter
     while it is connected    guard closed (where the configuration names its input), limits written and read back
 
-Every rule is a row here; a rule that is not met refuses the run, and nothing has moved. The limits are written and compared by
-`rig.run.session`; the drive is switched on only after all of it.
+Every rule is a row here; a rule that is not met refuses the run, and nothing has moved. The limits
+are written and compared by `rig.run.session`; the drive is switched on only after all of it.
 """
 
 from __future__ import annotations
@@ -48,18 +48,24 @@ class Rule:
 
 RULES: tuple[Rule, ...] = (
     Rule(
-        lambda a: a.operator.strip().lower() not in _UNNAMED, "a run on hardware needs a named operator", "--operator",
+        lambda a: a.operator.strip().lower() not in _UNNAMED,
+        "a run on hardware needs a named operator",
+        "--operator",
         lambda a: "Say who answers for it.",
     ),
     Rule(
         lambda a: not a.gear_mounted or a.gear_serial.strip().lower() not in _UNNAMED,
-        "a run on hardware needs the gear's serial number", "--gear", lambda a: "Read it from the gear that is mounted.",
+        "a run on hardware needs the gear's serial number",
+        "--gear",
+        lambda a: "Read it from the gear that is mounted.",
     ),
     Rule(
-        lambda a: a.confirmation.strip() == a.expected, "the run was not confirmed", "--confirm",
+        lambda a: a.confirmation.strip() == a.expected,
+        "the run was not confirmed",
+        "--confirm",
         lambda a: f"Look at the rig, then type {a.expected} letter for letter.",
     ),
-)  # fmt: skip
+)
 """What must be true before the rig is connected."""
 
 
@@ -69,18 +75,34 @@ def refuse_unarmed(arming: Arming) -> None:
         if not rule.is_met(arming):
             found = arming.confirmation if rule.where == "--confirm" else None
             raise ConfigurationError(
-                rule.what, where=rule.where, value=None if found is None else repr(found), remedy=rule.remedy(arming)
+                rule.what,
+                where=rule.where,
+                value=None if found is None else repr(found),
+                remedy=rule.remedy(arming),
             )
 
 
 def guard_check(read: Callable[[], tuple[int, bool]] | None) -> Check:
-    """The guard's contact: `read` gives the input's value and whether that means closed; None: no input is configured."""
+    """The guard's contact: `read` gives the input's value and whether that means closed; None: no
+    input is configured.
+    """
     if read is None:
-        return Check("guard", "warning", "no guard input is configured: nobody looks whether the guard is closed")
+        return Check(
+            "guard",
+            "warning",
+            "no guard input is configured: nobody looks whether the guard is closed",
+        )
     try:
         value, closed = read()
     except DriverError as error:
-        return Check("guard", "failed", f"the guard input cannot be read: {error}", "Correct [guard] in the configuration.")
+        return Check(
+            "guard",
+            "failed",
+            f"the guard input cannot be read: {error}",
+            "Correct [guard] in the configuration.",
+        )
     if closed:
         return Check("guard", "ok", f"closed (input 0x{value:X})")
-    return Check("guard", "failed", f"open (input 0x{value:X})", "Close the guard, then start again.")
+    return Check(
+        "guard", "failed", f"open (input 0x{value:X})", "Close the guard, then start again."
+    )

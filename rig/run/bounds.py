@@ -73,7 +73,9 @@ class Watch:
 
 @dataclass(frozen=True)
 class Geometry:
-    """What ties both encoders together: ratio, sense of the output encoder, stiffest torsion spring, angle that is not torque."""
+    """What ties both encoders together: ratio, sense of the output encoder, stiffest torsion
+    spring, angle that is not torque.
+    """
 
     ratio: float
     output_sense: int
@@ -93,14 +95,26 @@ class BoundMaker:
     watch: Watch
 
     def always(self, reference: NDArray[np.int64]) -> tuple[Bound, ...]:
-        """What must hold in every cycle; `reference` are the counts at the untwisted start, in the order of the channels."""
+        """What must hold in every cycle; `reference` are the counts at the untwisted start, in the
+        order of the channels.
+        """
         counts = dict(zip(self.channels, reference.tolist(), strict=True))
         twist = self.twist(counts)
-        bounds = [*self.speeds(), *self.torques(), *self.travels(counts), *([twist] if twist is not None else [])]
+        bounds = [
+            *self.speeds(),
+            *self.torques(),
+            *self.travels(counts),
+            *([twist] if twist is not None else []),
+        ]
         if HOUSING_TEMPERATURE in self.channels:
             channel = self.channels[HOUSING_TEMPERATURE]
-            weights, high = {channel.name: _weight(channel)}, self.limits.value(lim.HOUSING_TEMPERATURE)
-            bounds.append(Bound(OVER_TEMPERATURE, weights, high=high, offset=channel.offset, consecutive=10))
+            weights, high = (
+                {channel.name: _weight(channel)},
+                self.limits.value(lim.HOUSING_TEMPERATURE),
+            )
+            bounds.append(
+                Bound(OVER_TEMPERATURE, weights, high=high, offset=channel.offset, consecutive=10)
+            )
         if STATUSWORD in self.channels:
             bounds.append(Bound(DRIVE_FAULT, {STATUSWORD: 1.0}, high=0.5, mask=FAULT_BIT))
         return tuple(bounds)
@@ -111,7 +125,15 @@ class BoundMaker:
         if GUARD_CLOSED in self.channels:
             bounds.append(Bound(GUARD_OPEN, {GUARD_CLOSED: 1.0}, low=0.5))
         if STATUSWORD in self.channels:
-            bounds.append(Bound(UNEXPECTED_STATE, {STATUSWORD: 1.0}, ENABLED - 0.5, ENABLED + 0.5, mask=STATE_MASK))
+            bounds.append(
+                Bound(
+                    UNEXPECTED_STATE,
+                    {STATUSWORD: 1.0},
+                    ENABLED - 0.5,
+                    ENABLED + 0.5,
+                    mask=STATE_MASK,
+                )
+            )
         return tuple(bounds)
 
     def speeds(self) -> list[Bound]:
@@ -125,16 +147,30 @@ class BoundMaker:
             weight = self.geometry.ratio * self.channels[OUTPUT_ANGLE].scale / (lag * self.period)
             # Torsional vibration rides on the output's speed: room for it, the input is watched tighter.
             room = 1.3 * limit + 2.0 * weight
-            bounds.append(Bound(OVER_SPEED_OUTPUT, {OUTPUT_ANGLE: weight}, -room, room, lag=lag, consecutive=2))
+            bounds.append(
+                Bound(
+                    OVER_SPEED_OUTPUT, {OUTPUT_ANGLE: weight}, -room, room, lag=lag, consecutive=2
+                )
+            )
         return bounds
 
     def torques(self) -> list[Bound]:
         """Motor torque at the port and as the drive reports it, with room for the port's offset and scale."""
-        limit = self.watch.torque_room * self.limits.value(lim.MOTOR_TORQUE) + self.watch.torque_offset
+        limit = (
+            self.watch.torque_room * self.limits.value(lim.MOTOR_TORQUE) + self.watch.torque_offset
+        )
         found = [self.channels[name] for name in (TORQUE, DRIVE_TORQUE) if name in self.channels]
         cycles = self.watch.torque_cycles
         return [
-            Bound(OVER_TORQUE, {c.name: _weight(c)}, -limit, limit, offset=c.offset, consecutive=cycles) for c in found
+            Bound(
+                OVER_TORQUE,
+                {c.name: _weight(c)},
+                -limit,
+                limit,
+                offset=c.offset,
+                consecutive=cycles,
+            )
+            for c in found
         ]
 
     def travels(self, reference: Mapping[str, int]) -> list[Bound]:
@@ -143,7 +179,9 @@ class BoundMaker:
         if math.isinf(low) and math.isinf(high):
             return []
         weight = _weight(self.channels[INPUT_ANGLE])
-        return [Bound(TRAVEL, {INPUT_ANGLE: weight}, low, high, offset=-weight * reference[INPUT_ANGLE])]
+        return [
+            Bound(TRAVEL, {INPUT_ANGLE: weight}, low, high, offset=-weight * reference[INPUT_ANGLE])
+        ]
 
     def twist(self, reference: Mapping[str, int]) -> Bound | None:
         """K (theta_i/N - theta_o), zero at the reference; the angle that is not torque is taken off the limit."""

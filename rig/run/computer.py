@@ -1,4 +1,6 @@
-"""What a run in real time asks of the computer: a place in the real-time class, and to stay in memory. Refusals are said."""
+"""What a run in real time asks of the computer: a place in the real-time class, and to stay in
+memory. Refusals are said.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,11 @@ def claim_real_time(priority: int, lock_memory: bool) -> tuple[Check, ...]:
 def _claim_priority(priority: int) -> Check:
     remedy = "Allow it (ulimit -r, or CAP_SYS_NICE), or set real_time.scheduler_priority = 0."
     if not hasattr(os, "sched_setscheduler"):
-        return Check("scheduler", "warning", f"{sys.platform} has no SCHED_FIFO: the loop is scheduled like any program")
+        return Check(
+            "scheduler",
+            "warning",
+            f"{sys.platform} has no SCHED_FIFO: the loop is scheduled like any program",
+        )
     try:
         for thread in _threads():
             os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
@@ -49,5 +55,10 @@ def _lock_memory() -> Check:
         return Check("memory", "warning", f"memory cannot be locked on {sys.platform}: {error}")
     if refused:
         reason = os.strerror(ctypes.get_errno())
-        return Check("memory", "warning", f"memory was not locked: {reason}", "Raise `ulimit -l`, or set lock_memory = false.")
+        return Check(
+            "memory",
+            "warning",
+            f"memory was not locked: {reason}",
+            "Raise `ulimit -l`, or set lock_memory = false.",
+        )
     return Check("memory", "ok", "locked")

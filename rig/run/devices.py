@@ -1,4 +1,6 @@
-"""What a port may offer beyond exchanging cycles: events of its devices, figures of its acquisition, a way past the loop."""
+"""What a port may offer beyond exchanging cycles: events of its devices, figures of its
+acquisition, a way past the loop.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,9 @@ class StopsAlone(Protocol):
 
 
 class DeviceListener:
-    """Brings what the devices of a port tell into the logbook of a run. `told` is the latest error in a device's own words."""
+    """Brings what the devices of a port tell into the logbook of a run. `told` is the latest error
+    in a device's own words.
+    """
 
     def __init__(self, port: RigPort, logbook: Logbook) -> None:
         self.told = ""
@@ -68,4 +72,6 @@ class DeviceListener:
             for event in self._port.events():
                 if event.level == "error":
                     self.told = f"{event.source}: {event.text}"
-                self._logbook.event(event.level, event.code, event.source, event.text, event.time_ns)
+                self._logbook.event(
+                    event.level, event.code, event.source, event.text, event.time_ns
+                )

@@ -1,4 +1,5 @@
-"""The dry run: a plan walked with no rig. Duration, revolutions, samples, file size, peaks, and the margin to every limit.
+"""The dry run: a plan walked with no rig. Duration, revolutions, samples, file size, peaks, and the
+margin to every limit.
 
 Torque at the input: T = T_f(omega) + T_f,motor(omega) + (J_i + J_o/N^2) alpha, with T_f of equation 20 (or its energy
 balance). A plan that would break a limit is refused here, before a file is made or anything moves.
@@ -48,9 +49,15 @@ class Margin:
     def as_json(self) -> dict[str, Any]:
         """The margin as `rig plan --json` prints it."""
         return {
-            "quantity": self.quantity, "value": self.value, "unit": self.limit.unit, "where": self.where,
-            "limit": self.limit.value, "tier": self.limit.tier, "origin": self.limit.origin, "margin": self.margin,
-        }  # fmt: skip
+            "quantity": self.quantity,
+            "value": self.value,
+            "unit": self.limit.unit,
+            "where": self.where,
+            "limit": self.limit.value,
+            "tier": self.limit.tier,
+            "origin": self.limit.origin,
+            "margin": self.margin,
+        }
 
 
 @dataclass(frozen=True)
@@ -95,7 +102,9 @@ class PlannedRun:
 
     def space_needed(self, channels: int = TYPICAL_CHANNELS) -> int:
         """Disk space for the longest run before anything is compressed [bytes]."""
-        return round(self.longest * self.sample_rate * channels * WORST_BYTES_PER_SAMPLE) + 1_000_000
+        return (
+            round(self.longest * self.sample_rate * channels * WORST_BYTES_PER_SAMPLE) + 1_000_000
+        )
 
     @property
     def travel(self) -> tuple[float, float]:
@@ -121,7 +130,9 @@ class PlannedRun:
             "steps": len(self.plan),
             "duration": {"nominal": self.nominal, "longest": self.longest, "unit": "s"},
             "input_revolutions": self.input_revolutions,
-            "output_revolutions": self.input_revolutions / self.load.ratio if self.experiment.gear_mounted else 0.0,
+            "output_revolutions": self.input_revolutions / self.load.ratio
+            if self.experiment.gear_mounted
+            else 0.0,
             "samples": self.samples,
             "sample_rate": {"value": self.sample_rate, "unit": "Hz"},
             "file_size": {"value": self.file_size(), "unit": "bytes"},
@@ -141,7 +152,9 @@ def plan_run(
     sample_rate: float = DEFAULT_SAMPLE_RATE,
     configured: Mapping[str, float] | None = None,
 ) -> PlannedRun:
-    """Walk a protocol's plan. Raises `PlanError` for one that is impossible, `LimitError` for one that breaks a limit."""
+    """Walk a protocol's plan. Raises `PlanError` for one that is impossible, `LimitError` for one
+    that breaks a limit.
+    """
     plan = tuple(experiment.plan(parameters, gear))
     disc = float(getattr(parameters, "disc_inertia", 0.0))
     load = load_of(gear, motor, mounting, experiment.gear_mounted, disc)
@@ -149,11 +162,30 @@ def plan_run(
     steps = walk(plan, load, static, 1.0 / sample_rate)
     fastest = max((abs(step.speed) for step in steps), default=0.0)
     limits = derive_limits(
-        gear, motor, mounting, gear_mounted=experiment.gear_mounted, disc_inertia=disc, plan_speed=fastest,
+        gear,
+        motor,
+        mounting,
+        gear_mounted=experiment.gear_mounted,
+        disc_inertia=disc,
+        plan_speed=fastest,
         configured=configured,
-    )  # fmt: skip
-    margins = tuple(_margins(steps, limits, load, lambda w: _friction(gear, motor, experiment.gear_mounted, w)))
-    planned = PlannedRun(experiment, parameters, gear, motor, mounting, sample_rate, plan, steps, limits, load, margins)
+    )
+    margins = tuple(
+        _margins(steps, limits, load, lambda w: _friction(gear, motor, experiment.gear_mounted, w))
+    )
+    planned = PlannedRun(
+        experiment,
+        parameters,
+        gear,
+        motor,
+        mounting,
+        sample_rate,
+        plan,
+        steps,
+        limits,
+        load,
+        margins,
+    )
     for margin in margins:
         refuse_broken(margin)
     return planned
@@ -210,7 +242,9 @@ def _margins(
         lim.INPUT_SPEED: lambda step: abs(step.speed),
         lim.ACCELERATION: lambda step: step.acceleration,
         lim.MOTOR_TORQUE: motor_torque,
-        lim.TORSION_TORQUE: lambda step: max(load.gear_torque(acceleration(step)), load.ratio * step.torque),
+        lim.TORSION_TORQUE: lambda step: max(
+            load.gear_torque(acceleration(step)), load.ratio * step.torque
+        ),
     }
     for quantity, of in peaks.items():
         limit = limits.tightest(quantity)
@@ -221,7 +255,11 @@ def _margins(
     means = {
         lim.AVERAGE_SPEED: sum(abs(step.angle) for step in steps) / duration if duration else 0.0,
         lim.RMS_TORQUE: math.sqrt(
-            sum(step.nominal * (friction(step.speed) if step.angle else step.torque) ** 2 for step in steps) / duration
+            sum(
+                step.nominal * (friction(step.speed) if step.angle else step.torque) ** 2
+                for step in steps
+            )
+            / duration
         )
         if duration
         else 0.0,

@@ -1,8 +1,10 @@
-"""The engine: turns the steps of a plan into commands, opens and closes segments, and ends feedback steps on what it sees.
+"""The engine: turns the steps of a plan into commands, opens and closes segments, and ends feedback
+steps on what it sees.
 
-Each kind of step is one short generator of phases. Conditions are either bounds that the port watches in every cycle, or
-means over windows that end at fixed cycles: nothing depends on how the run is cut into blocks. A step that does not end
-within its `at_most` is a `StepFailedError`: a rig that is broken must not fail a gear.
+Each kind of step is one short generator of phases. Conditions are either bounds that the port
+watches in every cycle, or means over windows that end at fixed cycles: nothing depends on how the
+run is cut into blocks. A step that does not end within its `at_most` is a `StepFailedError`: a rig
+that is broken must not fail a gear.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ ENABLE_PATIENCE = 2.0
 STAND_TIME = 0.05
 """s of standstill at the end of a move."""
 SHORTEST_APPROACH = 0.1
-"""rad; an angle that is nearer than this is approached by a whole revolution, so that it is reached from the stated side."""
+"""rad; an angle that is nearer than this is approached by a whole revolution, so that it is reached
+from the stated side.
+"""
 CUT = " (cut)"
 """Added to the label of a segment that was ended by a stop or a trip, so that no analysis takes it for a whole one."""
 
@@ -57,7 +61,12 @@ class Engine:
     """Walks a plan on a rig. `next(block)` gives the next turn, None when the plan is over."""
 
     def __init__(
-        self, plan: Sequence[s.Step], machine: Machine, journal: Journal, ask: Ask, block_cycles: int = 1000
+        self,
+        plan: Sequence[s.Step],
+        machine: Machine,
+        journal: Journal,
+        ask: Ask,
+        block_cycles: int = 1000,
     ) -> None:
         self.plan = tuple(plan)
         self.index = 0
@@ -80,7 +89,10 @@ class Engine:
         """Close the open segment because the plan ends here, and mark it as cut."""
         if self._open is not None:
             label, start = self._open
-            self._open = (s.SegmentLabel(label.label + CUT, label.setpoint, label.direction, label.repeat), start)
+            self._open = (
+                s.SegmentLabel(label.label + CUT, label.setpoint, label.direction, label.repeat),
+                start,
+            )
             self._close_segment()
 
     def _walk(self) -> Phases:
@@ -123,13 +135,19 @@ class Engine:
         wanted = _mode_of(step)
         window = cycles_of(ENABLE_WINDOW, m.period)
         if wanted is Mode.OFF and m.mode is not Mode.OFF:
-            yield from self._until_state(Mode.OFF, lambda state: state not in POWERED_STATES, "switch off", window)
+            yield from self._until_state(
+                Mode.OFF, lambda state: state not in POWERED_STATES, "switch off", window
+            )
         elif wanted is not Mode.OFF and m.mode not in (Mode.SPEED, Mode.TORQUE):
-            yield from self._until_state(wanted, lambda state: state is DriveState.ENABLED, "switch on", window)
+            yield from self._until_state(
+                wanted, lambda state: state is DriveState.ENABLED, "switch on", window
+            )
         elif m.mode is Mode.TORQUE and wanted is Mode.SPEED and not isinstance(step, s.Ramp):
             yield Phase(Mode.SPEED, window)
 
-    def _until_state(self, mode: Mode, good: Callable[[DriveState], bool], what: str, window: int) -> Phases:
+    def _until_state(
+        self, mode: Mode, good: Callable[[DriveState], bool], what: str, window: int
+    ) -> Phases:
         m = self._machine
         for _ in range(math.ceil(ENABLE_PATIENCE / ENABLE_WINDOW)):
             yield Phase(mode, window, enabled=False)
@@ -155,14 +173,19 @@ def _mode_of(step: s.Step) -> Mode:
 
 
 def turned(machine: Machine, angle: float, direction: float) -> Bound:
-    """The bound that ends a phase once the input has turned by `angle` [rad] >= 0 in `direction` from where it is now."""
+    """The bound that ends a phase once the input has turned by `angle` [rad] >= 0 in `direction`
+    from where it is now.
+    """
     channel = machine.channels[INPUT_ANGLE]
     weight = math.copysign(channel.scale, direction) * channel.direction
     # Half a count less: the count nearest to the angle already ends the phase.
     return Bound(
-        "turned", {INPUT_ANGLE: weight}, high=max(angle - 0.5 * channel.scale, 0.0),
-        offset=-weight * machine.counts(INPUT_ANGLE), is_trip=False,
-    )  # fmt: skip
+        "turned",
+        {INPUT_ANGLE: weight},
+        high=max(angle - 0.5 * channel.scale, 0.0),
+        offset=-weight * machine.counts(INPUT_ANGLE),
+        is_trip=False,
+    )
 
 
 def _servo_off(step: s.ServoOff, m: Machine, journal: Journal) -> Phases:
@@ -194,7 +217,9 @@ def _speed_step(step: s.SpeedStep, m: Machine, journal: Journal) -> Phases:
 
 def _hold_revolutions(step: s.HoldRevolutions, m: Machine, journal: Journal) -> Phases:
     if m.setpoint == 0.0:
-        raise StepFailedError("revolutions cannot be counted at standstill", where="HoldRevolutions", value="0 r/min")
+        raise StepFailedError(
+            "revolutions cannot be counted at standstill", where="HoldRevolutions", value="0 r/min"
+        )
     until = turned(m, step.revolutions * REVOLUTION, m.setpoint)
     end = yield Phase(Mode.SPEED, cycles_of(step.at_most, m.period), Constant(m.setpoint), (until,))
     if end.broken is None:
@@ -213,10 +238,13 @@ def _settle(step: s.Settle, m: Machine, journal: Journal) -> Phases:
             return
         previous = mean
     journal.event(
-        "warning", "not-settled", "engine",
-        f"torque at {m.setpoint / RPM:.4g} r/min still changed by more than {step.tolerance:g} N m per {step.window:.3g} s "
+        "warning",
+        "not-settled",
+        "engine",
+        f"torque at {m.setpoint / RPM:.4g} r/min still changed by more than {step.tolerance:g} "
+        f"N m per {step.window:.3g} s "
         f"after {step.at_most:g} s",
-    )  # fmt: skip
+    )
 
 
 def _approach(step: Any, m: Machine, distance: float) -> Phases:
@@ -235,7 +263,9 @@ def _approach(step: Any, m: Machine, distance: float) -> Phases:
 
 def _move_to_angle(step: s.MoveToAngle, m: Machine, journal: Journal) -> Phases:
     channel = m.channels[INPUT_ANGLE]
-    origin = int(m.first[m.column[INPUT_ANGLE]]) * channel.direction * channel.scale + channel.offset
+    origin = (
+        int(m.first[m.column[INPUT_ANGLE]]) * channel.direction * channel.scale + channel.offset
+    )
     if m.has(INPUT_INDEX) and m.has(INDEX_SEEN) and m.counts(INDEX_SEEN) & 1:
         origin = m.si(INPUT_INDEX)
     ahead = math.copysign(1.0, step.speed) * (origin + step.phase - m.si(INPUT_ANGLE))
@@ -259,14 +289,21 @@ def _find_index(step: s.FindIndex, m: Machine, journal: Journal) -> Phases:
             limit=f"channels {latch}, {INDEX_SEEN}",
         )
     if m.counts(INDEX_SEEN) & bit:
-        until = Bound("index", {latch: 1.0}, -0.5, 0.5, offset=-float(m.counts(latch)), is_trip=False)
+        until = Bound(
+            "index", {latch: 1.0}, -0.5, 0.5, offset=-float(m.counts(latch)), is_trip=False
+        )
     else:
         until = Bound("index", {INDEX_SEEN: 1.0}, high=0.5, mask=bit, is_trip=False)
     end = yield Phase(Mode.SPEED, cycles_of(step.at_most, m.period), Constant(step.speed), (until,))
     if end.broken is None:
         raise _overdue(step, m, f"the {step.which} index mark", step.at_most)
     angle = m.si(latch)
-    journal.event("info", f"index-{step.which}", "engine", f"{step.which} index mark latched at {angle:.6f} rad")
+    journal.event(
+        "info",
+        f"index-{step.which}",
+        "engine",
+        f"{step.which} index mark latched at {angle:.6f} rad",
+    )
 
 
 def _torque_ramp(step: s.TorqueRamp, m: Machine, journal: Journal) -> Phases:
@@ -274,15 +311,21 @@ def _torque_ramp(step: s.TorqueRamp, m: Machine, journal: Journal) -> Phases:
     profile = ramp(0.0, limit, abs(step.rate), m.period)
     channel = m.channels[INPUT_ANGLE]
     moved = Bound(
-        "motion", {INPUT_ANGLE: channel.scale}, -step.motion, step.motion,
-        offset=-channel.scale * m.counts(INPUT_ANGLE), is_trip=False,
-    )  # fmt: skip
+        "motion",
+        {INPUT_ANGLE: channel.scale},
+        -step.motion,
+        step.motion,
+        offset=-channel.scale * m.counts(INPUT_ANGLE),
+        is_trip=False,
+    )
     end = yield Phase(Mode.TORQUE, max(profile.cycles, 1), profile, (moved,))
     torque = float(profile.targets(end.cycles - 1, 1)[0])
     if end.broken is None:
         journal.event("warning", "no-motion", "engine", f"no motion up to {torque:.4g} N m")
     else:
-        journal.event("info", "first-motion", "engine", f"first motion at {torque:.4g} N m of set-point")
+        journal.event(
+            "info", "first-motion", "engine", f"first motion at {torque:.4g} N m of set-point"
+        )
 
 
 def _overdue(step: s.Step, m: Machine, what: str, allowed: float) -> StepFailedError:

@@ -38,12 +38,16 @@ class StepForecast:
         return f"step {self.index + 1} ({self.what})"
 
 
-def walk(plan: Iterable[s.Step], load: Load, starting_torque: float, period: float) -> tuple[StepForecast, ...]:
+def walk(
+    plan: Iterable[s.Step], load: Load, starting_torque: float, period: float
+) -> tuple[StepForecast, ...]:
     """Every step of a plan with an ideal rig: `load` it turns, `starting_torque` [N m] at which it begins to move."""
     found: list[StepForecast] = []
     setpoint, powered = 0.0, False
     for index, step in enumerate(plan):
-        forecast = _FORECASTS[type(step)](_Context(index, setpoint, load, starting_torque, period), step)
+        forecast = _FORECASTS[type(step)](
+            _Context(index, setpoint, load, starting_torque, period), step
+        )
         if not isinstance(step, (s.Mark, s.Prompt)):
             switched = isinstance(step, s.ServoOff) is powered
             powered = not isinstance(step, s.ServoOff)
@@ -62,12 +66,16 @@ class _Context:
     starting_torque: float
     period: float
 
-    def make(self, step: s.Step, nominal: float, longest: float | None = None, **values: Any) -> StepForecast:
+    def make(
+        self, step: s.Step, nominal: float, longest: float | None = None, **values: Any
+    ) -> StepForecast:
         values.setdefault("begin", self.setpoint)
         values.setdefault("end", self.setpoint)
         peak = max(abs(values["begin"]), abs(values["end"]), abs(values.get("speed", 0.0)))
         values["speed"] = peak
-        return StepForecast(self.index, describe(step), nominal, nominal if longest is None else longest, **values)
+        return StepForecast(
+            self.index, describe(step), nominal, nominal if longest is None else longest, **values
+        )
 
     def refuse(self, step: s.Step, what: str, value: str) -> PlanError:
         return PlanError(what, where=f"step {self.index + 1} ({describe(step)})", value=value)
@@ -86,12 +94,19 @@ def _servo_off(c: _Context, step: s.ServoOff) -> StepForecast:
 
 def _ramp(c: _Context, step: s.Ramp) -> StepForecast:
     if not step.acceleration > 0.0:
-        raise c.refuse(step, "a ramp needs a positive acceleration", f"{step.acceleration:g} rad/s2")
+        raise c.refuse(
+            step, "a ramp needs a positive acceleration", f"{step.acceleration:g} rad/s2"
+        )
     profile = ramp(c.setpoint, step.speed, step.acceleration, c.period)
     cycles = max(profile.cycles, 1)
     angle = ramp_travel(c.setpoint, step.speed, cycles, c.period)
     return c.make(
-        step, cycles * c.period, angle=angle, travel=_both(angle), end=step.speed, acceleration=step.acceleration
+        step,
+        cycles * c.period,
+        angle=angle,
+        travel=_both(angle),
+        end=step.speed,
+        acceleration=step.acceleration,
     )
 
 
@@ -102,7 +117,9 @@ def _speed_step(c: _Context, step: s.SpeedStep) -> StepForecast:
     longest = step.duration + (1.5 * missing + 2.0 if missing else 0.0)
     angle = step.speed * nominal
     low, high = sorted((0.0, step.speed * longest))
-    return c.make(step, nominal, longest, angle=angle, travel=(low, high), end=step.speed, at_drive_ramp=True)
+    return c.make(
+        step, nominal, longest, angle=angle, travel=(low, high), end=step.speed, at_drive_ramp=True
+    )
 
 
 def _hold_revolutions(c: _Context, step: s.HoldRevolutions) -> StepForecast:
@@ -110,7 +127,9 @@ def _hold_revolutions(c: _Context, step: s.HoldRevolutions) -> StepForecast:
         raise c.refuse(step, "revolutions cannot be counted at standstill", "0 r/min")
     nominal = step.revolutions * REVOLUTION / abs(c.setpoint)
     if nominal > step.at_most:
-        raise c.refuse(step, f"takes longer than its own limit of {step.at_most:g} s", f"{nominal:.4g} s")
+        raise c.refuse(
+            step, f"takes longer than its own limit of {step.at_most:g} s", f"{nominal:.4g} s"
+        )
     angle = math.copysign(step.revolutions * REVOLUTION, c.setpoint)
     return c.make(step, nominal, step.at_most, angle=angle, travel=_both(angle))
 
@@ -129,7 +148,9 @@ def _settle(c: _Context, step: s.Settle) -> StepForecast:
 def _move(c: _Context, step: Any, distance: float, travel: tuple[float, float]) -> StepForecast:
     if not (step.acceleration > 0.0 and step.speed != 0.0):
         raise c.refuse(
-            step, "a move needs a speed and a positive acceleration", f"{step.speed:g}, {step.acceleration:g}"
+            step,
+            "a move needs a speed and a positive acceleration",
+            f"{step.speed:g}, {step.acceleration:g}",
         )
     speed = cruise_speed(step.speed, step.acceleration, distance, c.period)
     up = speed / step.acceleration
@@ -137,15 +158,26 @@ def _move(c: _Context, step: Any, distance: float, travel: tuple[float, float]) 
     cruise = max(abs(distance) - 2.0 * brake, 0.0) / speed
     nominal = 2.0 * up + cruise + cycles_of(STAND_TIME, c.period) * c.period
     if nominal > step.at_most:
-        raise c.refuse(step, f"takes longer than its own limit of {step.at_most:g} s", f"{nominal:.4g} s")
+        raise c.refuse(
+            step, f"takes longer than its own limit of {step.at_most:g} s", f"{nominal:.4g} s"
+        )
     longest = step.at_most + up + STAND_TIME
     return c.make(
-        step, nominal, longest, angle=distance, travel=travel, speed=speed, end=0.0, acceleration=step.acceleration
+        step,
+        nominal,
+        longest,
+        angle=distance,
+        travel=travel,
+        speed=speed,
+        end=0.0,
+        acceleration=step.acceleration,
     )
 
 
 def _move_to_angle(c: _Context, step: s.MoveToAngle) -> StepForecast:
-    farthest = math.copysign(REVOLUTION + SHORTEST_APPROACH + step.speed**2 / step.acceleration, step.speed)
+    farthest = math.copysign(
+        REVOLUTION + SHORTEST_APPROACH + step.speed**2 / step.acceleration, step.speed
+    )
     low, high = sorted((0.0, farthest))
     return _move(c, step, math.copysign(0.5 * REVOLUTION, step.speed), (low, high))
 
@@ -162,14 +194,22 @@ def _find_index(c: _Context, step: s.FindIndex) -> StepForecast:
     nominal = min(half / abs(step.speed), step.at_most) if step.speed else step.at_most
     low, high = sorted((0.0, step.speed * step.at_most))
     return c.make(
-        step, nominal, step.at_most, angle=step.speed * nominal, travel=(low, high), end=step.speed, at_drive_ramp=True
+        step,
+        nominal,
+        step.at_most,
+        angle=step.speed * nominal,
+        travel=(low, high),
+        end=step.speed,
+        at_drive_ramp=True,
     )
 
 
 def _torque_ramp(c: _Context, step: s.TorqueRamp) -> StepForecast:
     if not (step.rate and step.limit > 0.0):
         raise c.refuse(
-            step, "a torque ramp needs a rate and a positive limit", f"{step.rate:g} N m/s, {step.limit:g} N m"
+            step,
+            "a torque ramp needs a rate and a positive limit",
+            f"{step.rate:g} N m/s, {step.limit:g} N m",
         )
     longest = step.limit / abs(step.rate)
     nominal = min(c.starting_torque / abs(step.rate), longest)
@@ -177,7 +217,9 @@ def _torque_ramp(c: _Context, step: s.TorqueRamp) -> StepForecast:
     low, high = sorted((0.0, coast))
     # The speed when friction vanishes at the first motion: the most that the rotor can pick up until the ramp ends.
     speed = math.sqrt(2.0 * min(c.starting_torque, step.limit) * step.motion / c.load.total_inertia)
-    return c.make(step, nominal, longest, travel=(low, high), end=0.0, speed=speed, torque=step.limit)
+    return c.make(
+        step, nominal, longest, travel=(low, high), end=0.0, speed=speed, torque=step.limit
+    )
 
 
 def _nothing(c: _Context, step: s.Step) -> StepForecast:
@@ -189,7 +231,16 @@ def _both(angle: float) -> tuple[float, float]:
 
 
 _FORECASTS: dict[type[Any], Callable[[_Context, Any], StepForecast]] = {
-    s.ServoOff: _servo_off, s.Ramp: _ramp, s.SpeedStep: _speed_step, s.HoldRevolutions: _hold_revolutions,
-    s.HoldTime: _hold_time, s.Settle: _settle, s.MoveToAngle: _move_to_angle, s.MoveRevolutions: _move_revolutions,
-    s.FindIndex: _find_index, s.TorqueRamp: _torque_ramp, s.Prompt: _nothing, s.Mark: _nothing,
-}  # fmt: skip
+    s.ServoOff: _servo_off,
+    s.Ramp: _ramp,
+    s.SpeedStep: _speed_step,
+    s.HoldRevolutions: _hold_revolutions,
+    s.HoldTime: _hold_time,
+    s.Settle: _settle,
+    s.MoveToAngle: _move_to_angle,
+    s.MoveRevolutions: _move_revolutions,
+    s.FindIndex: _find_index,
+    s.TorqueRamp: _torque_ramp,
+    s.Prompt: _nothing,
+    s.Mark: _nothing,
+}

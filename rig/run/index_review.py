@@ -1,8 +1,9 @@
 """The index marks' share of the review: between two passes of a mark the counter must count whole revolutions.
 
-Marks are compared with the first one that was passed in the same direction (passed from the other side a mark lies elsewhere,
-by its own width), so that counts that are lost one by one add up. More than a mark's repeatability is an event; more than
-that by far, at several marks in a row, is a trip: the counter has lost its angle.
+Marks are compared with the first one that was passed in the same direction (passed from the other
+side a mark lies elsewhere, by its own width), so that counts that are lost one by one add up. More
+than a mark's repeatability is an event; more than that by far, at several marks in a row, is a
+trip: the counter has lost its angle.
 """
 
 from __future__ import annotations
@@ -13,14 +14,26 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.channel import INDEX_SEEN, INPUT_ANGLE, INPUT_INDEX, OUTPUT_ANGLE, OUTPUT_INDEX, Channel
+from drivers.channel import (
+    INDEX_SEEN,
+    INPUT_ANGLE,
+    INPUT_INDEX,
+    OUTPUT_ANGLE,
+    OUTPUT_INDEX,
+    Channel,
+)
 from drivers.counting import index_intervals, lost_counts
 from drivers.samples import CycleFlag, SampleBlock
 from rig.run.bounds import Watch
 from rig.run.trips import LOST_COUNTS, Trip
 
 DOUBTFUL = (
-    CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | CycleFlag.SHORT | CycleFlag.JUMPED | CycleFlag.SIGNAL_ERROR
+    CycleFlag.INCOMPLETE
+    | CycleFlag.LATE
+    | CycleFlag.DOUBLED
+    | CycleFlag.SHORT
+    | CycleFlag.JUMPED
+    | CycleFlag.SIGNAL_ERROR
 )
 """Marks of cycles whose latch is not looked at."""
 SIDES = ((INPUT_ANGLE, INPUT_INDEX, 1), (OUTPUT_ANGLE, OUTPUT_INDEX, 2))
@@ -29,7 +42,8 @@ SIDES = ((INPUT_ANGLE, INPUT_INDEX, 1), (OUTPUT_ANGLE, OUTPUT_INDEX, 2))
 
 @dataclass(frozen=True)
 class MarkState:
-    """One encoder: latest count and latch (None: none yet), first latch by direction, marks compared, counts too many (+) or
+    """One encoder: latest count and latch (None: none yet), first latch by direction, marks
+    compared, counts too many (+) or
     lost (-) at the latest and at worst, the excess that was told last, marks beyond the limit in a row."""
 
     count: int | None = None
@@ -62,21 +76,28 @@ class IndexReview:
         trips: list[Trip] = []
         notes: list[tuple[str, str]] = []
         sides = [
-            self._side(side, names, block, start, trips, notes) for side, names in zip(state, SIDES, strict=True)
-        ]  # fmt: skip
+            self._side(side, names, block, start, trips, notes)
+            for side, names in zip(state, SIDES, strict=True)
+        ]
         return (sides[0], sides[1]), trips, tuple(notes)
 
     def figures(self, state: IndexState) -> dict[str, dict[str, int]]:
         """Marks that were compared and the counts that were too many or lost, by encoder."""
         return {
             names[0]: {"marks": side.marks, "excess": side.excess, "worst_excess": side.worst}
-            for side, names in zip(state, SIDES, strict=True) if side.marks
-        }  # fmt: skip
+            for side, names in zip(state, SIDES, strict=True)
+            if side.marks
+        }
 
     def _side(
-        self, state: MarkState, names: tuple[str, str, int], block: SampleBlock, start: int, trips: list[Trip],
+        self,
+        state: MarkState,
+        names: tuple[str, str, int],
+        block: SampleBlock,
+        start: int,
+        trips: list[Trip],
         notes: list[tuple[str, str]],
-    ) -> MarkState:  # fmt: skip
+    ) -> MarkState:
         angle, index, bit = names
         if not all(name in self.column for name in (angle, index, INDEX_SEEN)):
             return state
@@ -85,7 +106,9 @@ class IndexReview:
         if not revolution:
             return state
         counts, latches = block.counts[:, self.column[angle]], block.counts[:, self.column[index]]
-        usable = ((block.counts[:, self.column[INDEX_SEEN]] & bit) != 0) & ((block.flags & DOUBTFUL) == 0)
+        usable = ((block.counts[:, self.column[INDEX_SEEN]] & bit) != 0) & (
+            (block.flags & DOUBTFUL) == 0
+        )
         for row in self._passes(state, latches, usable):
             before = int(counts[row - 1]) if row else state.count
             direction = 0 if before is None else int(np.sign(int(counts[row]) - before))
@@ -94,7 +117,9 @@ class IndexReview:
             state = replace(state, told=state.excess)
         return replace(state, count=int(counts[-1]))
 
-    def _passes(self, state: MarkState, latches: NDArray[np.int64], usable: NDArray[np.bool_]) -> list[int]:
+    def _passes(
+        self, state: MarkState, latches: NDArray[np.int64], usable: NDArray[np.bool_]
+    ) -> list[int]:
         """The rows in which another mark is latched than before."""
         rows = np.flatnonzero(usable)
         if not len(rows):
@@ -115,21 +140,44 @@ class IndexReview:
         excess = intervals[0].excess if intervals else 0
         far = bool(lost_counts(intervals, self.watch.index_lost_counts))
         return replace(
-            state, marks=state.marks + 1, excess=excess, worst=max(state.worst, excess, key=abs),
+            state,
+            marks=state.marks + 1,
+            excess=excess,
+            worst=max(state.worst, excess, key=abs),
             beyond=state.beyond + 1 if far else 0,
-        )  # fmt: skip
+        )
 
     def _tell(
-        self, state: MarkState, channel: Channel, row: int, trips: list[Trip], notes: list[tuple[str, str]]
+        self,
+        state: MarkState,
+        channel: Channel,
+        row: int,
+        trips: list[Trip],
+        notes: list[tuple[str, str]],
     ) -> None:
         if abs(state.excess - state.told) > self.watch.index_repeatability:
             what = "too many" if state.excess > 0 else "lost"
             text = (
-                f"{channel.name}: {abs(state.excess)} counts {what} at an index mark since the first one passed in this "
+                f"{channel.name}: {abs(state.excess)} counts {what} at an index mark since the "
+                "first one passed in this "
                 f"direction, row {row}"
             )
-            notes.append(("index-mark", text if state.excess else f"{channel.name}: index mark in its place again, row {row}"))
+            notes.append(
+                (
+                    "index-mark",
+                    text
+                    if state.excess
+                    else f"{channel.name}: index mark in its place again, row {row}",
+                )
+            )
         if state.beyond >= self.watch.index_marks:
             trips.append(
-                Trip(LOST_COUNTS, row, float(state.excess), float(self.watch.index_lost_counts), "counts", channel.name)
+                Trip(
+                    LOST_COUNTS,
+                    row,
+                    float(state.excess),
+                    float(self.watch.index_lost_counts),
+                    "counts",
+                    channel.name,
+                )
             )

@@ -20,6 +20,8 @@ def judge_by(planned: PlannedRun) -> Callable[[Path], Judgement]:
             result = planned.experiment.analyse(recording, Evidence(planned.gear))
         finally:
             close_recording(recording)
-        return Judgement(result.outcome, result.warnings, {name: float(v) for name, v in result.metrics.items()})
+        return Judgement(
+            result.outcome, result.warnings, {name: float(v) for name, v in result.metrics.items()}
+        )
 
     return judge

@@ -1,7 +1,9 @@
-"""The latch of a trip: a file in the folder of the runs that refuses the next run until somebody acknowledges it by name.
+"""The latch of a trip: a file in the folder of the runs that refuses the next run until somebody
+acknowledges it by name.
 
-The first cause stays: a later trip does not replace it. There is no automatic restart, not even of the program: the latch
-outlives the process. Every acknowledgement is appended to `acknowledged-trips.jsonl`, which is never edited.
+The first cause stays: a later trip does not replace it. There is no automatic restart, not even of
+the program: the latch outlives the process. Every acknowledgement is appended to
+`acknowledged-trips.jsonl`, which is never edited.
 """
 
 from __future__ import annotations
@@ -48,20 +50,29 @@ class TripLatch:
         except (OSError, ValueError):
             return LatchedTrip("unknown", "unknown", "", f"{self.path} cannot be read", False)
         fields = found if isinstance(found, dict) else {}
-        cause, run, time, message = (str(fields.get(name, "unknown")) for name in ("cause", "run", "time", "message"))
-        return LatchedTrip(cause, run, time, message, bool(fields.get("standstill_verified", False)))
+        cause, run, time, message = (
+            str(fields.get(name, "unknown")) for name in ("cause", "run", "time", "message")
+        )
+        return LatchedTrip(
+            cause, run, time, message, bool(fields.get("standstill_verified", False))
+        )
 
     def refuse(self) -> None:
         """Raise `LatchedTripError` while a trip is latched."""
         trip = self.read()
         if trip is None:
             return
-        unsafe = "" if trip.standstill_verified else " Standstill was NOT verified: look at the rig before anything else."
+        unsafe = (
+            ""
+            if trip.standstill_verified
+            else " Standstill was NOT verified: look at the rig before anything else."
+        )
         raise LatchedTripError(
-            f"a trip has not been acknowledged; nothing turns before it is.{unsafe}", where=str(self.folder),
+            f"a trip has not been acknowledged; nothing turns before it is.{unsafe}",
+            where=str(self.folder),
             value=f"{trip.cause} in run {trip.run}, {trip.time}",
             remedy=f"Find and remove the cause, then: rig acknowledge --operator NAME --output {self.folder}",
-        )  # fmt: skip
+        )
 
     def leave(self, trip: LatchedTrip) -> None:
         """Latch a trip; one that is latched already stays. Raises `RigError` when it cannot be written."""
@@ -75,18 +86,27 @@ class TripLatch:
             return
         except OSError as error:
             raise RigError(
-                f"the trip could not be latched: {error.strerror or error}", where=str(self.path),
+                f"the trip could not be latched: {error.strerror or error}",
+                where=str(self.path),
                 remedy="Do not run again before the cause has been found.",
-            ) from error  # fmt: skip
+            ) from error
 
     def acknowledge(self, operator: str, time: str, remark: str = "") -> LatchedTrip:
         """Release the latch in the name of an operator, and keep who it was. Raises `RigError` without trip or name."""
         name = operator.strip()
         if not name:
-            raise RigError("a trip is acknowledged by name", where="--operator", remedy="Say who acknowledges it.")
+            raise RigError(
+                "a trip is acknowledged by name",
+                where="--operator",
+                remedy="Say who acknowledges it.",
+            )
         trip = self.read()
         if trip is None:
-            raise RigError("no trip is latched here", where=str(self.folder), remedy="Name the folder with --output.")
+            raise RigError(
+                "no trip is latched here",
+                where=str(self.folder),
+                remedy="Name the folder with --output.",
+            )
         entry = {**asdict(trip), "acknowledged_by": name, "acknowledged_at": time, "remark": remark}
         try:
             with (self.folder / HISTORY_NAME).open("a", encoding="utf-8") as file:

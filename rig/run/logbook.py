@@ -21,7 +21,9 @@ from rig.run.order import OpenRun
 class Logbook:
     """Keeps what happens in one run. `epoch_ns` is the calendar time of a time stamp of zero."""
 
-    def __init__(self, run: OpenRun, epoch_ns: int, on_event: Callable[[Event], None] | None = None) -> None:
+    def __init__(
+        self, run: OpenRun, epoch_ns: int, on_event: Callable[[Event], None] | None = None
+    ) -> None:
         self.run = run
         self.error: RigError | None = None
         self.warnings: list[str] = []
@@ -39,7 +41,9 @@ class Logbook:
 
     def segment(self, label: SegmentLabel, start: int, stop: int) -> None:
         """Keep a finished segment (rows [start, stop))."""
-        segment = Segment(self._segments, label.label, start, stop, label.setpoint, label.direction, label.repeat)
+        segment = Segment(
+            self._segments, label.label, start, stop, label.setpoint, label.direction, label.repeat
+        )
         self._segments += 1
         with self._recording():
             self.run.recorder.segment(segment)
@@ -49,10 +53,15 @@ class Logbook:
         """The calendar time of the latest cycle (ISO 8601 with zone)."""
         return iso_time(self._epoch + self._stamp)
 
-    def event(self, level: str, code: str, source: str, text: str, stamp_ns: int | None = None) -> None:
-        """Keep an event, at `stamp_ns` of the rig's time base or else at the latest cycle; warnings and errors are listed in
+    def event(
+        self, level: str, code: str, source: str, text: str, stamp_ns: int | None = None
+    ) -> None:
+        """Keep an event, at `stamp_ns` of the rig's time base or else at the latest cycle; warnings
+        and errors are listed in
         the report as well."""
-        event = Event(self._epoch + (self._stamp if stamp_ns is None else stamp_ns), level, code, source, text)
+        event = Event(
+            self._epoch + (self._stamp if stamp_ns is None else stamp_ns), level, code, source, text
+        )
         if level in ("warning", "error"):
             self.warnings.append(text)
         with self._recording():
@@ -65,7 +74,9 @@ class Logbook:
         with self._recording():
             self.run.flush()
 
-    def close(self, outcome: str, acquisition: Mapping[str, Any] | None = None) -> tuple[Path, bool]:
+    def close(
+        self, outcome: str, acquisition: Mapping[str, Any] | None = None
+    ) -> tuple[Path, bool]:
         """Seal the run with the figures of its acquisition: its path, and whether that worked.
 
         A file that cannot be sealed is left to be recovered.
@@ -73,7 +84,9 @@ class Logbook:
         recorder = self.run.recorder
         if self.error is None:
             try:
-                return recorder.close(outcome, iso_time(self._epoch + self._stamp), acquisition), True
+                return recorder.close(
+                    outcome, iso_time(self._epoch + self._stamp), acquisition
+                ), True
             except RigError as error:
                 self._remember(error)
         recorder.abandon()
@@ -98,4 +111,6 @@ class Logbook:
 
 def iso_time(calendar_ns: int) -> str:
     """Calendar nanoseconds as ISO 8601 with the zone."""
-    return datetime.fromtimestamp(calendar_ns // 1000 * 1e-6, UTC).isoformat(timespec="milliseconds")
+    return datetime.fromtimestamp(calendar_ns // 1000 * 1e-6, UTC).isoformat(
+        timespec="milliseconds"
+    )

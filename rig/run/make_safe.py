@@ -1,8 +1,9 @@
 """Make-safe: how every run ends, whatever happened. Commands it, verifies it, escalates, and says so if it failed.
 
-Standstill is verified by the statusword *and* by both encoders over a window in which each of them was heard. Each action is
-a list of stages; a stage that is not obeyed in time leads to the next one, and every list ends with the servo off. Witnesses
-whose cyclic data stay away are asked one by one in the end, and a drive that hears no process data is switched off by SDO.
+Standstill is verified by the statusword *and* by both encoders over a window in which each of them
+was heard. Each action is a list of stages; a stage that is not obeyed in time leads to the next
+one, and every list ends with the servo off. Witnesses whose cyclic data stay away are asked one by
+one in the end, and a drive that hears no process data is switched off by SDO.
 
     controlled stop   ramp down        -> quick stop -> servo off
     quick stop        quick stop       -> servo off
@@ -47,12 +48,16 @@ STAGES: dict[Action, tuple[Stage, ...]] = {
     Action.QUICK_STOP: (Stage.QUICK_STOP, Stage.SERVO_OFF),
     Action.ZERO_TORQUE: (Stage.SERVO_OFF, Stage.QUICK_STOP, Stage.SERVO_OFF),
 }
-"""The stages of each action, each taken when the one before was not obeyed; the servo is off at the end of all of them."""
+"""The stages of each action, each taken when the one before was not obeyed; the servo is off at the
+end of all of them.
+"""
 
 
 @dataclass(frozen=True)
 class Patience:
-    """How long a stage may take [s], the window over which standstill is judged, and what counts as standing [rad/s]."""
+    """How long a stage may take [s], the window over which standstill is judged, and what counts as
+    standing [rad/s].
+    """
 
     ramp: float = 1.0
     quick_stop: float = 1.0
@@ -81,10 +86,15 @@ class MakeSafeReport:
     def as_json(self) -> dict[str, object]:
         """The report as the run file and `--json` keep it."""
         return {
-            "action": self.action.value, "stages": list(self.stages), "safe": self.safe,
-            "verified_by": list(self.verified_by), "rows": self.rows, "problem": self.problem,
-            "escalated": list(self.escalated), "silent": list(self.silent),
-        }  # fmt: skip
+            "action": self.action.value,
+            "stages": list(self.stages),
+            "safe": self.safe,
+            "verified_by": list(self.verified_by),
+            "rows": self.rows,
+            "problem": self.problem,
+            "escalated": list(self.escalated),
+            "silent": list(self.silent),
+        }
 
 
 class MakeSafe:
@@ -152,7 +162,9 @@ class MakeSafe:
             report.verified_by = self._witnesses.names()
             text = f"{report.action.value}: standstill verified by {', '.join(report.verified_by)}"
             text += "".join(f"; the {WORDS[name]} is silent" for name in report.silent)
-            self._journal.event("warning" if report.silent else "info", "made-safe", "make-safe", text)
+            self._journal.event(
+                "warning" if report.silent else "info", "made-safe", "make-safe", text
+            )
         else:
             text = f"STANDSTILL NOT VERIFIED after {', '.join(report.stages)}: {problem}. Press the emergency stop."
             self._journal.event("error", "make-safe-failed", "make-safe", text)

@@ -9,7 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.channel import DRIVE_TORQUE, HOUSING_TEMPERATURE, INPUT_ANGLE, OUTPUT_ANGLE, TORQUE, Channel
+from drivers.channel import (
+    DRIVE_TORQUE,
+    HOUSING_TEMPERATURE,
+    INPUT_ANGLE,
+    OUTPUT_ANGLE,
+    TORQUE,
+    Channel,
+)
 from drivers.port import Bound
 from drivers.samples import SampleBlock
 from rig import limits as lim
@@ -22,14 +29,17 @@ FOLLOWING = "following_error"
 MISSED = "missed_cycles"
 STALE = "stale_data"
 DIFFERENCE = "torque_difference"
-"""What is watched besides the limited quantities: input speed as the output encoder sees it [rad/s], share of the travel's
-room, time beyond the tolerance of the speed [s], share of cycles missed in a window, incomplete cycles in a row, share of
+"""What is watched besides the limited quantities: input speed as the output encoder sees it
+[rad/s], share of the travel's room, time beyond the tolerance of the speed [s], share of cycles
+missed in a window, incomplete cycles in a row, share of
 the difference that torque port and drive may have."""
 
 
 @dataclass(frozen=True)
 class Peaks:
-    """The largest of everything so far, with the counts and time stamps (n, 2) that lagged quantities need. Immutable."""
+    """The largest of everything so far, with the counts and time stamps (n, 2) that lagged
+    quantities need. Immutable.
+    """
 
     values: Mapping[str, float] = field(default_factory=dict)
     input_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
@@ -46,7 +56,9 @@ class Peaks:
 
 @dataclass(frozen=True)
 class MarginWatch:
-    """Looks for peaks in the blocks of one rig. `bounds` are those of the guard, for the limits that they really have."""
+    """Looks for peaks in the blocks of one rig. `bounds` are those of the guard, for the limits
+    that they really have.
+    """
 
     channels: Mapping[str, Channel]
     column: Mapping[str, int]
@@ -63,7 +75,9 @@ class MarginWatch:
         inner, fastest = self._speed(INPUT_ANGLE, self.watch.speed_window, peaks.input_tail, block)
         outer, output = peaks.output_tail, None
         if self.geometry is not None:
-            outer, output = self._speed(OUTPUT_ANGLE, self.watch.output_speed_window, peaks.output_tail, block)
+            outer, output = self._speed(
+                OUTPUT_ANGLE, self.watch.output_speed_window, peaks.output_tail, block
+            )
         if fastest is not None:
             found[lim.INPUT_SPEED] = fastest
         if output is not None and self.geometry is not None:
@@ -77,7 +91,8 @@ class MarginWatch:
     def _speed(
         self, name: str, window: float, tail: NDArray[np.int64], block: SampleBlock
     ) -> tuple[NDArray[np.int64], float | None]:
-        """Counts and stamps to carry on, and the largest speed over the window [rad/s]; what was not received moves nothing.
+        """Counts and stamps to carry on, and the largest speed over the window [rad/s]; what was
+        not received moves nothing.
 
         A SYNC that came late has left the shaft more time: the time is that of the stamps, the nominal one at least.
         """
@@ -95,13 +110,19 @@ class MarginWatch:
         found = {}
         torque = TORQUE if TORQUE in self.column else DRIVE_TORQUE
         if torque in self.column:
-            found[lim.MOTOR_TORQUE] = float(np.abs(self.channels[torque].to_si(counts[:, self.column[torque]])).max())
+            found[lim.MOTOR_TORQUE] = float(
+                np.abs(self.channels[torque].to_si(counts[:, self.column[torque]])).max()
+            )
         if HOUSING_TEMPERATURE in self.column:
-            heat = self.channels[HOUSING_TEMPERATURE].to_si(counts[:, self.column[HOUSING_TEMPERATURE]])
+            heat = self.channels[HOUSING_TEMPERATURE].to_si(
+                counts[:, self.column[HOUSING_TEMPERATURE]]
+            )
             found[lim.HOUSING_TEMPERATURE] = float(heat.max())
         for bound in self.bounds:
             if bound.cause in ("torsion_torque", "travel"):
-                total = bound.offset + sum(w * counts[:, self.column[n]] for n, w in bound.weights.items())
+                total = bound.offset + sum(
+                    w * counts[:, self.column[n]] for n, w in bound.weights.items()
+                )
                 if bound.cause == "travel":
                     middle, half = 0.5 * (bound.low + bound.high), 0.5 * (bound.high - bound.low)
                     found[TRAVEL] = float(np.abs(total - middle).max()) / half
@@ -120,9 +141,12 @@ class MarginWatch:
 
     def _limit(self, name: str, following_patience: float) -> float:
         own = {
-            FOLLOWING: following_patience, MISSED: self.watch.missed_share, STALE: float(self.watch.stale_cycles),
-            DIFFERENCE: 1.0, TRAVEL: 1.0,
-        }  # fmt: skip
+            FOLLOWING: following_patience,
+            MISSED: self.watch.missed_share,
+            STALE: float(self.watch.stale_cycles),
+            DIFFERENCE: 1.0,
+            TRAVEL: 1.0,
+        }
         if name in own:
             return own[name]
         cause = {OUTPUT_SPEED: "over_speed_output", lim.TORSION_TORQUE: "torsion_torque"}.get(name)

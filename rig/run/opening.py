@@ -38,10 +38,14 @@ class InlineRun:
         self.writer.flush()
 
 
-def begin_inline_run(order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str) -> InlineRun:
+def begin_inline_run(
+    order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
+) -> InlineRun:
     """Claim the next number in the order's folder and begin the file. Raises `RunFileError`."""
     place = claim_run(order.output, order.planned.experiment.name, order.gear_serial)
-    writer = RunWriter(place.path, header_of(order, description, place.run_id, epoch_ns, start_time))
+    writer = RunWriter(
+        place.path, header_of(order, description, place.run_id, epoch_ns, start_time)
+    )
     return InlineRun(place.run_id, writer, InlineRecorder(writer))
 
 
@@ -63,14 +67,22 @@ class ThreadedRun:
         self.recorder.flush()
 
 
-def begin_threaded_run(order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str) -> ThreadedRun:
+def begin_threaded_run(
+    order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
+) -> ThreadedRun:
     """As `begin_inline_run`, for a rig in real time: the disk never makes the loop late. Raises `RunFileError`."""
     place = claim_run(order.output, order.planned.experiment.name, order.gear_serial)
-    writer = RunWriter(place.path, header_of(order, description, place.run_id, epoch_ns, start_time), compress=False)
+    writer = RunWriter(
+        place.path,
+        header_of(order, description, place.run_id, epoch_ns, start_time),
+        compress=False,
+    )
     return ThreadedRun(place.run_id, writer, ThreadedRecorder(writer, 1e9 / order.port.cycle_ns))
 
 
-def header_of(order: RunOrder, description: RigDescription, run_id: str, epoch_ns: int, start_time: str) -> RunHeader:
+def header_of(
+    order: RunOrder, description: RigDescription, run_id: str, epoch_ns: int, start_time: str
+) -> RunHeader:
     """Everything of a run that is known before its first row."""
     planned = order.planned
     process: dict[str, Any] = {
@@ -102,7 +114,9 @@ def header_of(order: RunOrder, description: RigDescription, run_id: str, epoch_n
         process=process,
     )
     columns = tuple(Column.of(channel) for channel in order.port.channels)
-    return RunHeader(run, columns, planned.limits.as_json(), description.devices, description.truth, epoch_ns)
+    return RunHeader(
+        run, columns, planned.limits.as_json(), description.devices, description.truth, epoch_ns
+    )
 
 
 def git_commit() -> str:
@@ -112,7 +126,11 @@ def git_commit() -> str:
         return ""
     try:
         done = subprocess.run(
-            ["git", "-C", str(root), "rev-parse", "HEAD"], capture_output=True, text=True, timeout=5, check=False
+            ["git", "-C", str(root), "rev-parse", "HEAD"],
+            capture_output=True,
+            text=True,
+            timeout=5,
+            check=False,
         )
     except (OSError, subprocess.SubprocessError):
         return ""

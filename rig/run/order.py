@@ -1,4 +1,6 @@
-"""What a session is given and what it gives back: the order, the open run file, the judgement, the report, the progress."""
+"""What a session is given and what it gives back: the order, the open run file, the judgement, the
+report, the progress.
+"""
 
 from __future__ import annotations
 
@@ -44,11 +46,15 @@ class RunOrder:
     watchdog: Watchdog | None = None
     """Watches in real time that turns happen."""
     arm: Callable[[], tuple[Check, ...]] | None = None
-    """What is looked at last before a rig of hardware may move: the guard, the computer. Called once the rig is open."""
+    """What is looked at last before a rig of hardware may move: the guard, the computer. Called
+    once the rig is open.
+    """
 
 
 class OpenRun(Protocol):
-    """A run file that has been begun: where it is, the recorder that fills it, and how it is brought up to date for a reader."""
+    """A run file that has been begun: where it is, the recorder that fills it, and how it is
+    brought up to date for a reader.
+    """
 
     @property
     def run_id(self) -> str: ...
@@ -109,19 +115,24 @@ class RunReport:
             "trip": None
             if self.trip is None
             else {
-                "cause": self.trip.cause, "row": self.trip.row, "value": _finite(self.trip.value),
-                "limit": _finite(self.trip.limit), "unit": self.trip.unit, "action": self.trip.action.value,
+                "cause": self.trip.cause,
+                "row": self.trip.row,
+                "value": _finite(self.trip.value),
+                "limit": _finite(self.trip.limit),
+                "unit": self.trip.unit,
+                "action": self.trip.action.value,
             },
             "make_safe": self.make_safe.as_json() if self.make_safe else None,
             "warnings": self.warnings,
             "metrics": self.metrics,
             "margins": self.margins,
-        }  # fmt: skip
+        }
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """One line of progress: step, nominal time done and left [s], input speed [rad/s], and the smallest margin so far: which
+    """One line of progress: step, nominal time done and left [s], input speed [rad/s], and the
+    smallest margin so far: which
     limit, and the share of it that was left."""
 
     step: int

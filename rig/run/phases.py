@@ -43,7 +43,9 @@ class Phase:
 
 @dataclass(frozen=True, slots=True)
 class PhaseEnd:
-    """How a phase ended: cycles done, the bound that ended it (None: its cycles were up), and the tally (exact integers)."""
+    """How a phase ended: cycles done, the bound that ended it (None: its cycles were up), and the
+    tally (exact integers).
+    """
 
     cycles: int
     broken: Break | None
@@ -66,7 +68,9 @@ Phases = Generator[Phase, PhaseEnd, None]
 
 
 class Machine:
-    """What is known of the rig while it turns: its channels, the rows so far, the last ones, mode and speed set-point."""
+    """What is known of the rig while it turns: its channels, the rows so far, the last ones, mode
+    and speed set-point.
+    """
 
     def __init__(self, channels: Sequence[Channel], cycle_ns: int) -> None:
         self.channels = {channel.name: channel for channel in channels}
@@ -89,7 +93,9 @@ class Machine:
         self._tail = np.concatenate([self._tail, block.counts])[-HISTORY:]
         self._tail_flags = np.concatenate([self._tail_flags, block.flags])[-HISTORY:]
         self.mode = turn.command.mode
-        self.setpoint = float(turn.command.target[len(block) - 1]) if self.mode is Mode.SPEED else 0.0
+        self.setpoint = (
+            float(turn.command.target[len(block) - 1]) if self.mode is Mode.SPEED else 0.0
+        )
 
     def has(self, name: str) -> bool:
         """Whether the rig has this channel."""
@@ -109,7 +115,11 @@ class Machine:
         back = min(cycles, len(self._tail) - 1)
         column = self.column[name]
         channel = self.channels[name]
-        return float(self._tail[-1, column] - self._tail[-1 - back, column]) * channel.direction * channel.scale
+        return (
+            float(self._tail[-1, column] - self._tail[-1 - back, column])
+            * channel.direction
+            * channel.scale
+        )
 
     def speed(self, name: str = INPUT_ANGLE, cycles: int = 5) -> float:
         """Mean speed of an angle channel over the last `cycles` [rad/s]."""
@@ -176,4 +186,6 @@ class PhaseRunner:
             command = Command(phase.mode)
         else:
             command = Command(phase.mode, phase.profile.targets(self._done_cycles, cycles))
-        return Turn(command, cycles, phase.until, phase.enabled and phase.mode in (Mode.SPEED, Mode.TORQUE))
+        return Turn(
+            command, cycles, phase.until, phase.enabled and phase.mode in (Mode.SPEED, Mode.TORQUE)
+        )

@@ -1,7 +1,8 @@
 """Preflight: what is checked before anything moves, each check with its evidence.
 
-The static checks need no rig (space, folder, calibrations, where the ratings come from); the standing ones look at a few
-hundred cycles with the servo off. A check that fails refuses the run; a warning is kept in it as an event.
+The static checks need no rig (space, folder, calibrations, where the ratings come from); the
+standing ones look at a few hundred cycles with the servo off. A check that fails refuses the run; a
+warning is kept in it as an event.
 """
 
 from __future__ import annotations
@@ -47,7 +48,9 @@ class Check:
     remedy: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.evidence}" + (f". {self.remedy}" if self.remedy and self.result != "ok" else "")
+        return f"{self.name}: {self.evidence}" + (
+            f". {self.remedy}" if self.remedy and self.result != "ok" else ""
+        )
 
 
 def static_checks(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
@@ -64,16 +67,38 @@ def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
     try:
         free = shutil.disk_usage(folder).free
     except OSError as error:
-        return (Check("folder", "failed", f"{folder}: {error.strerror or error}", "Name another with --output."),)
+        return (
+            Check(
+                "folder",
+                "failed",
+                f"{folder}: {error.strerror or error}",
+                "Name another with --output.",
+            ),
+        )
     needed = planned.file_size() + 50_000_000
     # On a roomy disk a megabyte more or less is not another finding: it would take a signature away.
     left = f"{free / 1e9:.0f} GB" if free > 10e9 else f"{free / 1e6:.0f} MB"
-    evidence = f"{left} free, {planned.file_size() / 1e6:.0f} MB expected, {needed / 1e6:.0f} MB asked for"
+    evidence = (
+        f"{left} free, {planned.file_size() / 1e6:.0f} MB expected, {needed / 1e6:.0f} MB asked for"
+    )
     if free < needed:
-        return (Check("disk space", "failed", evidence, "Free space, or name another folder with --output."),)
+        return (
+            Check(
+                "disk space",
+                "failed",
+                evidence,
+                "Free space, or name another folder with --output.",
+            ),
+        )
     worst = planned.space_needed()
     if free < worst:
-        return (Check("disk space", "warning", f"{evidence}, {worst / 1e6:.0f} MB if every step takes its longest"),)
+        return (
+            Check(
+                "disk space",
+                "warning",
+                f"{evidence}, {worst / 1e6:.0f} MB if every step takes its longest",
+            ),
+        )
     return (Check("disk space", "ok", evidence),)
 
 
@@ -89,13 +114,17 @@ def _ratings(planned: PlannedRun) -> tuple[Check, ...]:
         return (Check("ratings", "ok", "limits rest on verified ratings"),)
     return (
         Check(
-            "ratings", "warning", f"limits rest on {', '.join(doubtful)}",
+            "ratings",
+            "warning",
+            f"limits rest on {', '.join(doubtful)}",
             "Check them against the catalogue or the nameplate before a run on hardware.",
         ),
-    )  # fmt: skip
+    )
 
 
-def channel_checks(channels: Sequence[Channel], needs: Sequence[str], today: date) -> tuple[Check, ...]:
+def channel_checks(
+    channels: Sequence[Channel], needs: Sequence[str], today: date
+) -> tuple[Check, ...]:
     """Whether the rig has the channels that the protocol needs, and whether their calibrations are still valid."""
     names = {channel.name for channel in channels}
     missing = [name for name in (*needs, INPUT_ANGLE) if name not in names]
@@ -103,13 +132,18 @@ def channel_checks(channels: Sequence[Channel], needs: Sequence[str], today: dat
     if missing:
         checks.append(
             Check(
-                "channels", "failed", f"missing: {', '.join(dict.fromkeys(missing))}", "Map them in the configuration."
+                "channels",
+                "failed",
+                f"missing: {', '.join(dict.fromkeys(missing))}",
+                "Map them in the configuration.",
             )
         )
     else:
         checks.append(Check("channels", "ok", ", ".join(sorted(names))))
     if OUTPUT_ANGLE not in names and not missing:
-        text = "no output encoder: torsion, disagreement and standstill of the output are not watched"
+        text = (
+            "no output encoder: torsion, disagreement and standstill of the output are not watched"
+        )
         checks.append(Check("output encoder", "warning", text))
     for channel in channels:
         due = channel.calibration.due
@@ -122,9 +156,19 @@ def _calibration(name: str, due: str, today: date) -> Check:
     try:
         overdue = date.fromisoformat(due[:10]) < today
     except ValueError:
-        return Check("calibration", "warning", f"{name}: due date {due!r} cannot be read", "Write it as YYYY-MM-DD.")
+        return Check(
+            "calibration",
+            "warning",
+            f"{name}: due date {due!r} cannot be read",
+            "Write it as YYYY-MM-DD.",
+        )
     if overdue:
-        return Check("calibration", "warning", f"{name} was due on {due}", "Have it calibrated; results will say so.")
+        return Check(
+            "calibration",
+            "warning",
+            f"{name} was due on {due}",
+            "Have it calibrated; results will say so.",
+        )
     return Check("calibration", "ok", f"{name} due on {due}")
 
 
@@ -135,17 +179,24 @@ def limits_check(wanted: DriveLimits, found: DriveLimits) -> Check:
         if not abs(read[name] - value) <= READBACK_TOLERANCE * abs(value):
             raise LimitError(
                 f"the drive's {name.replace('_', ' ')} limit reads back differently: it is not armed",
-                where="drive limits", value=f"{read[name]:.5g}", limit=f"{value:.5g} as written",
+                where="drive limits",
+                value=f"{read[name]:.5g}",
+                limit=f"{value:.5g} as written",
                 remedy="Check that the drive accepts the object and its unit, then try again.",
-            )  # fmt: skip
+            )
     held = ", ".join(f"{name} {value:.4g}" for name, value in read.items())
     return Check("drive limits", "ok", f"read back: {held}")
 
 
 def standing_checks(
-    channels: Sequence[Channel], counts: NDArray[np.int64], flags: NDArray[np.uint16], rated_torque: float
+    channels: Sequence[Channel],
+    counts: NDArray[np.int64],
+    flags: NDArray[np.uint16],
+    rated_torque: float,
 ) -> tuple[Check, ...]:
-    """A few hundred cycles with the servo off: drive state, standstill of both encoders, complete cycles, torque zero."""
+    """A few hundred cycles with the servo off: drive state, standstill of both encoders, complete
+    cycles, torque zero.
+    """
     column = {channel.name: i for i, channel in enumerate(channels)}
     by_name = {channel.name: channel for channel in channels}
     checks = [_completeness(flags)]
@@ -156,7 +207,14 @@ def standing_checks(
             spread = int(np.ptp(counts[:, column[name]]))
             standing = spread <= STANDING_COUNTS
             evidence = f"{name} moves by {spread} counts in {len(counts)} cycles"
-            checks.append(Check("standstill", "ok" if standing else "failed", evidence, "Wait until the rig stands."))
+            checks.append(
+                Check(
+                    "standstill",
+                    "ok" if standing else "failed",
+                    evidence,
+                    "Wait until the rig stands.",
+                )
+            )
     if TORQUE in column:
         torque = by_name[TORQUE].to_si(counts[:, column[TORQUE]])
         zero, noise = float(torque.mean()), float(torque.std())
@@ -171,7 +229,10 @@ def _completeness(flags: NDArray[np.uint16]) -> Check:
     share = float(np.mean((flags & CycleFlag.INCOMPLETE) != 0)) if len(flags) else 1.0
     evidence = f"{100.0 * (1.0 - share):.1f} % of {len(flags)} cycles complete"
     return Check(
-        "cycles", "ok" if share <= MISSED_SHARE else "failed", evidence, "Check the bus before anything moves."
+        "cycles",
+        "ok" if share <= MISSED_SHARE else "failed",
+        evidence,
+        "Check the bus before anything moves.",
     )
 
 
@@ -179,7 +240,9 @@ def _state(word: int) -> Check:
     state = drive_state(word)
     evidence = f"statusword 0x{word:04X}, {state.value}"
     if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
-        return Check("drive", "failed", evidence, "Remove the cause and acknowledge the fault at the drive.")
+        return Check(
+            "drive", "failed", evidence, "Remove the cause and acknowledge the fault at the drive."
+        )
     if state in POWERED_STATES or state is DriveState.UNKNOWN:
         return Check("drive", "failed", evidence, "The servo must be off before a run.")
     return Check("drive", "ok", evidence)

@@ -31,13 +31,23 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
 
     console = Console(stderr=True)
     columns = (
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[left]} left"),
-        TextColumn("{task.fields[speed]:>8.1f} r/min"), TextColumn("step {task.fields[step]}: {task.fields[what]}"),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[left]} left"),
+        TextColumn("{task.fields[speed]:>8.1f} r/min"),
+        TextColumn("step {task.fields[step]}: {task.fields[what]}"),
         TextColumn("margin {task.fields[margin]}"),
-    )  # fmt: skip
+    )
     with Bar(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(title, total=duration, left=in_words(duration), speed=0.0, step="", what="preflight",
-                            margin="-")
+        task = bar.add_task(
+            title,
+            total=duration,
+            left=in_words(duration),
+            speed=0.0,
+            step="",
+            what="preflight",
+            margin="-",
+        )
         last = [-REDRAW_INTERVAL]
 
         def on_progress(now: Progress) -> None:
@@ -46,15 +56,22 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
                 return
             last[0] = instant
             bar.update(
-                task, completed=now.elapsed, total=now.elapsed + now.left, left=in_words(now.left), speed=now.speed / RPM,
-                step=f"{now.step}/{now.steps}", what=now.what,
+                task,
+                completed=now.elapsed,
+                total=now.elapsed + now.left,
+                left=in_words(now.left),
+                speed=now.speed / RPM,
+                step=f"{now.step}/{now.steps}",
+                what=now.what,
                 margin=f"{100.0 * now.margin:.0f} % {now.nearest.replace('_', ' ')}",
-            )  # fmt: skip
+            )
 
         def on_event(event: Event) -> None:
             if event.level in ("warning", "error"):
                 style = "red" if event.level == "error" else "yellow"
-                console.print(f"{event.level}: {event.text}", style=style, markup=False, highlight=False)
+                console.print(
+                    f"{event.level}: {event.text}", style=style, markup=False, highlight=False
+                )
 
         yield on_progress, on_event
 
@@ -69,7 +86,13 @@ def reading_bar(title: str, quiet: bool = False) -> Iterator[Callable[[int, int]
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("left"))
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+    )
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=None, visible=False)
         yield lambda done, of: bar.update(task, completed=done, total=of, visible=True)

@@ -1,7 +1,8 @@
 """A run in real time: the loop in a thread of its own, the main thread for the operator, nothing else in the process.
 
-Main thread: Ctrl-C, prompts, progress. Turn thread: the session. Writer thread: the recorder's. Watchdog thread: only watches
-that turns happen. The garbage collector is frozen and off while the rig turns; analyses run after it has been made safe.
+Main thread: Ctrl-C, prompts, progress. Turn thread: the session. Writer thread: the recorder's.
+Watchdog thread: only watches that turns happen. The garbage collector is frozen and off while the
+rig turns; analyses run after it has been made safe.
 """
 
 from __future__ import annotations
@@ -26,7 +27,9 @@ SERVE_INTERVAL = 0.05
 REACTION_TIME = 0.02
 """s of cycles per exchange: how soon the operator is heard."""
 SWITCH_INTERVAL = 0.0002
-"""s that another thread may go on in the interpreter once the turn thread wants it; the usual 5 ms are several SYNCs."""
+"""s that another thread may go on in the interpreter once the turn thread wants it; the usual 5 ms
+are several SYNCs.
+"""
 LEAST_DEADLINE = 0.25
 """s without a turn after which the watchdog stops the drive, at least."""
 
@@ -36,7 +39,9 @@ def block_cycles(sample_rate: float, wanted: int, reaction: float = REACTION_TIM
     return max(1, min(wanted, round(reaction * sample_rate)))
 
 
-def watchdog_deadline(cycles: int, sample_rate: float, stale_cycles: int = 50, patience: float = 5.0) -> float:
+def watchdog_deadline(
+    cycles: int, sample_rate: float, stale_cycles: int = 50, patience: float = 5.0
+) -> float:
     """s that a turn may take: an exchange in which every cycle waits in full for a node that is silent, with room."""
     return max(LEAST_DEADLINE, 2.0 * (cycles + min(cycles, stale_cycles) * patience) / sample_rate)
 
@@ -45,7 +50,10 @@ class Relay:
     """Hands what the turn thread tells to the main thread, and prompts' answers back. The turn thread never waits."""
 
     def __init__(
-        self, ask: Ask, on_progress: Callable[[Progress], None] | None, on_event: Callable[[Event], None] | None
+        self,
+        ask: Ask,
+        on_progress: Callable[[Progress], None] | None,
+        on_event: Callable[[Event], None] | None,
     ) -> None:
         self._ask, self._on_progress, self._on_event = ask, on_progress, on_event
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
@@ -110,10 +118,15 @@ def execute_in_real_time(
                 quiet_judge = None if judge is None else _after(collect, judge)
                 done.append(
                     execute(
-                        order, begin, stop=stop, ask=relay.ask, judge=quiet_judge, on_progress=relay.progress,
+                        order,
+                        begin,
+                        stop=stop,
+                        ask=relay.ask,
+                        judge=quiet_judge,
+                        on_progress=relay.progress,
                         on_event=relay.event,
                     )
-                )  # fmt: skip
+                )
         except BaseException as error:  # noqa: BLE001  raised again in the main thread
             failed.append(error)
 

@@ -1,8 +1,8 @@
 """The recorder: what stands between the loop in which the rig turns and the run file.
 
-Two recorders with one interface. In virtual time the writer is inline: one thread, flushed by the wall clock. In real time
-a writer thread drains a bounded, preallocated ring, so that the disk never makes the loop late. A full ring stops the
-run with an error; nothing is ever dropped in silence.
+Two recorders with one interface. In virtual time the writer is inline: one thread, flushed by the
+wall clock. In real time a writer thread drains a bounded, preallocated ring, so that the disk never
+makes the loop late. A full ring stops the run with an error; nothing is ever dropped in silence.
 """
 
 from __future__ import annotations
@@ -48,7 +48,9 @@ class Recorder(Protocol):
         """Note something that happened."""
         ...
 
-    def close(self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None) -> Path:
+    def close(
+        self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None
+    ) -> Path:
         """Write what is left and the figures of the acquisition, seal the run, and return its path."""
         ...
 
@@ -61,7 +63,10 @@ class InlineRecorder:
     """The recorder of a rig in virtual time: writes in the loop's own thread, flushes by the wall clock."""
 
     def __init__(
-        self, writer: RunWriter, wall_clock: Clock | None = None, flush_interval: float = FLUSH_INTERVAL_S
+        self,
+        writer: RunWriter,
+        wall_clock: Clock | None = None,
+        flush_interval: float = FLUSH_INTERVAL_S,
     ) -> None:
         self._writer = writer
         self._beat = _Beat(writer, wall_clock or WallClock(), flush_interval)
@@ -81,7 +86,9 @@ class InlineRecorder:
         self._writer.event(event)
         self._beat.flush_when_due()
 
-    def close(self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None) -> Path:
+    def close(
+        self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None
+    ) -> Path:
         return self._writer.seal(outcome, end_time, acquisition)
 
     def abandon(self) -> None:
@@ -91,14 +98,20 @@ class InlineRecorder:
 class ThreadedRecorder:
     """The recorder of a rig in real time: `put` copies into a ring, a writer thread drains it.
 
-    `sample_rate` [Hz] sizes the ring (`ring_seconds` of rows, at least `smallest_ring`). An error of the writer is raised by
-    the next call of any method.
+    `sample_rate` [Hz] sizes the ring (`ring_seconds` of rows, at least `smallest_ring`). An error
+    of the writer is raised by the next call of any method.
     """
 
     def __init__(
-        self, writer: RunWriter, sample_rate: float, *, wall_clock: Clock | None = None,
-        ring_seconds: float = RING_SECONDS, drain_interval: float = DRAIN_INTERVAL_S, smallest_ring: int = SMALLEST_RING,
-    ) -> None:  # fmt: skip
+        self,
+        writer: RunWriter,
+        sample_rate: float,
+        *,
+        wall_clock: Clock | None = None,
+        ring_seconds: float = RING_SECONDS,
+        drain_interval: float = DRAIN_INTERVAL_S,
+        smallest_ring: int = SMALLEST_RING,
+    ) -> None:
         capacity = max(int(np.ceil(sample_rate * ring_seconds)), smallest_ring)
         columns = len(writer.header.columns)
         self._writer, self._capacity, self._drain_interval = writer, capacity, drain_interval
@@ -112,7 +125,9 @@ class ThreadedRecorder:
         self._closing = self._flush_wanted = False
         self._condition = threading.Condition()
         self._beat = _Beat(writer, wall_clock or WallClock(), 0.0)
-        self._thread = threading.Thread(target=self._write_until_closed, name="recorder", daemon=True)
+        self._thread = threading.Thread(
+            target=self._write_until_closed, name="recorder", daemon=True
+        )
         self._thread.start()
 
     @property
@@ -136,10 +151,12 @@ class ThreadedRecorder:
             waiting = self._taken - self._drained
             if waiting + rows > self._capacity:
                 self._error = RecorderOverflowError(
-                    "the disk does not keep up: the recorder's ring is full", where=str(self._writer.part),
-                    value=f"{waiting} rows waiting and {rows} more", limit=f"{self._capacity} rows",
+                    "the disk does not keep up: the recorder's ring is full",
+                    where=str(self._writer.part),
+                    value=f"{waiting} rows waiting and {rows} more",
+                    limit=f"{self._capacity} rows",
                     remedy="Lower the sample rate or record to a faster disk; the rows before this are kept.",
-                )  # fmt: skip
+                )
                 self._writer.count_dropped(rows)
                 self._condition.notify_all()
                 raise self._error
@@ -147,7 +164,8 @@ class ThreadedRecorder:
             self._taken += rows
             self._high_water = max(self._high_water, waiting + rows)
             if waiting + rows > self._capacity // 2:
-                # Otherwise the writer wakes by itself: a flush per block would hold up the loop for as long as it takes.
+                # Otherwise the writer wakes by itself: a flush per block would hold up the loop for
+                # as long as it takes.
                 self._condition.notify_all()
 
     def segment(self, segment: Segment) -> None:
@@ -162,11 +180,15 @@ class ThreadedRecorder:
             self._raise_error()
             self._flush_wanted = True
             self._condition.notify_all()
-            if not self._condition.wait_for(lambda: not self._flush_wanted or self._error is not None, CLOSE_TIMEOUT_S):
+            if not self._condition.wait_for(
+                lambda: not self._flush_wanted or self._error is not None, CLOSE_TIMEOUT_S
+            ):
                 self._error = self._no_answer()
             self._raise_error()
 
-    def close(self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None) -> Path:
+    def close(
+        self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None
+    ) -> Path:
         self._stop()
         with self._condition:
             self._raise_error()
@@ -192,9 +214,11 @@ class ThreadedRecorder:
 
     def _no_answer(self) -> RunFileError:
         return RunFileError(
-            "the disk does not answer", where=str(self._writer.part), limit=f"{CLOSE_TIMEOUT_S:g} s",
+            "the disk does not answer",
+            where=str(self._writer.part),
+            limit=f"{CLOSE_TIMEOUT_S:g} s",
             remedy="What was flushed stays readable: `rig recover`.",
-        )  # fmt: skip
+        )
 
     def _raise_error(self) -> None:
         if self._error is not None:
@@ -207,7 +231,9 @@ class ThreadedRecorder:
             count = min(rows - done, self._capacity - at)
             here, there = slice(at, at + count), slice(done, done + count)
             self._times[here] = block.time_ns[there]
-            self._cycles[here] = np.arange(block.first_cycle + done, block.first_cycle + done + count)
+            self._cycles[here] = np.arange(
+                block.first_cycle + done, block.first_cycle + done + count
+            )
             self._flags[here] = block.flags[there]
             self._counts[here] = block.counts[there]
             done += count
@@ -219,10 +245,13 @@ class ThreadedRecorder:
         except RigError as error:
             self._fail(error)
         except Exception as error:  # noqa: BLE001  nobody else sees it in this thread, and the run would lose its rows
-            self._fail(RunFileError(
-                f"the run file cannot be written: {error or type(error).__name__}", where=str(self._writer.part),
-                remedy="What was flushed stays readable: `rig recover`.",
-            ))  # fmt: skip
+            self._fail(
+                RunFileError(
+                    f"the run file cannot be written: {error or type(error).__name__}",
+                    where=str(self._writer.part),
+                    remedy="What was flushed stays readable: `rig recover`.",
+                )
+            )
 
     def _fail(self, error: RigError) -> None:
         with self._condition:
@@ -244,7 +273,9 @@ class ThreadedRecorder:
             count = self._unbroken(at, count)
             here = slice(at, at + count)
             self._writer.append(
-                SampleBlock(int(self._cycles[at]), self._times[here], self._counts[here], self._flags[here])
+                SampleBlock(
+                    int(self._cycles[at]), self._times[here], self._counts[here], self._flags[here]
+                )
             )
             first += count
             with self._condition:

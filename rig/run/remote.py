@@ -1,10 +1,11 @@
 """A run that another program looks after: its words come in as lines, events go out as lines of JSON.
 
-In (standard input): `STOP`, `ABORT`, `note TEXT`, `answer TEXT` to the prompt that waits. The end of the input is a STOP: a
-dead man's switch. Out (standard output), one object per line, told apart by "kind":
+In (standard input): `STOP`, `ABORT`, `note TEXT`, `answer TEXT` to the prompt that waits. The end
+of the input is a STOP: a dead man's switch. Out (standard output), one object per line, told apart
+by "kind":
 
-    {"kind": "event", "time_ns", "level", "code", "source", "text"}
-    {"kind": "progress", "step", "steps", "what", "elapsed", "left", "speed", "events", "nearest", "margin", "margins", "file"}
+    {"kind": "event", "time_ns", "level", "code", "source", "text"} {"kind": "progress", "step",
+    "steps", "what", "elapsed", "left", "speed", "events", "nearest", "margin", "margins", "file"}
     {"kind": "prompt", "text", "key"}
     {"kind": "report", ...}     the object that `rig run --json` prints; always the last line
 """
@@ -52,7 +53,9 @@ class RemoteOperator:
 
     def listen_in_background(self, lines: Iterable[str]) -> None:
         """`listen` in a thread that nobody waits for."""
-        threading.Thread(target=self.listen, args=(lines,), name="remote operator", daemon=True).start()
+        threading.Thread(
+            target=self.listen, args=(lines,), name="remote operator", daemon=True
+        ).start()
 
     def take(self, line: str) -> None:
         """One line: a word, and what follows it."""
@@ -66,7 +69,9 @@ class RemoteOperator:
         elif word == "answer":
             self._answers.put(rest.strip())
         elif word:
-            self._stop.note(f"not understood: {line.strip()[:200]!r}; words are STOP, ABORT, note, answer")
+            self._stop.note(
+                f"not understood: {line.strip()[:200]!r}; words are STOP, ABORT, note, answer"
+            )
 
     def ask(self, prompt: Prompt) -> str | None:
         """Put a prompt once; the answer, or None while there is none. Nobody there: not answered."""
@@ -104,7 +109,9 @@ class RemoteOperator:
 
 
 def lines_of(descriptor: int) -> Iterator[str]:
-    """The lines of a file descriptor as they come; past Python's buffers, so that a thread may still read at the exit."""
+    """The lines of a file descriptor as they come; past Python's buffers, so that a thread may
+    still read at the exit.
+    """
     waiting = b""
     while True:
         try:

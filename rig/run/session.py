@@ -6,10 +6,11 @@
         supervisor.review(block, turn)         pure
         turn = engine or make-safe .next(block)
 
-Whatever ends the run (the plan's end, STOP, ABORT, a trip, a step that fails, an exception), make-safe has the last word and
-is verified. The outcome: TRIPPED, ABORTED and ERROR say why it ended early; a run that was completed is judged by its
-protocol's own analysis while the file is still open (PASS, MARGINAL, FAIL). An analysis that cannot be made leaves PASS with
-the event "not-judged": it must never cost the data.
+Whatever ends the run (the plan's end, STOP, ABORT, a trip, a step that fails, an exception),
+make-safe has the last word and is verified. The outcome: TRIPPED, ABORTED and ERROR say why it
+ended early; a run that was completed is judged by its protocol's own analysis while the file is
+still open (PASS, MARGINAL, FAIL). An analysis that cannot be made leaves PASS with the event
+"not-judged": it must never cost the data.
 """
 
 from __future__ import annotations
@@ -77,9 +78,9 @@ def execute(
 ) -> RunReport:
     """Run an order from preflight to the sealed file.
 
-    Raises (`RigError`, `LimitError`, `DriverError`) for what is wrong before there is a file and before anything moves;
-    afterwards every ending is in the report. A rig that is connected and refuses (its limits read back differently, it does
-    not stand) leaves a file that says so.
+    Raises (`RigError`, `LimitError`, `DriverError`) for what is wrong before there is a file and
+    before anything moves; afterwards every ending is in the report. A rig that is connected and
+    refuses (its limits read back differently, it does not stand) leaves a file that says so.
     """
     planned, port = order.planned, order.port
     if order.latch is not None:
@@ -96,7 +97,9 @@ def execute(
         calendar = order.clock.calendar_ns()
         first = port.exchange(Command(Mode.OFF), 1, Guard())
         if not len(first):
-            raise StaleDataError("no cycle came back", where="preflight", remedy="Check the bus and the SYNC.")
+            raise StaleDataError(
+                "no cycle came back", where="preflight", remedy="Check the bus and the SYNC."
+            )
         epoch = calendar - int(first.time_ns[0])
         logbook = Logbook(begin(order, description, epoch, iso_time(calendar)), epoch, on_event)
         session = Session(order, logbook, stop or StopRequest(), ask, on_progress)
@@ -152,7 +155,9 @@ class Session:
         return self._report(metrics)
 
     def _stand(self, first: SampleBlock, checks: tuple[Check, ...]) -> None:
-        """Stand for a moment with the servo off, look, and take the position as reference; refuse a rig that is not fit."""
+        """Stand for a moment with the servo off, look, and take the position as reference; refuse a
+        rig that is not fit.
+        """
         turn = Turn(Command(Mode.OFF), 1)
         blocks = [first]
         self._keep(first, turn)
@@ -161,13 +166,17 @@ class Session:
             turn = Turn(Command(Mode.OFF), min(left, self._order.block_cycles))
             block = self._port.exchange(turn.command, turn.cycles, Guard())
             if not len(block):
-                raise StaleDataError("no cycle came back", where="preflight", remedy="Check the bus and the SYNC.")
+                raise StaleDataError(
+                    "no cycle came back", where="preflight", remedy="Check the bus and the SYNC."
+                )
             self._keep(block, turn)
             blocks.append(block)
             left -= len(block)
         counts = np.concatenate([block.counts for block in blocks])
         flags = np.concatenate([block.flags for block in blocks])
-        standing = standing_checks(self._port.channels, counts, flags, self._planned.motor.rated_torque)
+        standing = standing_checks(
+            self._port.channels, counts, flags, self._planned.motor.rated_torque
+        )
         found = (*checks, *standing)
         for check in found:
             level = {"ok": "info", "warning": "warning", "failed": "error"}[check.result]
@@ -203,15 +212,22 @@ class Session:
         watchdog.turned()
         if watchdog.acted:
             found, allowed = watchdog.longest_pause * 1e3, watchdog.deadline * 1e3
-            self._supervisor.latch(Trip(LATE_TURN, self._machine.rows, found, allowed, "ms without a turn"))
+            self._supervisor.latch(
+                Trip(LATE_TURN, self._machine.rows, found, allowed, "ms without a turn")
+            )
 
     def _watch_space(self) -> None:
-        if self._machine.rows - self._space_rows < SPACE_CHECK_CYCLES or self._order.free_space is None:
+        if (
+            self._machine.rows - self._space_rows < SPACE_CHECK_CYCLES
+            or self._order.free_space is None
+        ):
             return
         self._space_rows = self._machine.rows
         free, least = self._order.free_space(), self._supervisor.watch.smallest_free_space
         if free < least:
-            self._supervisor.latch(Trip(DISK_SPACE, self._machine.rows, free / 1e6, least / 1e6, "MB free"))
+            self._supervisor.latch(
+                Trip(DISK_SPACE, self._machine.rows, free / 1e6, least / 1e6, "MB free")
+            )
 
     def _keep(self, block: SampleBlock, turn: Turn) -> None:
         """Record first, then take notice."""
@@ -230,7 +246,13 @@ class Session:
             block = self._port.exchange(turn.command, turn.cycles, self._supervisor.guard(turn))
         except DriverError as error:
             stale = isinstance(error, StaleDataError)
-            cause = STALE_DATA if stale else BUS_LOST if isinstance(error, BusLostError) else DEVICE_ERROR
+            cause = (
+                STALE_DATA
+                if stale
+                else BUS_LOST
+                if isinstance(error, BusLostError)
+                else DEVICE_ERROR
+            )
             self._silent += 1
             self._devices.keep_events()
             if self._silent == 1:
@@ -278,11 +300,21 @@ class Session:
         if level and self._make_safe is None:
             stop = level == 1
             action = Action.CONTROLLED_STOP if stop else Action.QUICK_STOP
-            text = "STOP by the operator: controlled ramp" if stop else "ABORT by the operator: quick stop"
+            text = (
+                "STOP by the operator: controlled ramp"
+                if stop
+                else "ABORT by the operator: quick stop"
+            )
             self._end(action, "ABORTED", text, "STOP" if stop else "ABORT")
             return True
-        if level == 2 and self._make_safe is not None and self._make_safe.report.action is Action.CONTROLLED_STOP:
-            self._end(Action.QUICK_STOP, self._outcome, "ABORT by the operator: quick stop", "ABORT")
+        if (
+            level == 2
+            and self._make_safe is not None
+            and self._make_safe.report.action is Action.CONTROLLED_STOP
+        ):
+            self._end(
+                Action.QUICK_STOP, self._outcome, "ABORT by the operator: quick stop", "ABORT"
+            )
             return True
         return False
 
@@ -290,7 +322,9 @@ class Session:
         """Leave the plan: cut the open segment, say why, and hand over to make-safe."""
         self._engine.cut()
         self._outcome, self._message = outcome, message
-        self._logbook.event("warning" if outcome == "ABORTED" else "error", code, "session", message)
+        self._logbook.event(
+            "warning" if outcome == "ABORTED" else "error", code, "session", message
+        )
         self._make_safe = self._make_safe_by(action)
 
     def _make_safe_by(self, action: Action) -> MakeSafe:
@@ -302,9 +336,20 @@ class Session:
         ratio = self._planned.load.ratio if self._planned.experiment.gear_mounted else math.nan
         cycles = min(self._order.make_safe_cycles, self._order.block_cycles)
         watchdog = self._order.watchdog
-        line = direct_line(self._port, watchdog.rest) if watchdog is not None else direct_line(self._port)
+        line = (
+            direct_line(self._port, watchdog.rest)
+            if watchdog is not None
+            else direct_line(self._port)
+        )
         return MakeSafe(
-            action, self._machine, self._logbook, deceleration, ratio, cycles, self._order.patience, line
+            action,
+            self._machine,
+            self._logbook,
+            deceleration,
+            ratio,
+            cycles,
+            self._order.patience,
+            line,
         )
 
     def _emergency(self) -> None:
@@ -336,7 +381,9 @@ class Session:
         left = 0.0
         if self._make_safe is None and engine.index < len(planned.steps):
             in_step = (machine.rows - self._step_rows) * machine.period
-            left = planned.remaining(engine.index) + max(planned.steps[engine.index].nominal - in_step, 0.0)
+            left = planned.remaining(engine.index) + max(
+                planned.steps[engine.index].nominal - in_step, 0.0
+            )
         what = describe(engine.step) if self._make_safe is None else "making safe"
         step = min(engine.index + 1, len(planned.plan))
         elapsed, speed = machine.rows * machine.period, machine.speed(cycles=50)
@@ -344,10 +391,19 @@ class Session:
         events = len(self._logbook.warnings)
         self._on_progress(
             Progress(
-                step, len(planned.plan), what, elapsed, left, speed, events, nearest, margin, self._supervisor.margins(),
+                step,
+                len(planned.plan),
+                what,
+                elapsed,
+                left,
+                speed,
+                events,
+                nearest,
+                margin,
+                self._supervisor.margins(),
                 str(self._logbook.run.part),
             )
-        )  # fmt: skip
+        )
 
     # The end.
 
@@ -355,7 +411,12 @@ class Session:
         """Sets the outcome of a completed run; an analysis that cannot be made must not cost the data."""
         self._outcome = "PASS"
         logbook = self._logbook
-        if judge is None or logbook.error is not None or self._make_safe is None or not self._make_safe.report.safe:
+        if (
+            judge is None
+            or logbook.error is not None
+            or self._make_safe is None
+            or not self._make_safe.report.safe
+        ):
             return {}
         logbook.flush()
         try:
@@ -375,10 +436,16 @@ class Session:
         made_safe = self._make_safe.report if self._make_safe else None
         trip = supervisor.state.trip
         if made_safe is not None and not made_safe.safe:
-            failure = Trip(MAKE_SAFE_FAILED, self._machine.rows, math.nan, math.nan, detail=made_safe.problem)
+            failure = Trip(
+                MAKE_SAFE_FAILED, self._machine.rows, math.nan, math.nan, detail=made_safe.problem
+            )
             if self._outcome not in ("TRIPPED", "ERROR", "ABORTED"):
                 self._outcome, trip = "TRIPPED", failure
-            self._message = f"{failure} (What ended the run: {self._message})" if self._message else str(failure)
+            self._message = (
+                f"{failure} (What ended the run: {self._message})"
+                if self._message
+                else str(failure)
+            )
         margins = supervisor.margins()
         for name, margin in margins.items():
             numbers = f"peak {margin['peak']:.4g}, limit {margin['limit']:.4g}, margin {100 * margin['margin']:.0f} %"
@@ -393,10 +460,18 @@ class Session:
             self._outcome = self._outcome if self._outcome in ("TRIPPED", "ABORTED") else "ERROR"
             self._message = self._message or str(logbook.error)
         return RunReport(
-            logbook.run.run_id, self._outcome, path, self._machine.rows, self._message, trip, made_safe,
-            logbook.warnings, metrics, margins, readable,
-        )  # fmt: skip
-
+            logbook.run.run_id,
+            self._outcome,
+            path,
+            self._machine.rows,
+            self._message,
+            trip,
+            made_safe,
+            logbook.warnings,
+            metrics,
+            margins,
+            readable,
+        )
 
     def _latch_trip(self, trip: Trip) -> None:
         """Latch the first cause until it is acknowledged by name."""
@@ -405,7 +480,9 @@ class Session:
             return
         verified = self._make_safe is not None and self._make_safe.report.safe
         try:
-            latch.leave(LatchedTrip(trip.cause, logbook.run.run_id, logbook.now, self._message, verified))
+            latch.leave(
+                LatchedTrip(trip.cause, logbook.run.run_id, logbook.now, self._message, verified)
+            )
         except RigError as error:
             logbook.event("error", "latch", "session", str(error))
 

@@ -64,7 +64,10 @@ def plan_request(request: RunRequest) -> PlannedRun:
     experiment = catalogue.load(request.protocol)
     if request.mounting not in MOUNTINGS:
         raise ConfigurationError(
-            "no such mounting", where="--mounting", value=repr(request.mounting), limit=", ".join(MOUNTINGS)
+            "no such mounting",
+            where="--mounting",
+            value=repr(request.mounting),
+            limit=", ".join(MOUNTINGS),
         )
     values = dict(request.values)
     known = {f.name for f in parameter_fields(experiment.parameters)}
@@ -74,9 +77,14 @@ def plan_request(request: RunRequest) -> PlannedRun:
             values.setdefault(name, value)
     parameters = make_parameters(experiment.parameters, values, request.protocol)
     return plan_run(
-        experiment, parameters, request.gear, request.motor, request.mounting, sample_rate=request.sample_rate,
+        experiment,
+        parameters,
+        request.gear,
+        request.motor,
+        request.mounting,
+        sample_rate=request.sample_rate,
         configured=request.limits,
-    )  # fmt: skip
+    )
 
 
 def bench_for(request: RunRequest, planned: PlannedRun) -> Bench:
@@ -106,14 +114,25 @@ def run_request(
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> RunReport:
-    """Plan (unless `planned` is given), open the rig, run, make safe, judge, seal. Raises only before anything moves."""
+    """Plan (unless `planned` is given), open the rig, run, make safe, judge, seal. Raises only
+    before anything moves.
+    """
     planned = planned or plan_request(request)
     # Before anything is connected: a rig that tripped is left alone until somebody has looked.
     TripLatch(request.output).refuse()
     if request.backend == HARDWARE:
         refuse_unarmed(arming_of(request, planned))
     bench = bench_for(request, planned)
-    return run_on(bench, request, planned, stop, ask, judge_by(planned) if judged else None, on_progress, on_event)
+    return run_on(
+        bench,
+        request,
+        planned,
+        stop,
+        ask,
+        judge_by(planned) if judged else None,
+        on_progress,
+        on_event,
+    )
 
 
 def run_on(
@@ -146,13 +165,21 @@ def run_on(
         watchdog=watchdog_of(bench, cycles) if bench.real_time else None,
         arm=(lambda: arm(bench)) if bench.real_time else None,
     )
-    run, begin = (execute_in_real_time, begin_threaded_run) if bench.real_time else (execute, begin_inline_run)
-    return run(order, begin, stop=stop, ask=ask, judge=judge, on_progress=on_progress, on_event=on_event)
+    run, begin = (
+        (execute_in_real_time, begin_threaded_run)
+        if bench.real_time
+        else (execute, begin_inline_run)
+    )
+    return run(
+        order, begin, stop=stop, ask=ask, judge=judge, on_progress=on_progress, on_event=on_event
+    )
 
 
 def arming_of(request: RunRequest, planned: PlannedRun) -> Arming:
     """What a request says of who arms it."""
-    return Arming(request.operator, request.gear_serial, request.confirmation, planned.experiment.gear_mounted)
+    return Arming(
+        request.operator, request.gear_serial, request.confirmation, planned.experiment.gear_mounted
+    )
 
 
 def arm(bench: Bench) -> tuple[Check, ...]:
@@ -175,4 +202,9 @@ def watchdog_of(bench: Bench, cycles: int) -> Watchdog | None:
         for cob_id, data in port.quick_stop_frames():
             bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
-    return Watchdog(WallClock(), watchdog_deadline(cycles, 1e9 / bench.port.cycle_ns), quick_stop, close=bus.shutdown)
+    return Watchdog(
+        WallClock(),
+        watchdog_deadline(cycles, 1e9 / bench.port.cycle_ns),
+        quick_stop,
+        close=bus.shutdown,
+    )

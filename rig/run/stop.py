@@ -12,7 +12,9 @@ from contextlib import contextmanager
 
 
 class StopRequest:
-    """What the operator has asked for so far: 0 nothing, 1 STOP, 2 ABORT; it only ever rises. And notes for the run file."""
+    """What the operator has asked for so far: 0 nothing, 1 STOP, 2 ABORT; it only ever rises. And
+    notes for the run file.
+    """
 
     def __init__(self) -> None:
         self._level = 0

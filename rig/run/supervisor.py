@@ -1,9 +1,10 @@
 """The supervisor: a per-cycle guard for the port and a pure review of every block, independent of the protocol.
 
-The guard holds what is linear in the counts of a cycle (speed, torque, torsion of the gear, travel, drive state, stale data);
-the review holds what needs windows (following error, missed cycles, heat, the time base). A trip names cause, value, limit
-and remedy, is latched, and the table `rig.run.trips` says how the rig is made safe. Python is not protection: below this are the
-drive's own limits, and below those the hardwired stop.
+The guard holds what is linear in the counts of a cycle (speed, torque, torsion of the gear, travel,
+drive state, stale data); the review holds what needs windows (following error, missed cycles, heat,
+the time base). A trip names cause, value, limit and remedy, is latched, and the table
+`rig.run.trips` says how the rig is made safe. Python is not protection: below this are the drive's
+own limits, and below those the hardwired stop.
 """
 
 from __future__ import annotations
@@ -111,7 +112,9 @@ class Supervisor:
         self._period = cycle_ns * 1e-9
         self._cycle_ns = cycle_ns
         self._geometry = geometry if OUTPUT_ANGLE in self._column else None
-        self._maker = BoundMaker(self._channels, self._period, limits, self._geometry, travel, self.watch)
+        self._maker = BoundMaker(
+            self._channels, self._period, limits, self._geometry, travel, self.watch
+        )
         self._always: tuple[Bound, ...] = ()
         self._enabled: tuple[Bound, ...] = ()
         self._margins = self._margin_watch(())
@@ -119,14 +122,22 @@ class Supervisor:
         self._index_review = IndexReview(self.watch, self._channels, self._column)
 
     def begin(self, reference: NDArray[np.int64], rows: int = 0) -> None:
-        """Take the position at standstill with the servo off (counts of all channels) as untwisted, and set up the guard."""
+        """Take the position at standstill with the servo off (counts of all channels) as untwisted,
+        and set up the guard.
+        """
         self.state = replace(self.state, rows=rows)
         self._always, self._enabled = self._maker.always(reference), self._maker.enabled()
         self._margins = self._margin_watch(self._always)
 
     def _margin_watch(self, bounds: tuple[Bound, ...]) -> MarginWatch:
         return MarginWatch(
-            self._channels, self._column, self._period, self.limits, self.watch, self._geometry, bounds
+            self._channels,
+            self._column,
+            self._period,
+            self.limits,
+            self.watch,
+            self._geometry,
+            bounds,
         )
 
     def guard(self, turn: Turn) -> Guard:
@@ -183,24 +194,33 @@ class Supervisor:
         """How far the review's own quantities have come."""
         length = max(1, round(self.watch.missed_window / self._period))
         found = {
-            FOLLOWING: state.following_longest * self._period, MISSED: state.window_missed / max(state.window_rows, length),
+            FOLLOWING: state.following_longest * self._period,
+            MISSED: state.window_missed / max(state.window_rows, length),
             DIFFERENCE: state.torque.share,
-        }  # fmt: skip
+        }
         if state.torque.hottest:
-            found[lim.RMS_TORQUE] = math.sqrt(state.torque.hottest) * self.limits.value(lim.RMS_TORQUE)
+            found[lim.RMS_TORQUE] = math.sqrt(state.torque.hottest) * self.limits.value(
+                lim.RMS_TORQUE
+            )
         return found
 
     def _si(self, block: SampleBlock, name: str) -> NDArray[np.float64]:
         return self._channels[name].to_si(block.counts[:, self._column[name]])
 
     def _trip_of(self, block: SampleBlock, broken: Break, start: int) -> Trip:
-        """The trip for a broken guard; a twist without the torque that would make it is a disagreement of the encoders."""
+        """The trip for a broken guard; a twist without the torque that would make it is a
+        disagreement of the encoders.
+        """
         row = start + broken.row
         units = {
-            OVER_SPEED: ("r/min", RPM), OVER_SPEED_OUTPUT: ("r/min at the input", RPM), OVER_TORQUE: ("N m", 1.0),
-            TORSION_TORQUE: ("N m", 1.0), TRAVEL: ("rev", 2.0 * math.pi), OVER_TEMPERATURE: ("degC", 1.0),
+            OVER_SPEED: ("r/min", RPM),
+            OVER_SPEED_OUTPUT: ("r/min at the input", RPM),
+            OVER_TORQUE: ("N m", 1.0),
+            TORSION_TORQUE: ("N m", 1.0),
+            TRAVEL: ("rev", 2.0 * math.pi),
+            OVER_TEMPERATURE: ("degC", 1.0),
             STALE_DATA: ("cycles", 1.0),
-        }  # fmt: skip
+        }
         if broken.cause in (DRIVE_FAULT, UNEXPECTED_STATE):
             word = int(block.counts[broken.row, self._column[STATUSWORD]])
             detail = f"statusword 0x{word:04X}, {drive_state(word).value}"
@@ -216,7 +236,9 @@ class Supervisor:
                 allowed = math.degrees(abs(broken.limit) / geometry.stiffness) * 60.0
                 found = math.degrees(broken.value / geometry.stiffness) * 60.0
                 detail = f"the motor's torque accounts for at most {carried:.3g} N m of {abs(broken.value):.3g} N m"
-                return Trip(DISAGREEMENT, row, found, math.copysign(allowed, found), "arcmin", detail)
+                return Trip(
+                    DISAGREEMENT, row, found, math.copysign(allowed, found), "arcmin", detail
+                )
         unit, factor = units.get(broken.cause, ("", 1.0))
         if broken.cause not in TRIPS:
             return Trip(broken.cause, row, math.nan, math.nan)
@@ -225,14 +247,20 @@ class Supervisor:
     def _cycles(self, state: WatchState, block: SampleBlock) -> tuple[WatchState, list[Trip]]:
         """Lost, incomplete and late cycles over a window, and time stamps that run backwards."""
         lost = 0 if state.next_cycle is None else max(0, block.first_cycle - state.next_cycle)
-        bad = int(np.count_nonzero(block.flags & (CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.SHORT)))
+        bad = int(
+            np.count_nonzero(
+                block.flags & (CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.SHORT)
+            )
+        )
         rows, missed = state.window_rows + len(block) + lost, state.window_missed + bad + lost
         trips: list[Trip] = []
         length = max(1, round(self.watch.missed_window / self._period))
         allowed = max(self.watch.missed_share * max(rows, length), self.watch.stale_cycles)
         if missed > allowed:
             share = 100.0 * missed / max(rows, length)
-            trips.append(Trip(MISSED_CYCLES, state.rows, share, 100.0 * self.watch.missed_share, "%"))
+            trips.append(
+                Trip(MISSED_CYCLES, state.rows, share, 100.0 * self.watch.missed_share, "%")
+            )
         if rows >= length:
             rows = missed = 0
         steps = np.diff(block.time_ns, prepend=block.time_ns[0] - self._cycle_ns)
@@ -251,12 +279,19 @@ class Supervisor:
                 )
             )
         state = replace(
-            state, next_cycle=block.first_cycle + len(block), last_time=int(block.time_ns[-1]), lost=state.lost + lost,
-            flagged=state.flagged + bad, window_rows=rows, window_missed=missed,
-        )  # fmt: skip
+            state,
+            next_cycle=block.first_cycle + len(block),
+            last_time=int(block.time_ns[-1]),
+            lost=state.lost + lost,
+            flagged=state.flagged + bad,
+            window_rows=rows,
+            window_missed=missed,
+        )
         return state, trips
 
-    def _flags(self, state: WatchState, block: SampleBlock, start: int) -> tuple[WatchState, list[Trip]]:
+    def _flags(
+        self, state: WatchState, block: SampleBlock, start: int
+    ) -> tuple[WatchState, list[Trip]]:
         """Flags that devices and decoders raise, several cycles in a row; a jump of a count at once."""
         trips: list[Trip] = []
         if not block.flags.any():
@@ -269,34 +304,51 @@ class Supervisor:
             (CycleFlag.SIGNAL_ERROR, state.flag_runs[0], SIGNAL_ERROR, self.watch.signal_cycles),
             (CycleFlag.SATURATED, state.flag_runs[1], TORQUE_PORT, self.watch.torque_port_cycles),
             # Only a clock that was there can be lost.
-            (CycleFlag.HOST_TIME if state.has_stamps else 0, state.flag_runs[2], TIME_BASE, self.watch.host_time_cycles),
+            (
+                CycleFlag.HOST_TIME if state.has_stamps else 0,
+                state.flag_runs[2],
+                TIME_BASE,
+                self.watch.host_time_cycles,
+            ),
         ):
             raised = (block.flags & flag) != 0
             at, run, _ = _first_run(raised, before, allowed)
             runs.append(run)
             if at is not None:
-                trips.append(Trip(cause, start + at, float(allowed), float(allowed), "cycles in a row"))
+                trips.append(
+                    Trip(cause, start + at, float(allowed), float(allowed), "cycles in a row")
+                )
         has_stamps = state.has_stamps or bool(((block.flags & CycleFlag.HOST_TIME) == 0).any())
         return replace(state, flag_runs=(runs[0], runs[1], runs[2]), has_stamps=has_stamps), trips
 
     def _following(
         self, state: WatchState, block: SampleBlock, turn: Turn, start: int
     ) -> tuple[WatchState, list[Trip]]:
-        """Mean speed over a window against the mean set-point, beyond tolerance for longer than steps and ramps need."""
+        """Mean speed over a window against the mean set-point, beyond tolerance for longer than
+        steps and ramps need.
+        """
         lag = max(1, round(self.watch.following_window / self._period))
         if not turn.enabled or turn.command.mode is not Mode.SPEED:
             return replace(
-                state, tail_angle=state.tail_angle[:0], tail_time=state.tail_time[:0], tail_target=state.tail_target[:0],
+                state,
+                tail_angle=state.tail_angle[:0],
+                tail_time=state.tail_time[:0],
+                tail_target=state.tail_target[:0],
                 following_run=0,
-            ), []  # fmt: skip
+            ), []
         channel = self._channels[INPUT_ANGLE]
         angle = np.concatenate([state.tail_angle, block.counts[:, self._column[INPUT_ANGLE]]])
         times = np.concatenate([state.tail_time, block.time_ns])
         sent = turn.command.target[: len(block)]
         received = self._si(block, TARGET_SPEED) if TARGET_SPEED in self._column else sent
-        target = np.concatenate([state.tail_target, np.where(np.abs(sent) > np.abs(received), sent, received)])
+        target = np.concatenate(
+            [state.tail_target, np.where(np.abs(sent) > np.abs(received), sent, received)]
+        )
         carried = replace(
-            state, tail_angle=angle[-lag - 1 :], tail_time=times[-lag - 1 :], tail_target=target[-lag - 1 :]
+            state,
+            tail_angle=angle[-lag - 1 :],
+            tail_time=times[-lag - 1 :],
+            tail_target=target[-lag - 1 :],
         )
         if len(angle) <= lag:
             return carried, []
@@ -315,7 +367,11 @@ class Supervisor:
             index = len(error) - new + at
             row = start + len(block) - new + at
             detail = f"set-point {wanted[index] / RPM:.4g} r/min, speed {measured[index] / RPM:.4g} r/min"
-            trips.append(Trip(FOLLOWING_ERROR, row, error[index] / RPM, allowed[index] / RPM, "r/min", detail))
+            trips.append(
+                Trip(
+                    FOLLOWING_ERROR, row, error[index] / RPM, allowed[index] / RPM, "r/min", detail
+                )
+            )
         longest = max(longest, state.following_longest)
         return replace(carried, following_run=run, following_longest=longest), trips
 
@@ -325,7 +381,9 @@ class Supervisor:
         ramp = self.limits.value(lim.INPUT_SPEED) / self.limits.value(lim.ACCELERATION)
         return self.watch.following_time + (2.0 * ramp if math.isfinite(ramp) else 0.0)
 
-    def _torques(self, state: WatchState, block: SampleBlock, start: int) -> tuple[WatchState, list[Trip]]:
+    def _torques(
+        self, state: WatchState, block: SampleBlock, start: int
+    ) -> tuple[WatchState, list[Trip]]:
         """Heat of the motor, and port against drive in complete cycles while nothing has tripped."""
         name = TORQUE if TORQUE in self._column else DRIVE_TORQUE
         if name not in self._column:
@@ -336,8 +394,13 @@ class Supervisor:
         if TORQUE in self._column and DRIVE_TORQUE in self._column and state.trip is None:
             good = (block.flags & CycleFlag.INCOMPLETE) == 0
             drive = self._si(block, DRIVE_TORQUE)[good]
-            compared, found, notes = self._torque_review.compared(state.torque, torque[good], drive, start)
-            state, trips = replace(state, torque=compared, notes=(*state.notes, *notes)), trips + found
+            compared, found, notes = self._torque_review.compared(
+                state.torque, torque[good], drive, start
+            )
+            state, trips = (
+                replace(state, torque=compared, notes=(*state.notes, *notes)),
+                trips + found,
+            )
         return state, trips
 
     def acquisition(self) -> dict[str, object]:
@@ -363,7 +426,9 @@ class Supervisor:
 
 
 def _first_run(raised: NDArray[np.bool_], before: int, allowed: int) -> tuple[int | None, int, int]:
-    """Where a run of `allowed` raised cycles is complete (None: nowhere), how long the run at the end is, and the longest."""
+    """Where a run of `allowed` raised cycles is complete (None: nowhere), how long the run at the
+    end is, and the longest.
+    """
     if not raised.any():
         return None, 0, 0
     index = np.arange(len(raised))
@@ -372,4 +437,3 @@ def _first_run(raised: NDArray[np.bool_], before: int, allowed: int) -> tuple[in
     reached = np.flatnonzero(lengths >= allowed)
     at = int(reached[0]) if len(reached) else None
     return at, int(lengths[-1]), int(lengths.max())
-

@@ -19,7 +19,8 @@ HEAT_PIECE = 4096
 
 @dataclass(frozen=True)
 class Agreement:
-    """Torque port against what the drive reports, over the complete cycles of a run: so many of them, their sums of port, drive,
+    """Torque port against what the drive reports, over the complete cycles of a run: so many of
+    them, their sums of port, drive,
     drive^2, port drive, port^2, and the largest difference."""
 
     cycles: int = 0
@@ -32,10 +33,13 @@ class Agreement:
             return self
         more = (port.sum(), drive.sum(), drive @ drive, port @ drive, port @ port)
         sums = tuple(before + float(found) for before, found in zip(self.sums, more, strict=True))
-        return Agreement(self.cycles + len(port), sums, max(self.worst, float(np.abs(port - drive).max())))
+        return Agreement(
+            self.cycles + len(port), sums, max(self.worst, float(np.abs(port - drive).max()))
+        )
 
     def figures(self) -> dict[str, float]:
-        """Mean and standard deviation of port - drive, the worst cycle [N m], and the slope of port over drive (1 is agreement).
+        """Mean and standard deviation of port - drive, the worst cycle [N m], and the slope of port
+        over drive (1 is agreement).
 
         The slope is left out where the torque varied by less than its own scatter: then only the mean says something.
         """
@@ -45,14 +49,26 @@ class Agreement:
         port, drive, squares, products, port_squares = (s / n for s in self.sums)
         spread, common = squares - drive**2, products - port * drive
         scatter = max((port_squares - port**2) - 2.0 * common + spread, 0.0)
-        found = {"cycles": float(n), "offset": port - drive, "scatter": math.sqrt(scatter), "worst": self.worst}
-        return {**found, "slope": common / spread} if spread > 9.0 * scatter and spread > 0.0 else found
+        found = {
+            "cycles": float(n),
+            "offset": port - drive,
+            "scatter": math.sqrt(scatter),
+            "worst": self.worst,
+        }
+        return (
+            {**found, "slope": common / spread}
+            if spread > 9.0 * scatter and spread > 0.0
+            else found
+        )
 
 
 @dataclass(frozen=True)
 class TorqueState:
-    """What is carried from block to block: the i2t integral (1 is the rating) and its largest, and an open window of the
-    comparison: rows, sums of (port - drive)^2, drive^2, port, drive; share of the allowed difference; windows in a row."""
+    """What is carried from block to block: the i2t integral (1 is the rating) and its largest, and
+    an open window of the
+    comparison: rows, sums of (port - drive)^2, drive^2, port, drive; share of the allowed
+    difference; windows in a row.
+    """
 
     heat: float = 0.0
     hottest: float = 0.0
@@ -77,21 +93,42 @@ class TorqueReview:
 
     def heated(self, state: TorqueState, torque: FloatArray, start: int) -> Found:
         """Mean square of the torque (n,) with one time constant, against the rating."""
-        heat = heat_integral(state.heat, np.square(torque / self.rating), self.period / self.watch.thermal_time)
+        heat = heat_integral(
+            state.heat, np.square(torque / self.rating), self.period / self.watch.thermal_time
+        )
         hot = np.flatnonzero(heat > 1.0)
         trips = []
         if len(hot):
             row = int(hot[0])
-            trips.append(Trip(OVERLOAD, start + row, math.sqrt(heat[row]) * self.rating, self.rating, "N m r.m.s."))
-        return replace(state, heat=float(heat[-1]), hottest=max(state.hottest, float(heat.max()))), trips, ()
+            trips.append(
+                Trip(
+                    OVERLOAD,
+                    start + row,
+                    math.sqrt(heat[row]) * self.rating,
+                    self.rating,
+                    "N m r.m.s.",
+                )
+            )
+        return (
+            replace(state, heat=float(heat[-1]), hottest=max(state.hottest, float(heat.max()))),
+            trips,
+            (),
+        )
 
-    def compared(self, state: TorqueState, port: FloatArray, drive: FloatArray, start: int) -> Found:
+    def compared(
+        self, state: TorqueState, port: FloatArray, drive: FloatArray, start: int
+    ) -> Found:
         """Port against drive (n,), r.m.s. over a window (an open line hums about zero): first an event, then a trip."""
         if not len(port):
             return state, [], ()
         state = replace(state, agreement=state.agreement.after(port, drive))
         rows = state.rows + len(port)
-        found = (float(np.square(port - drive).sum()), float(np.square(drive).sum()), float(port.sum()), float(drive.sum()))
+        found = (
+            float(np.square(port - drive).sum()),
+            float(np.square(drive).sum()),
+            float(port.sum()),
+            float(drive.sum()),
+        )
         sums = tuple(before + more for before, more in zip(state.sums, found, strict=True))
         if rows * self.period < self.watch.torque_difference_window:
             return replace(state, rows=rows, sums=sums), [], ()
@@ -105,16 +142,29 @@ class TorqueReview:
         text = f"torque port and drive differ by {difference:.4g} N m r.m.s., allowed {allowed:.4g} N m ({detail})"
         trips = []
         if state.windows >= self.watch.torque_difference_windows:
-            trips.append(Trip(TORQUE_DISAGREEMENT, start + len(port) - 1, difference, allowed, "N m r.m.s.", detail))
+            trips.append(
+                Trip(
+                    TORQUE_DISAGREEMENT,
+                    start + len(port) - 1,
+                    difference,
+                    allowed,
+                    "N m r.m.s.",
+                    detail,
+                )
+            )
         return state, trips, (("torque-disagreement", text),)
 
 
 def heat_integral(before: float, load: FloatArray, step: float) -> FloatArray:
-    """The i2t integral of each cycle (n,), h[k] = e^-step h[k-1] + (1 - e^-step) load[k], whatever the length of the block."""
+    """The i2t integral of each cycle (n,), h[k] = e^-step h[k-1] + (1 - e^-step) load[k], whatever
+    the length of the block.
+    """
     found = np.empty(len(load))
     for begin in range(0, len(load), HEAT_PIECE):
         part = load[begin : begin + HEAT_PIECE]
         decay = np.exp(-step * np.arange(1, len(part) + 1))
-        found[begin : begin + len(part)] = decay * (before - math.expm1(-step) * np.cumsum(part / decay))
+        found[begin : begin + len(part)] = decay * (
+            before - math.expm1(-step) * np.cumsum(part / decay)
+        )
         before = float(found[begin + len(part) - 1])
     return found

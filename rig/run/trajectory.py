@@ -1,7 +1,8 @@
 """Set-points over cycles: pure functions from a step's numbers to what the drive is told in each SYNC cycle.
 
-A `Profile` is asked for the cycles [start, start + count) of its own, so that how a run is cut into blocks cannot change a
-set-point, and long holds need no memory. Nothing is rounded here: quantisation belongs to the drive.
+A `Profile` is asked for the cycles [start, start + count) of its own, so that how a run is cut into
+blocks cannot change a set-point, and long holds need no memory. Nothing is rounded here:
+quantisation belongs to the drive.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class Linear:
-    """From `begin` (the set-point before cycle 0) to `end` in `cycles` equal steps; `end` is reached in the last and kept."""
+    """From `begin` (the set-point before cycle 0) to `end` in `cycles` equal steps; `end` is
+    reached in the last and kept.
+    """
 
     begin: float
     end: float
@@ -66,14 +69,18 @@ def ramp(begin: float, end: float, acceleration: float, period: float) -> Linear
 
 
 def ramp_travel(begin: float, end: float, cycles: int, period: float) -> float:
-    """Angle [rad] that a drive which follows ideally turns in `cycles` of a linear speed ramp, each set-point held a cycle."""
+    """Angle [rad] that a drive which follows ideally turns in `cycles` of a linear speed ramp, each
+    set-point held a cycle.
+    """
     if cycles <= 0:
         return 0.0
     return period * (cycles * begin + (end - begin) * 0.5 * (cycles + 1))
 
 
 def cruise_speed(speed: float, acceleration: float, distance: float, period: float) -> float:
-    """The highest speed magnitude not above |speed| from which a stop within half of `distance` is possible: sqrt(a d)."""
+    """The highest speed magnitude not above |speed| from which a stop within half of `distance` is
+    possible: sqrt(a d).
+    """
     reachable = math.sqrt(acceleration * abs(distance))
     return min(abs(speed), max(reachable, acceleration * period))
 

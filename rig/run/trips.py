@@ -39,7 +39,9 @@ FAULT = "fault"
 LATE_TURN = "late_turn"
 MAKE_SAFE_FAILED = "make_safe_failed"
 
-DEVICE_CAUSES = frozenset({EMERGENCY, HEARTBEAT_LOST, BOOT_UP, NOT_OPERATIONAL, DRIVE_STATE, FAULT, BUS_LOST})
+DEVICE_CAUSES = frozenset(
+    {EMERGENCY, HEARTBEAT_LOST, BOOT_UP, NOT_OPERATIONAL, DRIVE_STATE, FAULT, BUS_LOST}
+)
 """Causes that a port reports by itself, with an event that says what happened."""
 
 
@@ -54,109 +56,161 @@ class TripRule:
 
 TRIPS: dict[str, TripRule] = {
     OVER_SPEED: TripRule(
-        "the input turns too fast", Action.QUICK_STOP, "Check the speed loop's gains and the drive's speed limit."
+        "the input turns too fast",
+        Action.QUICK_STOP,
+        "Check the speed loop's gains and the drive's speed limit.",
     ),
     OVER_SPEED_OUTPUT: TripRule(
-        "the output turns faster than the input limit allows", Action.QUICK_STOP,
+        "the output turns faster than the input limit allows",
+        Action.QUICK_STOP,
         "Check the motor encoder: the drive may be running on a wrong speed.",
     ),
     OVER_TORQUE: TripRule(
-        "the motor torque is above its limit", Action.ZERO_TORQUE,
+        "the motor torque is above its limit",
+        Action.ZERO_TORQUE,
         "Something blocks, or the drive does not hold its torque limit: turn the gear by hand, read 0x6072 back.",
     ),
     OVERLOAD: TripRule(
-        "the mean square of the motor torque is above its rating", Action.QUICK_STOP, "Let the motor cool; lower the load."
+        "the mean square of the motor torque is above its rating",
+        Action.QUICK_STOP,
+        "Let the motor cool; lower the load.",
     ),
     TORSION_TORQUE: TripRule(
-        "the torsion of the gear says that its torque nears the repeated peak", Action.ZERO_TORQUE,
+        "the torsion of the gear says that its torque nears the repeated peak",
+        Action.ZERO_TORQUE,
         "Find what holds the output; inspect the gear before going on.",
     ),
     DISAGREEMENT: TripRule(
-        "input and output angle disagree beyond the compliance of the gear", Action.QUICK_STOP,
+        "input and output angle disagree beyond the compliance of the gear",
+        Action.QUICK_STOP,
         "Check ratio and mounting, lines and direction of both encoders, and the output coupling.",
     ),
     TRAVEL: TripRule(
-        "the input has left the travel of the plan", Action.QUICK_STOP, "Check the direction of the motor encoder."
+        "the input has left the travel of the plan",
+        Action.QUICK_STOP,
+        "Check the direction of the motor encoder.",
     ),
     GUARD_OPEN: TripRule(
-        "the guard was opened while the drive was on", Action.QUICK_STOP, "Close the guard; find out who opened it and why."
+        "the guard was opened while the drive was on",
+        Action.QUICK_STOP,
+        "Close the guard; find out who opened it and why.",
     ),
-    OVER_TEMPERATURE: TripRule("the gear housing is too hot", Action.QUICK_STOP, "Let it cool down."),
+    OVER_TEMPERATURE: TripRule(
+        "the gear housing is too hot", Action.QUICK_STOP, "Let it cool down."
+    ),
     DRIVE_FAULT: TripRule(
-        "the drive reports a fault", Action.ZERO_TORQUE, "Read the drive's error code, remove the cause, acknowledge by name."
+        "the drive reports a fault",
+        Action.ZERO_TORQUE,
+        "Read the drive's error code, remove the cause, acknowledge by name.",
     ),
     UNEXPECTED_STATE: TripRule(
-        "the drive has left operation enabled by itself", Action.QUICK_STOP,
+        "the drive has left operation enabled by itself",
+        Action.QUICK_STOP,
         "Check enable input, emergency stop and bus; the drive may have seen its safe torque off.",
     ),
     FOLLOWING_ERROR: TripRule(
-        "the speed does not follow its set-point", Action.QUICK_STOP,
+        "the speed does not follow its set-point",
+        Action.QUICK_STOP,
         "Something blocks, a limit in the drive is too low, or the speed loop is badly tuned.",
     ),
     STALE_DATA: TripRule(
-        "complete cycles have stopped arriving", Action.QUICK_STOP, "Check bus load, cables and the nodes' heartbeats."
+        "complete cycles have stopped arriving",
+        Action.QUICK_STOP,
+        "Check bus load, cables and the nodes' heartbeats.",
     ),
     MISSED_CYCLES: TripRule(
-        "too large a share of the cycles is incomplete, late or lost", Action.QUICK_STOP,
+        "too large a share of the cycles is incomplete, late or lost",
+        Action.QUICK_STOP,
         "Lower the SYNC rate or the bus load; look for a node that does not answer in time.",
     ),
     SIGNAL_ERROR: TripRule(
-        "a device says that its own signal is not valid", Action.QUICK_STOP, "Check encoder signals, cable and supply."
+        "a device says that its own signal is not valid",
+        Action.QUICK_STOP,
+        "Check encoder signals, cable and supply.",
     ),
     COUNT_JUMP: TripRule(
-        "an encoder count moved further than the gear can turn in a cycle", Action.QUICK_STOP,
+        "an encoder count moved further than the gear can turn in a cycle",
+        Action.QUICK_STOP,
         "Check shielding and wrap modulus of that counter.",
     ),
     LOST_COUNTS: TripRule(
-        "an encoder has lost counts: its index mark lies elsewhere", Action.QUICK_STOP,
+        "an encoder has lost counts: its index mark lies elsewhere",
+        Action.QUICK_STOP,
         "Check encoder signals, shielding, lines and multiplication; the angles of this run cannot be used.",
     ),
     TORQUE_PORT: TripRule(
-        "the torque port is saturated or open", Action.QUICK_STOP, "Check the cable of the monitor port and its range."
+        "the torque port is saturated or open",
+        Action.QUICK_STOP,
+        "Check the cable of the monitor port and its range.",
     ),
     TORQUE_DISAGREEMENT: TripRule(
-        "torque port and drive disagree about the torque", Action.QUICK_STOP,
+        "torque port and drive disagree about the torque",
+        Action.QUICK_STOP,
         "Check volts per rated torque, the gain of the monitor and the cable.",
     ),
     TIME_BASE: TripRule(
-        "the time stamps do not follow the SYNC period", Action.QUICK_STOP, "Check the adapter's clock."
+        "the time stamps do not follow the SYNC period",
+        Action.QUICK_STOP,
+        "Check the adapter's clock.",
     ),
-    BUS_LOST: TripRule("the rig does not answer any more", Action.QUICK_STOP, "Check adapter, cable and supply."),
+    BUS_LOST: TripRule(
+        "the rig does not answer any more", Action.QUICK_STOP, "Check adapter, cable and supply."
+    ),
     DEVICE_ERROR: TripRule(
-        "a device did not do what it must", Action.QUICK_STOP, "Look at the device that the message names."
+        "a device did not do what it must",
+        Action.QUICK_STOP,
+        "Look at the device that the message names.",
     ),
     EMERGENCY: TripRule(
-        "a device sent an emergency message", Action.QUICK_STOP, "Look the code up in the device's manual, remove the cause."
+        "a device sent an emergency message",
+        Action.QUICK_STOP,
+        "Look the code up in the device's manual, remove the cause.",
     ),
     HEARTBEAT_LOST: TripRule(
-        "the heartbeat of a node has stayed away", Action.QUICK_STOP, "Check supply and cable of the node."
+        "the heartbeat of a node has stayed away",
+        Action.QUICK_STOP,
+        "Check supply and cable of the node.",
     ),
     BOOT_UP: TripRule(
-        "a node has restarted in the middle of the run", Action.QUICK_STOP,
+        "a node has restarted in the middle of the run",
+        Action.QUICK_STOP,
         "Check its supply: it has lost its configuration and its counts.",
     ),
     NOT_OPERATIONAL: TripRule(
-        "a node has left OPERATIONAL by itself", Action.QUICK_STOP, "Look for another master on the bus; check the node."
+        "a node has left OPERATIONAL by itself",
+        Action.QUICK_STOP,
+        "Look for another master on the bus; check the node.",
     ),
     DRIVE_STATE: TripRule(
-        "the drive has left operation enabled by itself", Action.QUICK_STOP,
+        "the drive has left operation enabled by itself",
+        Action.QUICK_STOP,
         "Check enable input, emergency stop and bus; the drive may have seen its safe torque off.",
     ),
-    FAULT: TripRule("the drive reports a fault", Action.ZERO_TORQUE, "Read the drive's error code, remove the cause."),
+    FAULT: TripRule(
+        "the drive reports a fault",
+        Action.ZERO_TORQUE,
+        "Read the drive's error code, remove the cause.",
+    ),
     LATE_TURN: TripRule(
-        "the loop that turns the rig came too late", Action.QUICK_STOP,
+        "the loop that turns the rig came too late",
+        Action.QUICK_STOP,
         "Stop other programs on this computer; use longer blocks or a lower SYNC rate.",
     ),
-    DISK_SPACE: TripRule("the disk is nearly full", Action.QUICK_STOP, "Free space or choose another folder."),
+    DISK_SPACE: TripRule(
+        "the disk is nearly full", Action.QUICK_STOP, "Free space or choose another folder."
+    ),
     MAKE_SAFE_FAILED: TripRule(
-        "the rig could not be brought to a verified standstill", Action.ZERO_TORQUE,
+        "the rig could not be brought to a verified standstill",
+        Action.ZERO_TORQUE,
         "Press the emergency stop. Do not touch the rig before it stands and is disconnected.",
     ),
-}  # fmt: skip
+}
 """Every cause of a trip: how it ends and what it means. The first cause is latched."""
 
 UNKNOWN_RULE = TripRule(
-    "a device has told of trouble", Action.QUICK_STOP, "Look at the events of the run for what the device said."
+    "a device has told of trouble",
+    Action.QUICK_STOP,
+    "Look at the events of the run for what the device said.",
 )
 """For causes that a port names and this table does not know."""
 

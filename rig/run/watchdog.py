@@ -1,8 +1,9 @@
 """The watchdog of a run in real time: a thread that only watches that turns happen, and can stop the drive alone.
 
-It takes no part in the loop: the loop tells it "I have turned", it compares the clock with a deadline, and when the loop is
-late it sends the drive's quick stop over a bus handle of its own, once. Below it the drive misses the computer's heartbeat,
-which the loop itself sends, and stops by its own reaction; below that is the hardwired stop.
+It takes no part in the loop: the loop tells it "I have turned", it compares the clock with a
+deadline, and when the loop is late it sends the drive's quick stop over a bus handle of its own,
+once. Below it the drive misses the computer's heartbeat, which the loop itself sends, and stops by
+its own reaction; below that is the hardwired stop.
 """
 
 from __future__ import annotations
@@ -18,14 +19,18 @@ NS = 1e-9
 class Watchdog:
     """Watches the turns of one run. `deadline` [s] between two turns; `quick_stop` is called at most once.
 
-    `check` is the whole of it; `start` only calls it in a thread every `interval` [s]. It begins to watch with the first turn.
-    `close` releases the bus handle.
+    `check` is the whole of it; `start` only calls it in a thread every `interval` [s]. It begins to
+    watch with the first turn. `close` releases the bus handle.
     """
 
     def __init__(
-        self, clock: Clock, deadline: float, quick_stop: Callable[[], None], interval: float | None = None,
+        self,
+        clock: Clock,
+        deadline: float,
+        quick_stop: Callable[[], None],
+        interval: float | None = None,
         close: Callable[[], None] = lambda: None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.deadline = deadline
         self.acted = False
         self.problem = ""

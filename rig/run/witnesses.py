@@ -1,4 +1,5 @@
-"""Who can say that the rig stands: the statusword and both encoders, by the cyclic data or, where those stay away, when asked.
+"""Who can say that the rig stands: the statusword and both encoders, by the cyclic data or, where
+those stay away, when asked.
 
 Without the statusword and the input encoder standstill is not verified, whatever the others say. The output encoder is
 named as missing where it is silent: statusword and input encoder then carry the verdict without it.
@@ -35,7 +36,11 @@ class Witnesses:
         m = self.machine
         found = [STATUSWORD] if m.has(STATUSWORD) else []
         found.append(INPUT_ANGLE)
-        return (*found, OUTPUT_ANGLE) if m.has(OUTPUT_ANGLE) and math.isfinite(self.ratio) else tuple(found)
+        return (
+            (*found, OUTPUT_ANGLE)
+            if m.has(OUTPUT_ANGLE) and math.isfinite(self.ratio)
+            else tuple(found)
+        )
 
     def unheard(self) -> tuple[str, ...]:
         """Those whose cyclic data did not arrive in every cycle of the latest window."""
@@ -69,8 +74,16 @@ class Witnesses:
             return None
         if STATUSWORD in self.silent():
             return "the statusword is silent"
-        state = self.machine.state if STATUSWORD not in self.unheard() else drive_state(self.asked[STATUSWORD])
-        return f"the drive is in {state.value}" if state in POWERED_STATES or state is DriveState.UNKNOWN else None
+        state = (
+            self.machine.state
+            if STATUSWORD not in self.unheard()
+            else drive_state(self.asked[STATUSWORD])
+        )
+        return (
+            f"the drive is in {state.value}"
+            if state in POWERED_STATES or state is DriveState.UNKNOWN
+            else None
+        )
 
     def problem(self) -> str | None:
         """Why standstill without power is not verified; None where it is."""
@@ -80,13 +93,18 @@ class Witnesses:
         """Who verified it."""
         unheard, silent = self.unheard(), self.silent()
         return tuple(
-            f"{name} (asked by SDO)" if name in unheard else name for name in self.wanted if name not in silent
+            f"{name} (asked by SDO)" if name in unheard else name
+            for name in self.wanted
+            if name not in silent
         )
 
     def hear(self, before: Mapping[str, int], after: Mapping[str, int]) -> None:
         """Take the answers of silent witnesses, asked twice with a window between."""
-        self.asked = {name: count if name == STATUSWORD else self._moved(name, before[name], count)
-                      for name, count in after.items() if name in before}  # fmt: skip
+        self.asked = {
+            name: count if name == STATUSWORD else self._moved(name, before[name], count)
+            for name, count in after.items()
+            if name in before
+        }
 
     def _moved(self, name: str, before: int, after: int) -> int:
         modulus = self.machine.channels[name].modulus
@@ -97,4 +115,8 @@ class Witnesses:
         """Mean speed of an angle over the window [rad/s]."""
         if name not in self.unheard():
             return self.machine.speed(name, self.window)
-        return self.asked[name] * self.machine.channels[name].scale / (self.window * self.machine.period)
+        return (
+            self.asked[name]
+            * self.machine.channels[name].scale
+            / (self.window * self.machine.period)
+        )

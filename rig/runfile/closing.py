@@ -1,8 +1,9 @@
 """How a run ended: the three words that are written last, the figures of the acquisition, and their checksum.
 
-Status, outcome and end time are plain scalars, so that every reader finds them; plain scalars are the one thing in the file
-that HDF5 does not checksum, so their CRC-32 lies beside the process. The figures of the acquisition (JSON) are known only at
-the end and have a field of a fixed length that is made before the first row.
+Status, outcome and end time are plain scalars, so that every reader finds them; plain scalars are
+the one thing in the file that HDF5 does not checksum, so their CRC-32 lies beside the process. The
+figures of the acquisition (JSON) are known only at the end and have a field of a fixed length that
+is made before the first row.
 """
 
 from __future__ import annotations
@@ -35,7 +36,12 @@ class Closing:
     @property
     def checksum(self) -> int:
         """CRC-32 of the three words, and of the acquisition where there is one."""
-        words = (self.end_time, self.outcome, self.status, *([self.acquisition] if self.acquisition else []))
+        words = (
+            self.end_time,
+            self.outcome,
+            self.status,
+            *([self.acquisition] if self.acquisition else []),
+        )
         return zlib.crc32("\n".join(words).encode())
 
 
@@ -44,8 +50,12 @@ def create_closing(file: h5py.File, closing: Closing) -> None:
     entry = _entry(file)
     for name, length in _LENGTHS.items():
         layout.create_changing_field(entry, name, getattr(closing, name), length)
-    layout.create_changing_field(_process(file), ACQUISITION, closing.acquisition, LONGEST_ACQUISITION)
-    file.create_dataset(_CHECKSUM, data=[closing.checksum], dtype="<i8", chunks=(1,), fletcher32=True)
+    layout.create_changing_field(
+        _process(file), ACQUISITION, closing.acquisition, LONGEST_ACQUISITION
+    )
+    file.create_dataset(
+        _CHECKSUM, data=[closing.checksum], dtype="<i8", chunks=(1,), fletcher32=True
+    )
 
 
 def write_closing(file: h5py.File, closing: Closing) -> None:
@@ -72,14 +82,21 @@ def read_closing(file: h5py.File) -> Closing:
     if file.swmr_mode:
         # The writer died, or is, between the first of the three words and their checksum.
         return Closing()
-    raise RunFileError("outcome and end time are not what was written", where=layout.ENTRY, value=repr(found.outcome))
+    raise RunFileError(
+        "outcome and end time are not what was written",
+        where=layout.ENTRY,
+        value=repr(found.outcome),
+    )
 
 
 def acquisition_text(figures: Mapping[str, object]) -> str:
     """The figures of the acquisition as JSON; groups of figures that would not fit are left out and named."""
     kept = dict(figures)
     left: list[str] = []
-    while len((text := layout.to_json({**kept, **({"left_out": left} if left else {})})).encode()) > LONGEST_ACQUISITION:
+    while (
+        len((text := layout.to_json({**kept, **({"left_out": left} if left else {})})).encode())
+        > LONGEST_ACQUISITION
+    ):
         left.append(max(kept, key=lambda name: len(layout.to_json(kept[name]))))
         del kept[left[-1]]
     return text if figures else ""

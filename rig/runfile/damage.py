@@ -1,4 +1,6 @@
-"""What the HDF5 library and the disk do when something is wrong, turned into one line; and letting go of a file then."""
+"""What the HDF5 library and the disk do when something is wrong, turned into one line; and letting
+go of a file then.
+"""
 
 from __future__ import annotations
 
@@ -12,22 +14,40 @@ import h5py
 
 from rig.errors import RigError, RunFileError
 
-COPY_REMEDY = "Was it copied completely? A run that was cut off keeps its .part file: see `rig recover`."
+COPY_REMEDY = (
+    "Was it copied completely? A run that was cut off keeps its .part file: see `rig recover`."
+)
 
 
 @contextlib.contextmanager
-def refusing_damage(path: Path, what: str = "is not a readable run file", remedy: str = COPY_REMEDY) -> Iterator[None]:
+def refusing_damage(
+    path: Path, what: str = "is not a readable run file", remedy: str = COPY_REMEDY
+) -> Iterator[None]:
     """Turn whatever the HDF5 library says about a damaged or foreign file into one line."""
     try:
         yield
     except RigError:
         raise
     except FileNotFoundError as error:
-        raise RunFileError("there is no such file", where=str(path), remedy="Check the path, or list the runs.") from error
+        raise RunFileError(
+            "there is no such file", where=str(path), remedy="Check the path, or list the runs."
+        ) from error
     except PermissionError as error:
-        raise RunFileError("may not be read", where=str(path), remedy="Check its permissions.") from error
-    except (OSError, KeyError, RuntimeError, ValueError, TypeError, IndexError, AttributeError, MemoryError,
-            OverflowError, AssertionError) as error:  # fmt: skip
+        raise RunFileError(
+            "may not be read", where=str(path), remedy="Check its permissions."
+        ) from error
+    except (
+        OSError,
+        KeyError,
+        RuntimeError,
+        ValueError,
+        TypeError,
+        IndexError,
+        AttributeError,
+        MemoryError,
+        OverflowError,
+        AssertionError,
+    ) as error:
         raise RunFileError(f"{what} ({reason(error)})", where=str(path), remedy=remedy) from error
 
 
@@ -36,7 +56,11 @@ def reason(error: BaseException) -> str:
     found = re.search(r"error message = '([^']*)'", str(error))
     if found:
         return found.group(1)
-    text = getattr(error, "strerror", None) or " ".join(str(error).strip().strip("'\"").split()) or type(error).__name__
+    text = (
+        getattr(error, "strerror", None)
+        or " ".join(str(error).strip().strip("'\"").split())
+        or type(error).__name__
+    )
     return text if len(text) <= 160 else text[:157] + "..."
 
 

@@ -27,16 +27,26 @@ def origin_note(recording: Recording) -> str:
 def export_csv(recording: Recording, target: Path, *, overwrite: bool = False) -> int:
     """Write the run as text, a block at a time; returns the number of rows."""
     names = list(recording.signals)
-    headings = ["time [s]", *(f"{name} [{recording.signals[name].unit}]" for name in names), "flags", "segment"]
+    headings = [
+        "time [s]",
+        *(f"{name} [{recording.signals[name].unit}]" for name in names),
+        "flags",
+        "segment",
+    ]
     partial = _partial(target, overwrite)
     try:
         with partial.open("w", encoding="utf-8", newline="\n") as stream:
             stream.writelines(f"# {line}\n" for line in _description(recording))
             stream.write(",".join(headings) + "\n")
             for block in recording.blocks(size=BLOCK_ROWS):
-                columns = [recording.time(block).tolist(), *(recording.si(name, block).tolist() for name in names)]
+                columns = [
+                    recording.time(block).tolist(),
+                    *(recording.si(name, block).tolist() for name in names),
+                ]
                 columns += [recording.flags(block).tolist(), _segment_of_rows(recording, block)]
-                stream.writelines(",".join(map(str, row)) + "\n" for row in zip(*columns, strict=True))
+                stream.writelines(
+                    ",".join(map(str, row)) + "\n" for row in zip(*columns, strict=True)
+                )
         os.replace(partial, target)
     except OSError as error:
         raise _not_written(target, error) from error
@@ -51,19 +61,38 @@ def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -
 
     if recording.rows * 8 > LARGEST_MATLAB_BYTES:
         raise RunFileError(
-            "is too long for a MATLAB 5 file", where=recording.metadata.run_id, value=f"{recording.rows} rows",
-            limit=f"<= {LARGEST_MATLAB_BYTES // 8} rows", remedy="MATLAB opens the run file itself with h5read.",
-        )  # fmt: skip
+            "is too long for a MATLAB 5 file",
+            where=recording.metadata.run_id,
+            value=f"{recording.rows} rows",
+            limit=f"<= {LARGEST_MATLAB_BYTES // 8} rows",
+            remedy="MATLAB opens the run file itself with h5read.",
+        )
     m = recording.metadata
-    content: dict[str, Any] = {"time": recording.time(), "flags": recording.flags().astype(np.float64)}
+    content: dict[str, Any] = {
+        "time": recording.time(),
+        "flags": recording.flags().astype(np.float64),
+    }
     content |= {name: recording.si(name) for name in recording.signals}
-    content["units"] = {"time": "s", **{name: signal.unit for name, signal in recording.signals.items()}}
+    content["units"] = {
+        "time": "s",
+        **{name: signal.unit for name, signal in recording.signals.items()},
+    }
     content["run"] = {
-        "description": "\n".join(_description(recording)), "origin": origin_note(recording) or "HARDWARE",
-        "run_id": m.run_id, "experiment": m.experiment, "outcome": m.outcome, "start_time": m.start_time,
-        "operator": m.operator, "gear": m.gear.name if m.gear else "", "gear_serial": m.gear_serial, "ratio": m.ratio,
-        "mounting": m.mounting, "output_sense": float(m.output_sense), "sample_rate": m.sample_rate, "sha256": m.sha256,
-    }  # fmt: skip
+        "description": "\n".join(_description(recording)),
+        "origin": origin_note(recording) or "HARDWARE",
+        "run_id": m.run_id,
+        "experiment": m.experiment,
+        "outcome": m.outcome,
+        "start_time": m.start_time,
+        "operator": m.operator,
+        "gear": m.gear.name if m.gear else "",
+        "gear_serial": m.gear_serial,
+        "ratio": m.ratio,
+        "mounting": m.mounting,
+        "output_sense": float(m.output_sense),
+        "sample_rate": m.sample_rate,
+        "sha256": m.sha256,
+    }
     # MATLAB counts rows from 1 and its ranges include the end.
     content["segments"] = {
         "label": np.array([s.label for s in recording.segments] or [""], dtype=object),
@@ -76,7 +105,9 @@ def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -
     partial = _partial(target, overwrite)
     try:
         with partial.open("wb") as stream:
-            scipy.io.savemat(stream, content, do_compression=True, long_field_names=True, oned_as="column")
+            scipy.io.savemat(
+                stream, content, do_compression=True, long_field_names=True, oned_as="column"
+            )
         os.replace(partial, target)
     except OSError as error:
         raise _not_written(target, error) from error
@@ -113,11 +144,15 @@ def _segment_of_rows(recording: Recording, block: slice) -> list[int]:
 def _partial(target: Path, overwrite: bool) -> Path:
     """Where the export is written until it is complete."""
     if target.exists() and not overwrite:
-        raise RunFileError("is there already", where=str(target), remedy="Name another file, or give --force.")
+        raise RunFileError(
+            "is there already", where=str(target), remedy="Name another file, or give --force."
+        )
     return target.with_name(f".{target.name}.{os.getpid()}.tmp")
 
 
 def _not_written(target: Path, error: OSError) -> RunFileError:
     return RunFileError(
-        f"cannot be written: {error.strerror or error}", where=str(target), remedy="Name a folder that can be written."
+        f"cannot be written: {error.strerror or error}",
+        where=str(target),
+        remedy="Name a folder that can be written.",
     )

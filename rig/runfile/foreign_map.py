@@ -61,18 +61,30 @@ def read_channel_map(path: Path) -> tuple[tuple[ChannelSource, ...], tuple[Forei
     try:
         content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except OSError as error:
-        raise ConfigurationError(f"cannot be read: {error.strerror or error}", where=where) from error
+        raise ConfigurationError(
+            f"cannot be read: {error.strerror or error}", where=where
+        ) from error
     except (ValueError, RecursionError) as error:
-        raise ConfigurationError(f"is not valid TOML: {error}", where=where, remedy="Correct the line.") from error
+        raise ConfigurationError(
+            f"is not valid TOML: {error}", where=where, remedy="Correct the line."
+        ) from error
     unknown = set(content) - {"channels", "segments"}
     if unknown or not isinstance(content.get("channels"), dict):
         raise ConfigurationError(
-            "is not a channel map", where=where, value=", ".join(sorted(unknown)) or "no [channels.<name>]",
+            "is not a channel map",
+            where=where,
+            value=", ".join(sorted(unknown)) or "no [channels.<name>]",
             limit="[channels.<name>] with column, unit, scale; [[segments]]",
-        )  # fmt: skip
+        )
     channels = []
     for name, entry in content["channels"].items():
-        entry = _entry(entry, _MAP_KEYS, f"{where}: channels.{name}", texts=("unit", "long_name"), either=("column",))
+        entry = _entry(
+            entry,
+            _MAP_KEYS,
+            f"{where}: channels.{name}",
+            texts=("unit", "long_name"),
+            either=("column",),
+        )
         if "column" not in entry:
             raise ConfigurationError("is missing", where=f"{where}: channels.{name}.column")
         channels.append(ChannelSource(name, **{**entry, "column": str(entry["column"])}))
@@ -82,23 +94,37 @@ def read_channel_map(path: Path) -> tuple[tuple[ChannelSource, ...], tuple[Forei
         keys = set(ForeignSegment.__dataclass_fields__)
         entry = _entry(entry, keys, f"{where}: segments[{index}]", texts=("label",))
         if not {"label", "start", "stop"} <= set(entry):
-            raise ConfigurationError("needs label, start and stop", where=f"{where}: segments[{index}]")
+            raise ConfigurationError(
+                "needs label, start and stop", where=f"{where}: segments[{index}]"
+            )
         whole = {key: int(entry[key]) for key in ("direction", "repeat") if key in entry}
         segments.append(ForeignSegment(**{**entry, **whole}))
     return tuple(channels), tuple(segments)
 
 
 def _entry(
-    entry: object, keys: set[str], where: str, texts: tuple[str, ...] = (), either: tuple[str, ...] = ()
+    entry: object,
+    keys: set[str],
+    where: str,
+    texts: tuple[str, ...] = (),
+    either: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """A table of a map file with known keys, numbers and texts."""
     if not isinstance(entry, dict):
         raise ConfigurationError("is not a table", where=where, limit=", ".join(sorted(keys)))
     for key, value in entry.items():
         if key not in keys:
-            raise ConfigurationError("no such key", where=f"{where}.{key}", limit=", ".join(sorted(keys)))
+            raise ConfigurationError(
+                "no such key", where=f"{where}.{key}", limit=", ".join(sorted(keys))
+            )
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if not (isinstance(value, str) if key in texts else number or (key in either and isinstance(value, str))):
+        if not (
+            isinstance(value, str)
+            if key in texts
+            else number or (key in either and isinstance(value, str))
+        ):
             limit = "text" if key in texts else "a number"
-            raise ConfigurationError("is of the wrong kind", where=f"{where}.{key}", value=repr(value), limit=limit)
+            raise ConfigurationError(
+                "is of the wrong kind", where=f"{where}.{key}", value=repr(value), limit=limit
+            )
     return entry

@@ -1,4 +1,6 @@
-"""One pass through a foreign table: numbers checked, time made, wrapped columns unwrapped, bad rows refused or left out."""
+"""One pass through a foreign table: numbers checked, time made, wrapped columns unwrapped, bad rows
+refused or left out.
+"""
 
 from __future__ import annotations
 
@@ -43,9 +45,11 @@ class Reading:
         self._time = sources.pop(TIME_CHANNEL, None)
         if not sources:
             raise ConfigurationError(
-                "no channels are mapped", where=str(table.path), limit=", ".join(table.headings[:20]),
+                "no channels are mapped",
+                where=str(table.path),
+                limit=", ".join(table.headings[:20]),
                 remedy="Give --channel name=column:unit for each, or --map FILE.",
-            )  # fmt: skip
+            )
         self._check_time()
         self._sources = tuple(sources.values())
         wanted = [*([self._time] if self._time else []), *self._sources]
@@ -69,7 +73,9 @@ class Reading:
         self.notes: list[str] = []
         for source, unit in zip(wanted, units, strict=True):
             if source.unit and unit and known_unit(source.unit, source.name) != unit:
-                self.note(f"WARNING: {source.name} was read in {source.unit}, but its heading says {unit}")
+                self.note(
+                    f"WARNING: {source.name} was read in {source.unit}, but its heading says {unit}"
+                )
 
     def batches(self) -> Iterator[Rows]:
         """The rows that are kept, a batch at a time."""
@@ -82,7 +88,9 @@ class Reading:
             values = batch.values[good]
             times = self._times(values, cycles)
             stored = [
-                self._stored(column, index, values[:, index + (self._time is not None)], batch.lines[good])
+                self._stored(
+                    column, index, values[:, index + (self._time is not None)], batch.lines[good]
+                )
                 for index, column in enumerate(self.columns)
             ]
             self._watch(times, stored)
@@ -97,37 +105,54 @@ class Reading:
     def close_notes(self, rate: float) -> None:
         """What can be said only after the last row."""
         if self.dropped:
-            more = f", and {self.dropped - len(self._bad)} more" if self.dropped > len(self._bad) else ""
+            more = (
+                f", and {self.dropped - len(self._bad)} more"
+                if self.dropped > len(self._bad)
+                else ""
+            )
             self.note(f"{self.dropped} rows left out: {'; '.join(self._bad)}{more}")
         for name, speed in self._fastest.items():
             if speed > FASTEST_RAD_S:
                 self.note(f"WARNING: {name} turns at up to {speed:.3g} rad/s: is its unit right?")
         if self._time and not 0.01 <= rate <= 10e6:
-            self.note(f"WARNING: the sample rate is {rate:.3g} Hz: is the unit of the time column right?")
+            self.note(
+                f"WARNING: the sample rate is {rate:.3g} Hz: is the unit of the time column right?"
+            )
         if self._time and self._gaps:
-            self.note(f"WARNING: {self._gaps} steps of the time are longer than 1.5 times the usual one")
+            self.note(
+                f"WARNING: {self._gaps} steps of the time are longer than 1.5 times the usual one"
+            )
 
     def segments(self, rows: int) -> Iterator[Segment]:
         """The segments of the map as rows."""
-        for index, (wanted, (start, stop)) in enumerate(zip(self._options.segments, self._edges, strict=True)):
+        for index, (wanted, (start, stop)) in enumerate(
+            zip(self._options.segments, self._edges, strict=True)
+        ):
             if not start < stop <= rows:
                 raise ConfigurationError(
-                    "the segment has no rows", where=f"segments[{index}] {wanted.label}",
-                    value=f"{wanted.start:g} to {wanted.stop:g} s", limit="seconds within the recording",
-                )  # fmt: skip
-            yield Segment(index, wanted.label, start, stop, wanted.setpoint, wanted.direction, wanted.repeat)
+                    "the segment has no rows",
+                    where=f"segments[{index}] {wanted.label}",
+                    value=f"{wanted.start:g} to {wanted.stop:g} s",
+                    limit="seconds within the recording",
+                )
+            yield Segment(
+                index, wanted.label, start, stop, wanted.setpoint, wanted.direction, wanted.repeat
+            )
 
     def _check_time(self) -> None:
         given = [self._time is not None, self._options.rate is not None, self._options.no_time]
         if sum(given) != 1:
             raise ConfigurationError(
-                "the time must come from one place" if sum(given) else "there is no time", where=str(self._table.path),
+                "the time must come from one place" if sum(given) else "there is no time",
+                where=str(self._table.path),
                 limit="one of --channel time=COLUMN:s, --rate HZ, --no-time",
                 remedy="Without a time base only analyses over angle are possible.",
-            )  # fmt: skip
+            )
         rate = self._options.rate
         if rate is not None and not (math.isfinite(rate) and 0.0 < rate <= 1e9):
-            raise ConfigurationError("is no sample rate", where="--rate", value=rate, limit="> 0 and <= 1e9 Hz")
+            raise ConfigurationError(
+                "is no sample rate", where="--rate", value=rate, limit="> 0 and <= 1e9 Hz"
+            )
 
     def _time_unit(self, heading_unit: str) -> float:
         assert self._time is not None
@@ -135,7 +160,9 @@ class Reading:
         si_unit, factor = UNITS.get(unit, (unit, 1.0))
         if si_unit != "s":
             allowed = ", ".join(name for name, (si, _) in UNITS.items() if si == "s")
-            raise ConfigurationError("has a unit of another dimension", where=TIME_CHANNEL, value=unit, limit=allowed)
+            raise ConfigurationError(
+                "has a unit of another dimension", where=TIME_CHANNEL, value=unit, limit=allowed
+            )
         return factor * (1.0 if self._time.scale is None else self._time.scale)
 
     def _good_rows(self, batch: Batch) -> NDArray[np.bool_]:
@@ -158,14 +185,23 @@ class Reading:
         heading = self._table.headings[self._indices[0]]
         for row in rows[np.abs(seconds) > 9.2e9]:
             good[row] = False
-            self._refuse(BadCell(int(batch.lines[row]), heading, repr(float(batch.values[row, 0])), "beyond any calendar"))
+            self._refuse(
+                BadCell(
+                    int(batch.lines[row]),
+                    heading,
+                    repr(float(batch.values[row, 0])),
+                    "beyond any calendar",
+                )
+            )
         rows, seconds = np.flatnonzero(good), batch.values[good, 0] * self._time_factor
         stamps = _nanoseconds(seconds)
         reached = np.maximum.accumulate(np.concatenate([[self.last_ns], stamps]))[:-1]
         for row in rows[stamps <= reached]:
             good[row] = False
             why = "the time does not increase"
-            self._refuse(BadCell(int(batch.lines[row]), heading, repr(float(batch.values[row, 0])), why))
+            self._refuse(
+                BadCell(int(batch.lines[row]), heading, repr(float(batch.values[row, 0])), why)
+            )
 
     def _check_counts(self, batch: Batch, good: NDArray[np.bool_], index: int, name: str) -> None:
         values = batch.values[:, index]
@@ -174,17 +210,28 @@ class Reading:
         for row in np.flatnonzero(wrong):
             good[row] = False
             heading = self._table.headings[self._indices[index]]
-            self._refuse(BadCell(int(batch.lines[row]), heading, repr(float(values[row])), f"{name} is no whole count"))
+            self._refuse(
+                BadCell(
+                    int(batch.lines[row]),
+                    heading,
+                    repr(float(values[row])),
+                    f"{name} is no whole count",
+                )
+            )
 
     def _refuse(self, bad: BadCell) -> None:
         word = self._table.line_word
         column = f", column {bad.column}" if bad.column else ""
         if not self._options.drop_bad_rows:
             raise RunFileError(
-                bad.why, where=f"{self._table.path}, {word} {bad.line}{column}", value=bad.text,
-                limit="a later time than the row before" if "increase" in bad.why else "a finite number",
+                bad.why,
+                where=f"{self._table.path}, {word} {bad.line}{column}",
+                value=bad.text,
+                limit="a later time than the row before"
+                if "increase" in bad.why
+                else "a finite number",
                 remedy=f"Correct the {word}, or leave such rows out with --drop-bad-rows.",
-            )  # fmt: skip
+            )
         self.dropped += 1
         if len(self._bad) < LISTED_ROWS:
             self._bad.append(f"{word} {bad.line}{column}: {bad.why} ({bad.text})")
@@ -211,12 +258,17 @@ class Reading:
             outside = np.flatnonzero(np.abs(values) > modulus)
             if len(outside):
                 raise RunFileError(
-                    "the column goes beyond the range after which it should wrap", where=f"{self._table.path}, "
+                    "the column goes beyond the range after which it should wrap",
+                    where=f"{self._table.path}, "
                     f"{self._table.line_word} {int(lines[outside[0]])}, channel {column.name}",
-                    value=float(values[outside[0]]), limit=f"{modulus:g}", remedy="Correct the modulus of the channel.",
-                )  # fmt: skip
+                    value=float(values[outside[0]]),
+                    limit=f"{modulus:g}",
+                    remedy="Correct the modulus of the channel.",
+                )
             before = values[0] if np.isnan(self._last[index]) else self._last[index]
-            turns = self._turns[index] - np.cumsum(np.rint(np.diff(values, prepend=before) / modulus))
+            turns = self._turns[index] - np.cumsum(
+                np.rint(np.diff(values, prepend=before) / modulus)
+            )
             self._turns[index] = turns[-1]
             self._last[index] = values[-1]
             values = values + turns * modulus
@@ -237,7 +289,9 @@ class Reading:
 def _nanoseconds(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
     """Whole seconds and the rest apart: their product with 1e9 has no room for both in calendar times."""
     whole = np.floor(seconds)
-    return whole.astype(np.int64) * 1_000_000_000 + np.rint((seconds - whole) * 1e9).astype(np.int64)
+    return whole.astype(np.int64) * 1_000_000_000 + np.rint((seconds - whole) * 1e9).astype(
+        np.int64
+    )
 
 
 def _unit_or_nothing(text: str) -> str:

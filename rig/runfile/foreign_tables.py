@@ -24,13 +24,22 @@ _BRACKETED = re.compile(r"(.*?)\s*[\[(]([^\])]*)[\])]\s*")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _WHITESPACE = "whitespace"
-DELIMITERS = {"tab": "\t", "\\t": "\t", "space": _WHITESPACE, _WHITESPACE: _WHITESPACE, "comma": ",", "semicolon": ";"}
+DELIMITERS = {
+    "tab": "\t",
+    "\\t": "\t",
+    "space": _WHITESPACE,
+    _WHITESPACE: _WHITESPACE,
+    "comma": ",",
+    "semicolon": ";",
+}
 """Words for delimiters besides the character itself."""
 
 
 @dataclass(frozen=True)
 class BadCell:
-    """A cell that is no number: the line (or row) that the file's owner sees, the column, what stands there, and why."""
+    """A cell that is no number: the line (or row) that the file's owner sees, the column, what
+    stands there, and why.
+    """
 
     line: int
     column: str
@@ -68,16 +77,20 @@ def find_column(table: Table, wanted: str) -> int:
             return names.index(key)
         if names.count(key) > 1:
             raise ConfigurationError(
-                "the file has more than one column of this name", where=str(table.path), value=wanted,
+                "the file has more than one column of this name",
+                where=str(table.path),
+                value=wanted,
                 remedy="Give the column's number, counted from 1.",
-            )  # fmt: skip
+            )
     if wanted.isascii() and wanted.isdigit() and 1 <= int(wanted) <= len(table.headings):
         return int(wanted) - 1
     shown = ", ".join(table.headings[:20]) + (", ..." if len(table.headings) > 20 else "")
     raise ConfigurationError(
-        "there is no such column", where=str(table.path), value=wanted,
+        "there is no such column",
+        where=str(table.path),
+        value=wanted,
         limit=f"{shown}, or a number from 1 to {len(table.headings)}",
-    )  # fmt: skip
+    )
 
 
 def split_heading(heading: str) -> tuple[str, str]:
@@ -95,28 +108,44 @@ class DelimitedTable:
         self.path = path
         self._encoding = _encoding(path)
         if decimal not in ("", ".", ","):
-            raise ConfigurationError("is no decimal mark", where="--decimal", value=repr(decimal), limit='"." or ","')
+            raise ConfigurationError(
+                "is no decimal mark", where="--decimal", value=repr(decimal), limit='"." or ","'
+            )
         with self._text() as stream:
-            head = [(number, line) for number, line in islice(enumerate(stream, 1), 4000) if _has_content(line)]
+            head = [
+                (number, line)
+                for number, line in islice(enumerate(stream, 1), 4000)
+                if _has_content(line)
+            ]
         if not head:
             raise RunFileError("has no rows", where=str(path), remedy="Is this the right file?")
         sample = [line for _, line in head[:_LOOK_AHEAD]]
         given = DELIMITERS.get(delimiter.lower(), delimiter)
         self._delimiter = given or _find_delimiter(sample)
-        self._decimal_comma = decimal == "," or (not decimal and self._looks_like_decimal_comma(sample))
+        self._decimal_comma = decimal == "," or (
+            not decimal and self._looks_like_decimal_comma(sample)
+        )
         self._find_headings(head[:_LOOK_AHEAD])
 
     @property
     def description(self) -> str:
         """How the file was read, in words."""
-        names = {"\t": "tab", ",": "comma", ";": "semicolon", "|": "bar", _WHITESPACE: "white space"}
+        names = {
+            "\t": "tab",
+            ",": "comma",
+            ";": "semicolon",
+            "|": "bar",
+            _WHITESPACE: "white space",
+        }
         name = names.get(self._delimiter, repr(self._delimiter))
         return f"columns separated by {name}, decimal {'comma' if self._decimal_comma else 'point'}"
 
     def batches(self, columns: Sequence[int]) -> Iterator[Batch]:
         with self._text() as stream:
             numbered = (
-                (number, line) for number, line in enumerate(stream, 1) if number >= self._first_row and _has_content(line)
+                (number, line)
+                for number, line in enumerate(stream, 1)
+                if number >= self._first_row and _has_content(line)
             )
             while True:
                 lines = list(islice(numbered, BATCH_ROWS))
@@ -177,24 +206,36 @@ class DelimitedTable:
                 return "a point in a number with a decimal comma"
             text = text.replace(",", ".")
         if not _NUMBER.fullmatch(text):
-            return "not finite" if text.lower().lstrip("+-") in ("nan", "inf", "infinity") else "not a number"
+            return (
+                "not finite"
+                if text.lower().lstrip("+-") in ("nan", "inf", "infinity")
+                else "not a number"
+            )
         value = float(text)
         return value if np.isfinite(value) else "not finite"
 
     def _find_headings(self, head: list[tuple[int, str]]) -> None:
-        """The line of headings is the first that is as wide as the table and holds words; a line of units may follow."""
+        """The line of headings is the first that is as wide as the table and holds words; a line of
+        units may follow.
+        """
         split = [(number, self._split(line)) for number, line in head]
         width = Counter(len(cells) for _, cells in split[-20:]).most_common(1)[0][0]
         wide = [(number, cells) for number, cells in split if len(cells) == width]
         number, cells = wide[0]
         words = [bool(cell) and not isinstance(self._number(cell), float) for cell in cells]
-        if any(words) and not all(_missing_value(cell) for cell, word in zip(cells, words, strict=True) if word):
+        if any(words) and not all(
+            _missing_value(cell) for cell, word in zip(cells, words, strict=True) if word
+        ):
             self.headings = tuple(cell.strip().strip('"') for cell in cells)
             self._first_row = number + 1
-            if len(wide) > 1 and not any(isinstance(self._number(cell), float) for cell in wide[1][1]):
+            if len(wide) > 1 and not any(
+                isinstance(self._number(cell), float) for cell in wide[1][1]
+            ):
                 units = [cell.strip().strip("[]()") for cell in wide[1][1]]
                 if not any(map(_missing_value, units)):
-                    self.headings = tuple(f"{name} [{unit}]" for name, unit in zip(self.headings, units, strict=True))
+                    self.headings = tuple(
+                        f"{name} [{unit}]" for name, unit in zip(self.headings, units, strict=True)
+                    )
                     self._first_row = wide[1][0] + 1
         else:
             self.headings = tuple(f"column {index + 1}" for index in range(width))
@@ -215,7 +256,9 @@ class DelimitedTable:
         try:
             return self.path.open(encoding=self._encoding, errors="replace", newline=None)
         except OSError as error:
-            raise RunFileError(f"cannot be read: {error.strerror or error}", where=str(self.path)) from error
+            raise RunFileError(
+                f"cannot be read: {error.strerror or error}", where=str(self.path)
+            ) from error
 
 
 def _encoding(path: Path) -> str:
@@ -229,7 +272,9 @@ def _encoding(path: Path) -> str:
         return "utf-16"
     if b"\0" in head:
         raise RunFileError(
-            "is not a text file", where=str(path), remedy="For a MATLAB file use `rig import mat`; a run file needs no import."
+            "is not a text file",
+            where=str(path),
+            remedy="For a MATLAB file use `rig import mat`; a run file needs no import.",
         )
     try:
         head[: head.rfind(b"\n") + 1].decode("utf-8")
@@ -247,10 +292,16 @@ def _find_delimiter(sample: list[str]) -> str:
     commas = {len(_split_line(line, ",")) for line in lines}
     words = [line.split() for line in lines]
     if len({len(row) for row in words}) == 1 and len(words[0]) > 1:
-        numeric = all(_DECIMAL_COMMA.fullmatch(cell) or _NUMBER.fullmatch(cell) for row in words for cell in row)
+        numeric = all(
+            _DECIMAL_COMMA.fullmatch(cell) or _NUMBER.fullmatch(cell)
+            for row in words
+            for cell in row
+        )
         if numeric or commas == {1}:
             return _WHITESPACE
-    counts = {c: Counter(line.count(c) for line in lines if line.count(c)).most_common(1) for c in ",;\t|"}
+    counts = {
+        c: Counter(line.count(c) for line in lines if line.count(c)).most_common(1) for c in ",;\t|"
+    }
     best = max(counts, key=lambda c: counts[c][0][1] if counts[c] else 0)
     return best if counts[best] else _WHITESPACE
 
@@ -261,7 +312,10 @@ def _split_line(line: str, delimiter: str) -> list[str]:
     line = line.rstrip("\r\n")
     if '"' in line:
         try:
-            return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+            return [
+                cell.strip()
+                for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+            ]
         except csv.Error:
             return line.split(delimiter)
     return [cell.strip() for cell in line.split(delimiter)]
@@ -274,7 +328,17 @@ def _has_content(line: str) -> bool:
 
 def _missing_value(cell: str) -> bool:
     """Whether a cell that is no number stands for one that is missing, rather than for a heading."""
-    return cell.strip().lower().lstrip("+-") in ("", "nan", "inf", "infinity", "na", "n/a", "null", "none", "-")
+    return cell.strip().lower().lstrip("+-") in (
+        "",
+        "nan",
+        "inf",
+        "infinity",
+        "na",
+        "n/a",
+        "null",
+        "none",
+        "-",
+    )
 
 
 def _shown(text: str) -> str:

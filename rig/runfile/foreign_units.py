@@ -37,20 +37,67 @@ UNITS: dict[str, tuple[str, float]] = {
 """Units that a column may have: the SI unit that it becomes and the factor to it."""
 
 _SPELLINGS = {
-    "°": "deg", "degree": "deg", "degrees": "deg", "'": "arcmin", '"': "arcsec", "turn": "rev", "turns": "rev", "r": "rev",
-    "revolution": "rev", "revolutions": "rev", "rpm": "r/min", "1/min": "r/min", "rev/min": "r/min", "nm": "N m",
-    "n*m": "N m", "n.m": "N m", "n·m": "N m", "n-m": "N m", "mnm": "mN m", "nmm": "N mm", "ncm": "N cm", "µm": "um",
-    "μm": "um", "µs": "us", "μs": "us", "sec": "s", "seconds": "s", "second": "s", "°c": "degC", "celsius": "degC",
-    "counts": COUNT, "cnt": COUNT, "inc": COUNT, "increments": COUNT, "amp": "A", "volt": "V", "-": "1", "": "1",
-    "rad/s^2": "rad/s2", "m/s^2": "m/s2",
-}  # fmt: skip
+    "°": "deg",
+    "degree": "deg",
+    "degrees": "deg",
+    "'": "arcmin",
+    '"': "arcsec",
+    "turn": "rev",
+    "turns": "rev",
+    "r": "rev",
+    "revolution": "rev",
+    "revolutions": "rev",
+    "rpm": "r/min",
+    "1/min": "r/min",
+    "rev/min": "r/min",
+    "nm": "N m",
+    "n*m": "N m",
+    "n.m": "N m",
+    "n·m": "N m",
+    "n-m": "N m",
+    "mnm": "mN m",
+    "nmm": "N mm",
+    "ncm": "N cm",
+    "µm": "um",
+    "μm": "um",
+    "µs": "us",
+    "μs": "us",
+    "sec": "s",
+    "seconds": "s",
+    "second": "s",
+    "°c": "degC",
+    "celsius": "degC",
+    "counts": COUNT,
+    "cnt": COUNT,
+    "inc": COUNT,
+    "increments": COUNT,
+    "amp": "A",
+    "volt": "V",
+    "-": "1",
+    "": "1",
+    "rad/s^2": "rad/s2",
+    "m/s^2": "m/s2",
+}
 
 DIMENSIONS: dict[str, tuple[str, ...]] = {
-    TIME_CHANNEL: ("s",), "input_angle": ("rad",), "output_angle": ("rad",), "input_index": ("rad",),
-    "output_index": ("rad",), "torque": ("N m",), "drive_torque": ("N m",), "target_torque": ("N m",),
-    "target_speed": ("rad/s",), "housing_temperature": ("degC",), "ambient_temperature": ("degC",), "statusword": ("1",),
-    "index_seen": ("1",), "position": ("m", "rad"), "force": ("N",), "current": ("A",), "voltage": ("V",),
-}  # fmt: skip
+    TIME_CHANNEL: ("s",),
+    "input_angle": ("rad",),
+    "output_angle": ("rad",),
+    "input_index": ("rad",),
+    "output_index": ("rad",),
+    "torque": ("N m",),
+    "drive_torque": ("N m",),
+    "target_torque": ("N m",),
+    "target_speed": ("rad/s",),
+    "housing_temperature": ("degC",),
+    "ambient_temperature": ("degC",),
+    "statusword": ("1",),
+    "index_seen": ("1",),
+    "position": ("m", "rad"),
+    "force": ("N",),
+    "current": ("A",),
+    "voltage": ("V",),
+}
 """What the channels with a standard name measure; every other name may have any unit."""
 
 
@@ -73,11 +120,17 @@ class ChannelSource:
     def __post_init__(self) -> None:
         for key in ("scale", "offset", "modulus"):
             value = getattr(self, key)
-            if value is not None and (not math.isfinite(value) or (key == "scale" and value == 0.0)):
+            if value is not None and (
+                not math.isfinite(value) or (key == "scale" and value == 0.0)
+            ):
                 limit = "a finite number that is not 0" if key == "scale" else "a finite number"
-                raise ConfigurationError("is not usable", where=f"{self.name}.{key}", value=value, limit=limit)
+                raise ConfigurationError(
+                    "is not usable", where=f"{self.name}.{key}", value=value, limit=limit
+                )
         if self.modulus < 0.0:
-            raise ConfigurationError("is negative", where=f"{self.name}.modulus", value=self.modulus, limit=">= 0")
+            raise ConfigurationError(
+                "is negative", where=f"{self.name}.modulus", value=self.modulus, limit=">= 0"
+            )
 
 
 def parse_channel(text: str) -> ChannelSource:
@@ -86,14 +139,19 @@ def parse_channel(text: str) -> ChannelSource:
     name, equals, rest = text.partition("=")
     parts = rest.split(":")
     if not equals or not name.strip() or not parts[0].strip() or len(parts) > 3:
-        raise ConfigurationError("is not a channel", where="--channel", value=repr(text), limit=form)
+        raise ConfigurationError(
+            "is not a channel", where="--channel", value=repr(text), limit=form
+        )
     scale = None
     if len(parts) == 3 and parts[2].strip():
         try:
             scale = float(parts[2])
         except ValueError:
             raise ConfigurationError(
-                "the scale is not a number", where=f"--channel {name.strip()}", value=repr(parts[2]), limit=form
+                "the scale is not a number",
+                where=f"--channel {name.strip()}",
+                value=repr(parts[2]),
+                limit=form,
             ) from None
     unit = parts[1].strip() if len(parts) > 1 else ""
     return ChannelSource(name.strip(), parts[0].strip(), unit, scale)
@@ -107,12 +165,19 @@ def known_unit(text: str, where: str) -> str:
             return candidate
     near = difflib.get_close_matches(stripped, [*UNITS, COUNT], n=1)
     raise ConfigurationError(
-        "has a unit that is not known", where=where, value=repr(text), limit=", ".join([*UNITS, COUNT]),
-        remedy=f'Did you mean "{near[0]}"?' if near else "Convert the column, or give SI and a scale.",
-    )  # fmt: skip
+        "has a unit that is not known",
+        where=where,
+        value=repr(text),
+        limit=", ".join([*UNITS, COUNT]),
+        remedy=f'Did you mean "{near[0]}"?'
+        if near
+        else "Convert the column, or give SI and a scale.",
+    )
 
 
-def column_of(source: ChannelSource, heading_unit: str = "", torque_constant: float | None = None) -> Column:
+def column_of(
+    source: ChannelSource, heading_unit: str = "", torque_constant: float | None = None
+) -> Column:
     """How a channel is stored: the column's own numbers, with scale and offset to SI. Counts become int64."""
     allowed = DIMENSIONS.get(source.name)
     unit = known_unit(source.unit or heading_unit or (allowed[0] if allowed else ""), source.name)
@@ -122,17 +187,26 @@ def column_of(source: ChannelSource, heading_unit: str = "", torque_constant: fl
     if allowed and si_unit not in allowed:
         if si_unit not in ("A", "V") or allowed[0] not in ("N m", "N"):
             raise ConfigurationError(
-                "has a unit of another dimension", where=source.name, value=unit,
+                "has a unit of another dimension",
+                where=source.name,
+                value=unit,
                 limit=", ".join([*(u for u, (si, _) in UNITS.items() if si in allowed), COUNT]),
                 remedy="Correct the unit, or give the channel another name.",
-            )  # fmt: skip
-        scale = source.scale if source.scale is not None else torque_constant if si_unit == "A" else None
+            )
+        scale = (
+            source.scale
+            if source.scale is not None
+            else torque_constant
+            if si_unit == "A"
+            else None
+        )
         if scale is None:
             raise ConfigurationError(
-                f"a {source.name} in {unit} needs its scale in {allowed[0]} per {si_unit}", where=source.name,
+                f"a {source.name} in {unit} needs its scale in {allowed[0]} per {si_unit}",
+                where=source.name,
                 remedy=f"Write {source.name}={source.column}:{unit}:<{allowed[0]} per {si_unit}>, or name the channel "
                 f"{'current' if si_unit == 'A' else 'voltage'}.",
-            )  # fmt: skip
+            )
         return _made(source, allowed[0], factor * scale, source.offset)
     scale = factor * (1.0 if source.scale is None else source.scale)
     return _made(source, si_unit, scale, source.offset - (273.15 if unit == "K" else 0.0))
@@ -143,18 +217,29 @@ def _counts_column(source: ChannelSource, allowed: tuple[str, ...] | None) -> Co
     if source.scale is None and unit != "1":
         what = "counts per revolution" if unit == "rad" else f"{unit} per count"
         raise ConfigurationError(
-            f"counts need their scale in {what}", where=source.name,
+            f"counts need their scale in {what}",
+            where=source.name,
             remedy=f"Write {source.name}={source.column}:count:<{what}>.",
-        )  # fmt: skip
+        )
     given = 1.0 if source.scale is None else source.scale
     scale = REVOLUTION / given if unit == "rad" else given
     if source.modulus != int(source.modulus):
-        raise ConfigurationError("is not a whole number", where=f"{source.name}.modulus", value=source.modulus)
+        raise ConfigurationError(
+            "is not a whole number", where=f"{source.name}.modulus", value=source.modulus
+        )
     return _made(source, unit, scale, source.offset, counts=True)
 
 
-def _made(source: ChannelSource, unit: str, scale: float, offset: float, *, counts: bool = False) -> Column:
+def _made(
+    source: ChannelSource, unit: str, scale: float, offset: float, *, counts: bool = False
+) -> Column:
     return Column(
-        source.name, unit, "int64" if counts else "float64", scale, offset, abs(scale) if counts else 0.0,
-        int(source.modulus) if counts else 0, source.long_name,
-    )  # fmt: skip
+        source.name,
+        unit,
+        "int64" if counts else "float64",
+        scale,
+        offset,
+        abs(scale) if counts else 0.0,
+        int(source.modulus) if counts else 0,
+        source.long_name,
+    )

@@ -23,7 +23,12 @@ from rig.runfile import layout
 from rig.runfile.closing import ACQUISITION, Closing, create_closing, read_closing
 from rig.runfile.layout import Column
 
-ORIGIN_WORDS = {"simulated": "SIMULATED", "replay": "REPLAY", "imported": "IMPORTED", "hardware": ""}
+ORIGIN_WORDS = {
+    "simulated": "SIMULATED",
+    "replay": "REPLAY",
+    "imported": "IMPORTED",
+    "hardware": "",
+}
 """The word that every plot, report and export of a run carries that is not from hardware."""
 
 _NUMBERS = ("scale_relative_uncertainty", "offset_uncertainty", "accuracy")
@@ -33,9 +38,10 @@ _NUMBERS = ("scale_relative_uncertainty", "offset_uncertainty", "accuracy")
 class RunHeader:
     """Everything of a run that is known before its first row.
 
-    `metadata` without outcome, end time and hash; `columns` the channels in the order of the blocks; `limits` of the rig and
-    the protocol; `devices` by name; `truth` what a simulated rig knows of itself; `epoch_ns` the calendar time [ns since
-    1970 UTC] of a time stamp of zero (0: the stamps are calendar times already).
+    `metadata` without outcome, end time and hash; `columns` the channels in the order of the
+    blocks; `limits` of the rig and the protocol; `devices` by name; `truth` what a simulated rig
+    knows of itself; `epoch_ns` the calendar time [ns since 1970 UTC] of a time stamp of zero (0:
+    the stamps are calendar times already).
     """
 
     metadata: RunMetadata
@@ -49,7 +55,9 @@ class RunHeader:
         names = [column.name for column in self.columns]
         if not names or len(set(names)) != len(names):
             raise RunFileError(
-                "a run needs channels, each once", where=self.metadata.run_id, value=", ".join(names) or "none"
+                "a run needs channels, each once",
+                where=self.metadata.run_id,
+                value=", ".join(names) or "none",
             )
 
 
@@ -66,15 +74,27 @@ def write_header(file: h5py.File, header: RunHeader) -> None:
     layout.create_root(file)
     entry = layout.create_group(file, layout.ENTRY, "NXentry")
     entry.attrs["default"] = layout.text_attribute("data")
-    for name, text in (("run_id", metadata.run_id), ("title", metadata.title), ("start_time", metadata.start_time)):
+    for name, text in (
+        ("run_id", metadata.run_id),
+        ("title", metadata.title),
+        ("start_time", metadata.start_time),
+    ):
         layout.create_field(entry, name, text)
     user = layout.create_group(file, layout.USER, "NXuser")
     layout.create_field(user, "name", metadata.operator)
     _write_sample(file, metadata)
     _write_instrument(file, header)
     process = layout.create_group(file, layout.PROCESS, "NXprocess")
-    origin = {"origin": metadata.origin, "origin_mark": ORIGIN_WORDS[metadata.origin], "time_base": metadata.time_base}
-    for name, text in {"program": "harmonic-rig", "experiment": metadata.experiment, **origin}.items():
+    origin = {
+        "origin": metadata.origin,
+        "origin_mark": ORIGIN_WORDS[metadata.origin],
+        "time_base": metadata.time_base,
+    }
+    for name, text in {
+        "program": "harmonic-rig",
+        "experiment": metadata.experiment,
+        **origin,
+    }.items():
         layout.create_field(process, name, text)
     layout.create_field(process, "sample_rate", float(metadata.sample_rate), "Hz")
     for name in ("backend", "seed", "program_version", "git_commit"):
@@ -94,8 +114,12 @@ def write_header(file: h5py.File, header: RunHeader) -> None:
 def _write_sample(file: h5py.File, metadata: RunMetadata) -> None:
     sample = layout.create_group(file, layout.SAMPLE, "NXsample")
     gear = metadata.gear
-    texts = {"name": gear.name if gear else "", "part_number": gear.name if gear else "",
-             "serial_number": metadata.gear_serial, "mounting": metadata.mounting}  # fmt: skip
+    texts = {
+        "name": gear.name if gear else "",
+        "part_number": gear.name if gear else "",
+        "serial_number": metadata.gear_serial,
+        "mounting": metadata.mounting,
+    }
     for name in ("lubricant", "hours"):
         if name in metadata.conditions:
             texts[name] = str(metadata.conditions[name])
@@ -138,7 +162,8 @@ def read_columns(file: h5py.File) -> tuple[Column, ...]:
 
 
 def read_metadata(file: h5py.File, sha256: str = "") -> RunMetadata:
-    """Who, what, when and on what; the truth of a simulated rig, if there is one, stands in `process["truth"]`, the figures of
+    """Who, what, when and on what; the truth of a simulated rig, if there is one, stands in
+    `process["truth"]`, the figures of
     the acquisition, known at the end of a run, in `process["acquisition"]`."""
     entry, user = _group(file, layout.ENTRY), _group(file, layout.USER)
     sample, process = _group(file, layout.SAMPLE), _group(file, layout.PROCESS)
@@ -149,7 +174,9 @@ def read_metadata(file: h5py.File, sha256: str = "") -> RunMetadata:
     _one_of(mounting, get_args(Mounting), f"{sample.name}/mounting")
     output_sense = int(layout.read_number(sample, "output_sense", 0))
     if output_sense not in (-1, 1):
-        raise RunFileError("is no sense of rotation", where=f"{sample.name}/output_sense", value=output_sense)
+        raise RunFileError(
+            "is no sense of rotation", where=f"{sample.name}/output_sense", value=output_sense
+        )
     closing = read_closing(file)
     details = _mapping(process, "details")
     if "truth" in process:
@@ -157,29 +184,46 @@ def read_metadata(file: h5py.File, sha256: str = "") -> RunMetadata:
     if closing.acquisition:
         details[ACQUISITION] = _mapping(process, ACQUISITION)
     return RunMetadata(
-        run_id=layout.read_text(entry, "run_id"), experiment=layout.read_text(process, "experiment"),
-        origin=cast(Origin, origin), title=layout.read_text(entry, "title"),
-        outcome=closing.outcome, start_time=layout.read_text(entry, "start_time"),
-        end_time=closing.end_time, operator=layout.read_text(user, "name"), gear=_read_gear(sample),
-        gear_serial=layout.read_text(sample, "serial_number"), ratio=layout.read_number(sample, "ratio", math.nan),
-        mounting=cast(Mounting, mounting), output_sense=output_sense,
+        run_id=layout.read_text(entry, "run_id"),
+        experiment=layout.read_text(process, "experiment"),
+        origin=cast(Origin, origin),
+        title=layout.read_text(entry, "title"),
+        outcome=closing.outcome,
+        start_time=layout.read_text(entry, "start_time"),
+        end_time=closing.end_time,
+        operator=layout.read_text(user, "name"),
+        gear=_read_gear(sample),
+        gear_serial=layout.read_text(sample, "serial_number"),
+        ratio=layout.read_number(sample, "ratio", math.nan),
+        mounting=cast(Mounting, mounting),
+        output_sense=output_sense,
         gear_mounted=bool(layout.read_number(sample, "gear_mounted", 1)),
-        sample_rate=layout.read_number(process, "sample_rate", math.nan), time_base=cast(TimeBase, time_base),
-        parameters=_mapping(process, "parameters"), conditions=_mapping(sample, "conditions"), process=details,
+        sample_rate=layout.read_number(process, "sample_rate", math.nan),
+        time_base=cast(TimeBase, time_base),
+        parameters=_mapping(process, "parameters"),
+        conditions=_mapping(sample, "conditions"),
+        process=details,
         sha256=sha256,
-    )  # fmt: skip
+    )
 
 
 def read_header(file: h5py.File) -> RunHeader:
     """The header that a run was begun with: for a copy, and for replaying it."""
     process = _group(file, layout.PROCESS)
     metadata = read_metadata(file)
-    details = {name: value for name, value in metadata.process.items() if name not in ("truth", ACQUISITION)}
+    details = {
+        name: value
+        for name, value in metadata.process.items()
+        if name not in ("truth", ACQUISITION)
+    }
     return RunHeader(
-        dataclasses.replace(metadata, process=details), read_columns(file), _mapping(process, "limits"),
+        dataclasses.replace(metadata, process=details),
+        read_columns(file),
+        _mapping(process, "limits"),
         _mapping(_group(file, layout.INSTRUMENT), "devices"),
-        _mapping(process, "truth") if "truth" in process else None, int(layout.read_number(process, "epoch", 0)),
-    )  # fmt: skip
+        _mapping(process, "truth") if "truth" in process else None,
+        int(layout.read_number(process, "epoch", 0)),
+    )
 
 
 def rows_flushed(file: h5py.File) -> int:
@@ -198,15 +242,18 @@ def check_format(file: h5py.File) -> None:
     found = file.attrs.get("file_format")
     if found is None or _decoded(found) != layout.FILE_FORMAT:
         raise RunFileError(
-            "is an HDF5 file but not a run", limit=f'file_format "{layout.FILE_FORMAT}"',
+            "is an HDF5 file but not a run",
+            limit=f'file_format "{layout.FILE_FORMAT}"',
             remedy="Import a recording of another rig with `rig import`.",
-        )  # fmt: skip
+        )
     version = _decoded(file.attrs.get("file_format_version", b""))
     if version.partition(".")[0] != layout.FILE_FORMAT_VERSION.partition(".")[0]:
         raise RunFileError(
-            "has a format version that this program does not read", value=version,
-            limit=layout.FILE_FORMAT_VERSION, remedy="Use the program version that wrote it.",
-        )  # fmt: skip
+            "has a format version that this program does not read",
+            value=version,
+            limit=layout.FILE_FORMAT_VERSION,
+            remedy="Use the program version that wrote it.",
+        )
 
 
 def _read_gear(sample: h5py.Group) -> HarmonicDrive | None:
@@ -226,7 +273,9 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
         raise RunFileError("is not a channel", where=f"{data.name}/{name}")
     dtype = {"i8": "int64", "i4": "int32", "f8": "float64"}.get(dataset.dtype.str[1:])
     if dtype is None:
-        raise RunFileError("has a type that is no channel's", where=f"{data.name}/{name}", value=str(dataset.dtype))
+        raise RunFileError(
+            "has a type that is no channel's", where=f"{data.name}/{name}", value=str(dataset.dtype)
+        )
     device = _group(file, f"{layout.INSTRUMENT}/{name}")
     stored = _group(file, f"{layout.INSTRUMENT}/{name}/calibration")
     texts = [layout.read_text(stored, key) for key in ("certificate", "date", "due")]
@@ -235,13 +284,24 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
     scale = layout.number_attribute(dataset, "scale_factor")
     offset = layout.number_attribute(dataset, "add_offset")
     if not (math.isfinite(scale) and math.isfinite(offset) and scale != 0.0):
-        raise RunFileError("has no usable calibration", where=f"{data.name}/{name}", value=f"{scale}, {offset}")
+        raise RunFileError(
+            "has no usable calibration", where=f"{data.name}/{name}", value=f"{scale}, {offset}"
+        )
     return Column(
-        name, _attribute(dataset, "units"), cast(Any, dtype), scale, offset,
-        layout.read_number(device, "quantum", 0.0), int(layout.read_number(device, "modulus", 0)),
-        _attribute(dataset, "long_name"), layout.read_text(device, "model"), layout.read_text(device, "serial_number"),
-        int(layout.read_number(device, "lines", 0)), int(layout.read_number(device, "multiplication", 0)), calibration,
-    )  # fmt: skip
+        name,
+        _attribute(dataset, "units"),
+        cast(Any, dtype),
+        scale,
+        offset,
+        layout.read_number(device, "quantum", 0.0),
+        int(layout.read_number(device, "modulus", 0)),
+        _attribute(dataset, "long_name"),
+        layout.read_text(device, "model"),
+        layout.read_text(device, "serial_number"),
+        int(layout.read_number(device, "lines", 0)),
+        int(layout.read_number(device, "multiplication", 0)),
+        calibration,
+    )
 
 
 def _group(file: h5py.File, path: str) -> h5py.Group:
@@ -261,7 +321,12 @@ def _mapping(group: h5py.Group, name: str) -> dict[str, Any]:
 
 def _one_of(found: str, allowed: tuple[str, ...], where: str) -> None:
     if found not in allowed:
-        raise RunFileError("is not one of the words that a run knows", where=where, value=found, limit=", ".join(allowed))
+        raise RunFileError(
+            "is not one of the words that a run knows",
+            where=where,
+            value=found,
+            limit=", ".join(allowed),
+        )
 
 
 def _attribute(item: h5py.Group | h5py.Dataset, name: str) -> str:

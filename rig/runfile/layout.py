@@ -13,10 +13,10 @@ NeXus-like groups with HDF5 dimension scales and CF attributes, so that general 
       segments     table         labelled intervals of rows
       events       table         what happened, in fixed-length bytes
 
-What never changes lies in object headers, which HDF5 checksums; what grows carries a checksum of its own (Fletcher-32 or
-that of gzip), so that a damaged file is refused instead of read. Texts have a fixed length: variable-length strings
-cannot be read after a writer was killed.
-"""
+What never changes lies in object headers, which HDF5 checksums; what grows carries a checksum of
+its own (Fletcher-32 or that of gzip), so that a damaged file is refused instead of read. Texts have
+a fixed length: variable-length strings cannot be read after a writer was killed.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -48,7 +48,12 @@ LIBRARY_VERSION: Final = ("v110", "v110")
 """Bounds of the HDF5 file format: the oldest with SWMR, readable by every library since 2016."""
 
 ENTRY, DATA, SAMPLE, USER = "entry", "entry/data", "entry/sample", "entry/user"
-INSTRUMENT, PROCESS, SEGMENTS, EVENTS = "entry/instrument", "entry/process", "entry/segments", "entry/events"
+INSTRUMENT, PROCESS, SEGMENTS, EVENTS = (
+    "entry/instrument",
+    "entry/process",
+    "entry/segments",
+    "entry/events",
+)
 TIME, CYCLE, FLAGS = "time", "cycle", "flags"
 BOOKKEEPING: Final = (TIME, CYCLE, FLAGS)
 """Columns of the data group that are no channels."""
@@ -59,11 +64,25 @@ OPEN_STOP: Final = -1
 RUNNING, COMPLETE, RECOVERED = "running", "complete", "recovered"
 
 SEGMENT_TYPE: Final = np.dtype(
-    [("index", "<i4"), ("label", "S64"), ("start", "<i8"), ("stop", "<i8"), ("setpoint", "<f8"), ("direction", "<i4"),
-     ("repeat", "<i4")]
-)  # fmt: skip
+    [
+        ("index", "<i4"),
+        ("label", "S64"),
+        ("start", "<i8"),
+        ("stop", "<i8"),
+        ("setpoint", "<f8"),
+        ("direction", "<i4"),
+        ("repeat", "<i4"),
+    ]
+)
 EVENT_TYPE: Final = np.dtype(
-    [("time", "<i8"), ("level", "S16"), ("code", "S48"), ("source", "S48"), ("text", "S480"), ("truncated", "u1")]
+    [
+        ("time", "<i8"),
+        ("level", "S16"),
+        ("code", "S48"),
+        ("source", "S48"),
+        ("text", "S480"),
+        ("truncated", "u1"),
+    ]
 )
 
 MAXIMUM_TEXT: Final = 16_000_000
@@ -72,7 +91,12 @@ MAXIMUM_TEXT: Final = 16_000_000
 LARGEST_COMPACT: Final = 60_000
 """Bytes that fit into an object header (HDF5 allows 64 KiB)."""
 
-_FILTERS: Final[dict[str, Any]] = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
+_FILTERS: Final[dict[str, Any]] = {
+    "compression": "gzip",
+    "compression_opts": 1,
+    "shuffle": True,
+    "fletcher32": True,
+}
 _LONG_NAMES: Final = {
     "input_angle": "input angle (wave generator)",
     "output_angle": "output angle",
@@ -95,8 +119,8 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
 class Column:
     """One channel as it is stored: SI = scale * stored + offset, `scale` signed by the direction.
 
-    `dtype` is int64 or int32 for counts and float64 for a recording that was not in counts; `quantum` is the size of one
-    count in SI (0: none).
+    `dtype` is int64 or int32 for counts and float64 for a recording that was not in counts;
+    `quantum` is the size of one count in SI (0: none).
     """
 
     name: str
@@ -116,34 +140,64 @@ class Column:
     def __post_init__(self) -> None:
         if not _NAME.fullmatch(self.name) or self.name in BOOKKEEPING:
             raise RunFileError(
-                "is not a name for a channel", where="channel", value=repr(self.name),
+                "is not a name for a channel",
+                where="channel",
+                value=repr(self.name),
                 limit=f"letters, digits and underscores, none of {', '.join(BOOKKEEPING)}",
-            )  # fmt: skip
+            )
 
     @classmethod
     def of(cls, channel: Channel) -> Column:
         """The column of a rig's channel: counters of angles in int64, everything else in int32."""
         scale = channel.direction * channel.scale
         return cls(
-            channel.name, channel.unit, "int64" if channel.unit in _ANGLE_UNITS else "int32", scale, channel.offset,
-            channel.scale, channel.modulus, channel.long_name, channel.model, channel.serial_number, channel.lines,
-            channel.multiplication, channel.calibration,
-        )  # fmt: skip
+            channel.name,
+            channel.unit,
+            "int64" if channel.unit in _ANGLE_UNITS else "int32",
+            scale,
+            channel.offset,
+            channel.scale,
+            channel.modulus,
+            channel.long_name,
+            channel.model,
+            channel.serial_number,
+            channel.lines,
+            channel.multiplication,
+            channel.calibration,
+        )
 
     def channel(self) -> Channel:
         """The rig's channel that this column was recorded from."""
         return Channel(
-            self.name, self.unit, abs(self.scale), self.offset, -1 if self.scale < 0 else 1, self.modulus,
-            self.long_name, self.model, self.serial_number, self.lines, self.multiplication, self.calibration,
-        )  # fmt: skip
+            self.name,
+            self.unit,
+            abs(self.scale),
+            self.offset,
+            -1 if self.scale < 0 else 1,
+            self.modulus,
+            self.long_name,
+            self.model,
+            self.serial_number,
+            self.lines,
+            self.multiplication,
+            self.calibration,
+        )
 
     def signal(self) -> Signal:
         """What an analysis sees of it."""
         c = self.calibration
         return Signal(
-            self.name, self.unit, self.scale, self.offset, self.quantum, self.modulus, self.described,
-            c.scale_relative_uncertainty, c.offset_uncertainty, c.accuracy,
-        )  # fmt: skip
+            self.name,
+            self.unit,
+            self.scale,
+            self.offset,
+            self.quantum,
+            self.modulus,
+            self.described,
+            c.scale_relative_uncertainty,
+            c.offset_uncertainty,
+            c.accuracy,
+        )
 
     @property
     def described(self) -> str:
@@ -162,7 +216,9 @@ def create_field(group: h5py.Group, name: str, value: str | float | bool, unit: 
     compact.set_layout(h5py.h5d.COMPACT)
     # The low-level call: the high-level one makes every dataset contiguous, which has no checksum.
     space = h5py.h5s.create(h5py.h5s.SCALAR)
-    made = h5py.h5d.create(group.id, name.encode(), h5py.h5t.py_create(raw.dtype, logical=True), space, compact)
+    made = h5py.h5d.create(
+        group.id, name.encode(), h5py.h5t.py_create(raw.dtype, logical=True), space, compact
+    )
     dataset = h5py.Dataset(made)
     dataset[()] = raw
     if unit:
@@ -188,7 +244,11 @@ def _field_data(value: str | float | bool, length: int = 0) -> tuple[Any, Any]:
         raw = value.encode()
         dtype: Any = h5py.string_dtype("utf-8", max(len(raw), length, 1))
         return dtype, np.array(raw, dtype=dtype)
-    dtype = np.dtype("u1") if isinstance(value, bool) else np.dtype("<i8" if isinstance(value, int) else "<f8")
+    dtype = (
+        np.dtype("u1")
+        if isinstance(value, bool)
+        else np.dtype("<i8" if isinstance(value, int) else "<f8")
+    )
     return dtype, np.array(value, dtype=dtype)
 
 
@@ -197,10 +257,16 @@ def read_text(group: h5py.Group, name: str) -> str:
     if name not in group:
         return ""
     dataset = group[name]
-    if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind != "S" or dataset.shape not in ((), (1,)):
+    if (
+        not isinstance(dataset, h5py.Dataset)
+        or dataset.dtype.kind != "S"
+        or dataset.shape not in ((), (1,))
+    ):
         raise RunFileError("is not a text", where=f"{group.name}/{name}")
     if dataset.dtype.itemsize > MAXIMUM_TEXT:
-        raise RunFileError("is too long", where=f"{group.name}/{name}", value=f"{dataset.dtype.itemsize} bytes")
+        raise RunFileError(
+            "is too long", where=f"{group.name}/{name}", value=f"{dataset.dtype.itemsize} bytes"
+        )
     value: Any = dataset[()] if dataset.shape == () else dataset[0]
     return bytes(value).decode()
 
@@ -210,7 +276,11 @@ def read_number(group: h5py.Group, name: str, default: float) -> float:
     if name not in group:
         return default
     dataset = group[name]
-    if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in "iuf" or dataset.shape != ():
+    if (
+        not isinstance(dataset, h5py.Dataset)
+        or dataset.dtype.kind not in "iuf"
+        or dataset.shape != ()
+    ):
         raise RunFileError("is not a number", where=f"{group.name}/{name}")
     return type(default)(dataset[()])
 
@@ -242,7 +312,9 @@ def create_root(file: h5py.File) -> None:
     file.attrs["file_format_version"] = text_attribute(FILE_FORMAT_VERSION)
 
 
-def create_data(file: h5py.File, columns: Sequence[Column], chunk_rows: int, *, compress: bool) -> dict[str, h5py.Dataset]:
+def create_data(
+    file: h5py.File, columns: Sequence[Column], chunk_rows: int, *, compress: bool
+) -> dict[str, h5py.Dataset]:
     """The data group with its empty, growing columns; returns the datasets by name."""
     group = create_group(file, DATA, "NXdata")
     group.attrs["axes"] = np.array([b"time"], dtype=h5py.string_dtype("utf-8", 4))
@@ -251,27 +323,48 @@ def create_data(file: h5py.File, columns: Sequence[Column], chunk_rows: int, *, 
     group.attrs["signal"] = text_attribute(columns[0].name)
     if len(names) > 1:
         longest = max(map(len, names))
-        group.attrs["auxiliary_signals"] = np.array(names[1:], dtype=h5py.string_dtype("utf-8", longest))
+        group.attrs["auxiliary_signals"] = np.array(
+            names[1:], dtype=h5py.string_dtype("utf-8", longest)
+        )
     filters = _FILTERS if compress else {"fletcher32": False}
     made: dict[str, h5py.Dataset] = {}
 
     def create(name: str, dtype: str, attributes: Mapping[str, Any]) -> None:
-        dataset = group.create_dataset(name, (0,), dtype, maxshape=(None,), chunks=(chunk_rows,), **filters)
+        dataset = group.create_dataset(
+            name, (0,), dtype, maxshape=(None,), chunks=(chunk_rows,), **filters
+        )
         for key, value in attributes.items():
             dataset.attrs[key] = text_attribute(value) if isinstance(value, str) else value
         made[name] = dataset
 
-    create(TIME, "<i8", {"units": TIME_UNITS, "calendar": "proleptic_gregorian", "long_name": "time (UTC)"})
+    create(
+        TIME,
+        "<i8",
+        {"units": TIME_UNITS, "calendar": "proleptic_gregorian", "long_name": "time (UTC)"},
+    )
     create(CYCLE, "<i8", {"units": "1", "long_name": "index of the SYNC cycle"})
     flags = [flag for flag in CycleFlag if flag]
     meanings = " ".join(str(flag.name).lower() for flag in flags)
-    create(FLAGS, "<u2", {"long_name": "what was wrong with the cycle", "flag_meanings": meanings,
-                          "flag_masks": np.array([int(flag) for flag in flags], dtype="<u2")})  # fmt: skip
+    create(
+        FLAGS,
+        "<u2",
+        {
+            "long_name": "what was wrong with the cycle",
+            "flag_meanings": meanings,
+            "flag_masks": np.array([int(flag) for flag in flags], dtype="<u2"),
+        },
+    )
     for column in columns:
-        create(column.name, "<" + np.dtype(column.dtype).str[1:], {
-            "units": column.unit, "long_name": column.described, "scale_factor": np.float64(column.scale),
-            "add_offset": np.float64(column.offset),
-        })  # fmt: skip
+        create(
+            column.name,
+            "<" + np.dtype(column.dtype).str[1:],
+            {
+                "units": column.unit,
+                "long_name": column.described,
+                "scale_factor": np.float64(column.scale),
+                "add_offset": np.float64(column.offset),
+            },
+        )
     made[TIME].make_scale(TIME)
     for name, dataset in made.items():
         dataset.dims[0].label = TIME
@@ -284,13 +377,21 @@ def create_tables(file: h5py.File) -> tuple[h5py.Dataset, h5py.Dataset]:
     """The empty, growing tables of segments and events."""
     entry = file[ENTRY]
     assert isinstance(entry, h5py.Group)
-    segments = entry.create_dataset("segments", (0,), SEGMENT_TYPE, maxshape=(None,), chunks=(64,), fletcher32=True)
+    segments = entry.create_dataset(
+        "segments", (0,), SEGMENT_TYPE, maxshape=(None,), chunks=(64,), fletcher32=True
+    )
     # As dimension scales of their own they keep NetCDF readers from inventing nameless dimensions.
     segments.make_scale("segments")
-    segments.attrs["description"] = text_attribute("labelled intervals of rows [start, stop); set-points in SI")
-    events = entry.create_dataset("events", (0,), EVENT_TYPE, maxshape=(None,), chunks=(16,), fletcher32=True)
+    segments.attrs["description"] = text_attribute(
+        "labelled intervals of rows [start, stop); set-points in SI"
+    )
+    events = entry.create_dataset(
+        "events", (0,), EVENT_TYPE, maxshape=(None,), chunks=(16,), fletcher32=True
+    )
     events.make_scale("events")
-    events.attrs["description"] = text_attribute("what happened; time in nanoseconds since 1970-01-01 UTC")
+    events.attrs["description"] = text_attribute(
+        "what happened; time in nanoseconds since 1970-01-01 UTC"
+    )
     return segments, events
 
 

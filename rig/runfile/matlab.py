@@ -20,9 +20,21 @@ from rig.runfile.foreign_tables import BATCH_ROWS, BadCell, Batch
 
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 _DAMAGE = (
-    OSError, ValueError, TypeError, KeyError, IndexError, EOFError, OverflowError, MemoryError, AttributeError,
-    RuntimeError, AssertionError, RecursionError, zlib.error, struct.error,
-)  # fmt: skip
+    OSError,
+    ValueError,
+    TypeError,
+    KeyError,
+    IndexError,
+    EOFError,
+    OverflowError,
+    MemoryError,
+    AttributeError,
+    RuntimeError,
+    AssertionError,
+    RecursionError,
+    zlib.error,
+    struct.error,
+)
 
 _TRIAL = """
 import os, sys
@@ -39,8 +51,8 @@ os._exit(0)
 class MatlabTable:
     """The numeric arrays of a MATLAB file as columns.
 
-    A vector is the column of its name; a matrix `M` gives `M#1`, `M#2`, ...; a field of a struct is `s.field`. Columns may
-    differ in length: those that are used together must agree.
+    A vector is the column of its name; a matrix `M` gives `M#1`, `M#2`, ...; a field of a struct is
+    `s.field`. Columns may differ in length: those that are used together must agree.
     """
 
     line_word = "row"
@@ -53,7 +65,9 @@ class MatlabTable:
             self._add(name, array)
         self.headings = tuple(self._columns)
         if not self.headings:
-            raise RunFileError("has no numeric arrays", where=str(path), remedy="Is this the right file?")
+            raise RunFileError(
+                "has no numeric arrays", where=str(path), remedy="Is this the right file?"
+            )
 
     @property
     def description(self) -> str:
@@ -62,13 +76,16 @@ class MatlabTable:
 
     def batches(self, columns: Sequence[int]) -> Iterator[Batch]:
         chosen = [self._columns[self.headings[index]] for index in columns]
-        lengths = {self.headings[index]: len(array) for index, array in zip(columns, chosen, strict=True)}
+        lengths = {
+            self.headings[index]: len(array) for index, array in zip(columns, chosen, strict=True)
+        }
         if len(set(lengths.values())) > 1:
             raise RunFileError(
-                "the arrays differ in length", where=str(self.path),
+                "the arrays differ in length",
+                where=str(self.path),
                 value=", ".join(f"{name} {length}" for name, length in lengths.items()),
                 remedy="Map only arrays that were sampled together.",
-            )  # fmt: skip
+            )
         rows = len(chosen[0])
         for first in range(0, rows, BATCH_ROWS):
             values = np.column_stack([array[first : first + BATCH_ROWS] for array in chosen])
@@ -81,7 +98,9 @@ class MatlabTable:
         bad: dict[int, BadCell] = {}
         for row, index in np.argwhere(~np.isfinite(values)):
             heading = self.headings[columns[index]]
-            bad.setdefault(int(row), BadCell(int(lines[row]), heading, str(values[row, index]), "not finite"))
+            bad.setdefault(
+                int(row), BadCell(int(lines[row]), heading, str(values[row, index]), "not finite")
+            )
         return bad
 
     def _add(self, name: str, array: NDArray[Any]) -> None:
@@ -102,13 +121,16 @@ class MatlabTable:
                 return self._load_hdf5()
             return self._load_older()
         except FileNotFoundError as error:
-            raise RunFileError("there is no such file", where=str(self.path), remedy="Check the path.") from error
+            raise RunFileError(
+                "there is no such file", where=str(self.path), remedy="Check the path."
+            ) from error
         except _DAMAGE as error:
             text = " ".join(str(error).split())[:120] or type(error).__name__
             raise RunFileError(
-                f"is not a readable MATLAB file ({text})", where=str(self.path),
+                f"is not a readable MATLAB file ({text})",
+                where=str(self.path),
                 remedy="Save it again with `save -v7`, or export it as text.",
-            ) from error  # fmt: skip
+            ) from error
 
     def _load_older(self) -> dict[str, NDArray[Any]]:
         import scipy.io
@@ -133,9 +155,18 @@ class MatlabTable:
         with h5py.File(self.path, "r") as file:
 
             def visit(name: str, item: object) -> None:
-                kind = item.attrs.get("MATLAB_class", b"double") if isinstance(item, h5py.Dataset) else b"struct"
+                kind = (
+                    item.attrs.get("MATLAB_class", b"double")
+                    if isinstance(item, h5py.Dataset)
+                    else b"struct"
+                )
                 numeric = kind not in (b"char", b"cell", b"struct", "char", "cell", "struct")
-                if isinstance(item, h5py.Dataset) and numeric and not name.startswith("#") and item.dtype.kind in "iufb":
+                if (
+                    isinstance(item, h5py.Dataset)
+                    and numeric
+                    and not name.startswith("#")
+                    and item.dtype.kind in "iufb"
+                ):
                     found[name.replace("/", ".")] = item[()].T
 
             file.visititems(visit)
@@ -143,10 +174,16 @@ class MatlabTable:
 
 
 def _refuse_what_kills_the_reader(path: Path) -> None:
-    """Read a version 5 file in a process of its own first: SciPy's compiled reader trusts the type codes in it and dies of
+    """Read a version 5 file in a process of its own first: SciPy's compiled reader trusts the type
+    codes in it and dies of
     damaged ones, which no `except` sees."""
     command = [sys.executable, "-P", "-W", "ignore", "-c", _TRIAL, str(path)]
-    if subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False).returncode != 0:
+    if (
+        subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, check=False
+        ).returncode
+        != 0
+    ):
         raise ValueError("its contents are damaged")
 
 

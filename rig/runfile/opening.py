@@ -1,8 +1,9 @@
 """Run files opened for reading; one that still grows is opened once in a process, and all its readers share it.
 
-The HDF5 library loses the place of a column's chunks when the column is looked at anew (`H5Drefresh`) while the same process
-has it open a second time: from then on every row is read from the first chunk, in silence. So a growing file is opened once,
-each of its columns once, and its readers take turns by one lock.
+The HDF5 library loses the place of a column's chunks when the column is looked at anew
+(`H5Drefresh`) while the same process has it open a second time: from then on every row is read from
+the first chunk, in silence. So a growing file is opened once, each of its columns once, and its
+readers take turns by one lock.
 """
 
 from __future__ import annotations
@@ -65,7 +66,9 @@ class OpenFile:
             yield self._shared.file
 
     def dataset(self, path: str) -> h5py.Dataset:
-        """A dataset, opened once for all readers; to be read within `use`. Raises `RunFileError` where there is none."""
+        """A dataset, opened once for all readers; to be read within `use`. Raises `RunFileError`
+        where there is none.
+        """
         datasets = self._shared.datasets
         if path not in datasets:
             found = self._shared.file.get(path)
@@ -109,8 +112,8 @@ def open_for_reading(path: Path) -> OpenFile:
         _require_hdf5(path)
         if path.name.endswith(PART_SUFFIX):
             return _open_growing(path)
-        # Another driver than that of a growing file: where one process holds a run open as growing and opens it again sealed,
-        # the library would take both for one file.
+        # Another driver than that of a growing file: where one process holds a run open as growing
+        # and opens it again sealed, the library would take both for one file.
         return OpenFile(_Shared(h5py.File(path, "r", driver="stdio")))
     raise AssertionError
 
@@ -122,9 +125,10 @@ def _require_hdf5(path: Path) -> None:
         head = stream.read(8)
     if head != b"\x89HDF\r\n\x1a\n":
         raise RunFileError(
-            "is empty" if not head else "is not an HDF5 file", where=str(path),
+            "is empty" if not head else "is not an HDF5 file",
+            where=str(path),
             remedy="Import a recording of another rig with `rig import`.",
-        )  # fmt: skip
+        )
 
 
 def _open_growing(path: Path) -> OpenFile:
@@ -144,18 +148,25 @@ def _open_growing(path: Path) -> OpenFile:
 def _open_as_swmr_reader(path: Path) -> h5py.File:
     """A file that is being written, or whose writer was killed.
 
-    The HDF5 library repeats a failed read of such a file a hundred times and doubles its wait each time: on a damaged one it
-    would never come back. A writer at work is caught up with in a few of these attempts.
+    The HDF5 library repeats a failed read of such a file a hundred times and doubles its wait each
+    time: on a damaged one it would never come back. A writer at work is caught up with in a few of
+    these attempts.
     """
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_libver_bounds(h5py.h5f.LIBVER_LATEST, h5py.h5f.LIBVER_LATEST)
     # A lock on this file says that somebody writes it; whoever only watches takes none.
     access.set_file_locking(False, False)
     library = ctypes.CDLL(h5py.h5p.__file__)
-    with contextlib.suppress(AttributeError):  # Where the symbol cannot be reached the library's own patience stays.
+    with contextlib.suppress(
+        AttributeError
+    ):  # Where the symbol cannot be reached the library's own patience stays.
         limit_attempts = library.H5Pset_metadata_read_attempts
-        limit_attempts.argtypes, limit_attempts.restype = (ctypes.c_int64, ctypes.c_uint), ctypes.c_int
-        # The library is not made for threads: h5py takes turns by this lock, and whoever goes past it has to take it as well.
+        limit_attempts.argtypes, limit_attempts.restype = (
+            (ctypes.c_int64, ctypes.c_uint),
+            ctypes.c_int,
+        )
+        # The library is not made for threads: h5py takes turns by this lock, and whoever goes past
+        # it has to take it as well.
         with phil:
             limit_attempts(access.id, READ_ATTEMPTS)
     flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ

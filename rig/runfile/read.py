@@ -18,7 +18,14 @@ from experiments.recording import Event, Recording, RunMetadata, Segment
 from rig.errors import RunFileError
 from rig.runfile import layout
 from rig.runfile.damage import refusing_damage
-from rig.runfile.header import RunHeader, check_format, read_columns, read_header, read_metadata, rows_flushed
+from rig.runfile.header import (
+    RunHeader,
+    check_format,
+    read_columns,
+    read_header,
+    read_metadata,
+    rows_flushed,
+)
 from rig.runfile.layout import BOOKKEEPING, FLAGS, TIME
 from rig.runfile.opening import OpenFile, open_for_reading
 from rig.runfile.seal import file_sha256, recorded_sha256
@@ -106,15 +113,18 @@ class FileSource:
         if self.grows and flushed <= self._rows:
             # Most looks find nothing new, and looking at every column costs a window a tenth of its frame.
             return self._rows
-        return min(flushed, *(int(self._open.refresh(f"{layout.DATA}/{name}").shape[0]) for name in self._names))
+        return min(
+            flushed,
+            *(int(self._open.refresh(f"{layout.DATA}/{name}").shape[0]) for name in self._names),
+        )
 
 
 def open_run(path: str | Path, *, verify: bool = False, digest: bool = True) -> Recording:
     """The recording of a run file; rows are read when they are asked for.
 
-    `verify` compares the SHA-256 of the whole file with the one noted when it was sealed; without `digest` the hash is
-    neither compared nor looked up. Raises `RunFileError` for a file that is missing, foreign, damaged, cut off, or of another
-    format version.
+    `verify` compares the SHA-256 of the whole file with the one noted when it was sealed; without
+    `digest` the hash is neither compared nor looked up. Raises `RunFileError` for a file that is
+    missing, foreign, damaged, cut off, or of another format version.
     """
     path = Path(path)
     source = FileSource(path)
@@ -172,12 +182,16 @@ def close_recording(recording: Recording) -> None:
 
 
 def read_channels(path: Path) -> tuple[Channel, ...]:
-    """The rig's channels that a run was recorded from, for replaying it; a recording that was not in counts is refused."""
+    """The rig's channels that a run was recorded from, for replaying it; a recording that was not
+    in counts is refused.
+    """
     with FileSource(path) as source:
         floats = [column.name for column in source.columns if column.dtype == "float64"]
         if floats:
             raise RunFileError(
-                "was not recorded in counts and cannot be replayed", where=str(path), value=", ".join(floats)
+                "was not recorded in counts and cannot be replayed",
+                where=str(path),
+                value=", ".join(floats),
             )
         return tuple(column.channel() for column in source.columns)
 
@@ -198,10 +212,14 @@ def _digest(path: Path, *, verify: bool) -> str:
         found = file_sha256(path)
     if verify and noted != found:
         raise RunFileError(
-            "is not the file that was sealed: its SHA-256 differs" if noted else "has no note of its SHA-256",
-            where=str(path), value=found, limit=noted or f"a file {path.name}{layout.HASH_SUFFIX} beside it",
+            "is not the file that was sealed: its SHA-256 differs"
+            if noted
+            else "has no note of its SHA-256",
+            where=str(path),
+            value=found,
+            limit=noted or f"a file {path.name}{layout.HASH_SUFFIX} beside it",
             remedy="Take the original, or the backup.",
-        )  # fmt: skip
+        )
     return found
 
 
@@ -209,7 +227,9 @@ def _require_column(file: OpenFile, name: str) -> None:
     path = f"{layout.DATA}/{name}"
     found = file.dataset(path)
     if found.ndim != 1:
-        raise RunFileError("is not a column of rows", where=path, value=f"{found.ndim} dimensions", limit="1")
+        raise RunFileError(
+            "is not a column of rows", where=path, value=f"{found.ndim} dimensions", limit="1"
+        )
     expected = {TIME: "i8", layout.CYCLE: "i8", FLAGS: "u2"}.get(name)
     if expected and found.dtype.str[1:] != expected:
         raise RunFileError("has the wrong type", where=path, value=str(found.dtype), limit=expected)
@@ -228,16 +248,27 @@ def _segments(file: OpenFile, rows: int) -> tuple[Segment, ...]:
         start, stop = int(row["start"]), int(row["stop"])
         stop = rows if stop == layout.OPEN_STOP else stop
         if not 0 <= start <= stop:
-            raise RunFileError("a segment ends before it begins", where=layout.SEGMENTS, value=f"[{start}, {stop})")
-        found.append(Segment(
-            int(row["index"]), row["label"].decode(), start, stop, float(row["setpoint"]), int(row["direction"]),
-            int(row["repeat"]),
-        ))  # fmt: skip
+            raise RunFileError(
+                "a segment ends before it begins", where=layout.SEGMENTS, value=f"[{start}, {stop})"
+            )
+        found.append(
+            Segment(
+                int(row["index"]),
+                row["label"].decode(),
+                start,
+                stop,
+                float(row["setpoint"]),
+                int(row["direction"]),
+                int(row["repeat"]),
+            )
+        )
     return tuple(found)
 
 
 def _events(file: OpenFile) -> tuple[Event, ...]:
     return tuple(
-        Event(int(row["time"]), *(row[name].decode() for name in ("level", "code", "source", "text")))
+        Event(
+            int(row["time"]), *(row[name].decode() for name in ("level", "code", "source", "text"))
+        )
         for row in _table(file, layout.EVENTS, layout.EVENT_TYPE)
     )

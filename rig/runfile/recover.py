@@ -44,9 +44,11 @@ def recover_run(part: Path) -> Recovered:
     """
     if not part.name.endswith(layout.PART_SUFFIX):
         raise RunFileError(
-            "is not an unfinished run", where=str(part), limit=f"a name that ends in {layout.PART_SUFFIX}",
+            "is not an unfinished run",
+            where=str(part),
+            limit=f"a name that ends in {layout.PART_SUFFIX}",
             remedy="A sealed run needs no recovery: see `rig verify`.",
-        )  # fmt: skip
+        )
     refuse_live(part)
     return _copy_and_seal(part, final_path(part))
 
@@ -61,12 +63,20 @@ def _copy_and_seal(part: Path, final: Path) -> Recovered:
         # The sealing was cut off between giving the file its final name and taking the old one away.
         return _finish_sealing(part, final)
     if final.exists():
-        raise RunFileError("there is a run of this name already", where=str(final), remedy="Move one of the two away.")
+        raise RunFileError(
+            "there is a run of this name already",
+            where=str(final),
+            remedy="Move one of the two away.",
+        )
     copy = final.with_name(final.name + COPY_SUFFIX)
     copy.unlink(missing_ok=True)
     try:
         remedy = "The .part file is left as it is; is there room on the disk?"
-        with refusing_damage(part, "cannot be copied", remedy), open_for_reading(part) as held, held.use() as source:
+        with (
+            refusing_damage(part, "cannot be copied", remedy),
+            open_for_reading(part) as held,
+            held.use() as source,
+        ):
             check_format(source)
             rows, outcome, notes = _copy(source, copy)
         seal_file(copy, final)
@@ -89,13 +99,17 @@ def _finish_sealing(part: Path, final: Path) -> Recovered:
 
 def _copy(source: h5py.File, target: Path) -> tuple[int, str, list[str]]:
     header = read_header(source)
-    lengths = {name: int(source[f"{layout.DATA}/{name}"].shape[0])  # type: ignore[union-attr]
-               for name in (*BOOKKEEPING, *(column.name for column in header.columns))}  # fmt: skip
+    lengths = {
+        name: int(source[f"{layout.DATA}/{name}"].shape[0])  # type: ignore[union-attr]
+        for name in (*BOOKKEEPING, *(column.name for column in header.columns))
+    }
     shortest, longest = min(lengths.values()), max(lengths.values())
     notes = []
     if longest > shortest:
         ahead = ", ".join(name for name, length in lengths.items() if length > shortest)
-        notes.append(f"columns of unequal length cut to {shortest} rows: {ahead} had up to {longest - shortest} more")
+        notes.append(
+            f"columns of unequal length cut to {shortest} rows: {ahead} had up to {longest - shortest} more"
+        )
     rows = min(shortest, rows_flushed(source))
     if rows < shortest:
         notes.append(f"{shortest - rows} rows left out that no complete flush had confirmed")
@@ -114,8 +128,17 @@ def _copy(source: h5py.File, target: Path) -> tuple[int, str, list[str]]:
         notes += _copy_segments(source, segments, rows)
         last_ns = int(made[TIME][rows - 1]) if rows else 0
         if not complete:
-            closing = Closing(closing.end_time or (iso_time(last_ns) if rows else ""), "INTERRUPTED", layout.RECOVERED)
-        _copy_events(source, events, [] if complete else [*notes, f"recovered {rows} rows of a run cut off"], last_ns)
+            closing = Closing(
+                closing.end_time or (iso_time(last_ns) if rows else ""),
+                "INTERRUPTED",
+                layout.RECOVERED,
+            )
+        _copy_events(
+            source,
+            events,
+            [] if complete else [*notes, f"recovered {rows} rows of a run cut off"],
+            last_ns,
+        )
         _finish(source, file, rows, closing)
     return rows, closing.outcome, notes
 
@@ -141,7 +164,10 @@ def _copy_segments(source: h5py.File, target: h5py.Dataset, rows: int) -> list[s
     found: Any = table[:]
     inside = found[found["start"] < rows] if len(found) else found
     open_or_long = (inside["stop"] == layout.OPEN_STOP) | (inside["stop"] > rows)
-    notes = [f"segment {row['index']} ({row['label'].decode()}) ends with the last row" for row in inside[open_or_long]]
+    notes = [
+        f"segment {row['index']} ({row['label'].decode()}) ends with the last row"
+        for row in inside[open_or_long]
+    ]
     if len(inside) < len(found):
         notes.append(f"{len(found) - len(inside)} segments without rows left out")
     inside["stop"] = np.where(open_or_long, rows, inside["stop"])
@@ -157,7 +183,9 @@ def _copy_events(source: h5py.File, target: h5py.Dataset, notes: list[str], time
     found: Any = table[:]
     size = layout.EVENT_TYPE["text"].itemsize
     cut = [(layout.fixed_bytes(note, size)) for note in notes]
-    added = [(time_ns, b"warning", b"RECOVERED", b"recover", raw, truncated) for raw, truncated in cut]
+    added = [
+        (time_ns, b"warning", b"RECOVERED", b"recover", raw, truncated) for raw, truncated in cut
+    ]
     rows = np.concatenate([found, np.array(added, dtype=layout.EVENT_TYPE)])
     target.resize((len(rows),))
     target[:] = rows

@@ -51,7 +51,11 @@ def seal_file(part: Path, final: Path) -> Path:
     try:
         digest = file_sha256(part)
         if final.exists():
-            raise RunFileError("there is a run of this name already", where=str(final), remedy="Move it away first.")
+            raise RunFileError(
+                "there is a run of this name already",
+                where=str(final),
+                remedy="Move it away first.",
+            )
         note = hash_path(final)
         note.unlink(missing_ok=True)
         note.write_text(f"{digest}  {final.name}\n", encoding="ascii")
@@ -62,9 +66,10 @@ def seal_file(part: Path, final: Path) -> Path:
             _synchronise(final.parent)
     except OSError as error:
         raise RunFileError(
-            f"cannot be sealed: {error.strerror or error}", where=str(part),
+            f"cannot be sealed: {error.strerror or error}",
+            where=str(part),
             remedy="The data are complete in this file; make room, then use `rig recover`.",
-        ) from error  # fmt: skip
+        ) from error
     return final
 
 
@@ -99,7 +104,9 @@ def refuse_live(part: Path) -> None:
         try:
             fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise RunFileError("is still being written", where=str(part), remedy="Stop that run first.") from error
+            raise RunFileError(
+                "is still being written", where=str(part), remedy="Stop that run first."
+            ) from error
 
 
 def _closing_once(descriptor: int) -> Callable[[], None]:

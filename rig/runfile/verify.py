@@ -42,7 +42,11 @@ def verify_run(path: str | Path) -> tuple[Finding, ...]:
     assert isinstance(source, FileSource)
     with source:
         try:
-            findings.append(Finding("readable", "ok", f"{recording.rows} rows of {len(recording.signals)} channels"))
+            findings.append(
+                Finding(
+                    "readable", "ok", f"{recording.rows} rows of {len(recording.signals)} channels"
+                )
+            )
             findings.append(_check_counters(source))
             findings += _check_rows(source)
             findings.append(_check_segments(recording))
@@ -54,16 +58,24 @@ def verify_run(path: str | Path) -> tuple[Finding, ...]:
 
 def _check_hash(path: Path) -> Finding:
     if path.name.endswith(layout.PART_SUFFIX):
-        return Finding("hash", "warning", "the run is not sealed: still being written, or cut off (`rig recover`)")
+        return Finding(
+            "hash",
+            "warning",
+            "the run is not sealed: still being written, or cut off (`rig recover`)",
+        )
     noted = recorded_sha256(path)
     if not noted:
-        return Finding("hash", "warning", f"there is no {hash_path(path).name} beside the run to compare with")
+        return Finding(
+            "hash", "warning", f"there is no {hash_path(path).name} beside the run to compare with"
+        )
     try:
         found = file_sha256(path)
     except RigError as error:
         return Finding("hash", "error", str(error))
     if found != noted:
-        return Finding("hash", "error", f"SHA-256 is {found}, sealed with {noted}: the file was changed")
+        return Finding(
+            "hash", "error", f"SHA-256 is {found}, sealed with {noted}: the file was changed"
+        )
     return Finding("hash", "ok", f"SHA-256 {found}")
 
 
@@ -76,7 +88,9 @@ def _check_counters(source: FileSource) -> Finding:
     if written != source.rows and not source.grows:
         return Finding("rows", "error", f"{source.rows} rows, but the writer counted {written}")
     if dropped:
-        return Finding("rows", "warning", f"{source.rows} rows as counted; {dropped} cycles never became a row")
+        return Finding(
+            "rows", "warning", f"{source.rows} rows as counted; {dropped} cycles never became a row"
+        )
     return Finding("rows", "ok", f"{source.rows} rows as counted, none dropped")
 
 
@@ -88,7 +102,11 @@ def _check_rows(source: FileSource) -> list[Finding]:
     last_cycle = last_time = None
     for first in range(0, source.rows, BLOCK_ROWS):
         stop = min(first + BLOCK_ROWS, source.rows)
-        cycles, times, flags = source.cycles(first, stop), source.time_ns(first, stop), source.flags(first, stop)
+        cycles, times, flags = (
+            source.cycles(first, stop),
+            source.time_ns(first, stop),
+            source.flags(first, stop),
+        )
         flagged += int(np.count_nonzero(flags & ~np.uint16(CycleFlag.HOST_TIME)))
         for flag in counted:
             counted[flag] += int(np.count_nonzero(flags & np.uint16(flag)))
@@ -101,16 +119,27 @@ def _check_rows(source: FileSource) -> list[Finding]:
             first_backwards = first + int(wrong[0])
         backwards += len(wrong)
         last_cycle, last_time = cycles[-1], times[-1]
-    parts = ", ".join(f"{str(flag.name).lower()} {count}" for flag, count in counted.items() if count)
+    parts = ", ".join(
+        f"{str(flag.name).lower()} {count}" for flag, count in counted.items() if count
+    )
     share = f"{flagged} of {source.rows} cycles flagged" + (f" ({parts})" if parts else "")
     return [
-        Finding("sequence", "warning" if gaps else "ok",
-                f"{gaps} gaps in the cycle index, {missing} cycles missing" if gaps else "every cycle has its row"),
-        Finding("time", "error" if backwards else "ok",
-                f"time does not increase at {backwards} rows, first at row {first_backwards}" if backwards
-                else "time increases from row to row"),
+        Finding(
+            "sequence",
+            "warning" if gaps else "ok",
+            f"{gaps} gaps in the cycle index, {missing} cycles missing"
+            if gaps
+            else "every cycle has its row",
+        ),
+        Finding(
+            "time",
+            "error" if backwards else "ok",
+            f"time does not increase at {backwards} rows, first at row {first_backwards}"
+            if backwards
+            else "time increases from row to row",
+        ),
         Finding("flags", "warning" if flagged else "ok", share),
-    ]  # fmt: skip
+    ]
 
 
 def _check_segments(recording: Recording) -> Finding:
@@ -135,7 +164,13 @@ def _check_calibrations(recording: Recording, source: FileSource) -> list[Findin
             overdue.append(f"{column.name} (due {due})")
     findings = []
     if overdue:
-        findings.append(Finding("calibration", "warning", "overdue when it was recorded: " + ", ".join(overdue)))
+        findings.append(
+            Finding("calibration", "warning", "overdue when it was recorded: " + ", ".join(overdue))
+        )
     if undated:
-        findings.append(Finding("calibration", "warning", "due date is no ISO date: " + ", ".join(undated)))
-    return findings or [Finding("calibration", "ok", "no calibration was overdue when it was recorded")]
+        findings.append(
+            Finding("calibration", "warning", "due date is no ISO date: " + ", ".join(undated))
+        )
+    return findings or [
+        Finding("calibration", "ok", "no calibration was overdue when it was recorded")
+    ]

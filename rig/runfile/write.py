@@ -1,7 +1,8 @@
 """The writer of a run file: rows, segments and events of one run, appended in SWMR mode to `<run>.h5.part`.
 
-Everything is created before SWMR starts. Rows are collected to whole chunks; `flush` brings what is there to the operating
-system, so that it survives the death of this process, and `synchronise` to the disk. `seal` closes the file for good.
+Everything is created before SWMR starts. Rows are collected to whole chunks; `flush` brings what is
+there to the operating system, so that it survives the death of this process, and `synchronise` to
+the disk. `seal` closes the file for good.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ OUTCOMES = ("PASS", "FAIL", "MARGINAL", "ABORTED", "TRIPPED", "ERROR", "INTERRUP
 
 CHUNK_ROWS = 8192
 CHUNK_CACHE = 256 * 1024
-"""Bytes of each column that stay in memory: a few chunks, all that an appending writer needs. The library's own 8 MB per
+"""Bytes of each column that stay in memory: a few chunks, all that an appending writer needs. The
+library's own 8 MB per
 column would grow for half an hour of every run."""
 _INT32 = np.iinfo(np.int32)
 
@@ -40,9 +42,10 @@ _INT32 = np.iinfo(np.int32)
 class RunWriter:
     """One run that is being written to `<path>.part`; `path` is its final name, `<number>-<protocol>-<serial>.h5`.
 
-    `compress`: compress while writing (for rigs in virtual time, whose rows come in whole chunks). Without it the chunks are
-    stored as they are, may be flushed as often as one likes without growing the file, and are compressed when it is sealed.
-    Every failure of the disk is a `RunFileError`; afterwards the writer refuses everything but `abandon`.
+    `compress`: compress while writing (for rigs in virtual time, whose rows come in whole chunks).
+    Without it the chunks are stored as they are, may be flushed as often as one likes without
+    growing the file, and are compressed when it is sealed. Every failure of the disk is a
+    `RunFileError`; afterwards the writer refuses everything but `abandon`.
     """
 
     def __init__(
@@ -50,7 +53,10 @@ class RunWriter:
     ) -> None:
         self.path, self.part, self.header = path, part_path(path), header
         self._compress, self._chunk_rows, self._epoch_ns = compress, chunk_rows, header.epoch_ns
-        self._buffers: list[NDArray[Any]] = [np.empty(chunk_rows, np.int64), np.empty(chunk_rows, np.int64)]
+        self._buffers: list[NDArray[Any]] = [
+            np.empty(chunk_rows, np.int64),
+            np.empty(chunk_rows, np.int64),
+        ]
         self._buffers.append(np.empty(chunk_rows, np.uint16))
         kinds = [np.float64 if column.dtype == "float64" else np.int64 for column in header.columns]
         self._buffers += [np.empty(chunk_rows, kind) for kind in kinds]
@@ -67,13 +73,25 @@ class RunWriter:
 
     def _create(self, header: RunHeader) -> tuple[h5py.File, list[h5py.Dataset]]:
         if self.path.exists():
-            raise RunFileError("there is a run of this name already", where=str(self.path), remedy="Take a new number.")
+            raise RunFileError(
+                "there is a run of this name already",
+                where=str(self.path),
+                remedy="Take a new number.",
+            )
         with self._disk("cannot be created"):
             # The library's own lock is gone as soon as SWMR begins; `hold_while_writing` keeps one.
-            file = h5py.File(self.part, "x", libver=layout.LIBRARY_VERSION, rdcc_nbytes=CHUNK_CACHE, locking=False)
+            file = h5py.File(
+                self.part,
+                "x",
+                libver=layout.LIBRARY_VERSION,
+                rdcc_nbytes=CHUNK_CACHE,
+                locking=False,
+            )
             try:
                 write_header(file, header)
-                made = layout.create_data(file, header.columns, self._chunk_rows, compress=self._compress)
+                made = layout.create_data(
+                    file, header.columns, self._chunk_rows, compress=self._compress
+                )
                 layout.create_tables(file)
                 file.flush()
                 file.swmr_mode = True
@@ -108,30 +126,50 @@ class RunWriter:
             missing = block.first_cycle - self._next_cycle
             if missing < 0:
                 raise RunFileError(
-                    "a block came out of order", where=str(self.part), value=f"first cycle {block.first_cycle}",
+                    "a block came out of order",
+                    where=str(self.part),
+                    value=f"first cycle {block.first_cycle}",
                     limit=f">= {self._next_cycle}",
-                )  # fmt: skip
+                )
             self._dropped += missing
-            text = f"{missing} cycles are missing before cycle {block.first_cycle} (row {self.rows})"
-            self.event(Event(int(block.time_ns[0]) + self._epoch_ns, "warning", "CYCLES_MISSING", "recorder", text))
+            text = (
+                f"{missing} cycles are missing before cycle {block.first_cycle} (row {self.rows})"
+            )
+            self.event(
+                Event(
+                    int(block.time_ns[0]) + self._epoch_ns,
+                    "warning",
+                    "CYCLES_MISSING",
+                    "recorder",
+                    text,
+                )
+            )
         self._next_cycle = block.first_cycle + len(block)
         cycles = np.arange(block.first_cycle, self._next_cycle)
         times = block.time_ns + self._epoch_ns if self._epoch_ns else block.time_ns
-        self.append_rows(times, cycles, block.flags, [block.counts[:, i] for i in range(block.counts.shape[1])])
+        self.append_rows(
+            times, cycles, block.flags, [block.counts[:, i] for i in range(block.counts.shape[1])]
+        )
 
     def append_rows(
-        self, time_ns: NDArray[np.int64], cycles: NDArray[np.int64], flags: NDArray[np.uint16],
+        self,
+        time_ns: NDArray[np.int64],
+        cycles: NDArray[np.int64],
+        flags: NDArray[np.uint16],
         stored: Sequence[NDArray[Any]],
-    ) -> None:  # fmt: skip
-        """Take rows column by column: calendar times [ns], cycle indices, flags, and the stored numbers of each channel."""
+    ) -> None:
+        """Take rows column by column: calendar times [ns], cycle indices, flags, and the stored
+        numbers of each channel.
+        """
         self._refuse_after_failure()
         parts = [time_ns, cycles, flags, *stored]
         if len(parts) != len(self._buffers) or len({len(part) for part in parts}) != 1:
             raise RunFileError(
-                "rows do not fit the channels of the run", where=str(self.part),
+                "rows do not fit the channels of the run",
+                where=str(self.part),
                 value=f"{len(stored)} columns of {sorted({len(part) for part in parts})} rows",
                 limit=f"{len(self._buffers) - 3} columns of one length",
-            )  # fmt: skip
+            )
         done, total = 0, len(time_ns)
         while done < total:
             count = min(total - done, self._chunk_rows - self._filled)
@@ -184,16 +222,26 @@ class RunWriter:
             if here.st_ino and (here.st_ino, here.st_dev) != (there.st_ino, there.st_dev):
                 raise FileNotFoundError("it was replaced by another file")
 
-    def seal(self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None) -> Path:
+    def seal(
+        self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None
+    ) -> Path:
         """Write outcome, end time and the figures of the acquisition, close, hash, rename and protect the file.
 
         Returns its final path.
         """
         if outcome not in OUTCOMES:
-            raise RunFileError("is no outcome of a run", where="outcome", value=outcome, limit=", ".join(OUTCOMES[:-1]))
+            raise RunFileError(
+                "is no outcome of a run",
+                where="outcome",
+                value=outcome,
+                limit=", ".join(OUTCOMES[:-1]),
+            )
         self.flush()
         with self._disk("cannot be completed"):
-            write_closing(self._file, Closing(end_time, outcome, layout.COMPLETE, acquisition_text(acquisition or {})))
+            write_closing(
+                self._file,
+                Closing(end_time, outcome, layout.COMPLETE, acquisition_text(acquisition or {})),
+            )
             self._file.flush()
             if not self.part.exists():
                 raise FileNotFoundError("it was removed")
@@ -239,16 +287,21 @@ class RunWriter:
             assert isinstance(table, h5py.Dataset)
             before = table.shape[0]
             table.resize((before + len(self._events),))
-            table[before:] = np.array([_event_row(event) for event in self._events], dtype=layout.EVENT_TYPE)
+            table[before:] = np.array(
+                [_event_row(event) for event in self._events], dtype=layout.EVENT_TYPE
+            )
             self._events.clear()
 
     def _refuse_wide_counts(self, counts: NDArray[np.int64], name: str) -> None:
         if counts.min() < _INT32.min or counts.max() > _INT32.max:
             worst = counts[np.argmax(np.abs(counts))]
             raise RunFileError(
-                "a count does not fit its column", where=f"{self.part}: {name}", value=int(worst), limit="32 bits",
+                "a count does not fit its column",
+                where=f"{self.part}: {name}",
+                value=int(worst),
+                limit="32 bits",
                 remedy="Check the scale of this channel.",
-            )  # fmt: skip
+            )
 
     def _refuse_after_failure(self) -> None:
         if self._failure is not None:
@@ -266,15 +319,17 @@ class RunWriter:
             remedy = "What was flushed stays readable: make room or name another folder, then `rig recover`."
             if what == "cannot be created":
                 remedy = "Name a folder that exists and can be written."
-            self._failure = RunFileError(f"the run file {what}: {reason(error)}", where=str(self.part), remedy=remedy)
+            self._failure = RunFileError(
+                f"the run file {what}: {reason(error)}", where=str(self.part), remedy=remedy
+            )
             raise self._failure from error
 
 
 def _append(dataset: h5py.Dataset, first: int, last: int, part: NDArray[Any]) -> None:
     """Rows [first, last) at the end of a column, by the library's own calls.
 
-    In a run in real time every microsecond of the interpreter is taken from the loop: `dataset[first:last] = part` costs
-    three times as many.
+    In a run in real time every microsecond of the interpreter is taken from the loop:
+    `dataset[first:last] = part` costs three times as many.
     """
     column = dataset.id
     column.set_extent((last,))
@@ -285,10 +340,20 @@ def _append(dataset: h5py.Dataset, first: int, last: int, part: NDArray[Any]) ->
 
 def _segment_row(segment: Segment) -> tuple[Any, ...]:
     label, _ = layout.fixed_bytes(segment.label, layout.SEGMENT_TYPE["label"].itemsize)
-    return (segment.index, label, segment.start, segment.stop, segment.setpoint, segment.direction, segment.repeat)
+    return (
+        segment.index,
+        label,
+        segment.start,
+        segment.stop,
+        segment.setpoint,
+        segment.direction,
+        segment.repeat,
+    )
 
 
 def _event_row(event: Event) -> tuple[Any, ...]:
-    cut = [layout.fixed_bytes(getattr(event, name), layout.EVENT_TYPE[name].itemsize)
-           for name in ("level", "code", "source", "text")]  # fmt: skip
+    cut = [
+        layout.fixed_bytes(getattr(event, name), layout.EVENT_TYPE[name].itemsize)
+        for name in ("level", "code", "source", "text")
+    ]
     return (event.time_ns, *(raw for raw, _ in cut), any(truncated for _, truncated in cut))

@@ -1,4 +1,6 @@
-"""A `rig` command that works while the window stays alive: a fit, a report. It turns no rig and may be ended at any time."""
+"""A `rig` command that works while the window stays alive: a fit, a report. It turns no rig and may
+be ended at any time.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,11 @@ class BackgroundCommand(QObject):
 
     def _end(self, code: int) -> None:
         out, aside = self._process.readAllStandardOutput(), self._process.readAllStandardError()
-        self.done.emit(code, bytes(out.data()).decode("utf-8", "replace"), bytes(aside.data()).decode("utf-8", "replace"))
+        self.done.emit(
+            code,
+            bytes(out.data()).decode("utf-8", "replace"),
+            bytes(aside.data()).decode("utf-8", "replace"),
+        )
 
     def _refuse(self, error: QProcess.ProcessError) -> None:
         if error is QProcess.ProcessError.FailedToStart:

@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
 
 from rig.window.run_state import RunState, State
 from rig.window.theme import BANNER_POINTS
@@ -125,7 +133,9 @@ class StopButtons(QWidget):
         self.stop, self.abort = QPushButton("STOP"), QPushButton("ABORT  (Shift+Esc)")
         self.stop.setProperty("part", "stop")
         self.abort.setProperty("part", "abort")
-        self.stop.setToolTip("Controlled ramp to standstill; the run is kept as ABORTED (Space or Esc)")
+        self.stop.setToolTip(
+            "Controlled ramp to standstill; the run is kept as ABORTED (Space or Esc)"
+        )
         self.abort.setToolTip("Quick stop: the shortest ramp that the drive has (Shift+Esc)")
         self.stop.setAccessibleName("STOP: controlled ramp to standstill")
         self.stop.setMinimumSize(210, 78)

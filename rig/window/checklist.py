@@ -93,7 +93,10 @@ class Checklist(QWidget):
         words, part = SIGNS[check.result]
         sign = QLabel(words)
         sign.setProperty("part", part)
-        text = QLabel(check.evidence + (f"\n→ {check.remedy}" if check.remedy and check.result != "ok" else ""))
+        text = QLabel(
+            check.evidence
+            + (f"\n→ {check.remedy}" if check.remedy and check.result != "ok" else "")
+        )
         text.setWordWrap(True)
         text.setTextFormat(Qt.TextFormat.PlainText)
         text.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)

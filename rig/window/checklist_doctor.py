@@ -13,20 +13,42 @@ NOT_LOOKED_AT = "skipped"
 
 def checks_from(found: Any, code: int, told: str) -> tuple[Check, ...]:
     """The checks of a doctor's JSON object, without what it did not look at; one that says so where there is none."""
-    rows = next((v for v in found.values() if _is_list_of_checks(v)), None) if isinstance(found, dict) else None
+    rows = (
+        next((v for v in found.values() if _is_list_of_checks(v)), None)
+        if isinstance(found, dict)
+        else None
+    )
     if rows is not None:
         return tuple(
-            Check(str(row["name"]), row["result"], str(row.get("evidence", "")), str(row.get("remedy", "")))
+            Check(
+                str(row["name"]),
+                row["result"],
+                str(row.get("evidence", "")),
+                str(row.get("remedy", "")),
+            )
             for row in rows
             if row["result"] in RESULTS
         )
     if "No such command" in told:
-        return (Check(NAME, "warning", "this installation has no `rig doctor`: nobody asked the rig itself"),)
+        return (
+            Check(
+                NAME,
+                "warning",
+                "this installation has no `rig doctor`: nobody asked the rig itself",
+            ),
+        )
     last = told.splitlines()[-1] if told else f"exit code {code}, nothing was said"
     return (Check(NAME, "failed", last, "Run `rig doctor` in a terminal."),)
 
 
 def _is_list_of_checks(found: Any) -> bool:
-    return isinstance(found, list) and bool(found) and all(
-        isinstance(row, dict) and "name" in row and row.get("result") in (*RESULTS, NOT_LOOKED_AT) for row in found
+    return (
+        isinstance(found, list)
+        and bool(found)
+        and all(
+            isinstance(row, dict)
+            and "name" in row
+            and row.get("result") in (*RESULTS, NOT_LOOKED_AT)
+            for row in found
+        )
     )

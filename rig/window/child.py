@@ -3,10 +3,11 @@
     out of it   lines of JSON: event, progress, prompt, report              (`rig.run.remote`)
     into it     STOP, ABORT, note TEXT, answer TEXT; the end of this pipe is a STOP
 
-No sample passes here: samples come from the growing run file. The process is not tied to the window's life: it has a session
-of its own, so that a closed terminal does not take it along, and nothing ever kills it. When the window dies the pipe ends,
-the run stops by a controlled ramp, verifies standstill and seals its file. (Qt's own process class kills its child when it
-is destroyed, which is why it is not used.)
+No sample passes here: samples come from the growing run file. The process is not tied to the
+window's life: it has a session of its own, so that a closed terminal does not take it along, and
+nothing ever kills it. When the window dies the pipe ends, the run stops by a controlled ramp,
+verifies standstill and seals its file. (Qt's own process class kills its child when it is
+destroyed, which is why it is not used.)
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ LONGEST_COMPLAINT = 8000
 
 @dataclass(frozen=True)
 class Ending:
-    """How the process of a run ended: its exit code (negative: the signal that killed it), whether it gave its report, what
+    """How the process of a run ended: its exit code (negative: the signal that killed it), whether
+    it gave its report, what
     it said on standard error."""
 
     code: int
@@ -66,7 +68,9 @@ class RunProcess(QObject):
     _line = Signal(str)
     _gone = Signal(object)
 
-    def __init__(self, arguments: Sequence[str], program: Sequence[str] = (), parent: QObject | None = None) -> None:
+    def __init__(
+        self, arguments: Sequence[str], program: Sequence[str] = (), parent: QObject | None = None
+    ) -> None:
         super().__init__(parent)
         self._command = [*(program or (sys.executable, "-m", "rig")), *arguments]
         self._process: subprocess.Popen[bytes] | None = None
@@ -100,14 +104,21 @@ class RunProcess(QObject):
         pipe = subprocess.PIPE
         try:
             process = subprocess.Popen(
-                self._command, stdin=pipe, stdout=pipe, stderr=pipe, env=environment, creationflags=flags,
+                self._command,
+                stdin=pipe,
+                stdout=pipe,
+                stderr=pipe,
+                env=environment,
+                creationflags=flags,
                 start_new_session=sys.platform != "win32",
-            )  # fmt: skip
+            )
         except OSError as error:
             self._end(Ending(0, False, f"The run could not be started: {error.strerror or error}"))
             return
         self._process = process
-        threading.Thread(target=self._listen, args=(process,), name="run's lines", daemon=True).start()
+        threading.Thread(
+            target=self._listen, args=(process,), name="run's lines", daemon=True
+        ).start()
 
     def stop(self) -> None:
         """Controlled ramp to standstill."""

@@ -1,8 +1,9 @@
 """Python's garbage collector, kept in the window's own thread.
 
-The collector runs in whichever thread happens to ask for memory. In a thread that only reads lines of a run it would take old
-plots apart while the window paints, and Qt dies of that (a segmentation fault, and with the window the line to the run ends:
-a STOP). So it is switched off, and a timer of the window does its work.
+The collector runs in whichever thread happens to ask for memory. In a thread that only reads lines
+of a run it would take old plots apart while the window paints, and Qt dies of that (a segmentation
+fault, and with the window the line to the run ends: a STOP). So it is switched off, and a timer of
+the window does its work.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ def collector_in_this_thread() -> Iterator[None]:
 
 
 def collect_what_is_due() -> None:
-    """The young objects at every call, the older ones when enough has come together, as the collector does it by itself."""
+    """The young objects at every call, the older ones when enough has come together, as the
+    collector does it by itself.
+    """
     gc.collect(0)
     for generation in (1, 2):
         if gc.get_count()[generation] > gc.get_threshold()[generation]:

@@ -52,7 +52,9 @@ class EventsView(QWidget):
         self.note = QLineEdit()
         self.note.setPlaceholderText("Note (Ctrl+N)")
         self.note.setAccessibleName("Note for the run file")
-        self.note.setToolTip("Goes into the run file with the time of the rig; Enter writes it (Ctrl+N)")
+        self.note.setToolTip(
+            "Goes into the run file with the time of the rig; Enter writes it (Ctrl+N)"
+        )
         self.note.setMaxLength(400)
         self.write = QPushButton("Write note")
         self.note.returnPressed.connect(self._write)
@@ -137,7 +139,9 @@ class EventsView(QWidget):
         level = self._item(row, 1).data(Qt.ItemDataRole.UserRole)
         colour = {"warning": palette.warning, "error": palette.bad}.get(level, palette.text)
         for column in range(3):
-            self._item(row, column).setForeground(QBrush(QColor(palette.muted if column == 0 else colour)))
+            self._item(row, column).setForeground(
+                QBrush(QColor(palette.muted if column == 0 else colour))
+            )
 
     def _recolour(self) -> None:
         for row in range(self.table.rowCount()):

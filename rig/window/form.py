@@ -1,7 +1,8 @@
 """A form made from a parameter model: a line per parameter with its unit, its range and what it is.
 
-The model is the only definition: the same annotations make the flags of the command line and the tables of the documentation.
-A value that the model refuses is marked at its field, with the model's own words.
+The model is the only definition: the same annotations make the flags of the command line and the
+tables of the documentation. A value that the model refuses is marked at its field, with the model's
+own words.
 """
 
 from __future__ import annotations
@@ -46,7 +47,11 @@ class FieldRow(QObject):
     changed = Signal(str)
 
     def __init__(
-        self, field: ParameterField, choices: tuple[str, ...] = (), optional: bool = False, suggestions: tuple[str, ...] = ()
+        self,
+        field: ParameterField,
+        choices: tuple[str, ...] = (),
+        optional: bool = False,
+        suggestions: tuple[str, ...] = (),
     ) -> None:
         super().__init__()
         self.field, self.choices, self.suggestions = field, choices, suggestions
@@ -92,7 +97,9 @@ class FieldRow(QObject):
         """What stands in the editor: text, or a truth value."""
         if isinstance(self.editor, QCheckBox):
             return self.editor.isChecked()
-        return (self.editor.currentText() if isinstance(self.editor, QComboBox) else self.editor.text()).strip()
+        return (
+            self.editor.currentText() if isinstance(self.editor, QComboBox) else self.editor.text()
+        ).strip()
 
     def set_value(self, value: Any) -> None:
         """Show a value; None is nothing."""
@@ -146,9 +153,12 @@ class ParameterForm(QWidget):
     changed = Signal()
 
     def __init__(
-        self, fields: Iterable[ParameterField], checker: Checker, choices: Mapping[str, tuple[str, ...]] | None = None,
+        self,
+        fields: Iterable[ParameterField],
+        checker: Checker,
+        choices: Mapping[str, tuple[str, ...]] | None = None,
         suggestions: Mapping[str, tuple[str, ...]] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         super().__init__()
         self.rows: dict[str, FieldRow] = {}
         self._checker = checker
@@ -159,8 +169,12 @@ class ParameterForm(QWidget):
         grid.setColumnStretch(1, 1)
         for index, field in enumerate(fields):
             words = (choices or {}).get(field.name, ())
-            row = FieldRow(field, words, optional=bool(words) and not field.default,
-                           suggestions=(suggestions or {}).get(field.name, ()))  # fmt: skip
+            row = FieldRow(
+                field,
+                words,
+                optional=bool(words) and not field.default,
+                suggestions=(suggestions or {}).get(field.name, ()),
+            )
             row.setParent(self)
             row.changed.connect(self._edited)
             self.rows[field.name] = row
@@ -219,7 +233,10 @@ class ParameterForm(QWidget):
 
     def _refusal(self, name: str, row: FieldRow) -> str:
         text = str(row.value)
-        if row.field.kind in (float, tuple) and (pointed := _DECIMAL_COMMA.sub(r"\1.\2", text)) != text:
+        if (
+            row.field.kind in (float, tuple)
+            and (pointed := _DECIMAL_COMMA.sub(r"\1.\2", text)) != text
+        ):
             # In a list 7,5 could be 7.5 or 7 and 5: nothing is guessed.
             return f"Write decimals with a point: {pointed}" + (
                 ", and spaces between numbers" if row.field.kind is tuple else ""
@@ -237,7 +254,9 @@ _POWER = re.compile(r"\b(\d(?:\.\d+)?e[+-]?\d+)\b")
 
 def printed(text: str) -> str:
     """Units and ranges as they are printed: kg m2 is kg m², um is µm, >= is ≥, 1e+06 is 1 000 000."""
-    text = _POWER.sub(lambda m: f"{float(m[1]):,.0f}".replace(",", "\u202f") if float(m[1]) >= 1.0 else m[1], text)
+    text = _POWER.sub(
+        lambda m: f"{float(m[1]):,.0f}".replace(",", "\u202f") if float(m[1]) >= 1.0 else m[1], text
+    )
     return pretty(re.sub(r"\bum\b", "µm", text.replace(">=", "≥").replace("<=", "≤")))
 
 

@@ -1,8 +1,10 @@
-"""Kinematic error as it builds up: over the wave-generator angle, revolution by revolution, and over the output revolution.
+"""Kinematic error as it builds up: over the wave-generator angle, revolution by revolution, and
+over the output revolution.
 
-(15) ke = theta_o - theta_i/N, with both encoders and the mounted ratio. A live estimate: every input revolution counts from
-its own mean, so that what changes once per output revolution stands in the second plot and not in the first. After a
-change of set-point the first revolution and a half are left out, as the analysis leaves out the approach.
+(15) ke = theta_o - theta_i/N, with both encoders and the mounted ratio. A live estimate: every
+input revolution counts from its own mean, so that what changes once per output revolution stands in
+the second plot and not in the first. After a change of set-point the first revolution and a half
+are left out, as the analysis leaves out the approach.
 """
 
 from __future__ import annotations
@@ -44,7 +46,11 @@ class SteadyRows:
         changes = np.diff(target, prepend=before) != 0.0
         marks = np.where(changes, np.arange(len(target)), -1)
         latest = np.maximum.accumulate(marks)
-        since = np.where(latest >= 0, angle[np.maximum(latest, 0)], self._changed_at if self._target is not None else angle[0])
+        since = np.where(
+            latest >= 0,
+            angle[np.maximum(latest, 0)],
+            self._changed_at if self._target is not None else angle[0],
+        )
         self._target, self._changed_at = float(target[-1]), float(since[-1])
         return (np.abs(angle - since) >= WIND_UP) & (target != 0.0) & (np.abs(target) <= FASTEST)
 
@@ -70,12 +76,16 @@ class Revolutions:
             if which != self._which:
                 self._finish()
                 self._which = which
-            bins = np.minimum((np.mod(a, REVOLUTION) / REVOLUTION * WAVE_BINS).astype(np.int64), WAVE_BINS - 1)
+            bins = np.minimum(
+                (np.mod(a, REVOLUTION) / REVOLUTION * WAVE_BINS).astype(np.int64), WAVE_BINS - 1
+            )
             self._sum += np.bincount(bins, b, WAVE_BINS)
             self._hits += np.bincount(bins, minlength=WAVE_BINS)
 
     def cut(self) -> bool:
-        """The turning was interrupted: a revolution that is not whole does not count. Whether there was one under way."""
+        """The turning was interrupted: a revolution that is not whole does not count. Whether there
+        was one under way.
+        """
         was = bool(self._hits.any())
         self._finish()
         self._which = None
@@ -99,12 +109,21 @@ class Revolutions:
 
     def _finish(self) -> None:
         been = np.flatnonzero(self._hits)
-        if self._which is not None and len(been) and np.diff(been, append=been[0] + WAVE_BINS).max() <= WIDEST_HOLE:
-            curve = np.interp(np.arange(WAVE_BINS), been, self._sum[been] / self._hits[been], period=WAVE_BINS)
+        if (
+            self._which is not None
+            and len(been)
+            and np.diff(been, append=been[0] + WAVE_BINS).max() <= WIDEST_HOLE
+        ):
+            curve = np.interp(
+                np.arange(WAVE_BINS), been, self._sum[been] / self._hits[been], period=WAVE_BINS
+            )
             curve -= curve.mean()
             way = self._which[1]
             self.total[way] += curve
-            self.low[way], self.high[way] = np.minimum(self.low[way], curve), np.maximum(self.high[way], curve)
+            self.low[way], self.high[way] = (
+                np.minimum(self.low[way], curve),
+                np.maximum(self.high[way], curve),
+            )
             self.count[way] += 1
             self.latest = curve
         self._sum[:], self._hits[:] = 0.0, 0.0
@@ -121,8 +140,13 @@ class _ErrorRows:
         self.reference: PhaseReference | None = None
 
     def of(self, block: Block) -> tuple[FloatArray, FloatArray, FloatArray, int] | None:
-        """Input angle from the reference, output angle, error [rad] and direction of the steady rows; None without any."""
-        if not {"input_angle", "output_angle", "target_speed"} <= block.si.keys() or not block.good.any():
+        """Input angle from the reference, output angle, error [rad] and direction of the steady
+        rows; None without any.
+        """
+        if (
+            not {"input_angle", "output_angle", "target_speed"} <= block.si.keys()
+            or not block.good.any()
+        ):
             return None
         inner, target = block.si["input_angle"][block.good], block.si["target_speed"][block.good]
         steady = self._steady.of(target, inner)
@@ -139,7 +163,9 @@ class _ErrorRows:
 
 
 class WaveView:
-    """Kinematic error over the wave-generator angle: the revolution under way, and the mean of those before, each direction."""
+    """Kinematic error over the wave-generator angle: the revolution under way, and the mean of
+    those before, each direction.
+    """
 
     wanted = ("input_angle", "output_angle", "target_speed")
 
@@ -152,7 +178,10 @@ class WaveView:
         self._rows, self.revolutions = _ErrorRows(context), Revolutions()
         styles: tuple[CurveStyle, CurveStyle] = ("line", "dashed")
         self._current = self.plot.curve("this revolution", 2, dense=True)
-        self._mean = {way: self.plot.curve(name, k, styles[k], still=True) for k, (way, name) in enumerate(WAYS)}
+        self._mean = {
+            way: self.plot.curve(name, k, styles[k], still=True)
+            for k, (way, name) in enumerate(WAYS)
+        }
         self._degrees = (np.arange(WAVE_BINS) + 0.5) * 360.0 / WAVE_BINS
         self._values = ValueAxis(self.plot)
         self._changed, self._drawn = False, dict.fromkeys(self._mean, 0)
@@ -171,7 +200,9 @@ class WaveView:
         """Nothing: it is the rows that are drawn."""
 
     def draw(self, recent: bool) -> None:
-        """Bring the curves up to date: the revolution under way with every row, the means when a revolution is whole."""
+        """Bring the curves up to date: the revolution under way with every row, the means when a
+        revolution is whole.
+        """
         if self._changed:
             self._changed = False
             self._current.item.setData(self._degrees, self.revolutions.current() / ARCMIN)
@@ -188,13 +219,23 @@ class WaveView:
         self._values.follow(recent)
 
     def _draw_prediction(self, reference: PhaseReference) -> None:
-        """The error of the parameter set, where it was identified against the index marks that this run has seen as well."""
+        """The error of the parameter set, where it was identified against the index marks that this
+        run has seen as well.
+        """
         seen, gear = self._context.prediction, self._context.recording.metadata.gear
-        if self._predicted or seen is None or seen.error is None or gear is None or not carries(gear, reference):
+        if (
+            self._predicted
+            or seen is None
+            or seen.error is None
+            or gear is None
+            or not carries(gear, reference)
+        ):
             return
         self._predicted = True
         error = seen.error.value - seen.error.value.mean()
-        self.plot.curve("predicted", 3, "dotted", still=True).item.setData(seen.error.angle / DEGREE, error / ARCMIN)
+        self.plot.curve("predicted", 3, "dotted", still=True).item.setData(
+            seen.error.angle / DEGREE, error / ARCMIN
+        )
 
 
 class OutputView:
@@ -205,16 +246,26 @@ class OutputView:
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(
-            session, "Kinematic error over the output", "output angle from the start of the run [deg]", "error [arcmin]"
+            session,
+            "Kinematic error over the output",
+            "output angle from the start of the run [deg]",
+            "error [arcmin]",
         )
         self.plot.item.setXRange(0.0, 360.0, padding=0.0)
         self._rows = _ErrorRows(context)
-        self._bins = max(12, min(round(abs(self._rows.ratio)), 720)) if np.isfinite(self._rows.ratio) else 120
+        self._bins = (
+            max(12, min(round(abs(self._rows.ratio)), 720))
+            if np.isfinite(self._rows.ratio)
+            else 120
+        )
         self._low = {way: np.full(self._bins, np.nan) for way, _ in WAYS}
         self._high = {way: np.full(self._bins, np.nan) for way, _ in WAYS}
         styles: tuple[CurveStyle, CurveStyle] = ("line", "dashed")
         self._curves = {
-            way: (self.plot.curve(name, k, styles[k], still=True), self.plot.curve("", k, styles[k], still=True))
+            way: (
+                self.plot.curve(name, k, styles[k], still=True),
+                self.plot.curve("", k, styles[k], still=True),
+            )
             for k, (way, name) in enumerate(WAYS)
         }
         self._origin: float | None = None

@@ -24,14 +24,33 @@ from PySide6.QtWidgets import (
 )
 
 from rig.library import IndexedRun
-from rig.window.library_table_model import COLUMNS, NO_SERIAL, RUN_ROLE, LibraryFilter, LibraryModel, Wanted, outcome_of
+from rig.window.library_table_model import (
+    COLUMNS,
+    NO_SERIAL,
+    RUN_ROLE,
+    LibraryFilter,
+    LibraryModel,
+    Wanted,
+    outcome_of,
+)
 from rig.window.library_table_source import LibrarySource
 from rig.window.session import WindowSession
 
 CHOSEN_PAUSE_MS = 120
-"""ms that the selection must rest before the run is opened: arrow keys run through the table without waiting for each."""
-WIDTHS = {"#": 40, "started": 130, "protocol": 108, "gear": 82, "outcome": 98, "operator": 96, "time": 84, "origin": 92,
-          "part": 96}  # fmt: skip
+"""ms that the selection must rest before the run is opened: arrow keys run through the table
+without waiting for each.
+"""
+WIDTHS = {
+    "#": 40,
+    "started": 130,
+    "protocol": 108,
+    "gear": 82,
+    "outcome": 98,
+    "operator": 96,
+    "time": 84,
+    "origin": 92,
+    "part": 96,
+}
 MANY = 20
 """Files to be read from which on the progress is shown."""
 HTML, PDF = ".html", ".pdf"
@@ -50,7 +69,9 @@ class FilterBar(QWidget):
         self.text.setPlaceholderText("Search runs, gears, operators, notes …  (Ctrl+F)")
         self.text.setClearButtonEnabled(True)
         self.text.setAccessibleName("Search")
-        self.gear, self.protocol, self.outcome = (_choice(name) for name in ("gear", "protocol", "outcome"))
+        self.gear, self.protocol, self.outcome = (
+            _choice(name) for name in ("gear", "protocol", "outcome")
+        )
         self.period = QComboBox()
         self.period.addItems(PERIODS)
         self.period.setAccessibleName("Period")
@@ -67,7 +88,9 @@ class FilterBar(QWidget):
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setSpacing(5)
         grid.addWidget(self.text, 0, 0, 1, 2)
-        for place, widget in enumerate((self.gear, self.protocol, self.outcome, self.period, self.since, self.until)):
+        for place, widget in enumerate(
+            (self.gear, self.protocol, self.outcome, self.period, self.since, self.until)
+        ):
             grid.addWidget(widget, 1 + place // 2, place % 2)
             grid.setColumnStretch(place % 2, 1)
         self.text.textChanged.connect(lambda _: self._tell())
@@ -79,15 +102,18 @@ class FilterBar(QWidget):
     def wanted(self) -> Wanted:
         """What is wanted now."""
         since, until = self._days()
-        gear, protocol, outcome = (str(box.currentData() or "") for box in (self.gear, self.protocol, self.outcome))
+        gear, protocol, outcome = (
+            str(box.currentData() or "") for box in (self.gear, self.protocol, self.outcome)
+        )
         return Wanted(self.text.text().strip(), gear, protocol, outcome, since, until)
 
     def offer(self, runs: Sequence[IndexedRun]) -> None:
         """The words that can be chosen are those that occur; a choice stays."""
         for box, words in (
-            (self.gear, {run.gear_serial for run in runs}), (self.protocol, {run.protocol for run in runs}),
+            (self.gear, {run.gear_serial for run in runs}),
+            (self.protocol, {run.protocol for run in runs}),
             (self.outcome, {outcome_of(run) for run in runs}),
-        ):  # fmt: skip
+        ):
             _offer(box, sorted(words - {""}))
 
     def clear(self) -> None:
@@ -99,11 +125,15 @@ class FilterBar(QWidget):
     def _days(self) -> tuple[str, str]:
         today, chosen = self._today(), self.period.currentText()
         if chosen == PERIODS[-1]:
-            return str(self.since.date().toString("yyyy-MM-dd")), str(self.until.date().toString("yyyy-MM-dd"))
+            return str(self.since.date().toString("yyyy-MM-dd")), str(
+                self.until.date().toString("yyyy-MM-dd")
+            )
         first = {
-            "today": today, "last 7 days": today - timedelta(days=6), "last 30 days": today - timedelta(days=29),
+            "today": today,
+            "last 7 days": today - timedelta(days=6),
+            "last 30 days": today - timedelta(days=29),
             "this year": today.replace(month=1, day=1),
-        }.get(chosen)  # fmt: skip
+        }.get(chosen)
         return ("", "") if first is None else (first.isoformat(), "")
 
     def _change_period(self, chosen: str) -> None:
@@ -116,7 +146,9 @@ class FilterBar(QWidget):
 
 
 class LibraryTable(QWidget):
-    """The library. `chosen` carries the paths of the selected runs, `opened` one that was opened by Enter or double click."""
+    """The library. `chosen` carries the paths of the selected runs, `opened` one that was opened by
+    Enter or double click.
+    """
 
     chosen = Signal(object)
     opened = Signal(Path)
@@ -176,11 +208,22 @@ class LibraryTable(QWidget):
         row = QHBoxLayout()
         row.setSpacing(5)
         self.buttons = {
-            "overlay": _button("O&verlay", "Draw the figures of two or more chosen runs over each other"),
-            "difference": _button("&Difference", "What differs between two chosen runs, and only that"),
-            "passport": _button("Pass&port", "The chosen run's gear over time, and its report; needs a serial number"),
-            "report": _button("Repor&t", "Write the report of the chosen runs as a web page (HTML) and open it"),
-            "pdf": _button("PD&F", "Write the report of the chosen runs for paper (PDF) and open it"),
+            "overlay": _button(
+                "O&verlay", "Draw the figures of two or more chosen runs over each other"
+            ),
+            "difference": _button(
+                "&Difference", "What differs between two chosen runs, and only that"
+            ),
+            "passport": _button(
+                "Pass&port",
+                "The chosen run's gear over time, and its report; needs a serial number",
+            ),
+            "report": _button(
+                "Repor&t", "Write the report of the chosen runs as a web page (HTML) and open it"
+            ),
+            "pdf": _button(
+                "PD&F", "Write the report of the chosen runs for paper (PDF) and open it"
+            ),
         }
         acts: dict[str, Callable[[], None]] = {
             "overlay": lambda: self.overlay_requested.emit(self.selected),
@@ -210,7 +253,9 @@ class LibraryTable(QWidget):
         known = {run.path for run in self.model.runs}
         if len(paths) == 1 and paths[0] not in known:
             self._waited_for = paths[0]
-        if not all(self.filtered.wanted.passes(run) for run in self.model.runs if run.path in paths):
+        if not all(
+            self.filtered.wanted.passes(run) for run in self.model.runs if run.path in paths
+        ):
             self.filters.clear()
         chosen = QItemSelection()
         for row in range(self.filtered.rowCount()):

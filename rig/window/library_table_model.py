@@ -8,7 +8,14 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, QPersistentModelIndex, QSortFilterProxyModel, Qt
+from PySide6.QtCore import (
+    QAbstractTableModel,
+    QModelIndex,
+    QObject,
+    QPersistentModelIndex,
+    QSortFilterProxyModel,
+    Qt,
+)
 from PySide6.QtGui import QColor, QFont
 
 from rig.library import IndexedRun
@@ -22,7 +29,15 @@ AnyIndex = QModelIndex | QPersistentModelIndex
 _NOWHERE = QModelIndex()
 SORT_ROLE = Qt.ItemDataRole.UserRole + 1
 RUN_ROLE = Qt.ItemDataRole.UserRole + 2
-SIGNS = {"PASS": "✓", "MARGINAL": "≈", "FAIL": "✗", "ABORTED": "■", "TRIPPED": "▲", "ERROR": "✗", "INTERRUPTED": "■"}
+SIGNS = {
+    "PASS": "✓",
+    "MARGINAL": "≈",
+    "FAIL": "✗",
+    "ABORTED": "■",
+    "TRIPPED": "▲",
+    "ERROR": "✗",
+    "INTERRUPTED": "■",
+}
 """The sign before an outcome: a colour never carries a meaning alone."""
 COLOURS = {
     "PASS": "good",
@@ -80,17 +95,24 @@ def gear_words(run: IndexedRun) -> str:
 
 
 COLUMNS = (
-    LibraryColumn("#", lambda r: str(r.number) if r.number else "–", lambda r: r.number, numeric=True),
+    LibraryColumn(
+        "#", lambda r: str(r.number) if r.number else "–", lambda r: r.number, numeric=True
+    ),
     LibraryColumn("started", lambda r: local_time(r.start), lambda r: local_time(r.start)),
     LibraryColumn("protocol", lambda r: r.protocol or "–", lambda r: r.protocol),
     LibraryColumn("gear", gear_words, lambda r: r.gear_serial),
     LibraryColumn("outcome", lambda r: with_sign(outcome_of(r)), outcome_of),
     LibraryColumn("operator", lambda r: r.operator or "–", lambda r: r.operator),
-    LibraryColumn("time", _duration, lambda r: r.duration if math.isfinite(r.duration) else -1.0, numeric=True),
-    LibraryColumn("origin", lambda r: ORIGIN_WORDS.get(r.origin, r.origin) or ("hardware" if r.origin else "–"),
-                  lambda r: r.origin),
+    LibraryColumn(
+        "time", _duration, lambda r: r.duration if math.isfinite(r.duration) else -1.0, numeric=True
+    ),
+    LibraryColumn(
+        "origin",
+        lambda r: ORIGIN_WORDS.get(r.origin, r.origin) or ("hardware" if r.origin else "–"),
+        lambda r: r.origin,
+    ),
     LibraryColumn("part", lambda r: r.gear or "–", lambda r: r.gear),
-)  # fmt: skip
+)
 OUTCOME = next(i for i, column in enumerate(COLUMNS) if column.heading == "outcome")
 
 
@@ -138,7 +160,9 @@ class LibraryModel(QAbstractTableModel):
     def columnCount(self, parent: AnyIndex = _NOWHERE) -> int:
         return 0 if parent.isValid() else len(COLUMNS)
 
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+    def headerData(
+        self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole
+    ) -> Any:
         if orientation is Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
             return COLUMNS[section].heading
         return None
@@ -184,7 +208,10 @@ def tool_tip(run: IndexedRun) -> str:
         f"backend {run.backend}" if run.backend else "",
     ]
     if run.state in ("being written", "left behind"):
-        facts.append(f"{run.state}" + ("; `rig recover` makes a run of it" if run.state == "left behind" else ""))
+        facts.append(
+            f"{run.state}"
+            + ("; `rig recover` makes a run of it" if run.state == "left behind" else "")
+        )
     if run.notes:
         facts.append(f"notes: {run.notes}")
     return "\n".join(fact for fact in facts if fact)
@@ -215,8 +242,19 @@ class Wanted:
             return False
         if not self.text:
             return True
-        parts = (run.run_id, run.path.name, run.protocol, run.gear_serial, run.gear, run.operator, outcome_of(run), run.notes,
-                 run.problem, ORIGIN_WORDS.get(run.origin, ""), local_time(run.start))  # fmt: skip
+        parts = (
+            run.run_id,
+            run.path.name,
+            run.protocol,
+            run.gear_serial,
+            run.gear,
+            run.operator,
+            outcome_of(run),
+            run.notes,
+            run.problem,
+            ORIGIN_WORDS.get(run.origin, ""),
+            local_time(run.start),
+        )
         hay = " ".join(parts).casefold()
         return all(word in hay for word in self.text.casefold().split())
 

@@ -1,4 +1,6 @@
-"""The runs of the window's folder, kept up to date: a watcher of the folder, a pause, and the index read beside the window."""
+"""The runs of the window's folder, kept up to date: a watcher of the folder, a pause, and the index
+read beside the window.
+"""
 
 from __future__ import annotations
 
@@ -116,7 +118,9 @@ class LibrarySource(QObject):
         if self._again:
             self._again = False
             self._pause.start()
-        elif any(run.state == "being written" for run in self.runs or ()) or not self.folder.is_dir():
+        elif (
+            any(run.state == "being written" for run in self.runs or ()) or not self.folder.is_dir()
+        ):
             self._growing.start()
 
 

@@ -55,7 +55,8 @@ class TimeAxis:
 
 
 class ValueAxis:
-    """The value axis of a live plot: everything that is drawn, with some room. It is made anew when something would leave it,
+    """The value axis of a live plot: everything that is drawn, with some room. It is made anew when
+    something would leave it,
     or when the data fill less than half of it."""
 
     def __init__(self, plot: LabPlot) -> None:
@@ -67,7 +68,9 @@ class ValueAxis:
         plot.item.getViewBox().sigRangeChangedManually.connect(self._leave)
 
     def follow(self, recent: bool = False) -> None:
-        """Show all that the curves of the plot hold now; `recent` as it is drawn: a change of it ends a look by hand."""
+        """Show all that the curves of the plot hold now; `recent` as it is drawn: a change of it
+        ends a look by hand.
+        """
         if recent != self._recent:
             self._recent, self._is_chosen, self._shown = recent, False, None
             self._plot.item.enableAutoRange(y=False)
@@ -91,7 +94,10 @@ class ValueAxis:
         for item in self._plot.item.listDataItems():
             values = item.getData()[1]
             if values is not None and len(values):
-                low, high = min(low, float(np.fmin.reduce(values))), max(high, float(np.fmax.reduce(values)))
+                low, high = (
+                    min(low, float(np.fmin.reduce(values))),
+                    max(high, float(np.fmax.reduce(values))),
+                )
         return (low, high) if low <= high and math.isfinite(high - low) else None
 
     def _leave(self, *_: object) -> None:

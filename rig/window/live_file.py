@@ -1,7 +1,7 @@
 """The growing run file as the window reads it: every row once, block by block, within a time allowed per look.
 
-Rows become envelopes (smallest and largest value per bin), whose bins are joined in pairs when there are too many: memory
-stays the same however long the run is, and no peak is lost on the way.
+Rows become envelopes (smallest and largest value per bin), whose bins are joined in pairs when
+there are too many: memory stays the same however long the run is, and no peak is lost on the way.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ TABLE_INTERVAL = 0.25
 
 @dataclass(frozen=True)
 class Block:
-    """New rows: index of the first, time since the first row of the run [s], channels in SI, which rows are complete."""
+    """New rows: index of the first, time since the first row of the run [s], channels in SI, which
+    rows are complete.
+    """
 
     start: int
     time: FloatArray
@@ -94,7 +96,10 @@ class LiveFile:
     def next_segment(self) -> Segment | None:
         """The next segment that has ended and whose rows were handed on; each is told once."""
         segments = self.recording.segments
-        if self._segments_seen >= len(segments) or segments[self._segments_seen].stop > self.rows_read:
+        if (
+            self._segments_seen >= len(segments)
+            or segments[self._segments_seen].stop > self.rows_read
+        ):
             return None
         self._segments_seen += 1
         return segments[self._segments_seen - 1]
@@ -124,11 +129,15 @@ class LiveFile:
         good &= stamps > latest[:-1]
         self._latest_ns = int(latest[-1])
         channels = {name: recording.si(name, rows) for name in self._names}
-        return Block(start, np.asarray((stamps - self._origin_ns) * 1e-9, dtype=np.float64), channels, good)
+        return Block(
+            start, np.asarray((stamps - self._origin_ns) * 1e-9, dtype=np.float64), channels, good
+        )
 
 
 class Envelope:
-    """Smallest and largest value of a signal per bin of rows, at most `bins` of them; two bins become one when it is full."""
+    """Smallest and largest value of a signal per bin of rows, at most `bins` of them; two bins
+    become one when it is full.
+    """
 
     def __init__(self, bins: int = 768) -> None:
         self._bins, self._span = bins, 1
@@ -173,7 +182,10 @@ class Envelope:
         stamps, low, high = self._time[:n], self._low[:n], self._high[:n]
         if len(self._rest):
             stamps = np.append(stamps, self._rest_time[0])
-            low, high = np.append(low, np.fmin.reduce(self._rest)), np.append(high, np.fmax.reduce(self._rest))
+            low, high = (
+                np.append(low, np.fmin.reduce(self._rest)),
+                np.append(high, np.fmax.reduce(self._rest)),
+            )
         if self._span == 1:
             return stamps.copy(), low.copy()
         across = np.repeat(stamps, 2)
@@ -221,7 +233,9 @@ class RollingEnvelope:
 
 
 class SlidingSpeed:
-    """Speed from an angle, as its difference over a fixed time: counts are too coarse for the difference of two cycles."""
+    """Speed from an angle, as its difference over a fixed time: counts are too coarse for the
+    difference of two cycles.
+    """
 
     def __init__(self, period: float, window: float = 0.02) -> None:
         self._lag = max(1, round(window / period))
@@ -236,7 +250,9 @@ class SlidingSpeed:
         if len(angle) <= self._lag:
             return np.empty(0), np.empty(0)
         passed = stamps[self._lag :] - stamps[: -self._lag]
-        return stamps[self._lag :], (angle[self._lag :] - angle[: -self._lag]) / np.maximum(passed, 1e-9)
+        return stamps[self._lag :], (angle[self._lag :] - angle[: -self._lag]) / np.maximum(
+            passed, 1e-9
+        )
 
 
 def open_live(path: Path) -> LiveFile | None:

@@ -43,7 +43,8 @@ BOARDS: dict[str, tuple[Maker, ...]] = {
     "warm-up": (SpeedView, temperature_view, torque_view),
     "starting-torque": (SpeedView, StartingPoints, torque_view),
 }
-"""What each protocol shows besides speed (top left) and torque (bottom left): in the order of the grid, row by row. A board
+"""What each protocol shows besides speed (top left) and torque (bottom left): in the order of the
+grid, row by row. A board
 of three gives the second plot the whole height of its column."""
 OTHERS: tuple[Maker, ...] = (SpeedView, WaveView, torque_view, temperature_view)
 """The board of everything else."""
@@ -101,7 +102,9 @@ class LivePlots(QWidget):
         """Rows of the run that were drawn."""
         return self.live.rows_read - self._pacer.waiting if self.live is not None else 0
 
-    def expect(self, planned: PlannedRun | None = None, prediction: PlanPreview | None = None) -> None:
+    def expect(
+        self, planned: PlannedRun | None = None, prediction: PlanPreview | None = None
+    ) -> None:
         """A run is about to begin: forget the one before."""
         self.close_file()
         self.views, self.plots, self.mark, self.protocol = [], [], "", ""
@@ -142,7 +145,8 @@ class LivePlots(QWidget):
             self._timer.stop()
 
     def finish(self, path: Path) -> None:
-        """The run is sealed at `path`: read what is left, from there, and stop looking. What the last segments say may take
+        """The run is sealed at `path`: read what is left, from there, and stop looking. What the
+        last segments say may take
         a little longer to be worked out."""
         self._timer.stop()
         if self.live is None:
@@ -261,4 +265,6 @@ class LivePlots(QWidget):
 
     def _count(self) -> None:
         if self.live is not None:
-            self._rows.setText(f"{self.rows_read:,} of {self.live.rows:,} cycles drawn".replace(",", "\u202f"))
+            self._rows.setText(
+                f"{self.rows_read:,} of {self.live.rows:,} cycles drawn".replace(",", "\u202f")
+            )

@@ -64,7 +64,9 @@ class LiveView(Protocol):
         ...
 
     def draw(self, recent: bool) -> None:
-        """Bring the curves up to date that have changed; `recent`: only the latest seconds, where the plot runs over time."""
+        """Bring the curves up to date that have changed; `recent`: only the latest seconds, where
+        the plot runs over time.
+        """
         ...
 
 
@@ -91,14 +93,20 @@ class TraceView:
     """Signals over time: (channel, name in the legend, factor from SI, style)."""
 
     def __init__(
-        self, session: WindowSession, title: str, y_label: str, signals: Sequence[tuple[str, str, float, Any]],
+        self,
+        session: WindowSession,
+        title: str,
+        y_label: str,
+        signals: Sequence[tuple[str, str, float, Any]],
         duration: float = 0.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.plot = LabPlot(session, title, RUN_TIME, y_label)
         self._axis, self._values = TimeAxis(self.plot, duration), ValueAxis(self.plot)
         self.wanted = tuple(signal[0] for signal in signals)
-        self._signals = [(name, factor, Trace(), self.plot.curve(label, k, style, dense=True))
-                         for k, (name, label, factor, style) in enumerate(signals)]  # fmt: skip
+        self._signals = [
+            (name, factor, Trace(), self.plot.curve(label, k, style, dense=True))
+            for k, (name, label, factor, style) in enumerate(signals)
+        ]
         self._drawn: tuple[float, bool] | None = None
 
     def take(self, block: Block) -> None:
@@ -166,19 +174,30 @@ def torque_view(session: WindowSession, context: LiveContext) -> TraceView:
     """Motor torque over time, from the monitor port where the rig has one."""
     name = "torque" if context.recording.has("torque") else "drive_torque"
     label = "monitor port" if name == "torque" else "reported by the drive"
-    view = TraceView(session, "Motor torque", "motor torque [mN m]", [(name, label, MILLI, "line")], context.duration)
+    view = TraceView(
+        session,
+        "Motor torque",
+        "motor torque [mN m]",
+        [(name, label, MILLI, "line")],
+        context.duration,
+    )
     seen = context.prediction
     if seen is not None:
         # Drawn in advance over the nominal times of the plan: steps that wait for something shift it.
         low, high = seen.torque.low / MILLI, seen.torque.high / MILLI
-        curve = view.plot.add_series("predicted", seen.time, seen.torque.value / MILLI, "band", 3, low, high)
+        curve = view.plot.add_series(
+            "predicted", seen.time, seen.torque.value / MILLI, "band", 3, low, high
+        )
         curve.item.setZValue(-5)
     return view
 
 
 def temperature_view(session: WindowSession, context: LiveContext) -> TraceView:
     """Housing and room temperature over time."""
-    signals = [("housing_temperature", "gear housing", 1.0, "line"), ("ambient_temperature", "room", 1.0, "dashed")]
+    signals = [
+        ("housing_temperature", "gear housing", 1.0, "line"),
+        ("ambient_temperature", "room", 1.0, "dashed"),
+    ]
     there = [signal for signal in signals if context.recording.has(signal[0])]
     return TraceView(session, "Temperature", "temperature [°C]", there, context.duration)
 

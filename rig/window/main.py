@@ -137,7 +137,9 @@ class MainWindow(QMainWindow):
     def start(self, prepared: PreparedRun) -> None:
         """Start a prepared run and watch it."""
         if self.run.is_active:
-            self.session.message.emit("A run is going on: stop it or wait for its end before the next.")
+            self.session.message.emit(
+                "A run is going on: stop it or wait for its end before the next."
+            )
             return
         self.show_page("run")
         self.run.start(prepared)
@@ -163,11 +165,15 @@ class MainWindow(QMainWindow):
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Enter presses a button, as Space does: outside of dialogs Qt leaves it without effect.
 
-        Only Enter that was meant for the button: one that ends the writing in a field, and so moves the focus on, is not.
+        Only Enter that was meant for the button: one that ends the writing in a field, and so moves
+        the focus on, is not.
         """
         if not isinstance(event, QKeyEvent) or not isinstance(watched, QAbstractButton):
             return False
-        enter = event.type() is QEvent.Type.KeyPress and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter)
+        enter = event.type() is QEvent.Type.KeyPress and event.key() in (
+            Qt.Key.Key_Return,
+            Qt.Key.Key_Enter,
+        )
         if not enter or event.isAutoRepeat() or not watched.isEnabled():
             return False
         watched.click()
@@ -192,7 +198,9 @@ class MainWindow(QMainWindow):
         self.stop.setVisible(self.run.is_active and self.stack.currentWidget() is not self.run)
 
 
-def refuse_a_screen_that_qt_cannot_use(platform: str = sys.platform, plugins: Path | None = None) -> None:
+def refuse_a_screen_that_qt_cannot_use(
+    platform: str = sys.platform, plugins: Path | None = None
+) -> None:
     """Qt ends the whole program where a system library of X11 is missing: say which one before that.
 
     Raises `ConfigurationError`. Only Linux leaves those libraries to the system, and only X11 needs them.
@@ -210,10 +218,11 @@ def refuse_a_screen_that_qt_cannot_use(platform: str = sys.platform, plugins: Pa
     except OSError as error:
         missing = str(error).partition(":")[0]
         raise ConfigurationError(
-            "the window cannot be opened: the system lacks a library of X11", where=missing,
+            "the window cannot be opened: the system lacks a library of X11",
+            where=missing,
             remedy=f"On Debian and Ubuntu: sudo apt install {' '.join(X11_PACKAGES)}. "
             "Every part also works on the command line.",
-        ) from error  # fmt: skip
+        ) from error
 
 
 def _page(module: str, name: str, session: WindowSession) -> Any:
@@ -245,7 +254,9 @@ def open_window(
     pg.setConfigOptions(antialias=True)
     session = WindowSession(folder, backend, configuration)
     # A theme that was asked for by name wins over the remembered one, and that over the desktop's.
-    session.set_theme(theme_named(str(session.recall("theme", "system")) if theme == "system" else theme))
+    session.set_theme(
+        theme_named(str(session.recall("theme", "system")) if theme == "system" else theme)
+    )
     apply_theme(application, session.theme)
     window = MainWindow(session)
     window.show_page(page)
@@ -274,9 +285,13 @@ def _defects_told(session: WindowSession) -> Iterator[None]:
     """What nobody expected goes into a log and into the status bar, and the window stays: a run may be going on."""
 
     def tell(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-        with tempfile.NamedTemporaryFile("w", prefix="harmonic-rig-", suffix=".log", delete=False) as log:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="harmonic-rig-", suffix=".log", delete=False
+        ) as log:
             traceback.print_exception(kind, error, trace, file=log)
-        session.message.emit(f"A defect of the program: {kind.__name__}: {error}. Details for its report: {log.name}")
+        session.message.emit(
+            f"A defect of the program: {kind.__name__}: {error}. Details for its report: {log.name}"
+        )
 
     before = sys.excepthook
     sys.excepthook = tell

@@ -82,28 +82,42 @@ class MarginBars(QWidget):
         painter.setFont(font)
         if not self._margins:
             painter.setPen(QColor(palette.muted))
-            painter.drawText(self.rect(), Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop, "Shown while a run goes on.")
+            painter.drawText(
+                self.rect(),
+                Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop,
+                "Shown while a run goes on.",
+            )
         for index, entry in enumerate(self._margins):
             self._paint_bar(painter, index, entry)
         painter.end()
 
-    def _paint_bar(self, painter: QPainter, index: int, entry: tuple[str, float, float, float]) -> None:
+    def _paint_bar(
+        self, painter: QPainter, index: int, entry: tuple[str, float, float, float]
+    ) -> None:
         palette, (name, _, _, margin) = self._session.palette, entry
         near = margin < (0.0 if name == TRAVEL else NEAR)
         top, width = index * ROW, self.width() - 8
         painter.setPen(QColor(palette.warning if near else palette.text))
         label, numbers = self._label(entry), self._numbers(entry)
         wide = painter.fontMetrics().horizontalAdvance(numbers)
-        left = painter.fontMetrics().elidedText(label, Qt.TextElideMode.ElideRight, max(width - wide - 8, 40))
+        left = painter.fontMetrics().elidedText(
+            label, Qt.TextElideMode.ElideRight, max(width - wide - 8, 40)
+        )
         line = QRectF(0, top, width, 18)
-        painter.drawText(line, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter, ("⚠ " if near else "") + left)
+        painter.drawText(
+            line,
+            Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter,
+            ("⚠ " if near else "") + left,
+        )
         painter.drawText(line, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, numbers)
         bar = QRectF(0, top + 19, width, 6)
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(QColor(palette.raised))
         painter.drawRoundedRect(bar, 3, 3)
         share = min(max(1.0 - margin, 0.0), 1.0)
-        painter.setBrush(QColor(palette.bad if margin < 0.0 else palette.warning if near else palette.accent))
+        painter.setBrush(
+            QColor(palette.bad if margin < 0.0 else palette.warning if near else palette.accent)
+        )
         painter.drawRoundedRect(QRectF(0, top + 19, max(share * width, 2.0), 6), 3, 3)
 
     def _label(self, entry: tuple[str, float, float, float]) -> str:

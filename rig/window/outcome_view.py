@@ -11,7 +11,15 @@ from typing import Any
 
 from PySide6.QtCore import Qt, QUrl, Signal
 from PySide6.QtGui import QDesktopServices
-from PySide6.QtWidgets import QApplication, QFrame, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout
+from PySide6.QtWidgets import (
+    QApplication,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QVBoxLayout,
+)
 
 from model.identify.estimate import BudgetLine, Estimate
 from rig.report.wording import readable, show
@@ -29,7 +37,11 @@ RESULTS_ARE = {
     "starting-torque": ("starting_torque",),
 }
 """Which results of a protocol come first, by how their name begins."""
-WITNESSES = {"statusword": "the drive", "input_angle": "the input encoder", "output_angle": "the output encoder"}
+WITNESSES = {
+    "statusword": "the drive",
+    "input_angle": "the input encoder",
+    "output_angle": "the output encoder",
+}
 """Who says that the rig stands, in words."""
 
 
@@ -77,7 +89,9 @@ class OutcomeView(QFrame):
         self._path = None
         self.hide()
 
-    def show_end(self, state: RunState, report: dict[str, Any], path: Path | None, protocol: str) -> None:
+    def show_end(
+        self, state: RunState, report: dict[str, Any], path: Path | None, protocol: str
+    ) -> None:
         """The end of a run. `path` is its sealed file, None where there is none."""
         self._path = path
         self.headline.setText(headline_of(state, report))
@@ -93,7 +107,9 @@ class OutcomeView(QFrame):
         if path is not None and state.outcome in ("PASS", "MARGINAL", "FAIL"):
             self.results.setText("Working out the results …")
             self.results.show()
-            self._run(["fit", str(path), "--json"], lambda *told: self._show_results(protocol, *told))
+            self._run(
+                ["fit", str(path), "--json"], lambda *told: self._show_results(protocol, *told)
+            )
 
     def _run(self, arguments: list[str], then: Any) -> None:
         command = BackgroundCommand(arguments, self)
@@ -104,7 +120,9 @@ class OutcomeView(QFrame):
     def _show_results(self, protocol: str, code: int, out: str, complaint: str) -> None:
         lines = result_lines(out, protocol)
         if not lines:
-            self.results.setText(complaint.strip()[-400:] or "The analysis has nothing to tell of this run.")
+            self.results.setText(
+                complaint.strip()[-400:] or "The analysis has nothing to tell of this run."
+            )
         else:
             self.results.setText("\n".join(("   ·   ".join(lines), *remarks(out))))
 
@@ -123,7 +141,9 @@ class OutcomeView(QFrame):
             self.report.setText("Open report")
             self.report.setEnabled(True)
             if code == 6 or not page.exists():
-                self._session.message.emit(complaint.strip()[-300:] or "The report could not be written.")
+                self._session.message.emit(
+                    complaint.strip()[-300:] or "The report could not be written."
+                )
             else:
                 self._session.message.emit(f"Report: {page}")
                 if self.open_report:
@@ -163,8 +183,10 @@ def sentence_of(state: RunState, report: dict[str, Any], folder: Path) -> str:
         parts.append(f"What to do: {state.remedy}")
     made_safe = report.get("make_safe") or {}
     if made_safe.get("safe"):
-        parts.append(f"Made safe ({made_safe.get('action', '')}), standstill verified by "
-                     f"{', '.join(WITNESSES.get(str(w), str(w)) for w in made_safe.get('verified_by', ()))}.")  # fmt: skip
+        parts.append(
+            f"Made safe ({made_safe.get('action', '')}), standstill verified by "
+            f"{', '.join(WITNESSES.get(str(w), str(w)) for w in made_safe.get('verified_by', ()))}."
+        )
     if state.outcome == "TRIPPED":
         parts.append(
             "The trip is latched: acknowledge it by name on the page Prepare, "
@@ -182,7 +204,10 @@ def result_lines(out: str, protocol: str) -> list[str]:
     found = told[0] if isinstance(told, list) and told else told
     parameters = found.get("parameters", {}) if isinstance(found, dict) else {}
     first = RESULTS_ARE.get(protocol, ())
-    names = sorted(parameters, key=lambda name: next((k for k, begin in enumerate(first) if name.startswith(begin)), 99))
+    names = sorted(
+        parameters,
+        key=lambda name: next((k for k, begin in enumerate(first) if name.startswith(begin)), 99),
+    )
     lines = []
     for name in names[:MOST_LINES]:
         lines.append(f"{readable(name)} {_shown(name, parameters[name])}")
@@ -190,7 +215,9 @@ def result_lines(out: str, protocol: str) -> list[str]:
 
 
 def remarks(out: str) -> list[str]:
-    """What must not be missed beside the numbers of `rig fit --json`: whose torque it is, and that nothing was judged."""
+    """What must not be missed beside the numbers of `rig fit --json`: whose torque it is, and that
+    nothing was judged.
+    """
     told = json.loads(out)
     found = told[0] if isinstance(told, list) and told else told
     if not isinstance(found, dict):

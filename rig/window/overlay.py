@@ -10,7 +10,9 @@ from experiments.result import Plot
 
 @dataclass(frozen=True)
 class Overlaid:
-    """One run of an overlay: its name in the legend, the mark of its origin, its figures, and its place, which is its colour."""
+    """One run of an overlay: its name in the legend, the mark of its origin, its figures, and its
+    place, which is its colour.
+    """
 
     name: str
     mark: str
@@ -59,7 +61,8 @@ def overlay(runs: Sequence[Overlaid], name: str) -> Overlay | None:
             continue
         names.append(run.name)
         series += [
-            replace(s, label=f"{run.name}: {s.label}" if s.label else run.name, group=run.place) for s in plot.series
+            replace(s, label=f"{run.name}: {s.label}" if s.label else run.name, group=run.place)
+            for s in plot.series
         ]
     plot = replace(first, series=tuple(series), note="")
     return Overlay(plot, tuple(names), tuple(left_out))

@@ -1,4 +1,6 @@
-"""Several runs over each other in the window: each is fitted beside the window, then their common figures can be chosen."""
+"""Several runs over each other in the window: each is fitted beside the window, then their common
+figures can be chosen.
+"""
 
 from __future__ import annotations
 
@@ -117,7 +119,11 @@ class OverlayView(QWidget):
         made = []
         for row, line in enumerate(self._lines):
             item = self.runs.item(row)
-            if line.result is not None and item is not None and item.checkState() is Qt.CheckState.Checked:
+            if (
+                line.result is not None
+                and item is not None
+                and item.checkState() is Qt.CheckState.Checked
+            ):
                 mark = ORIGIN_WORDS.get(line.run.origin, line.run.origin)
                 made.append(Overlaid(line.name, mark, line.result.plots, row))
         return made
@@ -149,14 +155,23 @@ class OverlayView(QWidget):
         """The runs with their colours, and whether they are there."""
         with QSignalBlocker(self.runs):
             hidden = [
-                row for row in range(self.runs.count())
+                row
+                for row in range(self.runs.count())
                 if (item := self.runs.item(row)) and item.checkState() is Qt.CheckState.Unchecked
-            ]  # fmt: skip
+            ]
             keep = self.runs.count() == len(self._lines)
             self.runs.clear()
             for row, line in enumerate(self._lines):
-                state = "" if line.result else "\ncannot be fitted" if line.problem else "\nbeing fitted …"
-                item = QListWidgetItem(f"{line.name}\n{line.run.protocol}, {local_time(line.run.start)}{state}")
+                state = (
+                    ""
+                    if line.result
+                    else "\ncannot be fitted"
+                    if line.problem
+                    else "\nbeing fitted …"
+                )
+                item = QListWidgetItem(
+                    f"{line.name}\n{line.run.protocol}, {local_time(line.run.start)}{state}"
+                )
                 item.setToolTip(line.problem or line.run.path.name)
                 item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
                 off = keep and row in hidden

@@ -1,9 +1,9 @@
 """Rows that a recorder brings in bursts, handed on evenly: so that every frame of the window has something new to show.
 
-A rig in real time writes twenty times a second, a rig in virtual time twice. What came with a burst is shared out over the
-frames until the next one is due, a little later than that: a burst that is late finds rows still waiting. Rows wait for about
-one burst, never for more than `LONGEST`, and never more than `MOST` of them; nothing is left out and nothing is drawn ahead of
-its measurement.
+A rig in real time writes twenty times a second, a rig in virtual time twice. What came with a burst
+is shared out over the frames until the next one is due, a little later than that: a burst that is
+late finds rows still waiting. Rows wait for about one burst, never for more than `LONGEST`, and
+never more than `MOST` of them; nothing is left out and nothing is drawn ahead of its measurement.
 """
 
 from __future__ import annotations
@@ -94,5 +94,8 @@ def _part(block: Block, first: int, last: int) -> Block:
 
 def _joined(blocks: list[Block]) -> Block:
     channels = {name: np.concatenate([block.si[name] for block in blocks]) for name in blocks[0].si}
-    time_s, good = np.concatenate([b.time for b in blocks]), np.concatenate([b.good for b in blocks])
+    time_s, good = (
+        np.concatenate([b.time for b in blocks]),
+        np.concatenate([b.good for b in blocks]),
+    )
     return Block(blocks[0].start, time_s, channels, good)

@@ -1,7 +1,8 @@
-"""A plot of the window: title, legend and axes with units over a pyqtgraph canvas, and the mark of what is not hardware.
+"""A plot of the window: title, legend and axes with units over a pyqtgraph canvas, and the mark of
+what is not hardware.
 
-The legend stands above the canvas, never over the data. The mark (SIMULATED, REPLAY, IMPORTED) lies in the canvas itself, so
-that a picture of the plot cannot lose it.
+The legend stands above the canvas, never over the data. The mark (SIMULATED, REPLAY, IMPORTED) lies
+in the canvas itself, so that a picture of the plot cannot lose it.
 """
 
 from __future__ import annotations
@@ -47,7 +48,13 @@ class LabPlot(QWidget):
     """A plot in the lab's manner. Axis labels carry their unit in brackets and are never rescaled by prefixes."""
 
     def __init__(
-        self, session: WindowSession, title: str = "", x_label: str = "", y_label: str = "", *, mark: str = ""
+        self,
+        session: WindowSession,
+        title: str = "",
+        x_label: str = "",
+        y_label: str = "",
+        *,
+        mark: str = "",
     ) -> None:
         super().__init__()
         self.setObjectName("plot")
@@ -131,15 +138,24 @@ class LabPlot(QWidget):
         self._draw_mark(self._session.palette)
 
     def curve(
-        self, name: str, group: int = 0, style: CurveStyle = "line", *, dense: bool = False, still: bool = False
+        self,
+        name: str,
+        group: int = 0,
+        style: CurveStyle = "line",
+        *,
+        dense: bool = False,
+        still: bool = False,
     ) -> Curve:
         """A new empty curve; give it data with `curve.item.setData(x, y)`.
 
-        `dense`: thousands of points, up and down, drawn many times a second. Such a curve is drawn without smoothing: a
-        smoothed line wider than a pixel takes twelve times as long (67 ms instead of 5 ms for 2000 points).
-        `still`: beside others that move, and drawn in every frame with them; it is kept as a picture while it is the same.
+        `dense`: thousands of points, up and down, drawn many times a second. Such a curve is drawn
+        without smoothing: a smoothed line wider than a pixel takes twelve times as long (67 ms
+        instead of 5 ms for 2000 points). `still`: beside others that move, and drawn in every frame
+        with them; it is kept as a picture while it is the same.
         """
-        item = pg.PlotDataItem(connect="finite", stepMode="left" if style == "steps" else None, antialias=not dense)
+        item = pg.PlotDataItem(
+            connect="finite", stepMode="left" if style == "steps" else None, antialias=not dense
+        )
         if _is_segmented(style, dense):
             # Stroke by stroke: as one path a smoothed line wider than a pixel takes four to thirty times as long.
             item.curve.setSegmentedLineMode("on")
@@ -180,19 +196,36 @@ class LabPlot(QWidget):
         self.set_labels(plot.title, plot.x_label, plot.y_label)
         self.item.setLogMode(x=plot.x_scale == "log", y=plot.y_scale == "log")
         for series in plot.series:
-            self.add_series(series.label, series.x, series.y, series.style, series.group, series.low, series.high,
-                            logs=(plot.x_scale == "log", plot.y_scale == "log"))  # fmt: skip
+            self.add_series(
+                series.label,
+                series.x,
+                series.y,
+                series.style,
+                series.group,
+                series.low,
+                series.high,
+                logs=(plot.x_scale == "log", plot.y_scale == "log"),
+            )
         self.item.enableAutoRange()
 
     def add_series(
-        self, name: str, x: NDArray[np.float64], y: NDArray[np.float64], style: CurveStyle = "line", group: int = 0,
-        low: NDArray[np.float64] | None = None, high: NDArray[np.float64] | None = None,
-        *, logs: tuple[bool, bool] = (False, False),
-    ) -> Curve:  # fmt: skip
+        self,
+        name: str,
+        x: NDArray[np.float64],
+        y: NDArray[np.float64],
+        style: CurveStyle = "line",
+        group: int = 0,
+        low: NDArray[np.float64] | None = None,
+        high: NDArray[np.float64] | None = None,
+        *,
+        logs: tuple[bool, bool] = (False, False),
+    ) -> Curve:
         """Draw one series with its error bars (points) or its band (everything else)."""
         if style == "bars":
             return self._bars(name, x, y, group)
-        curve = self.curve(name, group, "line" if style == "band" else style, still=style != "points")
+        curve = self.curve(
+            name, group, "line" if style == "band" else style, still=style != "points"
+        )
         curve.item.setData(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         if low is not None and high is not None and len(x):
             (self._error_bars if style == "points" else self._band)(x, low, high, group, logs)
@@ -209,9 +242,13 @@ class LabPlot(QWidget):
         return made
 
     def _error_bars(
-        self, x: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], group: int,
+        self,
+        x: NDArray[np.float64],
+        low: NDArray[np.float64],
+        high: NDArray[np.float64],
+        group: int,
         logs: tuple[bool, bool],
-    ) -> None:  # fmt: skip
+    ) -> None:
         # One line with gaps: pyqtgraph's own error bars know nothing of logarithmic axes.
         across = np.repeat(np.asarray(x, dtype=float), 3)
         along = np.column_stack([low, high, np.full(len(low), np.nan)]).ravel()
@@ -226,12 +263,18 @@ class LabPlot(QWidget):
         self._extras.append(restyle)
 
     def _band(
-        self, x: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], group: int,
+        self,
+        x: NDArray[np.float64],
+        low: NDArray[np.float64],
+        high: NDArray[np.float64],
+        group: int,
         logs: tuple[bool, bool],
-    ) -> None:  # fmt: skip
+    ) -> None:
         edges = []
         for values in (low, high):
-            edge = pg.PlotDataItem(np.asarray(x, dtype=float), np.asarray(values, dtype=float), pen=pg.mkPen(None))
+            edge = pg.PlotDataItem(
+                np.asarray(x, dtype=float), np.asarray(values, dtype=float), pen=pg.mkPen(None)
+            )
             edge.setLogMode(*logs)
             self.item.addItem(edge)
             edges.append(edge)
@@ -272,14 +315,20 @@ class LabPlot(QWidget):
             if curve.name:
                 sign = _LEGEND_SIGNS.get(curve.style, "━━")
                 name = curve.name.replace(" ", "&nbsp;")
-                parts.append(f'<span style="color:{palette.series_colour(curve.group)}">{sign}</span>&nbsp;{name}')
+                parts.append(
+                    f'<span style="color:{palette.series_colour(curve.group)}">{sign}</span>&nbsp;{name}'
+                )
         self._legend.setText("&nbsp;&nbsp; ".join(parts))
         self._place_legend()
 
     def _place_legend(self) -> None:
         """Beside the title where there is room, below it where there is not."""
         room = self.width() - 30 - self._title.sizeHint().width()
-        below = bool(self._legend.text()) and self._legend.sizeHint().width() > room and self.width() > 100
+        below = (
+            bool(self._legend.text())
+            and self._legend.sizeHint().width() > room
+            and self.width() > 100
+        )
         if below == self._legend_below:
             return
         self._legend_below = below
@@ -296,7 +345,9 @@ class LabPlot(QWidget):
 
     def _draw_mark(self, palette: Palette) -> None:
         # In a row of its own above the data: part of the picture, and never over a curve.
-        self.item.setTitle(self._mark_text or None, color=palette.warning, size="8pt", bold=True, justify="right")
+        self.item.setTitle(
+            self._mark_text or None, color=palette.warning, size="8pt", bold=True, justify="right"
+        )
         if self._mark_text:
             self._mark.setMaximumHeight(MARK_HEIGHT)
             self.item.layout.setRowFixedHeight(0, MARK_HEIGHT)

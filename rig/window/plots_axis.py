@@ -20,7 +20,8 @@ EDGE = 2.0
 
 
 class LabAxis(pg.AxisItem):
-    """The axis of a `LabPlot`. On a screen it is painted from a picture that is kept until a tick, a number, a colour or the
+    """The axis of a `LabPlot`. On a screen it is painted from a picture that is kept until a tick,
+    a number, a colour or the
     size changes: in most frames of a run it is the same, and making it takes longer than the curves."""
 
     def __init__(self, orientation: str) -> None:
@@ -37,7 +38,10 @@ class LabAxis(pg.AxisItem):
             # Into a file or a printer: lines and letters, no pixels.
             super().paint(p, opt, widget)
             return
-        rect, ratio = self.boundingRect().adjusted(-EDGE, -EDGE, EDGE, EDGE), widget.devicePixelRatioF()
+        rect, ratio = (
+            self.boundingRect().adjusted(-EDGE, -EDGE, EDGE, EDGE),
+            widget.devicePixelRatioF(),
+        )
         # The picture begins at a whole pixel; where its content stands between two pixels belongs to it.
         left, top = place.dx() + rect.x(), place.dy() + rect.y()
         first = QPointF(math.floor(left * ratio) / ratio, math.floor(top * ratio) / ratio)
@@ -49,7 +53,9 @@ class LabAxis(pg.AxisItem):
 
     def _made(self, rect: QRectF, ratio: float, within: QPointF, opt: Any, widget: Any) -> QPixmap:
         self.times_made += 1
-        made = QPixmap(math.ceil((rect.width() + 1.0) * ratio), math.ceil((rect.height() + 1.0) * ratio))
+        made = QPixmap(
+            math.ceil((rect.width() + 1.0) * ratio), math.ceil((rect.height() + 1.0) * ratio)
+        )
         made.setDevicePixelRatio(ratio)
         made.fill(Qt.GlobalColor.transparent)
         painter = QPainter(made)
@@ -59,13 +65,19 @@ class LabAxis(pg.AxisItem):
         return made
 
     def logTickValues(
-        self, minVal: float, maxVal: float, size: float, stdTicks: Sequence[tuple[float, Sequence[float]]]
+        self,
+        minVal: float,
+        maxVal: float,
+        size: float,
+        stdTicks: Sequence[tuple[float, Sequence[float]]],
     ) -> list[tuple[float, list[float]]]:
         """Places (log10) of numbered and of bare ticks."""
         numbered, bare = log_ticks(minVal, maxVal)
         return [(LABELLED, numbered), (BARE, bare)]
 
-    def logTickStrings(self, values: Sequence[float], scale: float, spacing: float | None) -> list[str]:
+    def logTickStrings(
+        self, values: Sequence[float], scale: float, spacing: float | None
+    ) -> list[str]:
         """The numbers as people write them."""
         if spacing == BARE:
             return [""] * len(values)
@@ -100,4 +112,8 @@ def _narrow(low: float, high: float) -> list[float]:
 
 def plain(value: float) -> str:
     """A tick's number: 0.001 and 100000, powers of ten only beyond."""
-    return f"{value:.4g}" if 1e-4 <= abs(value) < 1e5 else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
+    return (
+        f"{value:.4g}"
+        if 1e-4 <= abs(value) < 1e5
+        else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
+    )

@@ -61,14 +61,21 @@ class ResultPlot(LabPlot):
             self._say_no_data()
         self.item.enableAutoRange()
 
-    def _add_line_or_points(self, all_series: Sequence[Series], number: int, logs: tuple[bool, bool]) -> None:
+    def _add_line_or_points(
+        self, all_series: Sequence[Series], number: int, logs: tuple[bool, bool]
+    ) -> None:
         series = all_series[number]
         rows = np.arange(len(series.x))
         if series.style == "points" and len(rows) > MANY_POINTS:
             rows = scatter_rows(series.x, series.y)
-        low, high = (None if edge is None or len(rows) < len(edge) else edge for edge in (series.low, series.high))
+        low, high = (
+            None if edge is None or len(rows) < len(edge) else edge
+            for edge in (series.low, series.high)
+        )
         style = dash_of(all_series, number) if series.style in ("line", "band") else series.style
-        curve = self.add_series(series.label, series.x[rows], series.y[rows], style, series.group, low, high, logs=logs)
+        curve = self.add_series(
+            series.label, series.x[rows], series.y[rows], style, series.group, low, high, logs=logs
+        )
         if series.style == "points":
             curve.item.setZValue(-1)
             if len(rows) > CROWDED_POINTS:
@@ -80,7 +87,9 @@ class ResultPlot(LabPlot):
             curve.item.setClipToView(True)
 
     def _add_bars(self, all_series: Sequence[Series], number: int, logs: tuple[bool, bool]) -> None:
-        """Bars as upright lines of a fixed width in pixels: they are seen on any scale, and logarithmic axes take them."""
+        """Bars as upright lines of a fixed width in pixels: they are seen on any scale, and
+        logarithmic axes take them.
+        """
         series = all_series[number]
         foot = foot_of(all_series) if logs[1] else 0.0
         x = series.x + shift_of(all_series, number)
@@ -91,7 +100,9 @@ class ResultPlot(LabPlot):
         self._curves.append(made)
         arms: Any = None
         if series.low is not None and series.high is not None:
-            arms = _upright(x, np.maximum(series.low, foot) if logs[1] else series.low, series.high, logs)
+            arms = _upright(
+                x, np.maximum(series.low, foot) if logs[1] else series.low, series.high, logs
+            )
             self.item.addItem(arms)
 
         def restyle(palette: Palette) -> None:
@@ -124,7 +135,10 @@ class ResultPlot(LabPlot):
 
 
 def _upright(
-    x: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], logs: tuple[bool, bool]
+    x: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    logs: tuple[bool, bool],
 ) -> Any:
     along = np.column_stack([low, high, np.full(len(x), np.nan)]).ravel()
     item = pg.PlotDataItem(np.repeat(x, 3), along, connect="finite")
@@ -156,7 +170,9 @@ def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
 def dash_of(all_series: Sequence[Series], number: int) -> CurveStyle:
     """How a line is dashed: by its place among the lines of its group."""
     group = all_series[number].group
-    earlier = sum(s.group == group and s.style in ("line", "steps", "band") for s in all_series[:number])
+    earlier = sum(
+        s.group == group and s.style in ("line", "steps", "band") for s in all_series[:number]
+    )
     return _DASHES[earlier % len(_DASHES)]
 
 
@@ -252,7 +268,9 @@ class PlotGallery(QWidget):
         self.plot.show_data(plot)
         figure = f"Figure {plot.figure} of the paper." if plot.figure else ""
         note = f"{plot.note[:1].upper()}{plot.note[1:]}".rstrip(".")
-        text = " ".join(part for part in (f"{note}." if note else "", figure, *self.plot.remarks) if part)
+        text = " ".join(
+            part for part in (f"{note}." if note else "", figure, *self.plot.remarks) if part
+        )
         self.note.setText(text)
         self.note.setVisible(bool(text))
 

@@ -1,6 +1,7 @@
 """Points that fill in as segments end: running torque over speed, starting torque over position.
 
-The same averaging as the analysis uses (`experiments.running_torque`), over the latest zero that is known: a live estimate.
+The same averaging as the analysis uses (`experiments.running_torque`), over the latest zero that is
+known: a live estimate.
 """
 
 from __future__ import annotations
@@ -43,7 +44,9 @@ class TorquePoints:
         self.plot.item.setLogMode(x=True)
         self._channel = "torque" if context.recording.has("torque") else "drive_torque"
         self._points: dict[tuple[int, str], list[tuple[float, float]]] = defaultdict(list)
-        self._curves = {way: self.plot.curve(name, k, "points") for k, (way, name) in enumerate(WAYS)}
+        self._curves = {
+            way: self.plot.curve(name, k, "points") for k, (way, name) in enumerate(WAYS)
+        }
         self._mean = self.plot.curve("half-difference", 2)
         self._predict(context, mounted)
         self._changed, self._work = False, context.work
@@ -59,8 +62,15 @@ class TorquePoints:
         if seen is not None and len(seen.curve_speed):
             low, high = seen.curve.low / MILLI, seen.curve.high / MILLI
             self.plot.add_series(
-                PREDICTED, seen.curve_speed / RPM, seen.curve.value / MILLI, "band", 3, low, high, logs=(True, False)
-            )  # fmt: skip
+                PREDICTED,
+                seen.curve_speed / RPM,
+                seen.curve.value / MILLI,
+                "band",
+                3,
+                low,
+                high,
+                logs=(True, False),
+            )
             return
         if planned is None:
             return
@@ -83,7 +93,9 @@ class TorquePoints:
 
     def _measured(self, segment: Segment, recording: Recording) -> list[RunningTorque]:
         try:
-            holds, _ = measured_holds(recording, (segment,), torque_zero(recording, self._channel), self._channel)
+            holds, _ = measured_holds(
+                recording, (segment,), torque_zero(recording, self._channel), self._channel
+            )
         except (ExperimentError, ModelError):
             return []
         return [hold.torque for hold in holds]
@@ -116,18 +128,25 @@ class TorquePoints:
 
 
 class StartingPoints:
-    """No-load starting torque over the wave-generator position, one point per ramp: the torque at which it began to turn."""
+    """No-load starting torque over the wave-generator position, one point per ramp: the torque at
+    which it began to turn.
+    """
 
     wanted = ("input_angle",)
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
         self.plot = LabPlot(
-            session, "Starting torque", "wave-generator angle [deg]", "starting torque, motor + gear [mN m]"
+            session,
+            "Starting torque",
+            "wave-generator angle [deg]",
+            "starting torque, motor + gear [mN m]",
         )
         self.plot.item.setXRange(0.0, 360.0)
         self._channel = "torque" if context.recording.has("torque") else "drive_torque"
         self._points: dict[int, list[tuple[float, float]]] = {1: [], -1: []}
-        self._curves = {way: self.plot.curve(name, k, "points") for k, (way, name) in enumerate(WAYS)}
+        self._curves = {
+            way: self.plot.curve(name, k, "points") for k, (way, name) in enumerate(WAYS)
+        }
         self._drawn = 0
 
     @property
@@ -140,12 +159,18 @@ class StartingPoints:
 
     def ended(self, segment: Segment, recording: Recording) -> None:
         """A ramp has ended in motion: the largest torque of it, the noise averaged out."""
-        if segment.label != "torque-ramp" or not recording.has(self._channel) or segment.stop - segment.start < 20:
+        if (
+            segment.label != "torque-ramp"
+            or not recording.has(self._channel)
+            or segment.stop - segment.start < 20
+        ):
             return
         torque = recording.si(self._channel, segment)
         torque = torque - torque_zero(recording, self._channel).at(recording.time(segment))
         smooth = np.convolve(segment.direction * torque, np.full(10, 0.1), "valid")
-        self._points[1 if segment.direction > 0 else -1].append((segment.setpoint % REVOLUTION, float(smooth.max())))
+        self._points[1 if segment.direction > 0 else -1].append(
+            (segment.setpoint % REVOLUTION, float(smooth.max()))
+        )
 
     def draw(self, recent: bool) -> None:
         """Bring the points up to date."""

@@ -1,7 +1,7 @@
 """The Prepare page: the gear that is mounted, who runs it, the protocol, what it will do, the checklist, and Start.
 
-The page only gathers and shows; `prepare_request` plans, previews and checks, in a thread of its own, so that typing is never
-held up. Start is one button that says what it is waiting for.
+The page only gathers and shows; `prepare_request` plans, previews and checks, in a thread of its
+own, so that typing is never held up. Start is one button that says what it is waiting for.
 """
 
 from __future__ import annotations
@@ -104,7 +104,9 @@ class PreparePage(QWidget):
         # An open list takes the next click wherever it goes: once the name is whole, it has nothing more to offer.
         offered = completer.popup()
         if offered is not None:
-            field.textEdited.connect(lambda text: QTimer.singleShot(0, offered.hide) if text in names else None)
+            field.textEdited.connect(
+                lambda text: QTimer.singleShot(0, offered.hide) if text in names else None
+            )
         field.setCompleter(completer)
         return field
 
@@ -122,7 +124,11 @@ class PreparePage(QWidget):
         holder.setLayout(row)
         row.setContentsMargins(0, 0, 0, 0)
         self.gear_card = _card("2  Gear", self.gear)
-        for card in (_card("1  Operator", holder), self.gear_card, _card("3  Protocol", self.protocol)):
+        for card in (
+            _card("1  Operator", holder),
+            self.gear_card,
+            _card("3  Protocol", self.protocol),
+        ):
             left.addWidget(card)
         left.addStretch(1)
         scroll = self._scroll = _scrolled(inner)
@@ -154,7 +160,12 @@ class PreparePage(QWidget):
         head.addWidget(title)
         head.addStretch(1)
         # The one whose words change stands first, so that no other moves under the mouse.
-        for button in (self.acknowledge_button, self.sign_button, self.training_button, self.doctor_button):
+        for button in (
+            self.acknowledge_button,
+            self.sign_button,
+            self.training_button,
+            self.doctor_button,
+        ):
             head.addWidget(button)
         below.addLayout(head)
         below.addWidget(_scrolled(self.checklist), 1)
@@ -184,7 +195,12 @@ class PreparePage(QWidget):
 
     def _connect(self) -> None:
         self.operator.textChanged.connect(self.gear.set_operator)
-        for signal in (self.operator.textChanged, self.confirmation.textChanged, self.gear.changed, self.protocol.changed):
+        for signal in (
+            self.operator.textChanged,
+            self.confirmation.textChanged,
+            self.gear.changed,
+            self.protocol.changed,
+        ):
             signal.connect(lambda *_: self._ask_for_outlook())
         self.protocol.changed.connect(self._show_for_protocol)
         self.checklist.changed.connect(self._show_readiness)
@@ -194,7 +210,9 @@ class PreparePage(QWidget):
         self.acknowledge_button.clicked.connect(self.acknowledge_trip)
         self.training_button.setVisible(not self._session.is_hardware)
         self.training_button.clicked.connect(self.open_training)
-        self.doctor_button.setToolTip("Connect and look: nodes, directions, torque zero, limits (rig doctor)")
+        self.doctor_button.setToolTip(
+            "Connect and look: nodes, directions, torque zero, limits (rig doctor)"
+        )
         self.doctor_button.clicked.connect(self.ask_the_rig)
         self._doctor.finished.connect(self.show_doctor)
         self._session.runs_changed.connect(self._ask_for_outlook)
@@ -205,9 +223,14 @@ class PreparePage(QWidget):
         rig = RigChoice(self._session.backend, self._session.folder, self._session.configuration)
         mounted = self.protocol.gear_mounted
         return Intent(
-            rig, self.protocol.protocol, self.protocol.values, self.gear.facts if mounted else None,
-            self.gear.card if mounted else None, self.operator.text().strip(), self.confirmation.text(),
-        )  # fmt: skip
+            rig,
+            self.protocol.protocol,
+            self.protocol.values,
+            self.gear.facts if mounted else None,
+            self.gear.card if mounted else None,
+            self.operator.text().strip(),
+            self.confirmation.text(),
+        )
 
     @property
     def obstacles(self) -> list[str]:
@@ -219,7 +242,11 @@ class PreparePage(QWidget):
             found.insert(0, "a parameter of the protocol is refused")
         if self._session.is_hardware and not self.doctor_checks:
             found.append("the rig has not been asked")
-        found += [f"{check.name}: {check.evidence}" for check in self.doctor_checks if check.result == "failed"]
+        found += [
+            f"{check.name}: {check.evidence}"
+            for check in self.doctor_checks
+            if check.result == "failed"
+        ]
         left = len(self.checklist.open)
         if left:
             found.append(f"{left} {'item' if left == 1 else 'items'} of the checklist not signed")
@@ -245,9 +272,13 @@ class PreparePage(QWidget):
         request = outlook.request
         self._remember(request.operator, request.protocol)
         prepared = PreparedRun(
-            request, outlook.planned, arguments_for(request, parameters), outlook.preview, title_of(request, outlook.planned),
+            request,
+            outlook.planned,
+            arguments_for(request, parameters),
+            outlook.preview,
+            title_of(request, outlook.planned),
             sign_off_notes(self.checklist.checks, request.operator),
-        )  # fmt: skip
+        )
         # A signature and a confirmation are for one run.
         self.checklist.clear_ticks()
         self.confirmation.clear()
@@ -303,7 +334,10 @@ class PreparePage(QWidget):
         super().hideEvent(event)
 
     def _remember(self, operator: str, protocol: str) -> None:
-        names = [operator, *(name for name in self._session.recall("operators", []) if name != operator)]
+        names = [
+            operator,
+            *(name for name in self._session.recall("operators", []) if name != operator),
+        ]
         self._session.remember("operators", names[:OPERATORS_KEPT])
         self._session.remember("operator", operator)
         self._session.remember("protocol", protocol)
@@ -352,7 +386,9 @@ class PreparePage(QWidget):
         self.doctor_button.setEnabled(True)
         self._name_doctor_button()
         self.doctor_checks = checks_from(found, code, told)
-        self.checklist.set_checks((*(self.outlook.checks if self.outlook else ()), *self.doctor_checks))
+        self.checklist.set_checks(
+            (*(self.outlook.checks if self.outlook else ()), *self.doctor_checks)
+        )
         self._show_readiness()
 
     def _name_doctor_button(self) -> None:
@@ -368,7 +404,9 @@ class PreparePage(QWidget):
         name = self.operator.text().strip()
         self.sign_button.setText(f"Sign &all as {short_name(name)}" if name else "Sign &all")
         self.sign_button.setEnabled(bool(name) and bool(self.checklist.open))
-        self.acknowledge_button.setVisible(any(check.name == "trip latch" for check in self.checklist.failed))
+        self.acknowledge_button.setVisible(
+            any(check.name == "trip latch" for check in self.checklist.failed)
+        )
         self.acknowledge_button.setEnabled(bool(name))
         self.acknowledge_button.setToolTip("" if name else "The operator has to be named first")
         self.start_button.setToolTip("\n".join(reasons) or "Ctrl+2 shows the run")

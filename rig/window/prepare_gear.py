@@ -1,4 +1,6 @@
-"""The gear on the Prepare page: the cards of known gears to choose from, the card as a form, its confirmation by name."""
+"""The gear on the Prepare page: the cards of known gears to choose from, the card as a form, its
+confirmation by name.
+"""
 
 from __future__ import annotations
 
@@ -45,10 +47,14 @@ class GearSection(QWidget):
         self.choice: QComboBox = CalmComboBox()
         self.choice.setAccessibleName("Gear")
         # A long serial number must not make the whole column wider than the window shows.
-        self.choice.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        self.choice.setSizeAdjustPolicy(
+            QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
+        )
         self.choice.setMinimumContentsLength(12)
         self.choice.activated.connect(lambda _: self.choose(self.choice.currentData() or ""))
-        self.form = ParameterForm(parameter_fields(GearFacts), _check_fact, CHOICES, {"part": shipped_parts()})
+        self.form = ParameterForm(
+            parameter_fields(GearFacts), _check_fact, CHOICES, {"part": shipped_parts()}
+        )
         self.form.rows["serial"].editor.setAccessibleName("Serial number of the gear")
         self.status, self.digest = QLabel(), QLabel()
         for label in (self.status, self.digest):
@@ -60,7 +66,9 @@ class GearSection(QWidget):
         self.confirm_button = QPushButton("&Confirm this card")
         self.confirm_button.clicked.connect(self.confirm)
         self.revert_button = QPushButton("&Undo changes")
-        self.revert_button.clicked.connect(lambda: self.choose(self._stored.serial if self._stored else ""))
+        self.revert_button.clicked.connect(
+            lambda: self.choose(self._stored.serial if self._stored else "")
+        )
         self.form.changed.connect(self._show_status)
         self.form.changed.connect(self.changed)
         self._lay_out()
@@ -99,7 +107,11 @@ class GearSection(QWidget):
     def card(self) -> GearCard | None:
         """The card as it is stored, if the form shows just that; None while changes wait for their confirmation."""
         facts = self.facts
-        return self._stored if self._stored is not None and facts is not None and facts == self._stored.facts else None
+        return (
+            self._stored
+            if self._stored is not None and facts is not None and facts == self._stored.facts
+            else None
+        )
 
     @property
     def is_confirmed(self) -> bool:
@@ -144,13 +156,18 @@ class GearSection(QWidget):
         for listed in list_cards(self._session.folder):
             self._add(listed)
         self.choice.addItem(NEW_GEAR, "")
-        self.choice.setCurrentIndex(max(self.choice.findData(chosen), 0) if chosen else self.choice.count() - 1)
+        self.choice.setCurrentIndex(
+            max(self.choice.findData(chosen), 0) if chosen else self.choice.count() - 1
+        )
 
     def _add(self, listed: ListedCard) -> None:
         if listed.card is not None:
             facts = known(listed.card.facts)
             words = f"{listed.card.serial} · {facts.get('part', 'part not known')}"
-            self.choice.addItem(words if listed.card.is_confirmed else f"{words} · not confirmed", listed.card.serial)
+            self.choice.addItem(
+                words if listed.card.is_confirmed else f"{words} · not confirmed",
+                listed.card.serial,
+            )
         else:
             self._session.message.emit(listed.problem)
 
@@ -166,10 +183,14 @@ class GearSection(QWidget):
             values: dict[str, Any] = self.form.values()
             folder = self._session.folder
             before = card_for(folder, str(values["serial"]))
-            if before is not None and (self._stored is None or self._stored.serial != before.serial):
+            if before is not None and (
+                self._stored is None or self._stored.serial != before.serial
+            ):
                 # Empty fields of a fresh form must not make the card forget what is known.
                 self.choose(before.serial)
-                self._session.message.emit(f"Gear {before.serial} is known: this is its card. Look at it, then confirm it.")
+                self._session.message.emit(
+                    f"Gear {before.serial} is known: this is its card. Look at it, then confirm it."
+                )
                 return
             card = with_changes(before, values, self._operator, now_text())
             self._stored = with_confirmation(card, self._operator, now_text())
@@ -205,13 +226,18 @@ class GearSection(QWidget):
         stored, shown = self._stored, self.facts
         edited = stored is None or shown != stored.facts
         self.revert_button.setEnabled(edited and stored is not None)
-        who = f"&Confirm as {short_name(self._operator)}" if self._operator else "&Confirm this card"
+        who = (
+            f"&Confirm as {short_name(self._operator)}" if self._operator else "&Confirm this card"
+        )
         self.confirm_button.setText(who)
         self.confirm_button.setEnabled(bool(self._operator) and shown is not None)
         self.confirm_button.setToolTip(self._why_not(shown))
         last = stored.confirmation if stored is not None else None
         if edited:
-            text, part = "Look at the gear, fill in what is known, then confirm it by name.", "warning"
+            text, part = (
+                "Look at the gear, fill in what is known, then confirm it by name.",
+                "warning",
+            )
             if stored is not None:
                 text = "Changed, not confirmed."
             if why := self._why_not(shown):
@@ -233,7 +259,11 @@ def digest_of(facts: GearFacts) -> str:
         words.append(f"{facts.hours:g} h")
     if facts.load_inertia_kg_m2 is not None:
         doubt = facts.load_inertia_uncertainty_kg_m2
-        words.append(f"load inertia {facts.load_inertia_kg_m2:g}" + (f" ± {doubt:g}" if doubt is not None else "") + " kg m²")
+        words.append(
+            f"load inertia {facts.load_inertia_kg_m2:g}"
+            + (f" ± {doubt:g}" if doubt is not None else "")
+            + " kg m²"
+        )
     return " · ".join(words)
 
 
@@ -252,7 +282,13 @@ def _check_fact(name: str, value: Any) -> None:
 def shipped_parts() -> tuple[str, ...]:
     """The parameter sets that come with the program, by name."""
     folder = resources.files("model") / "gears"
-    return tuple(sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml")))
+    return tuple(
+        sorted(
+            entry.name.removesuffix(".toml")
+            for entry in folder.iterdir()
+            if entry.name.endswith(".toml")
+        )
+    )
 
 
 def _day(at: str) -> str:

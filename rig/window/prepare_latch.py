@@ -1,11 +1,21 @@
-"""A latched trip on the Prepare page: what it was, what was found and done about it, and its acknowledgement by name."""
+"""A latched trip on the Prepare page: what it was, what was found and done about it, and its
+acknowledgement by name.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QDialog, QHBoxLayout, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QDialog,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
 
 from rig.errors import RigError
 from rig.gear_card import now_text
@@ -23,13 +33,17 @@ class AcknowledgeDialog(QDialog):
         self.resize(560, 220)
         self._latch, self._operator = TripLatch(folder), operator
         trip = self._latch.read()
-        self.what = QLabel(trip_in_words(trip) if trip is not None else "No trip is latched any more.")
+        self.what = QLabel(
+            trip_in_words(trip) if trip is not None else "No trip is latched any more."
+        )
         self.what.setWordWrap(True)
         self.what.setTextFormat(Qt.TextFormat.PlainText)
         self.remark = QLineEdit()
         self.remark.setPlaceholderText("what was found and done; kept with your name")
         self.remark.setAccessibleName("What was found and done")
-        self.remark.textChanged.connect(lambda text: self.accept_button.setEnabled(bool(text.strip()) and trip is not None))
+        self.remark.textChanged.connect(
+            lambda text: self.accept_button.setEnabled(bool(text.strip()) and trip is not None)
+        )
         self.problem = QLabel()
         self.problem.setWordWrap(True)
         self.problem.hide()
@@ -64,7 +78,11 @@ class AcknowledgeDialog(QDialog):
 
 def trip_in_words(trip: LatchedTrip) -> str:
     """A trip as somebody has to read it before anything turns again."""
-    safe = "Standstill was verified." if trip.standstill_verified else "Standstill was NOT verified: look at the rig first."
+    safe = (
+        "Standstill was verified."
+        if trip.standstill_verified
+        else "Standstill was NOT verified: look at the rig first."
+    )
     rule = rule_of(trip.cause)
     return (
         f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}. {trip.message}\n{safe}\n"

@@ -14,7 +14,9 @@ PATIENCE = 3000
 
 
 class SideProcess(QObject):
-    """One process at a time. `finished` carries its JSON object (None where it printed none), exit code, standard error."""
+    """One process at a time. `finished` carries its JSON object (None where it printed none), exit
+    code, standard error.
+    """
 
     finished = Signal(object, int, str)
 

@@ -78,10 +78,15 @@ class ProtocolSection(QWidget):
         mounted = "" if experiment.gear_mounted else " The gear is taken off for it."
         summary = catalogue.entry(name).summary
         self.summary.setText(f"{summary[:1].upper()}{summary[1:]}.{mounted}")
-        fields = [f for f in parameter_fields(experiment.parameters) if f.name not in KNOWN_BY_THE_RIG]
+        fields = [
+            f for f in parameter_fields(experiment.parameters) if f.name not in KNOWN_BY_THE_RIG
+        ]
         old = self.form
         self.form = ParameterForm(
-            fields, lambda parameter, value: make_parameters(experiment.parameters, {parameter: value}, name)
+            fields,
+            lambda parameter, value: make_parameters(
+                experiment.parameters, {parameter: value}, name
+            ),
         )
         self.form.set_values(self._typed.get(name, {}))
         self.form.changed.connect(self._edited)

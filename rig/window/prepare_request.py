@@ -19,7 +19,15 @@ from model.gear_file import save_gear, shipped_gear
 from model.motor import ServoMotor, shipped_motor
 from rig.backends import HARDWARE
 from rig.errors import ConfigurationError, RigError
-from rig.gear_card import GearCard, GearFacts, card_checks, card_path, conditions_of, gear_of, in_words
+from rig.gear_card import (
+    GearCard,
+    GearFacts,
+    card_checks,
+    card_path,
+    conditions_of,
+    gear_of,
+    in_words,
+)
 from rig.preview.preview import PlanPreview, percent, preview_plan
 from rig.run.arming import Arming, refuse_unarmed
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun
@@ -87,14 +95,26 @@ def request_for(intent: Intent) -> RunRequest:
 
         gear = with_ratings(gear, load_configuration(path).ratings)
     return RunRequest(
-        intent.protocol, gear, motor, rig.folder, dict(intent.values), rig.backend, mounting,
-        facts.serial if facts is not None and mounted else "unknown", intent.operator.strip(), sample_rate=rate,
-        conditions=conditions_of(intent.card) if intent.card is not None and mounted else {}, configuration=path,
-        limits=limits, confirmation=intent.confirmation.strip(),
-    )  # fmt: skip
+        intent.protocol,
+        gear,
+        motor,
+        rig.folder,
+        dict(intent.values),
+        rig.backend,
+        mounting,
+        facts.serial if facts is not None and mounted else "unknown",
+        intent.operator.strip(),
+        sample_rate=rate,
+        conditions=conditions_of(intent.card) if intent.card is not None and mounted else {},
+        configuration=path,
+        limits=limits,
+        confirmation=intent.confirmation.strip(),
+    )
 
 
-def _described(rig: RigChoice) -> tuple[HarmonicDrive, ServoMotor, Mapping[str, float], float, Path | None]:
+def _described(
+    rig: RigChoice,
+) -> tuple[HarmonicDrive, ServoMotor, Mapping[str, float], float, Path | None]:
     """Gear, motor, limits, SYNC rate and the file that describes the rig."""
     path = rig.configuration
     if path is None and rig.is_hardware:
@@ -121,11 +141,17 @@ def look_ahead(intent: Intent) -> Outlook:
     except (RigError, ExperimentError, ModelError) as error:
         problem = error
     if planned is not None and preview is not None:
-        checks += (parameters_check(planned, intent.rig), plan_check(planned), *prediction_checks(preview))
+        checks += (
+            parameters_check(planned, intent.rig),
+            plan_check(planned),
+            *prediction_checks(preview),
+        )
         checks += static_checks(planned, intent.rig.folder)
     if catalogue.load(intent.protocol).gear_mounted:
         serial = intent.facts.serial if intent.facts is not None else ""
-        checks[:0] = [_for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)]
+        checks[:0] = [
+            _for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)
+        ]
     checks += latch_checks(intent.rig.folder)
     return Outlook(intent, request, planned, preview, tuple(checks), problem)
 
@@ -145,7 +171,8 @@ def parameters_check(planned: PlannedRun, rig: RigChoice) -> Check:
     known = inertia.origin.standard_uncertainty
     doubt = f" ± {known:g}" if known is not None else ""
     evidence = (
-        f"{planned.gear.name}, {planned.mounting.replace('-', ' ')}, ratio {planned.load.ratio:g}; load inertia {inertia.value:g}"
+        f"{planned.gear.name}, {planned.mounting.replace('-', ' ')}, ratio "
+        f"{planned.load.ratio:g}; load inertia {inertia.value:g}"
         f"{doubt} kg m² ({inertia.origin.provenance}: {inertia.origin.source or 'no source'})"
     )
     doubtful = rig.is_hardware and inertia.origin.provenance not in ("measured", "identified")
@@ -157,8 +184,10 @@ def plan_check(planned: PlannedRun) -> Check:
     """The plan in one line."""
     turns = planned.input_revolutions
     evidence = (
-        f"{len(planned.plan)} steps, {time_in_words(planned.nominal)} nominal, {time_in_words(planned.longest)} at most, "
-        f"{turns:.0f} input revolutions; smallest margin {percent(min((m.margin for m in planned.margins), default=1.0))}"
+        f"{len(planned.plan)} steps, {time_in_words(planned.nominal)} nominal, "
+        f"{time_in_words(planned.longest)} at most, "
+        f"{turns:.0f} input revolutions; smallest margin "
+        f"{percent(min((m.margin for m in planned.margins), default=1.0))}"
     )
     return Check("plan", "ok", evidence)
 
@@ -167,12 +196,15 @@ def prediction_checks(preview: PlanPreview) -> tuple[Check, ...]:
     """Every prediction that touches a limit; one good line where none does."""
     if preview.warnings:
         remedy = "Lower speed or acceleration, or know the parameter better."
-        return tuple(Check("prediction", "warning", warning.text, remedy) for warning in preview.warnings)
+        return tuple(
+            Check("prediction", "warning", warning.text, remedy) for warning in preview.warnings
+        )
     least = min(preview.margins, key=lambda margin: margin.least_margin, default=None)
     if least is None:
         return ()
     evidence = (
-        f"no limit is touched; nearest {least.quantity.replace('_', ' ')}, {percent(least.least_margin)} left at the upper "
+        f"no limit is touched; nearest {least.quantity.replace('_', ' ')}, "
+        f"{percent(least.least_margin)} left at the upper "
         f"end of its uncertainty ({least.where})"
     )
     return (Check("prediction", "ok", evidence),)
@@ -186,10 +218,12 @@ def latch_checks(folder: Path) -> tuple[Check, ...]:
     unsafe = "" if trip.standstill_verified else "; standstill was NOT verified"
     return (
         Check(
-            "trip latch", "failed", f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}{unsafe}",
+            "trip latch",
+            "failed",
+            f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}{unsafe}",
             "Find and remove the cause, then press Acknowledge the trip.",
         ),
-    )  # fmt: skip
+    )
 
 
 def obstacles(intent: Intent, outlook: Outlook | None) -> list[str]:
@@ -199,7 +233,9 @@ def obstacles(intent: Intent, outlook: Outlook | None) -> list[str]:
     found = []
     if outlook.problem is not None:
         found.append(short(outlook.problem))
-    found += [f"{check.name}: {check.evidence}" for check in outlook.checks if check.result == "failed"]
+    found += [
+        f"{check.name}: {check.evidence}" for check in outlook.checks if check.result == "failed"
+    ]
     if not intent.operator.strip():
         found.append("no operator is named")
     if intent.rig.is_hardware:
@@ -221,10 +257,14 @@ def short(error: Exception) -> str:
     return text + (f"; allowed {limit}" if limit else "")
 
 
-def changed_values(fields: Sequence[ParameterField], values: Mapping[str, Any], parameters: Any) -> dict[str, Any]:
+def changed_values(
+    fields: Sequence[ParameterField], values: Mapping[str, Any], parameters: Any
+) -> dict[str, Any]:
     """The values that differ from the protocol's defaults, as they were typed; `parameters` holds them converted."""
     defaults = {f.name: f.default for f in fields}
-    return {name: value for name, value in values.items() if getattr(parameters, name) != defaults[name]}
+    return {
+        name: value for name, value in values.items() if getattr(parameters, name) != defaults[name]
+    }
 
 
 def write_parameters(request: RunRequest) -> Path | None:
@@ -240,7 +280,9 @@ def write_parameters(request: RunRequest) -> Path | None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ConfigurationError(f"cannot be made: {error.strerror or error}", where=str(path.parent)) from error
+        raise ConfigurationError(
+            f"cannot be made: {error.strerror or error}", where=str(path.parent)
+        ) from error
     save_gear(request.gear, path)
     return path
 
@@ -248,7 +290,8 @@ def write_parameters(request: RunRequest) -> Path | None:
 def arguments_for(request: RunRequest, parameters: Path | None = None, seed: int = 0) -> list[str]:
     """What follows `python -m rig` to start this request as a child that is spoken to in lines.
 
-    `parameters` is the parameter file of the gear. Every value is tied to its flag by "=": none is taken for another flag.
+    `parameters` is the parameter file of the gear. Every value is tied to its flag by "=": none is
+    taken for another flag.
     """
     words = ["run", request.protocol, f"--backend={request.backend}", f"--output={request.output}"]
     words.append(f"--mounting={request.mounting}")
@@ -266,12 +309,18 @@ def arguments_for(request: RunRequest, parameters: Path | None = None, seed: int
         words.append(f"--seed={seed}")
     if request.confirmation:
         words.append(f"--confirm={request.confirmation}")
-    words += [f"--{name.replace('_', '-')}={_as_text(value)}" for name, value in request.values.items()]
+    words += [
+        f"--{name.replace('_', '-')}={_as_text(value)}" for name, value in request.values.items()
+    ]
     return [*words, "--events", "--stdin-control"]
 
 
-def doctor_arguments(request: RunRequest | None, rig: RigChoice, parameters: Path | None = None) -> list[str]:
-    """What follows `python -m rig` to have this rig looked over; on hardware it moves only if the run would be armed."""
+def doctor_arguments(
+    request: RunRequest | None, rig: RigChoice, parameters: Path | None = None
+) -> list[str]:
+    """What follows `python -m rig` to have this rig looked over; on hardware it moves only if the
+    run would be armed.
+    """
     words = ["doctor", "--json", f"--backend={rig.backend}", f"--output={rig.folder}"]
     if rig.configuration is not None:
         words.append(f"--config={rig.configuration}")
@@ -306,10 +355,15 @@ def _as_text(value: Any) -> str:
 
 
 def sign_off_notes(checks: Sequence[Check], name: str) -> tuple[str, ...]:
-    """What a run keeps of its signed checklist: the good items in one line, every accepted warning with its evidence."""
+    """What a run keeps of its signed checklist: the good items in one line, every accepted warning
+    with its evidence.
+    """
     good = ", ".join(dict.fromkeys(check.name for check in checks if check.result == "ok"))
     found = [f"checklist signed by {name}: {good}"] if good else []
-    return (*found, *(f"accepted by {name}: {c.name}: {c.evidence}" for c in checks if c.result == "warning"))
+    return (
+        *found,
+        *(f"accepted by {name}: {c.name}: {c.evidence}" for c in checks if c.result == "warning"),
+    )
 
 
 def title_of(request: RunRequest, planned: PlannedRun) -> str:

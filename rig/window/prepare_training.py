@@ -1,4 +1,6 @@
-"""Training: a fault is let happen on a simulated rig of its own, and what came of it is shown. Never where hardware is."""
+"""Training: a fault is let happen on a simulated rig of its own, and what came of it is shown.
+Never where hardware is.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,8 @@ class TrainingDialog(QDialog):
         self._process.finished.connect(self.show_verdict)
         column = QVBoxLayout(self)
         explained = QLabel(
-            "Something goes wrong on a simulated rig of its own; the program has to notice, make the rig safe and keep the file. "
+            "Something goes wrong on a simulated rig of its own; the program has to notice, "
+            "make the rig safe and keep the file. "
             "What would you do at the rig? Decide first, then look."
         )
         explained.setWordWrap(True)
@@ -69,7 +72,9 @@ class TrainingDialog(QDialog):
 
         for drill in DRILLS.values():
             item = QListWidgetItem(drill.name)
-            item.setData(Qt.ItemDataRole.UserRole, f"{drill.what} (on {' or '.join(drill.carriers)})")
+            item.setData(
+                Qt.ItemDataRole.UserRole, f"{drill.what} (on {' or '.join(drill.carriers)})"
+            )
             self.drills.addItem(item)
         self.drills.setCurrentRow(0)
 
@@ -79,17 +84,27 @@ class TrainingDialog(QDialog):
             told = f"{item.text()} {item.data(Qt.ItemDataRole.UserRole)}".lower()
             item.setHidden(text.lower() not in told)
         # What is run is what is seen: a choice that the search has hidden gives way to the first that was found.
-        shown = [self.drills.item(row) for row in range(self.drills.count()) if not self.drills.item(row).isHidden()]
+        shown = [
+            self.drills.item(row)
+            for row in range(self.drills.count())
+            if not self.drills.item(row).isHidden()
+        ]
         if self.drills.currentItem() not in shown:
             self.drills.setCurrentRow(self.drills.row(shown[0]) if shown else -1)
         self._show_runnable()
 
     def _describe(self) -> None:
         item = self.drills.currentItem()
-        self.what.setText(str(item.data(Qt.ItemDataRole.UserRole)) if item is not None else "No drill is called so.")
+        self.what.setText(
+            str(item.data(Qt.ItemDataRole.UserRole))
+            if item is not None
+            else "No drill is called so."
+        )
 
     def _show_runnable(self) -> None:
-        self.run_button.setEnabled(self.drills.currentItem() is not None and not self._process.is_running)
+        self.run_button.setEnabled(
+            self.drills.currentItem() is not None and not self._process.is_running
+        )
 
     def run(self) -> None:
         """Run the chosen drill."""
@@ -122,10 +137,16 @@ def verdict_text(row: dict[str, Any]) -> str:
     """One row of `rig drill --json` in sentences."""
     passed = "✓ ended as it must" if row.get("passed") else "✗ did NOT end as it must"
     safe = "the motor stands without power" if row.get("safe") else "the motor does NOT stand"
-    verified = "standstill verified" if row.get("verified") else "standstill not verified: the loudest alarm there is"
+    verified = (
+        "standstill verified"
+        if row.get("verified")
+        else "standstill not verified: the loudest alarm there is"
+    )
     readable = "file readable" if row.get("file_readable") else "file NOT readable"
     text = (
-        f"{passed}: {row.get('fault')}\nDetected: {row.get('detected')}, after {row.get('cycles')} SYNC cycles. Action: "
-        f"{row.get('action')}; {safe}; {verified}.\nOutcome: {row.get('outcome')} (must be {row.get('expected')}); {readable}."
+        f"{passed}: {row.get('fault')}\nDetected: {row.get('detected')}, after "
+        f"{row.get('cycles')} SYNC cycles. Action: "
+        f"{row.get('action')}; {safe}; {verified}.\nOutcome: {row.get('outcome')} (must be "
+        f"{row.get('expected')}); {readable}."
     )
     return text + (f"\n{row['message']}" if row.get("message") else "")

@@ -1,4 +1,6 @@
-"""The plan as pictures: speed and predicted torque over the nominal time, the output, friction over speed, the margins."""
+"""The plan as pictures: speed and predicted torque over the nominal time, the output, friction over
+speed, the margins.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ class PreviewPlots(QTabWidget):
         super().__init__()
         self._session = session
         self._preview: PlanPreview | None = None
-        self.plots = {name: LabPlot(session, *labels, mark=PREDICTION) for name, labels in FIGURES.items()}
+        self.plots = {
+            name: LabPlot(session, *labels, mark=PREDICTION) for name, labels in FIGURES.items()
+        }
         """Every plot by the name of its figure."""
         self.margins = _table(MARGIN_HEADINGS)
         plots = self.plots
@@ -86,22 +90,34 @@ class PreviewPlots(QTabWidget):
                 item = QTableWidgetItem(text)
                 item.setToolTip(f"{text}\n{margin.limit}")
                 if column in (3, 4):
-                    item.setTextAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+                    item.setTextAlignment(
+                        Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+                    )
                 if margin.touches:
                     item.setForeground(QColor(palette.warning))
                 self.margins.setItem(row, column, item)
 
 
 def _cells(margin: PredictedMargin) -> tuple[str, ...]:
-    factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, pretty(margin.limit.unit))
+    factor, unit = (
+        (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, pretty(margin.limit.unit))
+    )
     doubt = f" ± {margin.uncertainty / factor:.2g}" if margin.uncertainty else ""
     least = f"{'! ' if margin.touches else ''}{percent(margin.least_margin)}"
-    known = f" ({margin.limit.provenance})" if margin.limit.provenance in ("recalled", "assumed") else ""
+    known = (
+        f" ({margin.limit.provenance})"
+        if margin.limit.provenance in ("recalled", "assumed")
+        else ""
+    )
     return (
-        margin.quantity.replace("_", " "), f"{number(margin.value / factor, 4)}{doubt} {unit}",
-        f"{number(margin.limit.value / factor, 4)} {unit}", percent(margin.margin), least,
-        f"{margin.limit.tier}{known}", margin.where,
-    )  # fmt: skip
+        margin.quantity.replace("_", " "),
+        f"{number(margin.value / factor, 4)}{doubt} {unit}",
+        f"{number(margin.limit.value / factor, 4)} {unit}",
+        percent(margin.margin),
+        least,
+        f"{margin.limit.tier}{known}",
+        margin.where,
+    )
 
 
 def log_ticks(low: float, high: float) -> list[list[tuple[float, str]]]:
@@ -110,7 +126,9 @@ def log_ticks(low: float, high: float) -> list[list[tuple[float, str]]]:
     for decade in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
         for digit in range(1, 10):
             value = digit * 10.0**decade
-            (major if digit in (1, 2, 5) else minor).append((math.log10(value), f"{value:g}" if digit in (1, 2, 5) else ""))
+            (major if digit in (1, 2, 5) else minor).append(
+                (math.log10(value), f"{value:g}" if digit in (1, 2, 5) else "")
+            )
     return [major, minor]
 
 
@@ -147,7 +165,8 @@ def summary(preview: PlanPreview) -> str:
 
     planned = preview.planned
     return (
-        f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most · {planned.input_revolutions:.0f} input "
+        f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most · "
+        f"{planned.input_revolutions:.0f} input "
         f"revolutions · {len(planned.plan)} steps · about {planned.file_size() / 1e6:.1f} MB"
     )
 

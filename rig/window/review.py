@@ -1,4 +1,6 @@
-"""The Review page: the library of runs on the left; on the right a run, an overlay, a difference or a gear's passport."""
+"""The Review page: the library of runs on the left; on the right a run, an overlay, a difference or
+a gear's passport.
+"""
 
 from __future__ import annotations
 
@@ -34,12 +36,18 @@ SIZES = (490, 860)
 
 
 class ReviewPage(QWidget):
-    """The page. `opener` opens a file on the desktop; `choose_file` asks for a parameter set; tests hand in their own."""
+    """The page. `opener` opens a file on the desktop; `choose_file` asks for a parameter set; tests
+    hand in their own.
+    """
 
     def __init__(
-        self, session: WindowSession, *, opener: Callable[[QUrl], object] = QDesktopServices.openUrl,
-        choose_file: ChooseFile | None = None, today: Callable[[], date] = date.today,
-    ) -> None:  # fmt: skip
+        self,
+        session: WindowSession,
+        *,
+        opener: Callable[[QUrl], object] = QDesktopServices.openUrl,
+        choose_file: ChooseFile | None = None,
+        today: Callable[[], date] = date.today,
+    ) -> None:
         super().__init__()
         self._session, self._opener = session, opener
         self._report: BackgroundCommand | None = None
@@ -160,7 +168,10 @@ class ReviewPage(QWidget):
             self._say_report(in_words(complaint), busy=False)
             return
         opened = self._opener(QUrl.fromLocalFile(str(page.resolve())))
-        self._say_report(f"Report: {page}" + ("" if opened is not False else " (nothing here opens it)"), busy=False)
+        self._say_report(
+            f"Report: {page}" + ("" if opened is not False else " (nothing here opens it)"),
+            busy=False,
+        )
 
     def _say_report(self, text: str, *, busy: bool) -> None:
         self.library.say(text)
@@ -188,7 +199,12 @@ class ReviewPage(QWidget):
             return
         # The shown run may have been sealed, or recovered, since it was opened.
         now = next(
-            (run for run in runs if run.path.name.removesuffix(".part") == shown.name.removesuffix(".part")), None
+            (
+                run
+                for run in runs
+                if run.path.name.removesuffix(".part") == shown.name.removesuffix(".part")
+            ),
+            None,
         )
         if now is not None and now.path.name != shown.name:
             self.details.show_run(now.path, now.state)

@@ -86,7 +86,9 @@ class DifferenceView(QWidget):
         group = self.group.currentData()
         changes = self.difference.of(group) if group else self.difference.changes
         kinds = {change.name.partition(": ")[0] for change in changes if change.group == "results"}
-        rows = [change_row(change, several_kinds=len(kinds) > 1) for change in _results_first(changes)]
+        rows = [
+            change_row(change, several_kinds=len(kinds) > 1) for change in _results_first(changes)
+        ]
         self.table.show_rows(COLUMNS, rows, (False, False, True, True, True, False, False))
 
 
@@ -105,16 +107,22 @@ def _results_first(changes: Sequence[Change]) -> list[Change]:
 
 def change_row(change: Change, *, several_kinds: bool = True) -> tuple[str, ...]:
     """One line under `COLUMNS`; results name their kind of fit where there are several."""
-    kind, _, name = change.name.partition(": ") if change.group == "results" else ("", "", change.name)
+    kind, _, name = (
+        change.name.partition(": ") if change.group == "results" else ("", "", change.name)
+    )
     words = readable(name) if name else kind
     if change.group in ("parameters", "conditions"):
         # The unit is part of the name in files only.
         words, unit = _without_unit(name)
-        first, second = (f"{text} {unit}".strip() if text else "–" for text in (change.first, change.second))
+        first, second = (
+            f"{text} {unit}".strip() if text else "–" for text in (change.first, change.second)
+        )
         return (change.group, words, first, second, "", "", change.note)
     what = f"{kind}: {words}" if name and kind and several_kinds else words
     if change.difference is None or change.uncertainty is None:
         return (change.group, what, change.first, change.second, "", "", change.note)
     shown = in_laboratory_units(change.name, change.difference, change.uncertainty, change.unit)
-    verdict = "" if change.significant is None else "significant" if change.significant else "within U"
+    verdict = (
+        "" if change.significant is None else "significant" if change.significant else "within U"
+    )
     return (change.group, what, change.first, change.second, shown, verdict, change.note)

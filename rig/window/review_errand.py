@@ -42,7 +42,9 @@ class Errand(QObject):
         """Do this; whatever was asked for before is forgotten."""
         self._latest += 1
         self._running += 1
-        thread = threading.Thread(target=self._work, args=(self._latest, work), name="errand", daemon=True)
+        thread = threading.Thread(
+            target=self._work, args=(self._latest, work), name="errand", daemon=True
+        )
         self._threads = [*(one for one in self._threads if one.is_alive()), thread]
         thread.start()
 

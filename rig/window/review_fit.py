@@ -49,13 +49,19 @@ class FitOrder:
     def key(self) -> tuple[Any, ...]:
         """What must be the same for the same result: what is asked for, and the files as they are now."""
         files = (self.run, self.tare, self.parameters)
-        return (self.kind, self.settings, *((str(file), fingerprint_of(file)) for file in files if file is not None))
+        return (
+            self.kind,
+            self.settings,
+            *((str(file), fingerprint_of(file)) for file in files if file is not None),
+        )
 
 
 def order_of(analysis: Analysis, run: Path, known: Mapping[str, Path]) -> FitOrder:
     """The fit that a stored analysis was, to be made again; `known` are the runs of the folder by their name."""
     tare = known.get(str(analysis.content.get("tare", {}).get("run", "")))
-    settings = tuple((name, _setting(value)) for name, value in analysis.content.get("settings", {}).items())
+    settings = tuple(
+        (name, _setting(value)) for name, value in analysis.content.get("settings", {}).items()
+    )
     return FitOrder(run, analysis.kind, tare, None, settings)
 
 
@@ -116,7 +122,9 @@ class FitDesk(QObject):
                 self._count(order, known)
                 continue
             self._command = BackgroundCommand(order.arguments, self)
-            self._command.done.connect(lambda code, out, aside, order=order: self._take(order, out, aside))
+            self._command.done.connect(
+                lambda code, out, aside, order=order: self._take(order, out, aside)
+            )
             self._command.start()
             self.progressed.emit(self._done, self._asked)
 
@@ -152,4 +160,7 @@ class FitDesk(QObject):
 
 def in_words(complaint: str) -> str:
     """What a command said on standard error, or that it said nothing."""
-    return complaint.strip()[-LONGEST_COMPLAINT:] or "The program ended without a result and without a word."
+    return (
+        complaint.strip()[-LONGEST_COMPLAINT:]
+        or "The program ended without a result and without a word."
+    )

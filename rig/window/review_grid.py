@@ -13,10 +13,20 @@ from rig.window.palette import Palette
 from rig.window.session import WindowSession
 
 WORD_COLOURS: Mapping[str, str] = {
-    "yes": "good", "weakly": "warning", "no": "bad", "PASS": "good", "MARGINAL": "warning", "FAIL": "bad",
-    "significant": "bad", "within U": "good", "error": "bad", "warning": "warning", "in control": "good",
-    "to be watched": "warning", "out of control": "bad",
-}  # fmt: skip
+    "yes": "good",
+    "weakly": "warning",
+    "no": "bad",
+    "PASS": "good",
+    "MARGINAL": "warning",
+    "FAIL": "bad",
+    "significant": "bad",
+    "within U": "good",
+    "error": "bad",
+    "warning": "warning",
+    "in control": "good",
+    "to be watched": "warning",
+    "out of control": "bad",
+}
 """Colours of the palette for the words of a verdict."""
 WIDEST = 320
 """Pixels of a column at first; the last one takes what is left."""
@@ -25,7 +35,9 @@ WIDEST = 320
 class GridTable(QTableWidget):
     """A table of text. `judged` names the columns whose words are coloured as verdicts."""
 
-    def __init__(self, session: WindowSession, name: str, judged: Sequence[str] = (), *, widest: int = WIDEST) -> None:
+    def __init__(
+        self, session: WindowSession, name: str, judged: Sequence[str] = (), *, widest: int = WIDEST
+    ) -> None:
         super().__init__(0, 0)
         self._session, self._judged, self._widest = session, judged, widest
         self._columns: tuple[str, ...] = ()
@@ -41,7 +53,9 @@ class GridTable(QTableWidget):
         self.horizontalHeader().setHighlightSections(False)
         session.theme_changed.connect(self._colour)
 
-    def show_rows(self, columns: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[bool] = ()) -> None:
+    def show_rows(
+        self, columns: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[bool] = ()
+    ) -> None:
         """Other contents."""
         self._columns = tuple(columns)
         self.setColumnCount(len(columns))
@@ -88,8 +102,13 @@ class GridTable(QTableWidget):
                 continue
             for row in range(self.rowCount()):
                 item = self._cell(row, place)
-                word = next((word for word in WORD_COLOURS if re.match(rf"{word}(?: \(|$)", item.text())), "")
-                item.setForeground(QColor(getattr(palette, WORD_COLOURS[word]) if word else palette.text))
+                word = next(
+                    (word for word in WORD_COLOURS if re.match(rf"{word}(?: \(|$)", item.text())),
+                    "",
+                )
+                item.setForeground(
+                    QColor(getattr(palette, WORD_COLOURS[word]) if word else palette.text)
+                )
                 font = item.font()
                 font.setBold(bool(word))
                 item.setFont(font)

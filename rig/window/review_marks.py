@@ -31,12 +31,16 @@ class TimeMarks:
 
     def segment_at(self, moment: float) -> Segment | None:
         """The segment in which a time lies."""
-        return next((segment for begin, end, segment in self.segments if begin <= moment <= end), None)
+        return next(
+            (segment for begin, end, segment in self.segments if begin <= moment <= end), None
+        )
 
     def event_near(self, moment: float, reach: float) -> Event | None:
         """The nearest event, if it is within reach [s]."""
         at, found = min(
-            ((abs(t - moment), event) for t, event in self.events), default=(0.0, None), key=lambda pair: pair[0]
+            ((abs(t - moment), event) for t, event in self.events),
+            default=(0.0, None),
+            key=lambda pair: pair[0],
         )
         return found if at <= reach else None
 
@@ -51,7 +55,9 @@ def marks_of(recording: Recording) -> TimeMarks:
         row = min(max(row, 0), recording.rows - 1)
         return (int(recording.source.time_ns(row, row + 1)[0]) - first) * 1e-9
 
-    segments = tuple((at(s.start), at(s.stop - 1), s) for s in recording.segments if s.stop > s.start)
+    segments = tuple(
+        (at(s.start), at(s.stop - 1), s) for s in recording.segments if s.stop > s.start
+    )
     return TimeMarks(segments, tuple(((e.time_ns - first) * 1e-9, e) for e in recording.events))
 
 
@@ -59,7 +65,11 @@ def segment_words(segment: Segment, protocol: str) -> str:
     """A segment in words: label, set-point, direction, repeat."""
     parts = [f"segment {segment.index}: {segment.label}"]
     if segment.setpoint:
-        value = f"{segment.setpoint:.4g} N m" if protocol in TORQUE_MODE else f"{segment.setpoint / RPM:.5g} r/min"
+        value = (
+            f"{segment.setpoint:.4g} N m"
+            if protocol in TORQUE_MODE
+            else f"{segment.setpoint / RPM:.5g} r/min"
+        )
         parts.append(value)
     if segment.direction:
         parts.append("forward" if segment.direction > 0 else "reverse")
@@ -116,4 +126,7 @@ class MarksItem(pg.GraphicsObject):
 def levels_in(events: Sequence[Event]) -> list[str]:
     """The levels that occur, the worst first."""
     order = ("error", "warning", "info")
-    return sorted({event.level for event in events}, key=lambda level: order.index(level) if level in order else 9)
+    return sorted(
+        {event.level for event in events},
+        key=lambda level: order.index(level) if level in order else 9,
+    )

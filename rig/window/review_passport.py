@@ -1,4 +1,6 @@
-"""A gear's passport in the window: its control charts and spectra, what each chart says, its runs, and what is missing."""
+"""A gear's passport in the window: its control charts and spectra, what each chart says, its runs,
+and what is missing.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QTabWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QLabel,
+    QProgressBar,
+    QPushButton,
+    QTabWidget,
+    QVBoxLayout,
+    QWidget,
+)
 
 from rig.errors import RigError
 from rig.library import IndexedRun
@@ -62,12 +72,17 @@ class PassportView(QWidget):
         self.says.setWordWrap(True)
         self.analyse = QPushButton("Fit what is &missing")
         self.analyse.setToolTip(
-            "Fit every run of this gear that has no analysis yet, friction with the newest motor tare; kept beside its run"
+            "Fit every run of this gear that has no analysis yet, friction with the newest "
+            "motor tare; kept beside its run"
         )
         self.analyse.clicked.connect(self.fit_missing)
         self.report, self.pdf = QPushButton("Gear r&eport"), QPushButton("PDF")
-        self.report.setToolTip("The report of this gear over all its runs, as a web page (HTML), and open it")
-        self.pdf.setToolTip("The report of this gear over all its runs, for paper (PDF), and open it")
+        self.report.setToolTip(
+            "The report of this gear over all its runs, as a web page (HTML), and open it"
+        )
+        self.pdf.setToolTip(
+            "The report of this gear over all its runs, for paper (PDF), and open it"
+        )
         self.report.clicked.connect(lambda: self.report_requested.emit(self._serial, ".html"))
         self.pdf.clicked.connect(lambda: self.report_requested.emit(self._serial, ".pdf"))
         self.charts = PlotGallery(session)
@@ -80,7 +95,9 @@ class PassportView(QWidget):
         self.busy.setFixedWidth(150)
         self.cancel.clicked.connect(self.desk.cancel)
         self.desk.progressed.connect(self._progress)
-        self.desk.refused.connect(lambda order, why: self._refusals.append(f"{order.run.name}: {why}"))
+        self.desk.refused.connect(
+            lambda order, why: self._refusals.append(f"{order.run.name}: {why}")
+        )
         self._errand = Errand(self)
         self._errand.done.connect(self._take)
         self._errand.failed.connect(self.says.setText)
@@ -156,11 +173,15 @@ class PassportView(QWidget):
 
     def _take(self, passport: Passport) -> None:
         self.passport = passport
-        self.title.setText(f"Passport of {passport.serial}" + (f" · {passport.gear}" if passport.gear else ""))
+        self.title.setText(
+            f"Passport of {passport.serial}" + (f" · {passport.gear}" if passport.gear else "")
+        )
         self.mark.setText(passport.mark)
         self.charts.show_plots(passport.plots, passport.mark, keep=True)
         numeric = (False, True, False, False, False, True, True, True, True, False)
-        self.state.show_rows(STATE_COLUMNS, [state_row(series) for series in passport.series], numeric)
+        self.state.show_rows(
+            STATE_COLUMNS, [state_row(series) for series in passport.series], numeric
+        )
         rows = [
             (
                 str(run.number),
@@ -207,12 +228,17 @@ def missing_fits(library: Sequence[IndexedRun], serial: str) -> list[FitOrder]:
         ):
             continue
         tares = [
-            r.path for r in library
-            if r.protocol == TARE and r.origin == run.origin and r.state == "sealed" and r.outcome in COUNTED_OUTCOMES
-        ]  # fmt: skip
+            r.path
+            for r in library
+            if r.protocol == TARE
+            and r.origin == run.origin
+            and r.state == "sealed"
+            and r.outcome in COUNTED_OUTCOMES
+        ]
         tare = tares[-1] if tares and run.protocol in TARED else None
         try:
-            # At its end a run is fitted without a tare: of the gear alone nothing is known before it is fitted with one.
+            # At its end a run is fitted without a tare: of the gear alone nothing is known before
+            # it is fitted with one.
             done = any(
                 analysis.kind == run.protocol and (tare is None or analysis.content.get("tare"))
                 for analysis in read_analyses(run.path)
@@ -229,7 +255,11 @@ def summary(passport: Passport) -> str:
     count = f"{len(passport.runs)} runs, {len(passport.series)} charts"
     if not passport.series:
         return f"{count}. Nothing has been fitted yet: fit what is missing."
-    out = [series.title for series in passport.series if series.state in ("out of control", "to be watched")]
+    out = [
+        series.title
+        for series in passport.series
+        if series.state in ("out of control", "to be watched")
+    ]
     return f"{count}. " + (f"To be looked at: {'; '.join(out)}." if out else "No run stands out.")
 
 
@@ -239,13 +269,25 @@ def state_row(series: PassportSeries) -> tuple[str, ...]:
     value = f"{number(newest.value / series.factor)} ± {number(newest.expanded_uncertainty / series.factor, 2)}"
     control, limit = series.control, series.limit
     centre = number(control.centre / series.factor) if control else "–"
-    limits = f"{number(control.lower / series.factor)} … {number(control.upper / series.factor)}" if control else "–"
+    limits = (
+        f"{number(control.lower / series.factor)} … {number(control.upper / series.factor)}"
+        if control
+        else "–"
+    )
     catalogue = f"{number(limit.value / series.factor)} ({limit.provenance})" if limit else "–"
     remarks = "; ".join((*newest.remarks, *series.notes))
     return (
-        _title(series), value, series.display_unit, series.state, _signals(newest), centre, limits, catalogue,
-        fixed(len(series.points), 0), remarks,
-    )  # fmt: skip
+        _title(series),
+        value,
+        series.display_unit,
+        series.state,
+        _signals(newest),
+        centre,
+        limits,
+        catalogue,
+        fixed(len(series.points), 0),
+        remarks,
+    )
 
 
 def _title(series: PassportSeries) -> str:

@@ -52,9 +52,15 @@ class FitBar(QWidget):
         self.choose_target: ChooseFile = self._ask_target
         """Asks where a parameter set is to be written."""
         self.kind, self.tare, self.parameters = QComboBox(), QComboBox(), QComboBox()
-        for box, name in ((self.kind, "kind of fit"), (self.tare, "tare"), (self.parameters, "parameter set")):
+        for box, name in (
+            (self.kind, "kind of fit"),
+            (self.tare, "tare"),
+            (self.parameters, "parameter set"),
+        ):
             box.setAccessibleName(name.capitalize())
-            box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+            box.setSizeAdjustPolicy(
+                QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
+            )
             box.setMinimumContentsLength(9)
         self.kind.currentTextChanged.connect(lambda _: self._offer_tare())
         self.parameters.activated.connect(self._choose_parameters)
@@ -63,10 +69,13 @@ class FitBar(QWidget):
         self.fit.setProperty("part", "primary")
         self.fit.setToolTip("Identify the model from this run; the analysis is kept beside it")
         self.compare = QPushButton("&Compare")
-        self.compare.setToolTip("Hold a parameter set against this run: what it predicts and what was measured")
+        self.compare.setToolTip(
+            "Hold a parameter set against this run: what it predicts and what was measured"
+        )
         self.save = QPushButton("&Save set …")
         self.save.setToolTip(
-            "Write what this run identifies into a parameter set (TOML): to hold it against another run, or to plan with it"
+            "Write what this run identifies into a parameter set (TOML): to hold it against "
+            "another run, or to plan with it"
         )
         self.save.clicked.connect(self._save)
         self.cancel = QPushButton("Cancel")
@@ -86,7 +95,14 @@ class FitBar(QWidget):
     def _lay_out(self) -> None:
         row = QHBoxLayout()
         row.setSpacing(6)
-        for widget in (QLabel("fit as"), self.kind, self.tare_label, self.tare, QLabel("parameters"), self.parameters):
+        for widget in (
+            QLabel("fit as"),
+            self.kind,
+            self.tare_label,
+            self.tare,
+            QLabel("parameters"),
+            self.parameters,
+        ):
             row.addWidget(widget, 1 if isinstance(widget, QComboBox) else 0)
         row.addWidget(self.fit)
         row.addWidget(self.compare)
@@ -101,7 +117,9 @@ class FitBar(QWidget):
         column.addLayout(row)
         column.addLayout(below)
 
-    def show_run(self, run: Path, protocol: str, tares: Sequence[IndexedRun], used: FitOrder | None) -> None:
+    def show_run(
+        self, run: Path, protocol: str, tares: Sequence[IndexedRun], used: FitOrder | None
+    ) -> None:
         """Another run: the kind is that of its protocol, the tare the one that its analysis used, else the newest."""
         self._run, self._tares = run, tuple(tares)
         kinds = catalogue.kinds()
@@ -123,12 +141,18 @@ class FitBar(QWidget):
     def order(self, *, keep: bool) -> FitOrder:
         """The fit as it is set."""
         assert self._run is not None
-        tare, parameters = str(self.tare.currentData() or ""), str(self.parameters.currentData() or "")
+        tare, parameters = (
+            str(self.tare.currentData() or ""),
+            str(self.parameters.currentData() or ""),
+        )
         with_tare = self.kind.currentData() in TARED and tare
         return FitOrder(
-            self._run, str(self.kind.currentData() or ""), Path(tare) if with_tare else None,
-            Path(parameters) if parameters not in ("", "?") else None, keep=keep,
-        )  # fmt: skip
+            self._run,
+            str(self.kind.currentData() or ""),
+            Path(tare) if with_tare else None,
+            Path(parameters) if parameters not in ("", "?") else None,
+            keep=keep,
+        )
 
     def set_busy(self, busy: bool, words: str = "") -> None:
         """Whether a fit is at work."""
@@ -239,9 +263,15 @@ class ResultsView(QWidget):
         self._shown = result, gear
         rows = result_rows(result, gear)
         # A column in which nothing stands takes room from those that say something.
-        full = [place for place in range(len(RESULT_COLUMNS)) if place < 5 or any(row[place] for row in rows)]
+        full = [
+            place
+            for place in range(len(RESULT_COLUMNS))
+            if place < 5 or any(row[place] for row in rows)
+        ]
         columns = [RESULT_COLUMNS[place] for place in full]
-        self.table.show_rows(columns, [[row[p] for p in full] for row in rows], [p in (1, 3) for p in full])
+        self.table.show_rows(
+            columns, [[row[p] for p in full] for row in rows], [p in (1, 3) for p in full]
+        )
         self._write_page()
         self._parts.show()
         self.hint.hide()
@@ -260,22 +290,34 @@ class ResultsView(QWidget):
             self.page.setVisible(bool(text))
 
 
-def comparison_rows(told: Mapping[str, object], gear: HarmonicDrive | None) -> list[tuple[str, ...]]:
+def comparison_rows(
+    told: Mapping[str, object], gear: HarmonicDrive | None
+) -> list[tuple[str, ...]]:
     """What `rig compare --json` found, a row per value of the parameter set."""
     from rig.report.wording import display_unit, number, readable
 
-    described = {v.path: f"{v.description} {v.symbol}".rstrip() for v in gear.values()} if gear is not None else {}
+    described = (
+        {v.path: f"{v.description} {v.symbol}".rstrip() for v in gear.values()}
+        if gear is not None
+        else {}
+    )
     rows = []
     comparison = told.get("comparison")
     for path, row in comparison.items() if isinstance(comparison, Mapping) else ():
         found = row["identified"]
         factor, unit = display_unit(path, row["unit"], found)
         ratio = row["normalised_error"]
-        rows.append((
-            described.get(path, readable(path.replace(".", " "))), number(row["parameter"] / factor), number(found / factor),
-            number(row["expanded_uncertainty"] / factor, 2), unit, "∞" if ratio is None else number(ratio, 2),
-            "yes" if row["agrees"] else "no",
-        ))  # fmt: skip
+        rows.append(
+            (
+                described.get(path, readable(path.replace(".", " "))),
+                number(row["parameter"] / factor),
+                number(found / factor),
+                number(row["expanded_uncertainty"] / factor, 2),
+                unit,
+                "∞" if ratio is None else number(ratio, 2),
+                "yes" if row["agrees"] else "no",
+            )
+        )
     return rows
 
 

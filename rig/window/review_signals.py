@@ -21,7 +21,14 @@ from rig.window.palette import Palette
 from rig.window.plots import Curve, LabPlot
 from rig.window.review_errand import Errand
 from rig.window.review_marks import MarksItem, TimeMarks, marks_of, segment_words
-from rig.window.review_signals_data import SPEEDS, Shape, channels_of, duration_of, shapes_of, values_at
+from rig.window.review_signals_data import (
+    SPEEDS,
+    Shape,
+    channels_of,
+    duration_of,
+    shapes_of,
+    values_at,
+)
 from rig.window.session import WindowSession
 
 ZOOM_PAUSE_MS = 90
@@ -100,7 +107,11 @@ class SignalsView(QWidget):
     def chosen(self) -> list[str]:
         """The channels that are drawn."""
         items = (self.channels.item(row) for row in range(self.channels.count()))
-        return [item.data(Qt.ItemDataRole.UserRole) for item in items if item.checkState() is Qt.CheckState.Checked]
+        return [
+            item.data(Qt.ItemDataRole.UserRole)
+            for item in items
+            if item.checkState() is Qt.CheckState.Checked
+        ]
 
     @property
     def view(self) -> tuple[float, float]:
@@ -110,7 +121,10 @@ class SignalsView(QWidget):
 
     def show_recording(self, recording: Recording, mark: str) -> None:
         """Another run, or the same one that has grown."""
-        same = self._recording is not None and self._recording.metadata.run_id == recording.metadata.run_id
+        same = (
+            self._recording is not None
+            and self._recording.metadata.run_id == recording.metadata.run_id
+        )
         checked = self.chosen if same else []
         at_end = not same or self.view[1] >= self._end
         self._recording, self._mark = recording, mark
@@ -166,7 +180,9 @@ class SignalsView(QWidget):
             item.setToolTip(what)
             item.setData(Qt.ItemDataRole.UserRole, name)
             item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
-            item.setCheckState(Qt.CheckState.Checked if name in checked else Qt.CheckState.Unchecked)
+            item.setCheckState(
+                Qt.CheckState.Checked if name in checked else Qt.CheckState.Unchecked
+            )
             self.channels.addItem(item)
         self.channels.blockSignals(False)
 
@@ -182,7 +198,9 @@ class SignalsView(QWidget):
         known = channels_of(self._recording)
         for place, name in enumerate(self.chosen):
             unit = known[name][1]
-            plot = self.plots.get(unit) or (self._new_plot(unit) if len(self.plots) < MOST_PLOTS else None)
+            plot = self.plots.get(unit) or (
+                self._new_plot(unit) if len(self.plots) < MOST_PLOTS else None
+            )
             if plot is not None:
                 self.curves[name] = plot.curve(name.replace("_", " "), place)
         plots = list(self.plots.values())
@@ -194,7 +212,9 @@ class SignalsView(QWidget):
 
     def _new_plot(self, unit: str) -> LabPlot:
         shown = unit if unit not in ("", "1") else "counts"
-        plot = LabPlot(self._session, "", "time since the first row [s]", f"[{shown}]", mark=self._mark)
+        plot = LabPlot(
+            self._session, "", "time since the first row [s]", f"[{shown}]", mark=self._mark
+        )
         plot.item.enableAutoRange(x=False, y=True)
         plot.item.setAutoVisible(y=True)
         # One width for all, so that one moment is at one place in every plot.
@@ -244,12 +264,18 @@ class SignalsView(QWidget):
         moment = float(box.mapSceneToView(place).x())
         if not 0.0 <= moment <= self._end:
             return
-        self.readout.setText("   ".join(self._words(recording, moment, EVENT_REACH * float(box.viewPixelSize()[0]))))
+        self.readout.setText(
+            "   ".join(self._words(recording, moment, EVENT_REACH * float(box.viewPixelSize()[0])))
+        )
 
     def _words(self, recording: Recording, moment: float, reach: float) -> list[str]:
         words = [f"{moment:.3f} s"]
-        for name, value in values_at(recording, [n for n in self.curves if n not in SPEEDS], moment).items():
-            words.append(f"{name.replace('_', ' ')} {value:.6g} {recording.signals[name].unit}".rstrip())
+        for name, value in values_at(
+            recording, [n for n in self.curves if n not in SPEEDS], moment
+        ).items():
+            words.append(
+                f"{name.replace('_', ' ')} {value:.6g} {recording.signals[name].unit}".rstrip()
+            )
         segment = self._marks.segment_at(moment)
         if segment is not None:
             words.append(segment_words(segment, recording.metadata.experiment))

@@ -48,7 +48,11 @@ def channels_of(recording: Recording) -> dict[str, tuple[str, str]]:
 
 def duration_of(recording: Recording) -> float:
     """Time from the first to the last row [s]."""
-    return float(recording.time(slice(recording.rows - 1, recording.rows))[0]) if recording.rows else 0.0
+    return (
+        float(recording.time(slice(recording.rows - 1, recording.rows))[0])
+        if recording.rows
+        else 0.0
+    )
 
 
 def row_at(recording: Recording, moment: float) -> int:
@@ -63,13 +67,19 @@ def row_at(recording: Recording, moment: float) -> int:
     return low
 
 
-def shapes_of(recording: Recording, names: list[str], begin: float, end: float, bins: int = BINS) -> list[Shape]:
+def shapes_of(
+    recording: Recording, names: list[str], begin: float, end: float, bins: int = BINS
+) -> list[Shape]:
     """These channels between two times [s], one row more on either side."""
     start = max(row_at(recording, begin - LEAD) - 1, 0)
     stop = min(row_at(recording, end) + 1, recording.rows)
     known = channels_of(recording)
     envelopes = {name: Envelope(bins) for name in names if name in known}
-    speeds = {name: SlidingSpeed(1.0 / recording.metadata.sample_rate) for name in envelopes if name in SPEEDS}
+    speeds = {
+        name: SlidingSpeed(1.0 / recording.metadata.sample_rate)
+        for name in envelopes
+        if name in SPEEDS
+    }
     for block in _blocks(recording, [*envelopes], start, stop):
         for name, envelope in envelopes.items():
             if name in speeds:
@@ -85,7 +95,11 @@ def values_at(recording: Recording, names: list[str], moment: float) -> dict[str
     row = max(row_at(recording, moment) - 1, 0)
     if not recording.rows:
         return {}
-    return {name: float(recording.si(name, slice(row, row + 1))[0]) for name in names if name in recording.signals}
+    return {
+        name: float(recording.si(name, slice(row, row + 1))[0])
+        for name in names
+        if name in recording.signals
+    }
 
 
 def _blocks(recording: Recording, names: list[str], start: int, stop: int) -> Iterator[Block]:

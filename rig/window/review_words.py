@@ -21,8 +21,11 @@ RESULT_COLUMNS = (
     "limit or catalogue",
     "remark",
 )
-RATINGS = {"transmission_accuracy": "transmission_accuracy", "running_torque": "running_torque",
-           "starting_torque": "starting_torque"}  # fmt: skip
+RATINGS = {
+    "transmission_accuracy": "transmission_accuracy",
+    "running_torque": "running_torque",
+    "starting_torque": "starting_torque",
+}
 """Results that a catalogue gives, by how their name begins, and the rating that holds its value."""
 
 
@@ -36,13 +39,17 @@ def result_rows(result: Result, gear: HarmonicDrive | None) -> list[tuple[str, .
         limit = verdict_words(verdict) if verdict else catalogue_words(estimate, gear)
         interval = f"{s.low} … {s.high}"
         value = f"{s.value} ± {s.expanded or '?'}"
-        rows.append((readable(name), value, s.unit, interval, estimate.identifiable, limit, estimate.note))
+        rows.append(
+            (readable(name), value, s.unit, interval, estimate.identifiable, limit, estimate.note)
+        )
     return rows
 
 
 def verdict_words(verdict: Verdict) -> str:
     """The outcome, the limit that it was held against, and where that is from and under which conditions it holds."""
-    factor, unit = display_unit(verdict.estimate.name, verdict.estimate.unit, verdict.estimate.value)
+    factor, unit = display_unit(
+        verdict.estimate.name, verdict.estimate.unit, verdict.estimate.value
+    )
     source = f"{verdict.limit_provenance}: {verdict.limit_source}".rstrip(": ")
     limit = f"≤ {number(verdict.limit / factor)} {unit}".rstrip()
     return f"{verdict.outcome} ({limit}, {source})"
@@ -50,7 +57,9 @@ def verdict_words(verdict: Verdict) -> str:
 
 def catalogue_words(estimate: Estimate, gear: HarmonicDrive | None) -> str:
     """The value of the catalogue, where it is from and under which conditions it holds; "" where there is none."""
-    rating = next((rating for start, rating in RATINGS.items() if estimate.name.startswith(start)), "")
+    rating = next(
+        (rating for start, rating in RATINGS.items() if estimate.name.startswith(start)), ""
+    )
     if not rating or gear is None:
         return ""
     value = gear.value(f"ratings.{rating}")
@@ -66,7 +75,9 @@ def result_page(result: Result, palette: Palette) -> str:
         lines = "".join(f"<li>{html.escape(w)}</li>" for w in result.warnings)
         parts.append(f'<h4 style="color:{palette.warning}">To beware of</h4><ul>{lines}</ul>')
     for v in result.verdicts:
-        colour = {"PASS": palette.good, "FAIL": palette.bad, "MARGINAL": palette.warning}.get(v.outcome, palette.muted)
+        colour = {"PASS": palette.good, "FAIL": palette.bad, "MARGINAL": palette.warning}.get(
+            v.outcome, palette.muted
+        )
         limit = verdict_words(v).removeprefix(v.outcome).strip()
         definition = v.definition[:1].upper() + v.definition[1:]
         words = html.escape(f"{v.name}: {show(v.estimate).with_uncertainty} {limit}. {definition}.")
@@ -83,9 +94,13 @@ def grid_html(grid: Grid, palette: Palette) -> str:
     """A grid of the report as a table of rich text."""
     right = [' align="right"' if numeric else "" for numeric in grid.numeric]
     style = f'style="color:{palette.muted}"'
-    head = "".join(f"<th{a} {style}>{html.escape(c)}</th>" for a, c in zip(right, grid.columns, strict=True))
+    head = "".join(
+        f"<th{a} {style}>{html.escape(c)}</th>" for a, c in zip(right, grid.columns, strict=True)
+    )
     body = "".join(
-        "<tr>" + "".join(f"<td{a}>{html.escape(str(c))}</td>" for a, c in zip(right, row, strict=True)) + "</tr>"
+        "<tr>"
+        + "".join(f"<td{a}>{html.escape(str(c))}</td>" for a, c in zip(right, row, strict=True))
+        + "</tr>"
         for row in grid.rows
     )
     note = f"<p>{html.escape(grid.note)}</p>" if grid.note else ""
@@ -96,6 +111,7 @@ def facts_html(title: str, pairs: Iterable[Sequence[str]], palette: Palette) -> 
     """Names and texts, one pair per line; nothing for none."""
     rows = "".join(
         f'<tr><td style="color:{palette.muted}">{html.escape(name)}&nbsp;&nbsp;</td><td>{html.escape(text)}</td></tr>'
-        for name, text in pairs if text
-    )  # fmt: skip
+        for name, text in pairs
+        if text
+    )
     return f'<h4>{html.escape(title)}</h4><table cellpadding="2">{rows}</table>' if rows else ""

@@ -182,7 +182,9 @@ class RunDetails(QWidget):
         arguments += ["--tare", str(order.tare)] if order.tare else []
         self._comparing = BackgroundCommand(arguments, self)
         parameters = order.parameters
-        self._comparing.done.connect(lambda _, out, aside: self._take_comparison(parameters, out, aside))
+        self._comparing.done.connect(
+            lambda _, out, aside: self._take_comparison(parameters, out, aside)
+        )
         self.bar.set_busy(True, f"Comparing with {parameters.name} …")
         self._comparing.start()
 
@@ -200,14 +202,28 @@ class RunDetails(QWidget):
         if code in (2, 6) or not target.exists():
             self.bar.say(in_words(complaint), "bad")
             return
-        own = {value.path: value.value for value in self._gear.values()} if self._gear is not None else {}
+        own = (
+            {value.path: value.value for value in self._gear.values()}
+            if self._gear is not None
+            else {}
+        )
         fresh = sum(own.get(value.path) != value.value for value in load_gear(target).values())
         if fresh:
             values = f"{fresh} identified {'value' if fresh == 1 else 'values'}"
-            self.bar.say(f"Parameter set: {target}, with {values}. Another run can be compared with it.", "good")
+            self.bar.say(
+                f"Parameter set: {target}, with {values}. Another run can be compared with it.",
+                "good",
+            )
         else:
-            why = " (friction of motor and gear together stays out: choose a tare)" if self.bar.tare.isVisible() else ""
-            self.bar.say(f"Parameter set: {target}. Nothing that was identified here belongs into it{why}.", "warning")
+            why = (
+                " (friction of motor and gear together stays out: choose a tare)"
+                if self.bar.tare.isVisible()
+                else ""
+            )
+            self.bar.say(
+                f"Parameter set: {target}. Nothing that was identified here belongs into it{why}.",
+                "warning",
+            )
 
     def cancel(self) -> None:
         """Give up what is at work."""
@@ -252,17 +268,23 @@ class RunDetails(QWidget):
         used = order_of(newest, self.path, self._known_runs()) if newest else None
         # A run that was broken off is no tare: it lacks speeds.
         tares = [
-            r for r in self._library
-            if r.protocol == TARE and r.origin == metadata.origin and r.state == "sealed"
-            and r.outcome in COUNTED_OUTCOMES and r.path != self.path
-        ]  # fmt: skip
+            r
+            for r in self._library
+            if r.protocol == TARE
+            and r.origin == metadata.origin
+            and r.state == "sealed"
+            and r.outcome in COUNTED_OUTCOMES
+            and r.path != self.path
+        ]
         self.bar.show_run(self.path, metadata.experiment, tares, used)
         self.bar.setEnabled(self._state != "being written")
         self._set_figures((), self._why_no_figures())
         if newest is not None:
             self._show_analysis(newest, front=False)
         elif self._state == "being written":
-            self.results.show_nothing("The run is being written. Its results can be fitted once it is sealed.")
+            self.results.show_nothing(
+                "The run is being written. Its results can be fitted once it is sealed."
+            )
         else:
             self.results.show_nothing("Nothing has been identified from this run yet. Press Fit.")
 
@@ -289,7 +311,9 @@ class RunDetails(QWidget):
         if tare:
             return f", less the motor by {tare}"
         ready = self.bar.tare.currentData()
-        return ", of motor and gear together: no tare" + (". Fit subtracts the tare that is chosen" if ready else "")
+        return ", of motor and gear together: no tare" + (
+            ". Fit subtracts the tare that is chosen" if ready else ""
+        )
 
     def _fill_page(self) -> None:
         """What the page in front shows is read when it is looked at."""
@@ -313,10 +337,14 @@ class RunDetails(QWidget):
     def _why_no_figures(self) -> str:
         assert self.recording is not None
         if self._state == "being written":
-            return "The run is being written. Its figures can be worked out once it is sealed; its signals are on the next page."
+            return (
+                "The run is being written. Its figures can be worked out once it is "
+                "sealed; its signals are on the next page."
+            )
         if not self._analyses and self.recording.metadata.experiment not in catalogue.kinds():
             return (
-                "This recording was not made by a protocol of this program. Choose the kind of fit on the page Results."
+                "This recording was not made by a protocol of this program. Choose the "
+                "kind of fit on the page Results."
             )
         return ""
 
@@ -328,7 +356,11 @@ class RunDetails(QWidget):
             self.figure_hint.setText(why or self.figure_hint.text())
             return
         newest = self._analyses[-1] if self._analyses else None
-        order = order_of(newest, self.path, self._known_runs()) if newest else self.bar.order(keep=False)
+        order = (
+            order_of(newest, self.path, self._known_runs())
+            if newest
+            else self.bar.order(keep=False)
+        )
         self._set_figures((), "Working out the figures …")
         self.fit(order)
 
@@ -342,7 +374,9 @@ class RunDetails(QWidget):
             return
         self.bar.set_busy(False)
         tare = order.tare.name.removesuffix(".h5") if order.tare else ""
-        self.bar.say(f"Fitted as {result.kind}{self._tare_words(tare, result.kind)}." if order.keep else "")
+        self.bar.say(
+            f"Fitted as {result.kind}{self._tare_words(tare, result.kind)}." if order.keep else ""
+        )
         self._set_figures(result.plots, "" if result.plots else "This fit has no figures.")
         self.results.show_result(result, self._gear)
         if order.keep:

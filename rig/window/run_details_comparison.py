@@ -48,7 +48,9 @@ class ComparisonView(QWidget):
             f"{told.get('kind', '')}: run {told.get('run', '')} against the set {told.get('parameter_set', '')}"
         )
         self.title.setToolTip(str(parameters))
-        self.table.show_rows(COMPARISON_COLUMNS, rows, (False, True, True, True, False, True, False))
+        self.table.show_rows(
+            COMPARISON_COLUMNS, rows, (False, True, True, True, False, True, False)
+        )
         self.table.setVisible(bool(rows))
         self.nothing.setVisible(not rows)
         self._write()
@@ -56,12 +58,16 @@ class ComparisonView(QWidget):
     def _write(self) -> None:
         told, palette = self._told, self._session.palette
         pairs = [
-            (readable(name), "–" if value is None else metric(str(told.get("kind", "")), name, float(value)))
+            (
+                readable(name),
+                "–" if value is None else metric(str(told.get("kind", "")), name, float(value)),
+            )
             for name, value in told.get("metrics", {}).items()
         ]
         warnings = [("", str(text)) for text in told.get("warnings", ())]
         self.page.setHtml(
-            facts_html("To beware of", warnings, palette) + facts_html("How well the set predicts", pairs, palette)
+            facts_html("To beware of", warnings, palette)
+            + facts_html("How well the set predicts", pairs, palette)
         )
 
 

@@ -31,7 +31,9 @@ class RunEventsView(QWidget):
         self.filter.currentIndexChanged.connect(lambda _: self._fill())
         self.count = QLabel()
         self.count.setProperty("part", "muted")
-        self.table.activated.connect(lambda index: self.moment_chosen.emit(self._shown[index.row()][0]))
+        self.table.activated.connect(
+            lambda index: self.moment_chosen.emit(self._shown[index.row()][0])
+        )
         head = QHBoxLayout()
         head.addWidget(QLabel("show"))
         head.addWidget(self.filter)

@@ -1,4 +1,6 @@
-"""Conditions and calibration of a run in words: parameters, conditions, limits, calibration of every channel, versions."""
+"""Conditions and calibration of a run in words: parameters, conditions, limits, calibration of
+every channel, versions.
+"""
 
 from __future__ import annotations
 
@@ -49,12 +51,16 @@ class Facts:
 
     def page(self, palette: Palette) -> str:
         """All of it as rich text."""
-        return "".join((
-            facts_html("Conditions", self.conditions, palette),
-            facts_html("Parameters of the protocol", self.parameters, palette),
-            grid_html(self.calibration, palette), facts_html("Limits that held", self.limits, palette),
-            facts_html("Acquisition", self.acquisition, palette), facts_html("Program", self.program, palette),
-        ))  # fmt: skip
+        return "".join(
+            (
+                facts_html("Conditions", self.conditions, palette),
+                facts_html("Parameters of the protocol", self.parameters, palette),
+                grid_html(self.calibration, palette),
+                facts_html("Limits that held", self.limits, palette),
+                facts_html("Acquisition", self.acquisition, palette),
+                facts_html("Program", self.program, palette),
+            )
+        )
 
 
 def facts_of(recording: Recording, path: Path) -> Facts:
@@ -63,11 +69,20 @@ def facts_of(recording: Recording, path: Path) -> Facts:
     header = read_run_header(path)
     parameters = parameters_of(m.experiment, m.parameters)
     program = tuple(
-        (readable(name), _text(m.process[name])) for name in OF_THE_PROGRAM if m.process.get(name) not in (None, "")
+        (readable(name), _text(m.process[name]))
+        for name in OF_THE_PROGRAM
+        if m.process.get(name) not in (None, "")
     )
     acquisition = tuple(acquisition_facts(m.process.get("acquisition")))
     conditions = conditions_of(recording, m.gear if m.gear_mounted else None)
-    return Facts(parameters, conditions, _limits(header.limits), calibration_grid(header), acquisition, program)
+    return Facts(
+        parameters,
+        conditions,
+        _limits(header.limits),
+        calibration_grid(header),
+        acquisition,
+        program,
+    )
 
 
 def parameters_of(protocol: str, values: Mapping[str, Any]) -> Pairs:
@@ -79,7 +94,12 @@ def parameters_of(protocol: str, values: Mapping[str, Any]) -> Pairs:
     for name, value in values.items():
         unit = units.get(name, "")
         text = {"True": "yes", "False": "no"}.get(str(value), _text(value))
-        made.append((readable(name).removesuffix(" rpm"), f"{text} {unit}" if unit not in ("", "1") and text else text))
+        made.append(
+            (
+                readable(name).removesuffix(" rpm"),
+                f"{text} {unit}" if unit not in ("", "1") and text else text,
+            )
+        )
     return tuple(made)
 
 
@@ -88,11 +108,17 @@ def calibration_grid(header: RunHeader) -> Grid:
     rows = []
     for c in header.columns:
         k = c.calibration
-        relative = f"{100.0 * k.scale_relative_uncertainty:.2g} %" if k.scale_relative_uncertainty else "–"
+        relative = (
+            f"{100.0 * k.scale_relative_uncertainty:.2g} %" if k.scale_relative_uncertainty else "–"
+        )
         accuracy = f"{number(k.accuracy, 2)} {c.unit}" if k.accuracy else "–"
         quantum = number(c.quantum) if c.quantum else "–"
         device = " ".join(part for part in (c.model, c.serial_number) if part) or "–"
-        due = f"{k.due} (overdue)" if k.due and k.due < header.metadata.start_time[:10] else k.due or "–"
+        due = (
+            f"{k.due} (overdue)"
+            if k.due and k.due < header.metadata.start_time[:10]
+            else k.due or "–"
+        )
         certificate = k.certificate or "–", k.date or "–", due
         rows.append((c.name, quantum, c.unit, relative, accuracy, *certificate, device))
     numeric = (False, True, False, True, True, False, False, False, False)
@@ -105,7 +131,9 @@ def _limits(limits: Mapping[str, Any]) -> Pairs:
         if isinstance(told, Mapping) and isinstance(told.get("value"), (int, float)):
             value, unit = float(told["value"]), str(told.get("unit", ""))
             shown = f"{number(value / RPM)} r/min" if unit == "rad/s" else f"{number(value)} {unit}"
-            origin = ", ".join(str(told[key]) for key in ("tier", "origin", "provenance") if told.get(key))
+            origin = ", ".join(
+                str(told[key]) for key in ("tier", "origin", "provenance") if told.get(key)
+            )
             made.append((readable(name), f"{shown} ({origin})" if origin else shown))
         else:
             made.append((readable(name), _text(told)))

@@ -36,11 +36,15 @@ class RunFilesView(QWidget):
             label.setTextFormat(Qt.TextFormat.PlainText)
             label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.verify, self.folder = QPushButton("Ch&eck the file"), QPushButton("Open its f&older")
-        self.verify.setToolTip("Is the file what was recorded? Hash, counters, time, flags, segments, calibrations")
+        self.verify.setToolTip(
+            "Is the file what was recorded? Hash, counters, time, flags, segments, calibrations"
+        )
         self.verify.clicked.connect(self._verify)
         self.folder.clicked.connect(self._open_folder)
         self.table = GridTable(session, "Analyses", judged=("verdict",))
-        self.table.activated.connect(lambda index: self.analysis_chosen.emit(self._analyses[index.row()]))
+        self.table.activated.connect(
+            lambda index: self.analysis_chosen.emit(self._analyses[index.row()])
+        )
         self.says = QLabel()
         self.says.setProperty("part", "muted")
         self.says.setWordWrap(True)
@@ -67,18 +71,36 @@ class RunFilesView(QWidget):
         self._path, self._analyses = path, tuple(analyses)
         sha = recorded_sha256(path)
         self.file.setText(
-            f"{path}\nSHA-256 {sha}" if sha else f"{path}\nno SHA-256: not sealed yet, or its note is missing"
+            f"{path}\nSHA-256 {sha}"
+            if sha
+            else f"{path}\nno SHA-256: not sealed yet, or its note is missing"
         )
         rows = []
         for a in self._analyses:
             tare = str(a.content.get("tare", {}).get("run", "")) or "none"
             version = str(a.content.get("program_version", ""))
             made = local_time(str(a.content.get("created", "")))
-            rows.append((str(a.number), a.kind, made, str(a.content.get("outcome", "")), tare, version, a.path.name))
+            rows.append(
+                (
+                    str(a.number),
+                    a.kind,
+                    made,
+                    str(a.content.get("outcome", "")),
+                    tare,
+                    version,
+                    a.path.name,
+                )
+            )
         self.table.show_rows(COLUMNS, rows, (True,))
         where = analysis_folder(path).name
-        self.says.setText(problem or (f"Analyses in {where}, appended and never edited. Enter or double click shows one."
-                                      if rows else "No analysis yet: use Fit on the page Results."))  # fmt: skip
+        self.says.setText(
+            problem
+            or (
+                f"Analyses in {where}, appended and never edited. Enter or double click shows one."
+                if rows
+                else "No analysis yet: use Fit on the page Results."
+            )
+        )
 
     def _verify(self) -> None:
         path = self._path
@@ -88,7 +110,10 @@ class RunFilesView(QWidget):
             self._errand.start(lambda: verify_run(path))
 
     def _show_findings(self, findings: Sequence[Finding]) -> None:
-        lines = [f"{'ok' if f.level == 'ok' else f.level.upper()}   {f.check}: {f.text}" for f in findings]
+        lines = [
+            f"{'ok' if f.level == 'ok' else f.level.upper()}   {f.check}: {f.text}"
+            for f in findings
+        ]
         self.findings.setText("\n".join(lines))
 
     def _open_folder(self) -> None:

@@ -63,11 +63,18 @@ class RunHeaderView(QFrame):
         self.mark.setText(ORIGIN_WORDS[m.origin])
         self.allow_report(state == "sealed")
         self._show_outcome(m.outcome or (state if state != "sealed" else ""))
-        gear = " ".join(part for part in (m.gear.name if m.gear else "", m.gear_serial) if part) or "gear not stated"
+        gear = (
+            " ".join(part for part in (m.gear.name if m.gear else "", m.gear_serial) if part)
+            or "gear not stated"
+        )
         facts = [
-            m.experiment or "no protocol", gear if m.gear_mounted else "no gear mounted", m.mounting.replace("-", " "),
-            local_time(m.start_time) or "time not stated", duration_text(duration_of(recording)), m.operator or "nobody named",
-        ]  # fmt: skip
+            m.experiment or "no protocol",
+            gear if m.gear_mounted else "no gear mounted",
+            m.mounting.replace("-", " "),
+            local_time(m.start_time) or "time not stated",
+            duration_text(duration_of(recording)),
+            m.operator or "nobody named",
+        ]
         self.facts.setText(" · ".join(facts))
         rate = "" if math.isnan(m.sample_rate) else f" at {m.sample_rate:g} Hz"
         backend = ", ".join(f"{k} {m.process[k]}" for k in ("backend", "seed") if k in m.process)

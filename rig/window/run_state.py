@@ -1,8 +1,8 @@
 """What a run is doing, in one word: a pure function of what the run tells, without any widget.
 
-    idle -> armed -> running -> stopping -> finished
-                        |           |
-                        +-> tripped +-> tripped, and "lost" when the process is gone without a report
+idle -> armed -> running -> stopping -> finished
+                    |           |
+                    +-> tripped +-> tripped, and "lost" when the process is gone without a report
 """
 
 from __future__ import annotations
@@ -40,7 +40,9 @@ class State(Enum):
 
 @dataclass(frozen=True)
 class RunState:
-    """The state with what belongs to it: outcome, what happened, what to do next, and whether standstill was verified."""
+    """The state with what belongs to it: outcome, what happened, what to do next, and whether
+    standstill was verified.
+    """
 
     state: State = State.IDLE
     outcome: str = ""
@@ -66,13 +68,25 @@ class RunState:
         if event.code == MADE_SAFE:
             return replace(self, safe=True)
         if event.code == NOT_SAFE:
-            return replace(self, state=State.TRIPPED, safe=False, cause=self.cause or event.code, what=event.text,
-                           remedy=rule_of("make_safe_failed").remedy)  # fmt: skip
+            return replace(
+                self,
+                state=State.TRIPPED,
+                safe=False,
+                cause=self.cause or event.code,
+                what=event.text,
+                remedy=rule_of("make_safe_failed").remedy,
+            )
         if event.source == "session" and event.text.startswith("TRIPPED") and not self.cause:
             rule = rule_of(event.code)
-            return replace(self, state=State.TRIPPED, cause=event.code, what=rule.what, remedy=rule.remedy)
+            return replace(
+                self, state=State.TRIPPED, cause=event.code, what=rule.what, remedy=rule.remedy
+            )
         if event.source == "session" and event.code in ("STOP", "ABORT"):
-            return replace(self, state=State.STOPPING, what=event.text) if self.state is not State.TRIPPED else self
+            return (
+                replace(self, state=State.STOPPING, what=event.text)
+                if self.state is not State.TRIPPED
+                else self
+            )
         return self
 
     def went_on(self, progress: Progress) -> RunState:
@@ -80,7 +94,12 @@ class RunState:
         if self.state is State.TRIPPED or self.ended:
             return self
         if progress.what == MAKING_SAFE:
-            return replace(self, state=State.STOPPING, moved=True, what="bringing the rig to a verified standstill")
+            return replace(
+                self,
+                state=State.STOPPING,
+                moved=True,
+                what="bringing the rig to a verified standstill",
+            )
         state = State.STOPPING if self.state is State.STOPPING else State.RUNNING
         what = self.what if state is State.STOPPING else progress.what
         return replace(self, state=state, moved=True, what=what)
@@ -104,21 +123,38 @@ class RunState:
         if not safe:
             message = message or "Standstill was not verified."
             remedy = rule_of("make_safe_failed").remedy
-        return replace(self, state=state, outcome=outcome, cause=cause, safe=safe, what=message, remedy=remedy)
+        return replace(
+            self, state=state, outcome=outcome, cause=cause, safe=safe, what=message, remedy=remedy
+        )
 
     def gone(self, reported: bool, complaint: str, killed: bool = False) -> RunState:
         """After the end of the process. Without a report: refused before anything moved, or lost."""
         if reported:
             return replace(self, ended=True)
         if not self.moved and not killed:
-            return RunState(State.REFUSED, what=complaint or "The run gave no reason.", ended=True,
-                            remedy="Nothing has moved. Correct what is named and start again.")  # fmt: skip
+            return RunState(
+                State.REFUSED,
+                what=complaint or "The run gave no reason.",
+                ended=True,
+                remedy="Nothing has moved. Correct what is named and start again.",
+            )
         if self.safe:
-            return replace(self, state=State.LOST, ended=True, what=complaint or "The run ended without its report.",
-                           remedy=STOOD)  # fmt: skip
-        return replace(self, state=State.LOST, safe=None, ended=True, remedy=LOST,
-                       what="The process that turned the rig has ended without a report."
-                            + (f" It said: {complaint}" if complaint else ""))  # fmt: skip
+            return replace(
+                self,
+                state=State.LOST,
+                ended=True,
+                what=complaint or "The run ended without its report.",
+                remedy=STOOD,
+            )
+        return replace(
+            self,
+            state=State.LOST,
+            safe=None,
+            ended=True,
+            remedy=LOST,
+            what="The process that turned the rig has ended without a report."
+            + (f" It said: {complaint}" if complaint else ""),
+        )
 
 
 STOOD = "The rig was made safe before. Recover the file (rig recover), then look at its events."

@@ -1,6 +1,7 @@
 """The Run page: what the rig is doing, as it does it, and the one large STOP.
 
-The page is the parent of the run (`child`), keeps its state (`run_state`) and draws from its growing file (`live_plots`).
+The page is the parent of the run (`child`), keeps its state (`run_state`) and draws from its
+growing file (`live_plots`).
 """
 
 from __future__ import annotations
@@ -52,7 +53,9 @@ class RunPage(QWidget):
     closed_safely = Signal()
     """The run that the window waited for has ended in verified standstill: it may close."""
 
-    def __init__(self, session: WindowSession, start_process: Callable[[list[str]], RunProcess] = RunProcess) -> None:
+    def __init__(
+        self, session: WindowSession, start_process: Callable[[list[str]], RunProcess] = RunProcess
+    ) -> None:
         super().__init__()
         self._session, self._start_process = session, start_process
         self.process: RunProcess | None = None
@@ -63,7 +66,11 @@ class RunPage(QWidget):
         self._closing = False
         self.banner, self.buttons = Banner(), StopButtons()
         self.prompt, self.outcome = PromptView(session), OutcomeView(session)
-        self.plots, self.margins, self.events = LivePlots(session), MarginBars(session), EventsView(session)
+        self.plots, self.margins, self.events = (
+            LivePlots(session),
+            MarginBars(session),
+            EventsView(session),
+        )
         self._step, self._times, self.bar = QLabel("No run yet."), QLabel(), QProgressBar()
         self._lay_out()
         self._connect()
@@ -77,8 +84,15 @@ class RunPage(QWidget):
     def start(self, prepared: PreparedRun) -> None:
         """Start a prepared run and watch it."""
         request = prepared.request
-        gear = f"gear {request.gear_serial}" if prepared.planned.experiment.gear_mounted else "bare motor"
-        self._title = prepared.title or f"{prepared.planned.experiment.title}, {gear}, {request.operator or 'no operator'}"
+        gear = (
+            f"gear {request.gear_serial}"
+            if prepared.planned.experiment.gear_mounted
+            else "bare motor"
+        )
+        self._title = (
+            prepared.title
+            or f"{prepared.planned.experiment.title}, {gear}, {request.operator or 'no operator'}"
+        )
         self._protocol = request.protocol
         seen = prepared.prediction if isinstance(prepared.prediction, PlanPreview) else None
         process = self._start_process(list(prepared.arguments))
@@ -113,7 +127,9 @@ class RunPage(QWidget):
             self._ask_to_close()
         return False
 
-    def _begin(self, process: RunProcess, planned: PlannedRun | None, prediction: PlanPreview | None) -> None:
+    def _begin(
+        self, process: RunProcess, planned: PlannedRun | None, prediction: PlanPreview | None
+    ) -> None:
         self.process, self.report, self._closing = process, {}, False
         process.event_told.connect(self._on_event)
         process.progress.connect(self._on_progress)
@@ -173,7 +189,9 @@ class RunPage(QWidget):
             self.bar.setRange(0, 1000)
             self.bar.setValue(1000 if completed else 0)
         if self.report:
-            self._step.setText("the plan was completed" if completed else f"ended at {self._step.text()}")
+            self._step.setText(
+                "the plan was completed" if completed else f"ended at {self._step.text()}"
+            )
             self._times.setText(f"{self.report.get('rows', 0)} cycles")
         self.outcome.show_end(self.state, self.report, path, self._protocol or self.plots.protocol)
         self._session.runs_changed.emit()
@@ -195,7 +213,8 @@ class RunPage(QWidget):
         box.setWindowTitle("A run is going on")
         box.setText("The rig may be turning. Close the window?")
         box.setInformativeText(
-            "With STOP the rig comes to a standstill by a controlled ramp, the run is kept as ABORTED, and the window closes "
+            "With STOP the rig comes to a standstill by a controlled ramp, the run is kept as "
+            "ABORTED, and the window closes "
             "once standstill has been verified."
         )
         stay = box.addButton("Stay", QMessageBox.ButtonRole.RejectRole)
@@ -234,7 +253,9 @@ class RunPage(QWidget):
         self.banner.show_state(self.state, self._title)
         self.buttons.set_active(self.is_active)
         self.events.set_active(self.is_active)
-        self.state_changed.emit("idle" if self.state.state is State.IDLE else look_of(self.state).word.lower())
+        self.state_changed.emit(
+            "idle" if self.state.state is State.IDLE else look_of(self.state).word.lower()
+        )
 
     def _lay_out(self) -> None:
         top = QHBoxLayout()
@@ -275,7 +296,10 @@ class RunPage(QWidget):
         scroll.setFrameShape(QFrame.Shape.NoFrame)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         scroll.setWidget(self.margins)
-        for title, widget in (("Margins: peak so far of each limit", scroll), ("Events and notes", self.events)):
+        for title, widget in (
+            ("Margins: peak so far of each limit", scroll),
+            ("Events and notes", self.events),
+        ):
             part = QWidget()
             column = QVBoxLayout(part)
             column.setContentsMargins(4, 0, 0, 0)
@@ -292,8 +316,12 @@ class RunPage(QWidget):
     def _connect(self) -> None:
         self.buttons.stop_pressed.connect(self.stop)
         self.buttons.abort_pressed.connect(self.abort)
-        self.prompt.answered.connect(lambda text: self.process.answer(text) if self.process is not None else None)
-        self.events.note_written.connect(lambda text: self.process.note(text) if self.process is not None else None)
+        self.prompt.answered.connect(
+            lambda text: self.process.answer(text) if self.process is not None else None
+        )
+        self.events.note_written.connect(
+            lambda text: self.process.note(text) if self.process is not None else None
+        )
         self.outcome.review_requested.connect(self.review_requested)
         # A field that is written in keeps the space bar; everywhere else on the page it is STOP.
         self._key(Qt.Key.Key_Space, self.stop)

@@ -1,4 +1,6 @@
-"""Working out what a segment says once it has ended, beside the window: averaging a slow hold takes as long as eight frames."""
+"""Working out what a segment says once it has ended, beside the window: averaging a slow hold takes
+as long as eight frames.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ MOST_WAITING = 4
 
 
 class SegmentWork:
-    """One thread that works things out one after the other; what comes of them is handed over in the window's own thread."""
+    """One thread that works things out one after the other; what comes of them is handed over in
+    the window's own thread.
+    """
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, "segments")
@@ -30,7 +34,9 @@ class SegmentWork:
         return len(self._waiting) >= MOST_WAITING
 
     def put(self, work: Callable[[], T], then: Callable[[T], None]) -> None:
-        """Have `work` done in the thread, and `then` called with what it returns by `deliver` or `finish`, in this order."""
+        """Have `work` done in the thread, and `then` called with what it returns by `deliver` or
+        `finish`, in this order.
+        """
         self._waiting.append((self._thread.submit(work), then))
 
     def deliver(self) -> int:

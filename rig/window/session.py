@@ -1,4 +1,6 @@
-"""What the pages of one window share: folder of runs, rig, configuration, theme, and what is remembered between days."""
+"""What the pages of one window share: folder of runs, rig, configuration, theme, and what is
+remembered between days.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,11 @@ class WindowSession(QObject):
     """One line for the status bar."""
 
     def __init__(
-        self, folder: Path, backend: str = "sim", configuration: Path | None = None, theme: str = "light"
+        self,
+        folder: Path,
+        backend: str = "sim",
+        configuration: Path | None = None,
+        theme: str = "light",
     ) -> None:
         super().__init__()
         self.folder, self.backend, self.configuration = folder, backend, configuration
@@ -72,7 +78,9 @@ class WindowSession(QObject):
             fresh.write_text(text + "\n", encoding="utf-8")
             fresh.replace(path)
         except OSError as error:
-            self.message.emit(f"Not remembered: {path} cannot be written ({error.strerror or error}).")
+            self.message.emit(
+                f"Not remembered: {path} cannot be written ({error.strerror or error})."
+            )
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -1,7 +1,8 @@
 """Velocity steps as they end: the output's speed over the model's prediction, and what is left between them.
 
-The prediction is equation 2 with the measured input and the parameter set of the run, nothing fitted: what `rig compare`
-scores. Its kinematic error is the set's where that was identified, else it comes from the run's own slow steps so far.
+The prediction is equation 2 with the measured input and the parameter set of the run, nothing
+fitted: what `rig compare` scores. Its kinematic error is the set's where that was identified, else
+it comes from the run's own slow steps so far.
 """
 
 from __future__ import annotations
@@ -48,7 +49,9 @@ class StepView:
     wanted = ("input_angle", "output_angle")
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
-        self.plot = LabPlot(session, "Step response", "time since the step [s]", "output speed [r/min]")
+        self.plot = LabPlot(
+            session, "Step response", "time since the step [s]", "output speed [r/min]"
+        )
         self.residual = ResidualView(session)
         self._rigid = self.plot.curve("rigid gear", 2, "dotted", dense=True)
         self._measured = self.plot.curve("measured", 0, dense=True)
@@ -72,10 +75,20 @@ class StepView:
             return
         self.steps += 1
         rests = tuple(self._rests[-8:])
-        self._work.put(partial(self._worked_out, self.steps, segment, rests, recording, recording.metadata.gear), self._keep)
+        self._work.put(
+            partial(
+                self._worked_out, self.steps, segment, rests, recording, recording.metadata.gear
+            ),
+            self._keep,
+        )
 
     def _worked_out(
-        self, number: int, segment: Segment, rests: tuple[Segment, ...], recording: Recording, gear: HarmonicDrive
+        self,
+        number: int,
+        segment: Segment,
+        rests: tuple[Segment, ...],
+        recording: Recording,
+        gear: HarmonicDrive,
     ) -> _Scored:
         try:
             score = self._score(segment, (*self._slow, *rests, segment), recording, gear)
@@ -92,13 +105,19 @@ class StepView:
             self.residual.add(scored.segment, scored.score)
 
     def _score(
-        self, segment: Segment, chosen: tuple[Segment, ...], recording: Recording, gear: HarmonicDrive
+        self,
+        segment: Segment,
+        chosen: tuple[Segment, ...],
+        recording: Recording,
+        gear: HarmonicDrive,
     ) -> StepScore | None:
         one = dataclasses.replace(recording, segments=tuple(sorted(chosen, key=lambda s: s.start)))
         reference = phase_reference(recording)
         ratio = rotary_ratio(recording, gear.mounted_ratio(recording.metadata.mounting))
         source = gear if carries(gear, reference) else None
-        steps, _, _ = recorded_steps(one, ratio, reference, None, source, first_resonances(gear)[-1])
+        steps, _, _ = recorded_steps(
+            one, ratio, reference, None, source, first_resonances(gear)[-1]
+        )
         found = next((step for step in steps if step.segment.index == segment.index), None)
         if found is None:
             return None
@@ -111,14 +130,18 @@ class StepView:
         if latest is None or latest.score is None:
             return
         segment, score = latest.segment, latest.score
-        shown = score.time <= max(SHOWN, SHOWN_REVOLUTIONS * REVOLUTION / max(abs(segment.setpoint), 1.0))
+        shown = score.time <= max(
+            SHOWN, SHOWN_REVOLUTIONS * REVOLUTION / max(abs(segment.setpoint), 1.0)
+        )
         x = score.time[shown]
         self._measured.item.setData(x, score.measured_speed[shown] / RPM)
         self._predicted.item.setData(x, score.predicted_speed[shown] / RPM)
         self._rigid.item.setData(x, score.rigid_speed[shown] / RPM)
         way = "forward" if segment.setpoint > 0.0 else "reverse"
         speed = abs(segment.setpoint) / RPM
-        self.plot.set_title(f"Step {latest.number}: {speed:.4g} r/min {way}, skill {score.metrics['skill_speed']:.2f}")
+        self.plot.set_title(
+            f"Step {latest.number}: {speed:.4g} r/min {way}, skill {score.metrics['skill_speed']:.2f}"
+        )
         self.residual.show(segment, score, shown)
 
 
@@ -128,7 +151,9 @@ class ResidualView:
     wanted = StepView.wanted
 
     def __init__(self, session: WindowSession) -> None:
-        self.plot = LabPlot(session, "Residual of the step", "time since the step [s]", "residual [r/min]")
+        self.plot = LabPlot(
+            session, "Residual of the step", "time since the step [s]", "residual [r/min]"
+        )
         self._rigid = self.plot.curve("of a rigid gear", 2, "dotted", dense=True)
         self._residual = self.plot.curve("measured - predicted", 0, dense=True)
         self.skills: list[tuple[float, float]] = []

@@ -11,7 +11,9 @@ from rig.window.palette import Palette, palette_of
 THEMES = ("system", "light", "dark")
 """What `--theme` takes."""
 KEPT_PICTURES = 128 * 1024
-"""kB of what was painted that Qt may keep: the still curves of all plots on a large screen. Its own 10 MB hold those of one."""
+"""kB of what was painted that Qt may keep: the still curves of all plots on a large screen. Its own
+10 MB hold those of one.
+"""
 BANNER_POINTS = 30
 """Size of the state banner: a capital letter of about a centimetre on a common screen, legible from three metres."""
 
@@ -37,11 +39,21 @@ def apply_theme(application: QApplication, theme: str) -> Palette:
 def _qt_palette(p: Palette) -> QPalette:
     role, made = QPalette.ColorRole, QPalette()
     for name, colour in (
-        (role.Window, p.window), (role.WindowText, p.text), (role.Base, p.surface), (role.AlternateBase, p.raised),
-        (role.Text, p.text), (role.Button, p.raised), (role.ButtonText, p.text), (role.ToolTipBase, p.surface),
-        (role.ToolTipText, p.text), (role.Highlight, p.accent), (role.HighlightedText, p.accent_text),
-        (role.PlaceholderText, p.muted), (role.Link, p.accent), (role.BrightText, p.bad),
-    ):  # fmt: skip
+        (role.Window, p.window),
+        (role.WindowText, p.text),
+        (role.Base, p.surface),
+        (role.AlternateBase, p.raised),
+        (role.Text, p.text),
+        (role.Button, p.raised),
+        (role.ButtonText, p.text),
+        (role.ToolTipBase, p.surface),
+        (role.ToolTipText, p.text),
+        (role.Highlight, p.accent),
+        (role.HighlightedText, p.accent_text),
+        (role.PlaceholderText, p.muted),
+        (role.Link, p.accent),
+        (role.BrightText, p.bad),
+    ):
         made.setColor(name, QColor(colour))
     for name in (role.WindowText, role.Text, role.ButtonText):
         made.setColor(QPalette.ColorGroup.Disabled, name, QColor(p.muted))
@@ -107,4 +119,4 @@ def style_sheet(p: Palette) -> str:
         padding: 4px 6px; font-weight: 600; }}
     QSplitter::handle {{ background: {p.line}; }}
     QStatusBar {{ color: {p.muted}; }}
-    """
+    """  # noqa: E501

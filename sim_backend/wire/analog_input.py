@@ -23,7 +23,12 @@ def analog_input_entries(node_id: int, serial: int) -> list[Entry]:
     numbered = [f"input {i}" for i in range(1, CHANNELS + 1)]
     return [
         *standard_entries(node_id, 0x0004_0191, "Simulated analogue input", 0x401, serial),
-        *array(0x6401, "Read analogue input 16-bit", [(n, I16, "ro", 0) for n in numbered], mappable="t"),
+        *array(
+            0x6401,
+            "Read analogue input 16-bit",
+            [(n, I16, "ro", 0) for n in numbered],
+            mappable="t",
+        ),
         *array(
             0x6421,
             "Analogue input interrupt trigger selection",
@@ -31,15 +36,24 @@ def analog_input_entries(node_id: int, serial: int) -> list[Entry]:
             high=ALL_EVENTS,
         ),
         Entry(0x6423, 0, "Analogue input global interrupt enable", BOOLEAN, "rw", False),
-        *array(0x6424, "Analogue input interrupt upper limit", [(n, I32, "rw", 0) for n in numbered]),
-        *array(0x6425, "Analogue input interrupt lower limit", [(n, I32, "rw", 0) for n in numbered]),
+        *array(
+            0x6424, "Analogue input interrupt upper limit", [(n, I32, "rw", 0) for n in numbered]
+        ),
+        *array(
+            0x6425, "Analogue input interrupt lower limit", [(n, I32, "rw", 0) for n in numbered]
+        ),
         *array(0x6426, "Analogue input interrupt delta", [(n, U32, "rw", 0) for n in numbered]),
     ]
 
 
 ANALOG_INPUT_PDOS = (
     PdoPlan(1, transmit=True, mapping=(), transmission=255, exists=False),
-    PdoPlan(2, transmit=True, mapping=tuple(0x64010010 | i << 8 for i in range(1, CHANNELS + 1)), transmission=255),
+    PdoPlan(
+        2,
+        transmit=True,
+        mapping=tuple(0x64010010 | i << 8 for i in range(1, CHANNELS + 1)),
+        transmission=255,
+    ),
 )
 
 

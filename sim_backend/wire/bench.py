@@ -1,9 +1,10 @@
 """The wire bench: drive, counter, analogue input and readout in front of one plant, the same as the direct rig's.
 
-At SYNC k: synchronous set-points received before it take effect, every channel is latched and sent, then the plant goes on
-by one cycle; target[k] acts from SYNC k. Plant, instruments and noise streams are those of `sim_backend.direct`, so that
-the same commands give the same counts. Time: the plant goes on with the SYNC; when the SYNC stays away for longer than
-`silence_cycles` of the clock, it goes on alone, as a real motor would (None: it never does).
+At SYNC k: synchronous set-points received before it take effect, every channel is latched and sent,
+then the plant goes on by one cycle; target[k] acts from SYNC k. Plant, instruments and noise
+streams are those of `sim_backend.direct`, so that the same commands give the same counts. Time: the
+plant goes on with the SYNC; when the SYNC stays away for longer than `silence_cycles` of the clock,
+it goes on alone, as a real motor would (None: it never does).
 """
 
 from __future__ import annotations
@@ -69,9 +70,11 @@ SPEED_MONITOR = 0.3125e-3 / 1.0 * 1000.0 * RPM
 """rad/s per increment of the speed monitor: 1 V per 1000 r/min."""
 _CHUNK = 1024
 _LOOP_MODE = {
-    Mode.OFF: closed_loop.OFF, Mode.SPEED: closed_loop.SPEED, Mode.TORQUE: closed_loop.TORQUE,
+    Mode.OFF: closed_loop.OFF,
+    Mode.SPEED: closed_loop.SPEED,
+    Mode.TORQUE: closed_loop.TORQUE,
     Mode.QUICK_STOP: closed_loop.QUICK_STOP,
-}  # fmt: skip
+}
 POWER_STAGE_ERROR = 0x2310
 
 
@@ -97,8 +100,9 @@ class _TrippedDrive(ServoDrive):
 class WireBench:
     """A rig on a simulated CAN bus and a simulated serial line; parameters as of `SimulatedRig`.
 
-    `bus()` opens the bus for a client in this process, `pump` lets the devices run until an instant of the clock, `serial()`
-    opens the readout's line. `faults` are those of `sim_backend.faults` and `sim_backend.wire.faults`; cycles count the SYNCs.
+    `bus()` opens the bus for a client in this process, `pump` lets the devices run until an instant
+    of the clock, `serial()` opens the readout's line. `faults` are those of `sim_backend.faults`
+    and `sim_backend.wire.faults`; cycles count the SYNCs.
     """
 
     def __init__(
@@ -122,22 +126,33 @@ class WireBench:
         on = imperfections or Imperfections()
         if not (on.adc_steps and on.drive_torque_steps):
             raise DriverError(
-                "a converter without steps cannot be shown on the wire", where="wire bench",
-                value="adc_steps or drive_torque_steps off", remedy="Leave both imperfections on.",
-            )  # fmt: skip
+                "a converter without steps cannot be shown on the wire",
+                where="wire bench",
+                value="adc_steps or drive_torque_steps off",
+                remedy="Leave both imperfections on.",
+            )
         self._seeds = {
-            "run": seed, "bench": seed if bench_seed is None else bench_seed, "gear": seed if gear_seed is None else gear_seed,
-        }  # fmt: skip
+            "run": seed,
+            "bench": seed if bench_seed is None else bench_seed,
+            "gear": seed if gear_seed is None else gear_seed,
+        }
         self._on, self._motor = on, motor
         self.clock: Clock = VirtualClock() if clock is None else clock
         self._sense = round(output_sign(mounting))
         ratio = gear.mounted_ratio(mounting)
         self._condition = draw(on, ratio, seed, self._seeds["bench"], self._seeds["gear"])
         self.plant = Plant(
-            gear, motor, self._condition, cycle_ns=cycle_ns, mounting=mounting, gear_mounted=gear_mounted,
+            gear,
+            motor,
+            self._condition,
+            cycle_ns=cycle_ns,
+            mounting=mounting,
+            gear_mounted=gear_mounted,
             disc_inertia=disc_inertia,
-        )  # fmt: skip
-        self.instruments = Instruments(on, self._condition, motor, seed, self._sense, self.plant.output_angle)
+        )
+        self.instruments = Instruments(
+            on, self._condition, motor, seed, self._sense, self.plant.output_angle
+        )
         self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, seed, start_ns)
         self.cycle_ns = cycle_ns
         self._silence_cycles = silence_cycles
@@ -148,18 +163,28 @@ class WireBench:
 
     def _make_devices(self, motor: ServoMotor) -> None:
         by_name = {c.name: c for c in self.channels}
-        revolution = {name: round(REVOLUTION / by_name[name].scale) for name in (names.INPUT_ANGLE, names.OUTPUT_ANGLE)}
+        revolution = {
+            name: round(REVOLUTION / by_name[name].scale)
+            for name in (names.INPUT_ANGLE, names.OUTPUT_ANGLE)
+        }
         device = DriveDevice(
-            revolution[names.INPUT_ANGLE], motor.rated_torque, motor.peak_torque, motor.maximum_speed,
+            revolution[names.INPUT_ANGLE],
+            motor.rated_torque,
+            motor.peak_torque,
+            motor.maximum_speed,
             serial_number=self._seeds["bench"] & 0xFFFF_FFFF,
-        )  # fmt: skip
+        )
         self.drive = Drive(DRIVE_NODE, device, self._from_device)
         self.counter = Counter(COUNTER_NODE, revolution[names.OUTPUT_ANGLE], self._from_device)
         self.analog_input = AnalogInput(ANALOG_INPUT_NODE, self._from_device)
         self.slaves: tuple[Slave, ...] = (self.drive, self.counter, self.analog_input)
         self._output_scale = by_name[names.OUTPUT_ANGLE].scale
-        self.readout = Readout(lambda: float(self._counts[self._column[names.OUTPUT_ANGLE]]) * self._output_scale)
-        self._fault_drive = _TrippedDrive(motor, lambda: self.drive.fault(POWER_STAGE_ERROR, coasts=True))
+        self.readout = Readout(
+            lambda: float(self._counts[self._column[names.OUTPUT_ANGLE]]) * self._output_scale
+        )
+        self._fault_drive = _TrippedDrive(
+            motor, lambda: self.drive.fault(POWER_STAGE_ERROR, coasts=True)
+        )
 
     def _begin(self, faults: Sequence[Fault]) -> None:
         self._column = self.instruments.column
@@ -208,7 +233,15 @@ class WireBench:
     @functools.cached_property
     def truth(self) -> dict[str, Any]:
         """Every effective parameter of this rig on this day, as of the direct rig."""
-        return tell(self.plant.loop, self._motor, self._on, self._condition, self.instruments, self._seeds, self._sense)
+        return tell(
+            self.plant.loop,
+            self._motor,
+            self._on,
+            self._condition,
+            self.instruments,
+            self._seeds,
+            self._sense,
+        )
 
     def bus(self, *, receive_own_messages: bool = True) -> BenchBus:
         """Open the bus for one client: a python-can bus without a thread."""
@@ -233,9 +266,11 @@ class WireBench:
                 isinstance(fault, MarkedCycles) and fault.flag is not CycleFlag.SIGNAL_ERROR
             ):
                 raise DriverError(
-                    "a fault that only marks cycles cannot happen on the wire", where="wire bench", value=fault,
+                    "a fault that only marks cycles cannot happen on the wire",
+                    where="wire bench",
+                    value=fault,
                     remedy="Use the faults of frames: lost, late, doubled or short TPDOs.",
-                )  # fmt: skip
+                )
         self._faults += faults
         for fault in faults:
             if isinstance(fault, WireFault) and fault.active(self._cycle):
@@ -256,7 +291,11 @@ class WireBench:
 
     def wire_faults(self) -> list[WireFault]:
         """Those of them that touch frames and lines."""
-        return [f for f in self._faults if isinstance(f, WireFault) and f.active(self._cycle)] if self._faults else []
+        return (
+            [f for f in self._faults if isinstance(f, WireFault) and f.active(self._cycle)]
+            if self._faults
+            else []
+        )
 
     # Frames and time ----------------------------------------------------------------------------------------------
 
@@ -286,7 +325,8 @@ class WireBench:
         """Let the devices run: up to the next thing that one of them has to do, or to `deadline_ns` of the clock."""
         for owner, _ in self._listeners:
             if getattr(owner, "is_waiting", False):
-                # Time does not pass before what has arrived has been looked at; who moved the clock himself is followed.
+                # Time does not pass before what has arrived has been looked at; who moved the clock
+                # himself is followed.
                 if self.clock.monotonic_ns() > self._elapsed_ns:
                     self.elapse()
                 return
@@ -339,7 +379,9 @@ class WireBench:
 
     def _note_consumed(self, index: int, sub: int) -> None:
         if 0x1400 <= index < 0x1600 and sub == 1:
-            self._consumed = {pdo.cob_id for slave in self.slaves for pdo in slave.rpdos if pdo.exists}
+            self._consumed = {
+                pdo.cob_id for slave in self.slaves for pdo in slave.rpdos if pdo.exists
+            }
 
     def _deliver(self, cob_id: int, data: bytes, owner: object) -> None:
         stamp = self._stamp_ns + self._frames_since * FRAME_NS
@@ -369,7 +411,9 @@ class WireBench:
         reached: list[Frame] = [] if self.is_stalled else [(cob_id, data)]
         for fault in wire:
             reached = [kept for frame in reached for kept in fault.to_devices(frame, self)]
-        following = [slave for slave in self.slaves if slave.sync_cob_id == cob_id] if reached else []
+        following = (
+            [slave for slave in self.slaves if slave.sync_cob_id == cob_id] if reached else []
+        )
         for slave in following:
             slave.latch()
             slave.apply_synchronous()
@@ -448,11 +492,17 @@ class WireBench:
             seen & 1,
             speed,
         )
-        self.counter.take(counts[put[names.OUTPUT_ANGLE]], counts[put[names.OUTPUT_INDEX]], seen >> 1 & 1)
+        self.counter.take(
+            counts[put[names.OUTPUT_ANGLE]], counts[put[names.OUTPUT_INDEX]], seen >> 1 & 1
+        )
         self.analog_input.take(
-            (counts[put[names.TORQUE]], round(speed / SPEED_MONITOR), counts[put[names.HOUSING_TEMPERATURE]],
-             counts[put[names.AMBIENT_TEMPERATURE]])
-        )  # fmt: skip
+            (
+                counts[put[names.TORQUE]],
+                round(speed / SPEED_MONITOR),
+                counts[put[names.HOUSING_TEMPERATURE]],
+                counts[put[names.AMBIENT_TEMPERATURE]],
+            )
+        )
 
     def _read_at_rest(self) -> None:
         """What the devices show before the first SYNC; plant and latches stay as they are."""

@@ -17,12 +17,14 @@ REVERSE_BIT, SCALING_BIT = 0x0001, 0x0004
 SENSOR_ERROR = 0x7300
 
 
-def counter_entries(node_id: int, counts_per_revolution: int, total_range: int, serial: int) -> list[Entry]:
+def counter_entries(
+    node_id: int, counts_per_revolution: int, total_range: int, serial: int
+) -> list[Entry]:
     """Every object that the simulated counter really has. `total_range` 0 stands for 2^32."""
     turns = min(0xFFFF, (total_range or 0x1_0000_0000) // counts_per_revolution)
     return [
         *standard_entries(node_id, INCREMENTAL_WITH_TURNS, "Simulated encoder counter", 0x406, serial),
-        *array(0x2000, "Index latch", (("position at the last mark", U32, "ro", 0), ("marks seen", U8, "ro", 0)), mappable="t"),
+        *array(0x2000, "Index latch", (("position at the last mark", U32, "ro", 0), ("marks seen", U8, "ro", 0)), mappable="t"),  # noqa: E501
         Entry(0x6000, 0, "Operating parameters", U16, "rw", 0, low=0, high=REVERSE_BIT | SCALING_BIT),
         Entry(0x6001, 0, "Measuring units per revolution", U32, "rw", counts_per_revolution, low=1),
         Entry(0x6002, 0, "Total measuring range in measuring units", U32, "rw", total_range),
@@ -53,11 +55,24 @@ COUNTER_PDOS = (
 class Counter(Slave):
     """The counter as a node."""
 
-    def __init__(self, node_id: int, counts_per_revolution: int, send: Send, *, total_range: int = 0, serial: int = 1) -> None:
+    def __init__(
+        self,
+        node_id: int,
+        counts_per_revolution: int,
+        send: Send,
+        *,
+        total_range: int = 0,
+        serial: int = 1,
+    ) -> None:
         self._raw = self._true = self._shift = 0
         self._mirror = (1, 0)
         self._index = (0, 0)
-        super().__init__(node_id, counter_entries(node_id, counts_per_revolution, total_range, serial), COUNTER_PDOS, send)
+        super().__init__(
+            node_id,
+            counter_entries(node_id, counts_per_revolution, total_range, serial),
+            COUNTER_PDOS,
+            send,
+        )
         d = self.dictionary
         d.on_write(0x6000, 0, self._check_parameters)
         d.on_write(0x6003, 0, self._preset)

@@ -1,4 +1,5 @@
-"""The object dictionary of a simulated device: one table that the SDO server, the PDO mapping and the EDS are made from.
+"""The object dictionary of a simulated device: one table that the SDO server, the PDO mapping and
+the EDS are made from.
 
 Types and access as in CiA 301 section 7.4; abort codes as in table 22 of that standard.
 """
@@ -117,7 +118,9 @@ class ObjectDictionary:
         self._entries: dict[tuple[int, int], Entry] = {}
         for entry in entries:
             self._entries[entry.index, entry.sub] = entry
-        self._values: dict[tuple[int, int], Number] = {k: e.default for k, e in self._entries.items()}
+        self._values: dict[tuple[int, int], Number] = {
+            k: e.default for k, e in self._entries.items()
+        }
         self._writers: dict[tuple[int, int], Callable[[Number], None]] = {}
         self._readers: dict[tuple[int, int], Callable[[], Number]] = {}
         self._watchers: list[Callable[[int, int], None]] = []
@@ -203,7 +206,9 @@ class ObjectDictionary:
             watcher(entry.index, entry.sub)
 
 
-def array(index: int, name: str, subs: Iterable[tuple[str, DataType, Access, Number]], **common: object) -> list[Entry]:
+def array(
+    index: int, name: str, subs: Iterable[tuple[str, DataType, Access, Number]], **common: object
+) -> list[Entry]:
     """An array or record: sub-index 0 with the highest sub-index, then the sub-objects from 1."""
     listed = list(subs)
     head = Entry(index, 0, f"{name}: highest sub-index", U8, "const", len(listed))

@@ -1,8 +1,9 @@
 """A simulated servo amplifier by CiA 402 in front of the plant's motor.
 
-Units on the wire, the same counts as the direct rig's drive: velocities 0.001 r/min (0x60A9), torques 0.1 % of the rated
-torque (0x6076, mN m), positions in encoder counts (0x608F), the motor's speed limit 0x6080 in r/min, ramps 0x6083 to 0x6085
-in (r/min)/s (0x60AA). A synchronous controlword acts from its SYNC on and shows in the statusword of the next one.
+Units on the wire, the same counts as the direct rig's drive: velocities 0.001 r/min (0x60A9),
+torques 0.1 % of the rated torque (0x6076, mN m), positions in encoder counts (0x608F), the motor's
+speed limit 0x6080 in r/min, ramps 0x6083 to 0x6085 in (r/min)/s (0x60AA). A synchronous controlword
+acts from its SYNC on and shows in the statusword of the next one.
 """
 
 from __future__ import annotations
@@ -14,9 +15,28 @@ from drivers.drive_state import STATUSWORD_OF, DriveState
 from drivers.port import DriveLimits, Mode
 from model.units import RPM
 from sim_backend.servo_drive import SPEED_COUNT, TORQUE_COUNT_OF_RATED
-from sim_backend.wire.dictionary import I8, I16, I32, U8, U16, U32, Abort, AbortError, Entry, Number, array
+from sim_backend.wire.dictionary import (
+    I8,
+    I16,
+    I32,
+    U8,
+    U16,
+    U32,
+    Abort,
+    AbortError,
+    Entry,
+    Number,
+    array,
+)
 from sim_backend.wire.pdo import Send
-from sim_backend.wire.slave import COMMUNICATION, HEARTBEAT_ERROR, NmtState, PdoPlan, Slave, standard_entries
+from sim_backend.wire.slave import (
+    COMMUNICATION,
+    HEARTBEAT_ERROR,
+    NmtState,
+    PdoPlan,
+    Slave,
+    standard_entries,
+)
 from sim_backend.wire.state_machine import (
     DISABLE_VOLTAGE,
     ENABLE,
@@ -33,8 +53,11 @@ SI_UNIT_RPM_PER_SECOND = 0x00C00300
 """0x60AA: revolutions per minute, per second."""
 PROFILE_VELOCITY, PROFILE_TORQUE, CYCLIC_VELOCITY, CYCLIC_TORQUE = 3, 4, 9, 10
 MODES = {
-    PROFILE_VELOCITY: Mode.SPEED, CYCLIC_VELOCITY: Mode.SPEED, PROFILE_TORQUE: Mode.TORQUE, CYCLIC_TORQUE: Mode.TORQUE,
-}  # fmt: skip
+    PROFILE_VELOCITY: Mode.SPEED,
+    CYCLIC_VELOCITY: Mode.SPEED,
+    PROFILE_TORQUE: Mode.TORQUE,
+    CYCLIC_TORQUE: Mode.TORQUE,
+}
 SUPPORTED = sum(1 << (mode - 1) for mode in MODES)
 LIMIT_OBJECTS = frozenset({0x6072, 0x6080, 0x6083, 0x6084, 0x6085})
 SLOW_DOWN, STAY_SLOW_DOWN, STAY = 1, 5, 6
@@ -68,14 +91,17 @@ class DriveDevice:
 def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
     """Every object that the simulated drive really has."""
     peak = math.floor(device.peak_torque / (TORQUE_COUNT_OF_RATED * device.rated_torque) + 1e-6)
-    fastest, ramp = math.floor(device.maximum_speed / RPM + 1e-6), math.floor(device.ramp / RPM + 1e-6)
+    fastest, ramp = (
+        math.floor(device.maximum_speed / RPM + 1e-6),
+        math.floor(device.ramp / RPM + 1e-6),
+    )
     return [
         *standard_entries(node_id, 0x0002_0192, "Simulated servo amplifier", 0x402, device.serial_number),
         Entry(0x6007, 0, "Abort connection option code", I16, "rw", 1, low=0, high=3),
         Entry(0x603F, 0, "Error code", U16, "ro", 0, "t"),
         Entry(0x6040, 0, "Controlword", U16, "rw", 0, "r"),
         Entry(0x6041, 0, "Statusword", U16, "ro", STATUSWORD_OF[DriveState.SWITCH_ON_DISABLED], "t"),
-        Entry(0x605A, 0, "Quick stop option code", I16, "rw", 2, low=QUICK_STOP_OPTIONS[0], high=QUICK_STOP_OPTIONS[-1]),
+        Entry(0x605A, 0, "Quick stop option code", I16, "rw", 2, low=QUICK_STOP_OPTIONS[0], high=QUICK_STOP_OPTIONS[-1]),  # noqa: E501
         Entry(0x605E, 0, "Fault reaction option code", I16, "rw", 2, low=0, high=2),
         Entry(0x6060, 0, "Modes of operation", I8, "rw", 0, "r"),
         Entry(0x6061, 0, "Modes of operation display", I8, "ro", 0, "t"),
@@ -125,8 +151,8 @@ DRIVE_PDOS = (
 class Drive(Slave):
     """The servo amplifier as a node: its state machine decides what the plant is told to do.
 
-    `ignores_quick_stop`: it says QUICK STOP ACTIVE and goes on with its last set-point; `ignores_stop`: it stays enabled and
-    goes on whatever it is told.
+    `ignores_quick_stop`: it says QUICK STOP ACTIVE and goes on with its last set-point;
+    `ignores_stop`: it stays enabled and goes on whatever it is told.
     """
 
     def __init__(self, node_id: int, device: DriveDevice, send: Send) -> None:
@@ -176,9 +202,12 @@ class Drive(Slave):
         """The limits that its objects hold, in SI."""
         number = self.dictionary.number
         return DriveLimits(
-            torque=number(0x6072) * self._torque_count, speed=number(0x6080) * RPM, acceleration=number(0x6083) * RPM,
-            deceleration=number(0x6084) * RPM, quick_stop_deceleration=number(0x6085) * RPM,
-        )  # fmt: skip
+            torque=number(0x6072) * self._torque_count,
+            speed=number(0x6080) * RPM,
+            acceleration=number(0x6083) * RPM,
+            deceleration=number(0x6084) * RPM,
+            quick_stop_deceleration=number(0x6085) * RPM,
+        )
 
     def latch(self) -> None:
         self._shown = self._statusword()
@@ -188,7 +217,9 @@ class Drive(Slave):
         self._shown = None
 
     def take(self, position: int, torque: int, index: int, seen: int, speed: float) -> None:
-        """What was latched at this SYNC: counts, torque [0.1 %], count at the index mark, whether seen, speed [rad/s]."""
+        """What was latched at this SYNC: counts, torque [0.1 %], count at the index mark, whether
+        seen, speed [rad/s].
+        """
         store = self.dictionary.store
         self._true = position
         sense, origin = self._mirror
@@ -211,7 +242,9 @@ class Drive(Slave):
         self._mirror = (-self._mirror[0], self._position + self._mirror[0] * self._true)
 
     def fault(self, code: int, register: int = DRIVE_ERROR, *, coasts: bool = False) -> None:
-        """Something has failed: emergency, fault reaction (none for a fault of the power stage: it `coasts`), then fault."""
+        """Something has failed: emergency, fault reaction (none for a fault of the power stage: it
+        `coasts`), then fault.
+        """
         if self.drive_state in (DriveState.FAULT, DriveState.FAULT_REACTION):
             return
         self.dictionary.store(0x603F, 0, code)
@@ -221,7 +254,9 @@ class Drive(Slave):
         self.emergency(code, register)
 
     def safe_torque_off(self, is_off: bool) -> None:
-        """The hardwired stop: torque is gone at once, whatever software wants; no voltage at the power stage meanwhile."""
+        """The hardwired stop: torque is gone at once, whatever software wants; no voltage at the
+        power stage meanwhile.
+        """
         self._is_torque_off = is_off
         if is_off and self.drive_state not in (DriveState.FAULT, DriveState.FAULT_REACTION):
             self._go(DriveState.SWITCH_ON_DISABLED)
@@ -294,7 +329,11 @@ class Drive(Slave):
             target = DriveState.SWITCH_ON_DISABLED
         if state is DriveState.QUICK_STOP and command == ENABLE and option < STAY_SLOW_DOWN:
             return
-        if self._is_torque_off and command != DISABLE_VOLTAGE and target is not DriveState.SWITCH_ON_DISABLED:
+        if (
+            self._is_torque_off
+            and command != DISABLE_VOLTAGE
+            and target is not DriveState.SWITCH_ON_DISABLED
+        ):
             return
         self._go(target)
 
@@ -331,7 +370,11 @@ class Drive(Slave):
     def _store_probe(self, function: int | None = None) -> None:
         """Touch probe 1: a mark that passes after it was switched on is stored, every one or only the first."""
         function = self.dictionary.number(0x60B8) if function is None else function
-        is_on = function & PROBE_ON and function & 0x000C == PROBE_ZERO_IMPULSE and function & PROBE_POSITIVE
+        is_on = (
+            function & PROBE_ON
+            and function & 0x000C == PROBE_ZERO_IMPULSE
+            and function & PROBE_POSITIVE
+        )
         has_passed = self._mark != self._armed_at and self._mark[0]
         if is_on and has_passed and (self._stored is None or function & PROBE_CONTINUOUS):
             self._stored = self._mark

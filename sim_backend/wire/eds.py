@@ -10,7 +10,9 @@ EMCY_COB_ID = 0x1014
 PDO_COMMUNICATION = (*range(0x1400, 0x1600), *range(0x1800, 0x1A00))
 
 
-def electronic_data_sheet(dictionary: ObjectDictionary, *, product: str, vendor: str, vendor_number: int) -> str:
+def electronic_data_sheet(
+    dictionary: ObjectDictionary, *, product: str, vendor: str, vendor_number: int
+) -> str:
     """The EDS text of a device: every object that it really has, and none that it has not."""
     objects: dict[int, list[Entry]] = defaultdict(list)
     for entry in dictionary:
@@ -31,7 +33,11 @@ def electronic_data_sheet(dictionary: ObjectDictionary, *, product: str, vendor:
     mandatory = [i for i in objects if i in (0x1000, 0x1001, 0x1018)]
     makers = [i for i in objects if 0x2000 <= i < 0x6000]
     optional = [i for i in objects if i not in mandatory and i not in makers]
-    for title, listed in (("Mandatory", mandatory), ("Optional", optional), ("Manufacturer", makers)):
+    for title, listed in (
+        ("Mandatory", mandatory),
+        ("Optional", optional),
+        ("Manufacturer", makers),
+    ):
         lines += [f"[{title}Objects]", f"SupportedObjects={len(listed)}"]
         lines += [f"{n}=0x{index:04X}" for n, index in enumerate(listed, 1)] + [""]
     node_id = int(objects[0x1014][0].default) & 0x7F
@@ -45,24 +51,44 @@ def _object(index: int, entries: list[Entry], node_id: int) -> list[str]:
         return [f"[{index:04X}]", *_fields(entries[0], entries[0].name, node_id), ""]
     name = entries[0].name.split(":")[0]
     # PDO parameters and the identity are records by the standard, even where all fields are of one type.
-    is_record = 0x1400 <= index < 0x1C00 or index == 0x1018 or len({e.type for e in entries if e.sub}) > 1
+    is_record = (
+        0x1400 <= index < 0x1C00 or index == 0x1018 or len({e.type for e in entries if e.sub}) > 1
+    )
     kind = "0x9" if is_record else "0x8"
-    lines = [f"[{index:04X}]", f"ParameterName={name}", f"ObjectType={kind}", f"SubNumber={len(entries)}", ""]
+    lines = [
+        f"[{index:04X}]",
+        f"ParameterName={name}",
+        f"ObjectType={kind}",
+        f"SubNumber={len(entries)}",
+        "",
+    ]
     for entry in entries:
-        lines += [f"[{index:04X}sub{entry.sub:X}]", *_fields(entry, entry.name.split(": ")[-1], node_id), ""]
+        lines += [
+            f"[{index:04X}sub{entry.sub:X}]",
+            *_fields(entry, entry.name.split(": ")[-1], node_id),
+            "",
+        ]
     return lines
 
 
 def _fields(entry: Entry, name: str, node_id: int) -> list[str]:
-    access = {"t": "rwr", "r": "rww", "tr": "rw"}.get(entry.mappable, "rw") if entry.access == "rw" else entry.access
+    access = (
+        {"t": "rwr", "r": "rww", "tr": "rw"}.get(entry.mappable, "rw")
+        if entry.access == "rw"
+        else entry.access
+    )
     default = str(int(entry.default)) if isinstance(entry.default, bool) else str(entry.default)
     if entry.index == EMCY_COB_ID or (entry.index in PDO_COMMUNICATION and entry.sub == 1):
         # The same file for every node-ID.
         default = f"$NODEID+0x{int(entry.default) - node_id:X}"
     found = [
-        f"ParameterName={name}", "ObjectType=0x7", f"DataType=0x{entry.type.code:04X}", f"AccessType={access}",
-        f"DefaultValue={default}", f"PDOMapping={int(bool(entry.mappable))}",
-    ]  # fmt: skip
+        f"ParameterName={name}",
+        "ObjectType=0x7",
+        f"DataType=0x{entry.type.code:04X}",
+        f"AccessType={access}",
+        f"DefaultValue={default}",
+        f"PDOMapping={int(bool(entry.mappable))}",
+    ]
     if entry.low is not None:
         found.append(f"LowLimit={int(entry.low)}")
     if entry.high is not None:

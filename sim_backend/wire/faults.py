@@ -1,8 +1,9 @@
 """What can go wrong with devices, frames and lines, each from a given SYNC cycle on: for drills and tests.
 
-Faults of the plant and of signals (`sim_backend.faults`: run-away, load, count jump, stuck encoder, saturated or open torque
-port, drive trip, stall, bus lost) work on the wire as well; here are those that only a wire can have. All are values: the same
-fault at the same cycle of the same seed gives the same frames. `DRILLS` names one of each.
+Faults of the plant and of signals (`sim_backend.faults`: run-away, load, count jump, stuck encoder,
+saturated or open torque port, drive trip, stall, bus lost) work on the wire as well; here are those
+that only a wire can have. All are values: the same fault at the same cycle of the same seed gives
+the same frames. `DRILLS` names one of each.
 """
 
 from __future__ import annotations
@@ -53,13 +54,17 @@ class HeartbeatLost(WireFault):
 
 @dataclass(frozen=True)
 class NodeReset(WireFault):
-    """A node restarts in motion, as after a dip of its supply: boot-up message, pre-operational, everything at its default."""
+    """A node restarts in motion, as after a dip of its supply: boot-up message, pre-operational,
+    everything at its default.
+    """
 
     node_id: int = COUNTER_NODE
 
     def act(self, bench: WireBench, cycle: int) -> None:
         if cycle == self.at_cycle:
-            next(s for s in bench.slaves if s.node_id == self.node_id).restart(bench.clock.monotonic_ns())
+            next(s for s in bench.slaves if s.node_id == self.node_id).restart(
+                bench.clock.monotonic_ns()
+            )
 
 
 @dataclass(frozen=True)
@@ -231,7 +236,11 @@ class TpdoShort(_TpdoFault):
 
     def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
         cob_id, data = frame
-        return ((cob_id, data[: max(0, len(data) - self.missing)]),) if self._is_mine(frame, bench) else (frame,)
+        return (
+            ((cob_id, data[: max(0, len(data) - self.missing)]),)
+            if self._is_mine(frame, bench)
+            else (frame,)
+        )
 
 
 @dataclass(frozen=True)

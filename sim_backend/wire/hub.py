@@ -1,8 +1,8 @@
 """A socketcand hub on loopback: any CANopen tool that speaks socketcand can join the simulated bus.
 
-Protocol: `< hi >`, `< open NAME >`, `< ok >`, `< rawmode >`, `< ok >`, then `< send ID DLC BYTES >` from a client and
-`< frame ID SECONDS DATA >` to all others. Each frame carries the time stamp of the simulated adapter, so that a client sees
-simulated hardware stamps.
+Protocol: `< hi >`, `< open NAME >`, `< ok >`, `< rawmode >`, `< ok >`, then `< send ID DLC BYTES >`
+from a client and `< frame ID SECONDS DATA >` to all others. Each frame carries the time stamp of
+the simulated adapter, so that a client sees simulated hardware stamps.
 """
 
 from __future__ import annotations
@@ -151,4 +151,6 @@ def frame_line(cob_id: int, data: bytes, stamp_ns: int) -> bytes:
     """A `frame` message with the time of the simulated bus."""
     seconds, rest = divmod(stamp_ns, 1_000_000_000)
     # Three digits: clients tell an 11-bit identifier from a 29-bit one by that.
-    return f"< frame {cob_id:03X} {seconds}.{rest // 1000:06d} {data.hex().upper()} >".encode("ascii")
+    return f"< frame {cob_id:03X} {seconds}.{rest // 1000:06d} {data.hex().upper()} >".encode(
+        "ascii"
+    )

@@ -1,4 +1,6 @@
-"""Both ends of the simulated lines: a python-can bus and a serial port without threads, and what can go wrong on them."""
+"""Both ends of the simulated lines: a python-can bus and a serial port without threads, and what
+can go wrong on them.
+"""
 
 from __future__ import annotations
 
@@ -120,7 +122,13 @@ class BenchBus(can.BusABC):
 
     def _hear(self, cob_id: int, data: bytes, stamp_ns: int) -> None:
         self._queue.append(
-            can.Message(timestamp=stamp_ns * 1e-9, arbitration_id=cob_id, is_extended_id=False, data=data, check=False)
+            can.Message(
+                timestamp=stamp_ns * 1e-9,
+                arbitration_id=cob_id,
+                is_extended_id=False,
+                data=data,
+                check=False,
+            )
         )
 
     def _require_bus(self) -> None:

@@ -1,7 +1,8 @@
 """Process data of a simulated slave: mappings changed at run time, transmission types, timers (CiA 301, 7.5.2.35-38).
 
-A mapping changes only while the PDO does not exist (bit 31 of its COB-ID) and its number of objects is 0; a COB-ID changes
-only while it is invalid. There are no remote frames: bit 30 of a TPDO's COB-ID stays set, types 252 and 253 are refused.
+A mapping changes only while the PDO does not exist (bit 31 of its COB-ID) and its number of objects
+is 0; a COB-ID changes only while it is invalid. There are no remote frames: bit 30 of a TPDO's
+COB-ID stays set, types 252 and 253 are refused.
 """
 
 from __future__ import annotations
@@ -40,22 +41,30 @@ Send = Callable[[int, bytes], None]
 Mapping = tuple[tuple[int, int, int], ...]
 """(index, sub, bits) of each mapped object in the order of the frame."""
 
-_DUMMIES: dict[int, DataType] = {kind.code: kind for kind in (BOOLEAN, I8, I16, I32, U8, U16, U32, F32)}
+_DUMMIES: dict[int, DataType] = {
+    kind.code: kind for kind in (BOOLEAN, I8, I16, I32, U8, U16, U32, F32)
+}
 """Data types whose index in the dictionary (0x0001...) may fill a gap of an RPDO."""
 
 
 def is_restricted(cob_id: int) -> bool:
     """Whether an 11-bit COB-ID may not be used by a PDO (CiA 301, table of restricted CAN-IDs; 0x080 is the SYNC)."""
     return (
-        cob_id <= 0x80 or 0x101 <= cob_id <= 0x180 or 0x581 <= cob_id <= 0x5FF or 0x601 <= cob_id <= 0x67F
-        or 0x6E0 <= cob_id <= 0x6FF or cob_id >= 0x701
-    )  # fmt: skip
+        cob_id <= 0x80
+        or 0x101 <= cob_id <= 0x180
+        or 0x581 <= cob_id <= 0x5FF
+        or 0x601 <= cob_id <= 0x67F
+        or 0x6E0 <= cob_id <= 0x6FF
+        or cob_id >= 0x701
+    )
 
 
 def communication_entries(
     number: int, *, transmit: bool, cob_id: int, transmission: int, mapping: tuple[int, ...]
 ) -> list[Entry]:
-    """Communication and mapping records of PDO `number` (1...): `mapping` as 32-bit words index << 16 | sub << 8 | bits."""
+    """Communication and mapping records of PDO `number` (1...): `mapping` as 32-bit words index <<
+    16 | sub << 8 | bits.
+    """
     base, kind = (0x1800, "TPDO") if transmit else (0x1400, "RPDO")
     index, mapped = base + number - 1, base + 0x200 + number - 1
     name = f"{kind} {number} communication"
@@ -69,10 +78,22 @@ def communication_entries(
             Entry(index, 3, f"{name}: inhibit time", U16, "rw", 0),
             Entry(index, 5, f"{name}: event timer", U16, "rw", 0),
         ]
-    found.append(Entry(mapped, 0, f"{kind} {number} mapping: number of objects", U8, "rw", len(mapping), high=MAPPING_SLOTS))
+    found.append(
+        Entry(
+            mapped,
+            0,
+            f"{kind} {number} mapping: number of objects",
+            U8,
+            "rw",
+            len(mapping),
+            high=MAPPING_SLOTS,
+        )
+    )
     for slot in range(MAPPING_SLOTS):
         word = mapping[slot] if slot < len(mapping) else 0
-        found.append(Entry(mapped, slot + 1, f"{kind} {number} mapping: object {slot + 1}", U32, "rw", word))
+        found.append(
+            Entry(mapped, slot + 1, f"{kind} {number} mapping: object {slot + 1}", U32, "rw", word)
+        )
     return found
 
 
@@ -118,7 +139,9 @@ class Pdo:
     @property
     def takes_events(self) -> bool:
         """Whether a change of a value makes it due: types 0, 254 and 255."""
-        return (self.transmission == 0 or self.transmission >= EVENT_DRIVEN) and not self.cob_id & INVALID
+        return (
+            self.transmission == 0 or self.transmission >= EVENT_DRIVEN
+        ) and not self.cob_id & INVALID
 
     @property
     def length(self) -> int:
@@ -135,13 +158,21 @@ class Pdo:
         self.cob_id, self.transmission = number(self.index, 1), number(self.index, 2)
         self.event_ns = number(self.index, 5) * 1_000_000 if self.transmit else 0
         self.inhibit_ns = number(self.index, 3) * 100_000 if self.transmit else 0
-        words = [number(self.mapped_index, slot) for slot in range(1, number(self.mapped_index, 0) + 1)]
+        words = [
+            number(self.mapped_index, slot) for slot in range(1, number(self.mapped_index, 0) + 1)
+        ]
         self._adopt(tuple((w >> 16, (w >> 8) & 0xFF, w & 0xFF) for w in words))
         self.rest()
 
     def rest(self) -> None:
         """Forget counters, timers and what was received: the NMT state has changed."""
-        self.syncs, self.is_due, self.next_event_ns, self.free_from_ns, self.received = 0, False, None, 0, None
+        self.syncs, self.is_due, self.next_event_ns, self.free_from_ns, self.received = (
+            0,
+            False,
+            None,
+            0,
+            None,
+        )
 
     def pack(self) -> bytes:
         """The frame with the present values."""
@@ -159,7 +190,11 @@ class Pdo:
         self._entries = [self.dictionary.entry(index, sub) for index, sub in objects]
         form = "<"
         for index, sub, bits in mapping:
-            form += self.dictionary.entry(index, sub).type.form[1:] if index >= 0x20 else f"{bits // 8}x"
+            form += (
+                self.dictionary.entry(index, sub).type.form[1:]
+                if index >= 0x20
+                else f"{bits // 8}x"
+            )
         self._frame = struct.Struct(form)
 
     def _write_cob_id(self, value: Number) -> None:
@@ -190,7 +225,9 @@ class Pdo:
     def _write_count(self, value: Number) -> None:
         if self.exists:
             raise AbortError(Abort.DEVICE_STATE)
-        words = [self.dictionary.number(self.mapped_index, slot) for slot in range(1, int(value) + 1)]
+        words = [
+            self.dictionary.number(self.mapped_index, slot) for slot in range(1, int(value) + 1)
+        ]
         for word in words:
             self._check_object(word)
         if sum(word & 0xFF for word in words) > 64:

@@ -1,7 +1,8 @@
 """A simulated position readout with the serial protocol of a HEIDENHAIN ND 287.
 
-STX asks for the measured value, ENQ for the error message, `ESC Axxxx CR` for screen contents, `ESC Txxxx CR` for a key.
-The measured-value line has 17 characters: sign, ten for the number, blank, unit, class, mode, CR, LF.
+STX asks for the measured value, ENQ for the error message, `ESC Axxxx CR` for screen contents, `ESC
+Txxxx CR` for a key. The measured-value line has 17 characters: sign, ten for the number, blank,
+unit, class, mode, CR, LF.
 """
 
 from __future__ import annotations
@@ -104,5 +105,10 @@ class Readout:
         }
         if command in screens:
             return bytes([STX]) + screens[command].encode("ascii") + b"\r\n"
-        is_known = len(command) == 5 and command[0] in "TFS" and command[1:].isascii() and command[1:].isdigit()
+        is_known = (
+            len(command) == 5
+            and command[0] in "TFS"
+            and command[1:].isascii()
+            and command[1:].isdigit()
+        )
         return bytes([ACK if is_known else NAK])

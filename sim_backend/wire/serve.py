@@ -1,8 +1,9 @@
 """The wire bench as a process of its own: a socketcand hub on loopback and the readout on a pty or a socket.
 
-Everything runs in one asyncio loop, in one thread. Heartbeats and timers follow the wall clock. The plant runs one cycle per
-SYNC; with `time="wall"` it also goes on by the clock while the SYNC stays away, with `time="sync"` it waits for the SYNC, so
-that the same commands give the same counts however fast the client is.
+Everything runs in one asyncio loop, in one thread. Heartbeats and timers follow the wall clock. The
+plant runs one cycle per SYNC; with `time="wall"` it also goes on by the clock while the SYNC stays
+away, with `time="sync"` it waits for the SYNC, so that the same commands give the same counts
+however fast the client is.
 """
 
 from __future__ import annotations
@@ -45,7 +46,9 @@ class Addresses:
 class Server:
     """A bench behind a hub; `start` it, let `run` turn its timers, `stop` it."""
 
-    def __init__(self, bench: WireBench, *, channel: str = "can0", readout: ReadoutLine | None = None) -> None:
+    def __init__(
+        self, bench: WireBench, *, channel: str = "can0", readout: ReadoutLine | None = None
+    ) -> None:
         self.bench = bench
         self.receives_own = True
         self._hub = Hub(channel, self._from_client)
@@ -63,7 +66,9 @@ class Server:
         except OSError as error:
             await self.stop()
             raise DriverError(
-                f"the simulated rig cannot listen: {error}", where=f"{host}:{port}", remedy="Choose another port, or 0."
+                f"the simulated rig cannot listen: {error}",
+                where=f"{host}:{port}",
+                remedy="Choose another port, or 0.",
             ) from error
         self.bench.listen(self, self._from_bench)
         return Addresses(host, found, self._channel, readout)
@@ -159,23 +164,48 @@ class Server:
 
 
 def make_bench(
-    gear: HarmonicDrive, motor: ServoMotor, imperfections: Imperfections | None = None, seed: int = 0, *,
-    time: TimeSource = "wall", cycle_ns: int = 1_000_000, mounting: Mounting = "circular-spline-fixed",
-    gear_mounted: bool = True, disc_inertia: float = 0.0, faults: Sequence[Fault] = (), bench_seed: int | None = None,
+    gear: HarmonicDrive,
+    motor: ServoMotor,
+    imperfections: Imperfections | None = None,
+    seed: int = 0,
+    *,
+    time: TimeSource = "wall",
+    cycle_ns: int = 1_000_000,
+    mounting: Mounting = "circular-spline-fixed",
+    gear_mounted: bool = True,
+    disc_inertia: float = 0.0,
+    faults: Sequence[Fault] = (),
+    bench_seed: int | None = None,
     gear_seed: int | None = None,
-) -> WireBench:  # fmt: skip
+) -> WireBench:
     """The bench of a process of its own, in wall time; parameters as of `WireBench`."""
     return WireBench(
-        gear, motor, imperfections, seed, cycle_ns=cycle_ns, mounting=mounting, gear_mounted=gear_mounted,
-        disc_inertia=disc_inertia, clock=WallClock(), faults=faults, bench_seed=bench_seed, gear_seed=gear_seed,
+        gear,
+        motor,
+        imperfections,
+        seed,
+        cycle_ns=cycle_ns,
+        mounting=mounting,
+        gear_mounted=gear_mounted,
+        disc_inertia=disc_inertia,
+        clock=WallClock(),
+        faults=faults,
+        bench_seed=bench_seed,
+        gear_seed=gear_seed,
         silence_cycles=1 if time == "wall" else None,
-    )  # fmt: skip
+    )
 
 
 def serve(
-    bench: WireBench, *, host: str = "127.0.0.1", port: int = 29536, channel: str = "can0",
-    readout: ReadoutLine | None = "pty", announce: Callable[[Addresses], None] | None = None, lifetime: float | None = None,
-) -> None:  # fmt: skip
+    bench: WireBench,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 29536,
+    channel: str = "can0",
+    readout: ReadoutLine | None = "pty",
+    announce: Callable[[Addresses], None] | None = None,
+    lifetime: float | None = None,
+) -> None:
     """Serve a bench until the process is interrupted or terminated, or for `lifetime` seconds.
 
     `announce` is told where the rig can be reached, once it can be. Raises `DriverError` when the port is taken.
@@ -186,9 +216,14 @@ def serve(
 
 
 async def _serve(
-    bench: WireBench, host: str, port: int, channel: str, readout: ReadoutLine | None,
-    announce: Callable[[Addresses], None] | None, lifetime: float | None,
-) -> None:  # fmt: skip
+    bench: WireBench,
+    host: str,
+    port: int,
+    channel: str,
+    readout: ReadoutLine | None,
+    announce: Callable[[Addresses], None] | None,
+    lifetime: float | None,
+) -> None:
     server, until = Server(bench, channel=channel, readout=readout), asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):

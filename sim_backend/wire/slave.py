@@ -1,8 +1,9 @@
 """A CANopen slave by CiA 301: boot-up, NMT, heartbeat both ways, SDO server, process data, emergency messages.
 
-It is driven from outside: `receive` for each frame, `tick` when time has passed (at the latest at `next_due_ns`), and at a
-SYNC `latch`, `apply_synchronous`, `send_synchronous` in this order. What it sends goes to the function it was given. Nothing
-here knows what the device is for; drive, counter and analogue input add their objects and their behaviour.
+It is driven from outside: `receive` for each frame, `tick` when time has passed (at the latest at
+`next_due_ns`), and at a SYNC `latch`, `apply_synchronous`, `send_synchronous` in this order. What
+it sends goes to the function it was given. Nothing here knows what the device is for; drive,
+counter and analogue input add their objects and their behaviour.
 """
 
 from __future__ import annotations
@@ -23,7 +24,15 @@ from sim_backend.wire.dictionary import (
     ObjectDictionary,
     array,
 )
-from sim_backend.wire.pdo import INVALID, LAST_SYNCHRONOUS, NO_RTR, Pdo, Send, communication_entries, due_on_sync
+from sim_backend.wire.pdo import (
+    INVALID,
+    LAST_SYNCHRONOUS,
+    NO_RTR,
+    Pdo,
+    Send,
+    communication_entries,
+    due_on_sync,
+)
 from sim_backend.wire.sdo_server import SdoServer
 
 CONSUMERS = 4
@@ -48,9 +57,20 @@ class PdoPlan:
     """A default PDO of a device: number, direction, transmission type, mapping words, and whether it exists at once."""
 
     def __init__(
-        self, number: int, *, transmit: bool, mapping: tuple[int, ...], transmission: int = 1, exists: bool = True
+        self,
+        number: int,
+        *,
+        transmit: bool,
+        mapping: tuple[int, ...],
+        transmission: int = 1,
+        exists: bool = True,
     ) -> None:
-        self.number, self.transmit, self.mapping, self.transmission = number, transmit, mapping, transmission
+        self.number, self.transmit, self.mapping, self.transmission = (
+            number,
+            transmit,
+            mapping,
+            transmission,
+        )
         self.exists = exists
 
     def entries(self, node_id: int) -> list[Entry]:
@@ -58,28 +78,43 @@ class PdoPlan:
         base = (0x180 if self.transmit else 0x200) + 0x100 * (self.number - 1)
         cob_id = base + node_id | (NO_RTR if self.transmit else 0) | (0 if self.exists else INVALID)
         return communication_entries(
-            self.number, transmit=self.transmit, cob_id=cob_id, transmission=self.transmission, mapping=self.mapping
+            self.number,
+            transmit=self.transmit,
+            cob_id=cob_id,
+            transmission=self.transmission,
+            mapping=self.mapping,
         )
 
 
-def standard_entries(node_id: int, device_type: int, name: str, product: int, serial: int) -> list[Entry]:
+def standard_entries(
+    node_id: int, device_type: int, name: str, product: int, serial: int
+) -> list[Entry]:
     """The communication profile area that every slave here has. Vendor-ID 0: nobody's."""
     identity = (
-        ("vendor-ID", U32, "const", 0), ("product code", U32, "const", product),
-        ("revision number", U32, "const", 0x0001_0000), ("serial number", U32, "const", serial),
-    )  # fmt: skip
+        ("vendor-ID", U32, "const", 0),
+        ("product code", U32, "const", product),
+        ("revision number", U32, "const", 0x0001_0000),
+        ("serial number", U32, "const", serial),
+    )
     return [
         Entry(0x1000, 0, "Device type", U32, "const", device_type),
         Entry(0x1001, 0, "Error register", U8, "ro", 0, "t"),
         Entry(0x1003, 0, "Pre-defined error field: number of errors", U8, "rw", 0),
-        *(Entry(0x1003, i, f"Pre-defined error field: error {i}", U32, "ro") for i in range(1, HISTORY + 1)),
+        *(
+            Entry(0x1003, i, f"Pre-defined error field: error {i}", U32, "ro")
+            for i in range(1, HISTORY + 1)
+        ),
         Entry(0x1005, 0, "COB-ID SYNC message", U32, "rw", 0x80),
         Entry(0x1006, 0, "Communication cycle period", U32, "rw", 0),
         Entry(0x1008, 0, "Manufacturer device name", TEXT, "const", name),
         Entry(0x1009, 0, "Manufacturer hardware version", TEXT, "const", "simulated"),
         Entry(0x100A, 0, "Manufacturer software version", TEXT, "const", "1.0"),
         Entry(0x1014, 0, "COB-ID EMCY", U32, "rw", 0x80 + node_id),
-        *array(0x1016, "Consumer heartbeat time", [(f"consumer {i}", U32, "rw", 0) for i in range(1, CONSUMERS + 1)]),
+        *array(
+            0x1016,
+            "Consumer heartbeat time",
+            [(f"consumer {i}", U32, "rw", 0) for i in range(1, CONSUMERS + 1)],
+        ),
         Entry(0x1017, 0, "Producer heartbeat time", U16, "rw", 0),
         *array(0x1018, "Identity object", identity),  # type: ignore[arg-type]
         Entry(0x1019, 0, "Synchronous counter overflow value", U8, "rw", 0),
@@ -90,14 +125,22 @@ def standard_entries(node_id: int, device_type: int, name: str, product: int, se
 class Slave:
     """One node: its dictionary, its state, and what it does with frames and with time."""
 
-    def __init__(self, node_id: int, entries: Iterable[Entry], pdos: Iterable[PdoPlan], send: Send) -> None:
+    def __init__(
+        self, node_id: int, entries: Iterable[Entry], pdos: Iterable[PdoPlan], send: Send
+    ) -> None:
         planned = list(pdos)
         self.node_id = node_id
-        self.dictionary = ObjectDictionary([*entries, *(e for p in planned for e in p.entries(node_id))])
+        self.dictionary = ObjectDictionary(
+            [*entries, *(e for p in planned for e in p.entries(node_id))]
+        )
         self.state = NmtState.INITIALISING
         self.sdo = SdoServer(self.dictionary)
-        self.rpdos = [Pdo(self.dictionary, 0x1400 + p.number - 1, False) for p in planned if not p.transmit]
-        self.tpdos = [Pdo(self.dictionary, 0x1800 + p.number - 1, True) for p in planned if p.transmit]
+        self.rpdos = [
+            Pdo(self.dictionary, 0x1400 + p.number - 1, False) for p in planned if not p.transmit
+        ]
+        self.tpdos = [
+            Pdo(self.dictionary, 0x1800 + p.number - 1, True) for p in planned if p.transmit
+        ]
         self._send = send
         self._now_ns = 0
         self._next_heartbeat_ns = NEVER
@@ -194,7 +237,9 @@ class Slave:
             for pdo in self.tpdos:
                 if pdo.transmission >= 254 and pdo.exists:
                     if pdo.event_ns:
-                        due = min(due, self._now_ns if pdo.next_event_ns is None else pdo.next_event_ns)
+                        due = min(
+                            due, self._now_ns if pdo.next_event_ns is None else pdo.next_event_ns
+                        )
                     due = min(due, pdo.free_from_ns if pdo.is_due else NEVER)
         return due
 
@@ -248,8 +293,14 @@ class Slave:
         self._send_emergency(code, vendor)
 
     def recover(self, *codes: int) -> None:
-        """Errors have gone (all of them without a code): the message "error reset" with what is left of the register."""
-        gone = [code for code in codes or tuple(self._errors) if self._errors.pop(code, None) is not None]
+        """Errors have gone (all of them without a code): the message "error reset" with what is
+        left of the register.
+        """
+        gone = [
+            code
+            for code in codes or tuple(self._errors)
+            if self._errors.pop(code, None) is not None
+        ]
         if gone:
             self._send_emergency(0)
 
@@ -283,7 +334,11 @@ class Slave:
         self._history = []
 
     def _nmt(self, command: int, now_ns: int) -> None:
-        states = {0x01: NmtState.OPERATIONAL, 0x02: NmtState.STOPPED, 0x80: NmtState.PRE_OPERATIONAL}
+        states = {
+            0x01: NmtState.OPERATIONAL,
+            0x02: NmtState.STOPPED,
+            0x80: NmtState.PRE_OPERATIONAL,
+        }
         if command in states:
             self._enter(states[command])
         elif command in (0x81, 0x82):
@@ -319,12 +374,20 @@ class Slave:
 
     def _write_emcy_cob_id(self, value: Number) -> None:
         present, wanted = self.dictionary.number(0x1014), int(value)
-        if wanted & 0x6000_0000 or (not (present | wanted) & INVALID and (present ^ wanted) & 0x7FF):
+        if wanted & 0x6000_0000 or (
+            not (present | wanted) & INVALID and (present ^ wanted) & 0x7FF
+        ):
             raise AbortError(Abort.VALUE)
 
     def _consumers(self, but: int = 0) -> dict[int, int]:
-        words = (self.dictionary.number(0x1016, sub) for sub in range(1, CONSUMERS + 1) if sub != but)
-        return {(w >> 16) & 0xFF: (w & 0xFFFF) * MILLISECOND for w in words if w & 0xFFFF and 1 <= (w >> 16) & 0xFF <= 127}
+        words = (
+            self.dictionary.number(0x1016, sub) for sub in range(1, CONSUMERS + 1) if sub != but
+        )
+        return {
+            (w >> 16) & 0xFF: (w & 0xFFFF) * MILLISECOND
+            for w in words
+            if w & 0xFFFF and 1 <= (w >> 16) & 0xFF <= 127
+        }
 
     def _watch(self, sub: int, word: int) -> None:
         """A consumer entry is written: its monitoring begins with the first heartbeat heard after that."""
@@ -389,7 +452,11 @@ class Slave:
 
     def _transmit_event(self, pdo: Pdo) -> None:
         """Send an event-driven TPDO unless it is inhibited; the event timer begins anew with each transmission."""
-        if not pdo.exists or self.state is not NmtState.OPERATIONAL or self._now_ns < pdo.free_from_ns:
+        if (
+            not pdo.exists
+            or self.state is not NmtState.OPERATIONAL
+            or self._now_ns < pdo.free_from_ns
+        ):
             return
         pdo.is_due = False
         pdo.free_from_ns = self._now_ns + pdo.inhibit_ns

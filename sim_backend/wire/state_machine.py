@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from drivers.drive_state import DriveState
 
-SHUTDOWN, SWITCH_ON, ENABLE, DISABLE_VOLTAGE, QUICK_STOP = "shutdown", "switch on", "enable", "disable voltage", "quick stop"
+SHUTDOWN, SWITCH_ON, ENABLE, DISABLE_VOLTAGE, QUICK_STOP = (
+    "shutdown",
+    "switch on",
+    "enable",
+    "disable voltage",
+    "quick stop",
+)
 FAULT_RESET_BIT, HALT_BIT = 0x0080, 0x0100
 
 S = DriveState
@@ -26,7 +32,9 @@ TRANSITIONS: dict[tuple[DriveState, str], DriveState] = {
     (S.QUICK_STOP, ENABLE): S.ENABLED,
 }
 """Transitions 2 to 12 and 16. Everything else leaves the state as it is. READY goes to ENABLED on "enable operation" by
-transitions 3 and 4 in one, as the standard allows; 16 holds only where the quick stop option code lets the drive stay."""
+transitions 3 and 4 in one, as the standard allows; 16 holds only where the quick stop option code
+lets the drive stay.
+"""
 
 
 def command_of(controlword: int) -> str:

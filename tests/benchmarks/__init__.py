@@ -1,1 +1,3 @@
-"""Speed, always as a ratio against a peer in the same run. Run with `pytest tests/benchmarks -s` (extra `benchmark`)."""
+"""Speed, always as a ratio against a peer in the same run. Run with `pytest tests/benchmarks -s`
+(extra `benchmark`).
+"""

@@ -2,8 +2,9 @@
 
     python -m tests.benchmarks.coverage_study --seeds 200 --workers 2
 
-Prints, per quantity and pooled, the share of seeds whose interval covers the truth and the mean width over the scatter that
-really occurred (an honest interval is about 3.92 standard deviations wide).
+Prints, per quantity and pooled, the share of seeds whose interval covers the truth and the mean
+width over the scatter that really occurred (an honest interval is about 3.92 standard deviations
+wide).
 """
 
 from __future__ import annotations
@@ -44,7 +45,9 @@ def one_seed(seed: int) -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         gear, motor, paths = shipped_gear(), shipped_motor(), {}
         for protocol, values in SHORT.items():
-            request = RunRequest(protocol, gear, motor, Path(folder), values, gear_serial=f"S{seed}", seed=seed)
+            request = RunRequest(
+                protocol, gear, motor, Path(folder), values, gear_serial=f"S{seed}", seed=seed
+            )
             paths[protocol] = Path(run_request(request, judged=False).path)
         for kind in KINDS:
             tare = paths["motor-tare"] if kind == "friction" else None
@@ -52,7 +55,9 @@ def one_seed(seed: int) -> list[Row]:
             truth = truth_of(fit.recording.metadata.process)
             for row in truth_rows(fit.result, truth, gear):
                 e = row.estimate
-                found.append((kind, e.name, e.value, e.low, e.high, e.value - row.difference, row.difference))
+                found.append(
+                    (kind, e.name, e.value, e.low, e.high, e.value - row.difference, row.difference)
+                )
     return found
 
 
@@ -61,16 +66,22 @@ def summarise(rows: list[Row], seeds: int) -> bool:
     grouped: dict[tuple[str, str], list[Row]] = defaultdict(list)
     for row in rows:
         grouped[row[0], row[1]].append(row)
-    print(f"| kind | quantity | seeds | covered | mean width / (3.92 scatter) |\n|---|---|---|---|---|  ({seeds} seeds)")
+    print(
+        f"| kind | quantity | seeds | covered | mean width / (3.92 scatter) |\n|---|---|---|---|---|  ({seeds} seeds)"
+    )
     pooled: dict[str, list[bool]] = defaultdict(list)
     for (kind, name), group in sorted(grouped.items()):
-        hits = [low <= value - difference <= high for _, _, value, low, high, _, difference in group]
+        hits = [
+            low <= value - difference <= high for _, _, value, low, high, _, difference in group
+        ]
         if not name.startswith(COMPOSITE):
             pooled[kind] += hits
         scatter = math.sqrt(sum(r[6] ** 2 for r in group) / len(group))
         width = sum(r[4] - r[3] for r in group) / len(group)
         ratio = width / (3.92 * scatter) if scatter else math.inf
-        print(f"| {kind} | {name} | {len(group)} | {100.0 * sum(hits) / len(hits):.1f} % | {ratio:.2f} |")
+        print(
+            f"| {kind} | {name} | {len(group)} | {100.0 * sum(hits) / len(hits):.1f} % | {ratio:.2f} |"
+        )
     fine = True
     for kind, hits in pooled.items():
         share = 100.0 * sum(hits) / len(hits)
@@ -88,7 +99,9 @@ def main() -> int:
     options = parser.parse_args()
     rows: list[Row] = []
     with ProcessPoolExecutor(options.workers) as pool:
-        for done, found in enumerate(pool.map(one_seed, range(options.first, options.first + options.seeds)), 1):
+        for done, found in enumerate(
+            pool.map(one_seed, range(options.first, options.first + options.seeds)), 1
+        ):
             rows += found
             print(f"\r{done}/{options.seeds}", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)

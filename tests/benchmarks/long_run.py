@@ -40,7 +40,9 @@ def plan(parameters: LongRunParameters, gear: HarmonicDrive, duration: float) ->
         hold = min(HOLD, left)
         # By revolutions, not by cycles: where SYNCs come late a hold of so many cycles would turn too far.
         turns = hold * SPEED / REVOLUTION
-        yield s.HoldRevolutions(turns, 2.0 * hold + 5.0, s.SegmentLabel("hold", direction * SPEED, direction))
+        yield s.HoldRevolutions(
+            turns, 2.0 * hold + 5.0, s.SegmentLabel("hold", direction * SPEED, direction)
+        )
         left, direction = left - hold - 2.0 * SPEED / ACCELERATION, -direction
     yield s.Ramp(0.0, ACCELERATION)
     yield s.ServoOff(ZERO, s.SegmentLabel("torque-zero-after"))
@@ -54,9 +56,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 def long_run(duration: float) -> Experiment:
     """The experiment whose plan lasts for `duration` [s]."""
     return Experiment(
-        "long-run", "long run", "to and fro at constant speed", LongRunParameters, partial(plan, duration=duration), analyse,
+        "long-run",
+        "long run",
+        "to and fro at constant speed",
+        LongRunParameters,
+        partial(plan, duration=duration),
+        analyse,
         needs=("input_angle", "output_angle", "torque"),
-    )  # fmt: skip
+    )
 
 
 def resident_megabytes() -> float:
@@ -72,4 +79,8 @@ def resident_megabytes() -> float:
 
 def load_average() -> str:
     """Processes that wanted to run during the last 1, 5 and 15 minutes."""
-    return ", ".join(f"{value:.1f}" for value in os.getloadavg()) if hasattr(os, "getloadavg") else "not told"
+    return (
+        ", ".join(f"{value:.1f}" for value in os.getloadavg())
+        if hasattr(os, "getloadavg")
+        else "not told"
+    )

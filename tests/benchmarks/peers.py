@@ -1,4 +1,5 @@
-"""The closed loop and the prescribed-input model as one would write them for a general solver: the peers of the benchmark.
+"""The closed loop and the prescribed-input model as one would write them for a general solver: the
+peers of the benchmark.
 
 The same equation 2, the same PI speed loop (continuous here, which favours the solver), friction smoothed by tanh.
 """
@@ -69,7 +70,9 @@ def closed_loop_rhs(state: FloatArray, target: float, p: FloatArray, out: FloatA
     out[8] = error if held == torque else 0.0
 
 
-def cvode_closed_loop(parameters: PeerParameters, target: float, duration: float, interval: float) -> FloatArray:
+def cvode_closed_loop(
+    parameters: PeerParameters, target: float, duration: float, interval: float
+) -> FloatArray:
     """Speed step from rest with SUNDIALS CVODE (BDF, rtol 1e-6), output every `interval` [s]: states (n, 9)."""
     from sksundae.cvode import CVODE  # type: ignore[import-not-found]
 
@@ -83,7 +86,9 @@ def cvode_closed_loop(parameters: PeerParameters, target: float, duration: float
     return np.asarray(found.y)
 
 
-def solve_ivp_closed_loop(parameters: PeerParameters, target: float, duration: float, interval: float) -> FloatArray:
+def solve_ivp_closed_loop(
+    parameters: PeerParameters, target: float, duration: float, interval: float
+) -> FloatArray:
     """The same with scipy's Radau: states (n, 9)."""
     from scipy.integrate import solve_ivp
 

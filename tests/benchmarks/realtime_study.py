@@ -1,13 +1,15 @@
-"""Real time over the socketcand hub: ten minutes at 250 Hz, the simulated rig served by `rig sim serve` in another process.
+"""Real time over the socketcand hub: ten minutes at 250 Hz, the simulated rig served by `rig sim
+serve` in another process.
 
     python -m tests.benchmarks.realtime_study                  # 600 s at 250 Hz
     python -m tests.benchmarks.realtime_study --priority 50    # both processes in the real-time class, as on a rig's computer
 
-The run is that of `rig run --backend hardware`: turn thread, writer thread, watchdog, the drivers over python-can's socketcand
-interface, described by the rig.toml that the server writes. Prints the achieved rate, the jitter of the SYNC interval on the
-computer's clock, missed cycles, the latency from SYNC to the last frame of its cycle, and the load average beside them.
-Exit code 0 if the run was completed and made safe, with no cycle missed.
-"""
+The run is that of `rig run --backend hardware`: turn thread, writer thread, watchdog, the drivers
+over python-can's socketcand interface, described by the rig.toml that the server writes. Prints the
+achieved rate, the jitter of the SYNC interval on the computer's clock, missed cycles, the latency
+from SYNC to the last frame of its cycle, and the load average beside them. Exit code 0 if the run
+was completed and made safe, with no cycle missed.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -34,10 +36,30 @@ GEAR = "STUDY"
 
 @contextmanager
 def served(folder: Path, rate: float, reaction: float, priority: int) -> Iterator[Path]:
-    """`rig sim serve` as another process, and the rig.toml that reaches it, with its own reaction time [ms] and priority."""
+    """`rig sim serve` as another process, and the rig.toml that reaches it, with its own reaction
+    time [ms] and priority.
+    """
     description = folder / "rig.toml"
-    command = [sys.executable, "-m", "rig", "sim", "serve", "--port", "0", "--readout", "none", "--gear", GEAR, "--json",
-               "--sample-rate", f"{rate:g}", "--time", "wall", "--config-out", str(description)]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "rig",
+        "sim",
+        "serve",
+        "--port",
+        "0",
+        "--readout",
+        "none",
+        "--gear",
+        GEAR,
+        "--json",
+        "--sample-rate",
+        f"{rate:g}",
+        "--time",
+        "wall",
+        "--config-out",
+        str(description),
+    ]
     if priority:
         # The served rig stands for devices that have processors of their own.
         command = ["chrt", "--fifo", str(priority), *command]
@@ -62,9 +84,18 @@ def request_for(description: Path, rate: float, folder: Path) -> RunRequest:
 
     rig = configured_rig(description)
     return RunRequest(
-        "long-run", rig.gear, rig.motor, folder, backend=HARDWARE, gear_serial=GEAR, operator="study",
-        sample_rate=rate, configuration=description, limits=rig.limits, confirmation=GEAR,
-    )  # fmt: skip
+        "long-run",
+        rig.gear,
+        rig.motor,
+        folder,
+        backend=HARDWARE,
+        gear_serial=GEAR,
+        operator="study",
+        sample_rate=rate,
+        configuration=description,
+        limits=rig.limits,
+        confirmation=GEAR,
+    )
 
 
 def run(duration: float, rate: float, reaction: float, priority: int, folder: Path) -> RunReport:
@@ -74,17 +105,22 @@ def run(duration: float, rate: float, reaction: float, priority: int, folder: Pa
     with served(folder, rate, reaction, priority) as description:
         request = request_for(description, rate, folder)
         planned = plan_run(
-            long_run(duration), LongRunParameters(), request.gear, request.motor, "circular-spline-fixed",
-            sample_rate=rate, configured=request.limits,
-        )  # fmt: skip
+            long_run(duration),
+            LongRunParameters(),
+            request.gear,
+            request.motor,
+            "circular-spline-fixed",
+            sample_rate=rate,
+            configured=request.limits,
+        )
         return run_request(request, planned, judged=False)
 
 
 def intervals(path: Path) -> np.ndarray:
     """Every interval [s] between two SYNCs while the motor turned at constant speed, from the sealed file.
 
-    Nothing is left out: a block that was begun late is jitter like any other. Between these stretches the drive is switched on
-    and off by SDO, and the SYNC stands.
+    Nothing is left out: a block that was begun late is jitter like any other. Between these
+    stretches the drive is switched on and off by SDO, and the SYNC stands.
     """
     from rig.runfile.read import close_recording, open_run
 
@@ -102,15 +138,24 @@ def _scheduling(priority: int) -> str:
 
 def main() -> int:
     """Run the study."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--duration", type=float, default=600.0, help="s")
     parser.add_argument("--rate", type=float, default=250.0, help="SYNC rate [Hz]")
     parser.add_argument("--reaction", type=float, default=20.0, help="ms of cycles in one exchange")
-    parser.add_argument("--priority", type=int, default=0, help="SCHED_FIFO priority of both processes; 0: like any program")
+    parser.add_argument(
+        "--priority",
+        type=int,
+        default=0,
+        help="SCHED_FIFO priority of both processes; 0: like any program",
+    )
     options = parser.parse_args()
     before = load_average()
     with tempfile.TemporaryDirectory() as folder:
-        report = run(options.duration, options.rate, options.reaction, options.priority, Path(folder))
+        report = run(
+            options.duration, options.rate, options.reaction, options.priority, Path(folder)
+        )
         between = intervals(report.path)
     if not len(between):
         print(f"{report.outcome}: {report.message}", file=sys.stderr)
@@ -132,9 +177,10 @@ def main() -> int:
         ),
         "latency from SYNC to the last frame, p50, p99, greatest": ", ".join(
             f"{told[name] * 1e3:.2f}" for name in ("latency_p50", "latency_p99", "latency_max")
-        ) + " ms",
+        )
+        + " ms",
         "load average before; after; cores": f"{before}; {load_average()}; {os.cpu_count()}",
-    }  # fmt: skip
+    }
     print("| what | measured |\n|---|---|")
     for what, value in table.items():
         print(f"| {what} | {value} |")

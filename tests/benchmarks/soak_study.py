@@ -1,10 +1,11 @@
-"""The soak: ten minutes of rig time at 1 kHz over the wire in virtual time, with the session and the recorder of every run.
+"""The soak: ten minutes of rig time at 1 kHz over the wire in virtual time, with the session and
+the recorder of every run.
 
     python -m tests.benchmarks.soak_study                      # 600 s of rig time at 1 kHz
     python -m tests.benchmarks.soak_study --duration 60
 
-Prints cycles, lost cycles, the numbers of the file against those of the report, memory as the run goes, and the wall time.
-Exit code 0 if no cycle was lost and the memory of the second half is flat.
+Prints cycles, lost cycles, the numbers of the file against those of the report, memory as the run
+goes, and the wall time. Exit code 0 if no cycle was lost and the memory of the second half is flat.
 """
 
 from __future__ import annotations
@@ -53,9 +54,16 @@ def soak(duration: float, rate: float, folder: Path, memory: Memory) -> tuple[Ru
 
     gear, motor = shipped_gear(), shipped_motor()
     planned = plan_run(
-        long_run(duration), LongRunParameters(), gear, motor, "circular-spline-fixed", sample_rate=rate
-    )  # fmt: skip
-    request = RunRequest("long-run", gear, motor, folder, backend="wire", gear_serial="SOAK", sample_rate=rate)
+        long_run(duration),
+        LongRunParameters(),
+        gear,
+        motor,
+        "circular-spline-fixed",
+        sample_rate=rate,
+    )
+    request = RunRequest(
+        "long-run", gear, motor, folder, backend="wire", gear_serial="SOAK", sample_rate=rate
+    )
     start = time.perf_counter()
     report = run_request(request, planned, judged=False, on_progress=memory.look)
     return report, time.perf_counter() - start
@@ -82,7 +90,9 @@ def lost_in_file(path: Path) -> tuple[int, int, float, float]:
 
 def main() -> int:
     """Run the study."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--duration", type=float, default=600.0, help="s of rig time")
     parser.add_argument("--rate", type=float, default=1000.0, help="SYNC rate [Hz]")
     options = parser.parse_args()
@@ -93,9 +103,18 @@ def main() -> int:
         rows, marked, least, most = lost_in_file(report.path)
         size = report.path.stat().st_size
     half = [mb for moment, mb in memory.seen if moment > 0.5 * options.duration]
-    first = [mb for moment, mb in memory.seen if 0.1 * options.duration < moment <= 0.5 * options.duration]
+    first = [
+        mb
+        for moment, mb in memory.seen
+        if 0.1 * options.duration < moment <= 0.5 * options.duration
+    ]
     flat = max(half) <= (1.0 + GROWTH) * max(first)
-    lost = round(sum(report.metrics[f"acquisition_{name}"] for name in ("incomplete", "late", "doubled", "short")))
+    lost = round(
+        sum(
+            report.metrics[f"acquisition_{name}"]
+            for name in ("incomplete", "late", "doubled", "short")
+        )
+    )
     table = {
         "outcome, standstill verified": f"{report.outcome}, {'yes' if report.safe else 'NO'}",
         "rig time": f"{report.rows / options.rate:.1f} s at {options.rate:g} Hz, {report.rows} cycles",
@@ -104,14 +123,19 @@ def main() -> int:
         "interval between two SYNCs, least and most": f"{least * 1e3:.3f} ms, {most * 1e3:.3f} ms",
         "memory at the start, after a tenth, the middle, the end": ", ".join(
             f"{memory.at(share * options.duration):.0f}" for share in (0.0, 0.1, 0.5, 1.0)
-        ) + " MB",
+        )
+        + " MB",
         "wall time": f"{wall:.0f} s, {report.rows / options.rate / wall:.1f} x real time",
         "load average at the end": load_average(),
-    }  # fmt: skip
+    }
     print("| what | measured |\n|---|---|")
     for what, value in table.items():
         print(f"| {what} | {value} |")
-    return 0 if report.outcome == "PASS" and not lost and not marked and rows == report.rows and flat else 1
+    return (
+        0
+        if report.outcome == "PASS" and not lost and not marked and rows == report.rows and flat
+        else 1
+    )
 
 
 if __name__ == "__main__":

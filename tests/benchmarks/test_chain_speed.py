@@ -32,17 +32,26 @@ def test_recorder(tmp_path: Path, note: Note) -> None:
     rng = np.random.default_rng(1)
     counts = np.cumsum(rng.integers(-3, 4, (ROWS_PER_BLOCK, 8)), axis=0)
     fast = dataclasses.replace(header(), columns=tuple(Column.of(c) for c in CHANNELS))
-    recorder = ThreadedRecorder(RunWriter(tmp_path / "1-fast-x.h5", fast, compress=False), 100_000.0)
+    recorder = ThreadedRecorder(
+        RunWriter(tmp_path / "1-fast-x.h5", fast, compress=False), 100_000.0
+    )
     start, rows = time.perf_counter(), 0
     while time.perf_counter() - start < 5.0:
         stamps = np.arange(rows, rows + ROWS_PER_BLOCK, dtype=np.int64) * 10_000
         recorder.put(SampleBlock(rows, stamps, counts, np.zeros(ROWS_PER_BLOCK, np.uint16)))
         rows += ROWS_PER_BLOCK
-        WallClock().wait_until_ns(time.monotonic_ns() + max(0, int((rows / 150_000 - time.perf_counter() + start) * 1e9)))
+        WallClock().wait_until_ns(
+            time.monotonic_ns() + max(0, int((rows / 150_000 - time.perf_counter() + start) * 1e9))
+        )
     taken = time.perf_counter() - start
     path = recorder.close("PASS")
     assert open_run(path).rows == rows
-    note("recorder, 8 channels, none lost, offered at 150 000 rows/s", rows / taken, "rows/s", ">= 100 000")
+    note(
+        "recorder, 8 channels, none lost, offered at 150 000 rows/s",
+        rows / taken,
+        "rows/s",
+        ">= 100 000",
+    )
 
 
 @pytest.mark.parametrize("judged", [False, True], ids=["run", "run and judgement"])
@@ -51,12 +60,19 @@ def test_whole_chain(benchmark: Any, tmp_path: Path, note: Note, judged: bool) -
     durations = []
 
     def chain() -> None:
-        request = RunRequest("kinematic-error", shipped_gear(), shipped_motor(), tmp_path, {}, seed=len(durations))
+        request = RunRequest(
+            "kinematic-error", shipped_gear(), shipped_motor(), tmp_path, {}, seed=len(durations)
+        )
         report = run_request(request, plan_request(request), judged=judged)
         recording = open_run(Path(report.path))
         durations.append(recording.rows * 1e-3)
 
     benchmark.pedantic(chain, rounds=3, warmup_rounds=1)
     ratio = durations[-1] / float(benchmark.stats.stats.min)
-    note(f"whole chain at 1 kHz (noise, checks, gzip{', judgement' if judged else ''})", ratio, "x real time", ">= 300")
+    note(
+        f"whole chain at 1 kHz (noise, checks, gzip{', judgement' if judged else ''})",
+        ratio,
+        "x real time",
+        ">= 300",
+    )
     assert min(durations) > 60.0

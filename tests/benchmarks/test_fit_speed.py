@@ -28,7 +28,9 @@ def counted_block(first: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
     angle = 5.017 * RPM * 1e-3 * np.arange(first, first + samples)
     output = angle / gear.ratio + series_value(gear.kinematic_error, angle)
     turn = 2.0 * np.pi
-    return np.floor(angle / turn * COUNTS_IN) * turn / COUNTS_IN, np.floor(output / turn * COUNTS_OUT) * turn / COUNTS_OUT
+    return np.floor(angle / turn * COUNTS_IN) * turn / COUNTS_IN, np.floor(
+        output / turn * COUNTS_OUT
+    ) * turn / COUNTS_OUT
 
 
 def holds(seed: int) -> list[RunningTorque]:
@@ -40,14 +42,20 @@ def holds(seed: int) -> list[RunningTorque]:
         for i, speed in enumerate(sign * speeds):
             torque = float(np.asarray(friction_torque(gear, speed)))
             error = 0.005 * abs(torque)
-            found.append(RunningTorque(float(speed), torque + error * rng.standard_normal(), error, 10.0, 20, float(i)))
+            found.append(
+                RunningTorque(
+                    float(speed), torque + error * rng.standard_normal(), error, 10.0, 20, float(i)
+                )
+            )
     return found
 
 
 @pytest.mark.parametrize("profile", [False, True], ids=["fit", "fit and profile intervals"])
 def test_friction_fit(benchmark: Any, note: Note, profile: bool) -> None:
     gear, points = shipped_gear(), holds(3)
-    found = benchmark.pedantic(lambda: fit_friction(points, gear, profile=profile), rounds=20, warmup_rounds=2)
+    found = benchmark.pedantic(
+        lambda: fit_friction(points, gear, profile=profile), rounds=20, warmup_rounds=2
+    )
     what = "friction fit, 60 holds" + (", with profile intervals" if profile else "")
     note(what, 1e3 * float(benchmark.stats.stats.min), "ms", "<= 20")
     assert found.estimates["coulomb"].value == pytest.approx(gear.mesh_friction.coulomb, rel=0.1)

@@ -48,10 +48,24 @@ def peer_parameters(gear: HarmonicDrive, motor: ServoMotor) -> PeerParameters:
     rotor = motor.rotor_inertia + gear.inertia.wave_generator
     gain = (rotor + gear.inertia.output / gear.ratio**2) * 2.0 * math.pi * 40.0
     return PeerParameters(
-        p.tooth_angle, p.neutral_radius, gear.ratio, p.mesh_stiffness, p.bearing_stiffness, p.bearing_damping,
-        p.cup_stiffness, p.structural_damping, gear.inertia.flexspline, p.output_inertia, rotor, 0.07, 1e-4,
-        0.3 / 60.0 * math.pi / 180.0 * p.neutral_radius / math.tan(p.tooth_angle), gain, 0.02, motor.peak_torque,
-    )  # fmt: skip
+        p.tooth_angle,
+        p.neutral_radius,
+        gear.ratio,
+        p.mesh_stiffness,
+        p.bearing_stiffness,
+        p.bearing_damping,
+        p.cup_stiffness,
+        p.structural_damping,
+        gear.inertia.flexspline,
+        p.output_inertia,
+        rotor,
+        0.07,
+        1e-4,
+        0.3 / 60.0 * math.pi / 180.0 * p.neutral_radius / math.tan(p.tooth_angle),
+        gain,
+        0.02,
+        motor.peak_torque,
+    )
 
 
 def test_closed_loop(benchmark: Any, gear: HarmonicDrive, motor: ServoMotor, note: Note) -> None:
@@ -60,7 +74,11 @@ def test_closed_loop(benchmark: Any, gear: HarmonicDrive, motor: ServoMotor, not
     targets = np.full(int(seconds * RATE), TARGET)
     rows = np.empty((len(targets), closed_loop.kernel.ROW_SIZE))
     loop.advance(loop.rest(), closed_loop.SPEED, targets[:10])
-    benchmark.pedantic(lambda: loop.advance(loop.rest(), closed_loop.SPEED, targets, rows), rounds=30, warmup_rounds=2)
+    benchmark.pedantic(
+        lambda: loop.advance(loop.rest(), closed_loop.SPEED, targets, rows),
+        rounds=30,
+        warmup_rounds=2,
+    )
     ours = seconds / best(benchmark)
     note("closed loop at 8 kHz, all channels kept", ours, "x real time", ">= 2000")
 
@@ -68,8 +86,9 @@ def test_closed_loop(benchmark: Any, gear: HarmonicDrive, motor: ServoMotor, not
 
     peer = peer_parameters(gear, motor)
     for name, solve, span, aim in (
-        ("CVODE", cvode_closed_loop, 0.1, ">= 3000"), ("solve_ivp Radau", solve_ivp_closed_loop, 0.05, ""),
-    ):  # fmt: skip
+        ("CVODE", cvode_closed_loop, 0.1, ">= 3000"),
+        ("solve_ivp Radau", solve_ivp_closed_loop, 0.05, ""),
+    ):
         solve(peer, TARGET, 1e-3, 1e-3)
         times = []
         for _ in range(3):
@@ -84,17 +103,31 @@ def test_closed_loop(benchmark: Any, gear: HarmonicDrive, motor: ServoMotor, not
 def test_prescribed_input(benchmark: Any, gear: HarmonicDrive, note: Note) -> None:
     seconds = 2.0
     angle = step_angle(seconds, RATE)
-    found = benchmark.pedantic(lambda: simulate_prescribed(gear, angle, 1.0 / RATE), rounds=20, warmup_rounds=2)
+    found = benchmark.pedantic(
+        lambda: simulate_prescribed(gear, angle, 1.0 / RATE), rounds=20, warmup_rounds=2
+    )
     note("prescribed input at 8 kHz", seconds / best(benchmark), "x real time", ">= 1200")
     fine = simulate_prescribed(gear, step_angle(seconds, 16 * RATE), 1.0 / (16 * RATE))
     error = float(np.max(np.abs(found.output_angle - fine.output_angle[::16]))) / ARCSEC
-    note("its largest error of the output angle against a 16 times finer input", error, "arcsec", "< 0.1")
+    note(
+        "its largest error of the output angle against a 16 times finer input",
+        error,
+        "arcsec",
+        "< 0.1",
+    )
     assert error < 0.1
 
 
 def test_batch(benchmark: Any, gear: HarmonicDrive, note: Note) -> None:
     sets = [dynamic_parameters(gear, cup_stiffness=k) for k in np.linspace(4e4, 7e4, 64)]
     angle = step_angle(1.0, RATE)
-    benchmark.pedantic(lambda: simulate_batch(gear, sets, angle, 1.0 / RATE), rounds=20, warmup_rounds=2)
-    note("batch of 64 parameter sets at 8 kHz", len(sets) / best(benchmark), "rig-seconds/s", ">= 5000")
+    benchmark.pedantic(
+        lambda: simulate_batch(gear, sets, angle, 1.0 / RATE), rounds=20, warmup_rounds=2
+    )
+    note(
+        "batch of 64 parameter sets at 8 kHz",
+        len(sets) / best(benchmark),
+        "rig-seconds/s",
+        ">= 5000",
+    )
     assert benchmark.stats is not None

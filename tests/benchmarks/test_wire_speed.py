@@ -31,7 +31,9 @@ Frames = list[list[bytes]]
 
 def bench(name: str) -> Bench:
     """An opened simulated rig."""
-    made = make_port(name, BenchRequest(shipped_gear(), shipped_motor(), serial="SPEED", protocol="benchmark"))
+    made = make_port(
+        name, BenchRequest(shipped_gear(), shipped_motor(), serial="SPEED", protocol="benchmark")
+    )
     made.port.open()
     made.port.write_limits(LIMITS)
     return made
@@ -121,7 +123,9 @@ class Peer:
         return found
 
 
-def test_decoding_a_cycle_of_three_nodes(rig: CanRig, frames: Frames, benchmark: Any, note: Note) -> None:
+def test_decoding_a_cycle_of_three_nodes(
+    rig: CanRig, frames: Frames, benchmark: Any, note: Note
+) -> None:
     """Microseconds per cycle from the frames to counts that do not jump; canopen's to the bare values."""
     layout, peer = rig.nodes.layout, Peer(rig)
     variables = [(slot, entry) for slot, pdo in enumerate(layout.pdos) for entry in pdo.entries]
@@ -129,9 +133,10 @@ def test_decoding_a_cycle_of_three_nodes(rig: CanRig, frames: Frames, benchmark:
     theirs = np.array(peer.read(frames))
     for column, field in enumerate(layout.fields):
         key = [
-            i for i, (slot, e) in enumerate(variables)
+            i
+            for i, (slot, e) in enumerate(variables)
             if slot == field.slot and layout.pdos[slot].offset_of(e.key) == field.offset
-        ]  # fmt: skip
+        ]
         assert np.array_equal(theirs[:, key[0]], raw[:, column]), field.name
     benchmark.pedantic(pair, (rig, frames), rounds=15, warmup_rounds=2)
     ours = float(benchmark.stats.stats.min) / CYCLES * 1e6
@@ -150,7 +155,9 @@ def _seconds(work: Any, *arguments: Any) -> float:
 
 
 def test_sim_against_wire(note: Note) -> None:
-    """Rig-seconds per second of the port alone, in motion, in blocks of 1000 cycles at 1 kHz; by turns, the best of five."""
+    """Rig-seconds per second of the port alone, in motion, in blocks of 1000 cycles at 1 kHz; by
+    turns, the best of five.
+    """
     best = {"sim": np.inf, "wire": np.inf}
     ports = {name: bench(name).port for name in best}
     command, counts = Command(Mode.SPEED, np.full(CYCLES, SPEED)), {}

@@ -19,7 +19,9 @@ from rig import main
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(
-    path for path in (*DOCS.glob("*.md"), *DOCS.glob("[!_]*/*.md"), ROOT / "README.md") if "generated" not in path.parts
+    path
+    for path in (*DOCS.glob("*.md"), *DOCS.glob("[!_]*/*.md"), ROOT / "README.md")
+    if "generated" not in path.parts
 )
 _BLOCK = re.compile(r"^```sh\n(.*?)^```", re.DOTALL | re.MULTILINE)
 _INLINE = re.compile(r"`(rig [a-z][^`\n]*)`")
@@ -41,7 +43,9 @@ def commands_of(page: Path) -> list[str]:
 def run_here(command: str, capsys: pytest.CaptureFixture[str]) -> int:
     """A command in this process, as the shell would give it; its exit code."""
     words = [
-        str(match) for word in shlex.split(command)[1:] for match in (sorted(Path().glob(word)) if "*" in word else [word])
+        str(match)
+        for word in shlex.split(command)[1:]
+        for match in (sorted(Path().glob(word)) if "*" in word else [word])
     ]
     with pytest.raises(SystemExit) as ended:
         main.run(words)
@@ -66,7 +70,9 @@ def in_background(command: str) -> Iterator[None]:
         assert process.wait(10.0) == 0
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if commands_of(p)], ids=lambda p: str(p.relative_to(ROOT)))
+@pytest.mark.parametrize(
+    "page", [p for p in PAGES if commands_of(p)], ids=lambda p: str(p.relative_to(ROOT))
+)
 def test_every_command_of_a_page_works(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -92,7 +98,11 @@ def test_every_command_that_is_mentioned_exists(page: Path) -> None:
                 return
             assert words[0] in command.commands, f"{page.name}: {text}"
             command = command.commands[words.pop(0)]
-        known = {name for parameter in command.params for name in (*parameter.opts, *parameter.secondary_opts)}
+        known = {
+            name
+            for parameter in command.params
+            for name in (*parameter.opts, *parameter.secondary_opts)
+        }
         takes_more = command.context_settings.get("ignore_unknown_options", False)
         for word in words:
             if word.startswith("--") and not takes_more:
@@ -103,9 +113,22 @@ def test_it_builds_without_a_warning(tmp_path: Path) -> None:
     pytest.importorskip("sphinx")
     out = tmp_path / "out"
     built = subprocess.run(
-        [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-d", str(tmp_path / "trees"), str(DOCS), str(out)],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "sphinx",
+            "-W",
+            "--keep-going",
+            "-q",
+            "-d",
+            str(tmp_path / "trees"),
+            str(DOCS),
+            str(out),
+        ],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert built.returncode == 0, built.stderr
     assert (tmp_path / "out" / "reference" / "generated" / "commands.html").exists()
 

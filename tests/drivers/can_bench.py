@@ -1,4 +1,6 @@
-"""A rig on python-can's virtual bus for tests: simulated devices, a bus that can be unplugged, and the drivers before it."""
+"""A rig on python-can's virtual bus for tests: simulated devices, a bus that can be unplugged, and
+the drivers before it.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,12 @@ class Losable:
     """The master's bus, which can be pulled out."""
 
     def __init__(self, channel: str) -> None:
-        self.bus = can.Bus(interface="virtual", channel=channel, receive_own_messages=True, preserve_timestamps=True)
+        self.bus = can.Bus(
+            interface="virtual",
+            channel=channel,
+            receive_own_messages=True,
+            preserve_timestamps=True,
+        )
         self.is_gone = False
 
     def send(self, msg: can.Message) -> None:
@@ -58,7 +65,9 @@ class Setup:
         return [c.name for c in self.rig.channels].index(name)
 
     def speed(self, rpm: float, cycles: int, guard: Guard | None = None):
-        return self.rig.exchange(Command(Mode.SPEED, np.full(cycles, rpm * RPM)), cycles, guard or Guard())
+        return self.rig.exchange(
+            Command(Mode.SPEED, np.full(cycles, rpm * RPM)), cycles, guard or Guard()
+        )
 
     def codes(self) -> list[str]:
         self.seen += self.rig.events()
@@ -66,7 +75,11 @@ class Setup:
 
 
 def setup(
-    *, state: str = "SOD", eds_text: str = "", config: CanRigConfig | None = None, drive: DriveConfig | None = None
+    *,
+    state: str = "SOD",
+    eds_text: str = "",
+    config: CanRigConfig | None = None,
+    drive: DriveConfig | None = None,
 ) -> Setup:
     channel, clock = next(CHANNELS), VirtualClock()
     raw = Losable(channel)
@@ -81,7 +94,9 @@ def setup(
         counters=(CounterConfig(2),),
         modules=(AnalogModuleConfig(3, (torque_input(0.637),)),),
     )
-    rig = CanRig(config, clock, lambda: raw, pump=Bench(*peers), time_base="virtual", origin="simulated")
+    rig = CanRig(
+        config, clock, lambda: raw, pump=Bench(*peers), time_base="virtual", origin="simulated"
+    )
     return Setup(clock, *peers, raw, rig, [])
 
 

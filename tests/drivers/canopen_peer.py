@@ -1,6 +1,8 @@
-"""An independent CANopen stack as the other side: canopen's LocalNode serves SDO, a small CiA 402 drive sits on top of it.
+"""An independent CANopen stack as the other side: canopen's LocalNode serves SDO, a small CiA 402
+drive sits on top of it.
 
-Nothing of the drivers is used here but the clock. The peer runs in the same thread: `pump` hands it the frames that wait for it.
+Nothing of the drivers is used here but the clock. The peer runs in the same thread: `pump` hands it
+the frames that wait for it.
 """
 
 from __future__ import annotations
@@ -18,7 +20,13 @@ RPDO_DEFAULT, TPDO_DEFAULT = 0x40000200, 0x40000180
 
 
 def entry(
-    index: int, sub: int | None, name: str, kind: int, access: str = "rw", default: str = "", mappable: int = 0
+    index: int,
+    sub: int | None,
+    name: str,
+    kind: int,
+    access: str = "rw",
+    default: str = "",
+    mappable: int = 0,
 ) -> str:
     head = f"[{index:04X}]" if sub is None else f"[{index:04X}sub{sub:X}]"
     lines = [
@@ -35,7 +43,10 @@ def entry(
 def record(index: int, name: str, rows: list[tuple[str, int, str, str]]) -> str:
     head = f"[{index:04X}]\nParameterName={name}\nObjectType=0x9\nSubNumber={len(rows) + 1}\n"
     subs = [entry(index, 0, "count", 5, "rw", str(len(rows)))]
-    subs += [entry(index, i, n, kind, access, default) for i, (n, kind, access, default) in enumerate(rows, 1)]
+    subs += [
+        entry(index, i, n, kind, access, default)
+        for i, (n, kind, access, default) in enumerate(rows, 1)
+    ]
     return head + "\n".join(subs) + "\n"
 
 
@@ -44,7 +55,9 @@ def communication(device_type: int, pdos: int = 4, entries: int = 4) -> str:
     text += entry(0x1000, None, "device type", 7, "ro", hex(device_type)) + entry(
         0x1001, None, "error register", 5, "ro", "0"
     )
-    text += entry(0x1005, None, "COB-ID SYNC", 7, "rw", "0x80") + entry(0x1006, None, "cycle period", 7, "rw", "0")
+    text += entry(0x1005, None, "COB-ID SYNC", 7, "rw", "0x80") + entry(
+        0x1006, None, "cycle period", 7, "rw", "0"
+    )
     text += entry(0x1008, None, "name", 9, "const", "Peer drive with a long name")
     text += entry(0x1014, None, "COB-ID EMCY", 7, "rw", "$NODEID+0x80")
     text += record(0x1016, "consumer heartbeat", [("entry", 7, "rw", "0")])
@@ -52,14 +65,23 @@ def communication(device_type: int, pdos: int = 4, entries: int = 4) -> str:
     text += record(
         0x1018,
         "identity",
-        [("vendor", 7, "ro", "0x123"), ("product", 7, "ro", "7"), ("rev", 7, "ro", "1"), ("serial", 7, "ro", "42")],
+        [
+            ("vendor", 7, "ro", "0x123"),
+            ("product", 7, "ro", "7"),
+            ("rev", 7, "ro", "1"),
+            ("serial", 7, "ro", "42"),
+        ],
     )
     for n in range(pdos):
         off = 0x100 * n
         text += record(
-            0x1400 + n, "RPDO", [("cob", 7, "rw", f"$NODEID+0x{RPDO_DEFAULT + off:X}"), ("type", 5, "rw", "0xFF")]
+            0x1400 + n,
+            "RPDO",
+            [("cob", 7, "rw", f"$NODEID+0x{RPDO_DEFAULT + off:X}"), ("type", 5, "rw", "0xFF")],
         )
-        text += record(0x1600 + n, "RPDO map", [(f"e{i}", 7, "rw", "0") for i in range(1, entries + 1)])
+        text += record(
+            0x1600 + n, "RPDO map", [(f"e{i}", 7, "rw", "0") for i in range(1, entries + 1)]
+        )
         text += record(
             0x1800 + n,
             "TPDO",
@@ -69,12 +91,19 @@ def communication(device_type: int, pdos: int = 4, entries: int = 4) -> str:
                 ("inhibit", 6, "rw", "0"),
             ],
         )
-        text += record(0x1A00 + n, "TPDO map", [(f"e{i}", 7, "rw", "0") for i in range(1, entries + 1)])
+        text += record(
+            0x1A00 + n, "TPDO map", [(f"e{i}", 7, "rw", "0") for i in range(1, entries + 1)]
+        )
     return text
 
 
 def drive_eds(
-    *, torque: bool = True, limits: bool = True, entries: int = 4, modes: int = 0x30D, probe: bool = False
+    *,
+    torque: bool = True,
+    limits: bool = True,
+    entries: int = 4,
+    modes: int = 0x30D,
+    probe: bool = False,
 ) -> str:
     text = communication(0x00020192, entries=entries)
     for index, name, kind, default in (
@@ -147,7 +176,9 @@ class Peer:
         return int.from_bytes(self.node.get_data(index, sub), "little")
 
     def put(self, index: int, value: int, size: int, sub: int = 0) -> None:
-        self.node.data_store.setdefault(index, {})[sub] = (value & (1 << 8 * size) - 1).to_bytes(size, "little")
+        self.node.data_store.setdefault(index, {})[sub] = (value & (1 << 8 * size) - 1).to_bytes(
+            size, "little"
+        )
 
     def pump(self, deadline_ns: int) -> None:
         while (message := self.bus.recv(0)) is not None:
@@ -171,7 +202,9 @@ class Peer:
         if self.answers and period and self.clock.monotonic_ns() >= self.beat_due:
             self.beat_due = self.clock.monotonic_ns() + period
             state = {"OPERATIONAL": 5, "STOPPED": 4}.get(self.node.nmt.state, 0x7F)
-            self.bus.send(can.Message(arbitration_id=0x700 + self.node_id, data=[state], is_extended_id=False))
+            self.bus.send(
+                can.Message(arbitration_id=0x700 + self.node_id, data=[state], is_extended_id=False)
+            )
 
     def after_message(self) -> None:
         return
@@ -202,9 +235,13 @@ class Peer:
             cob = self.get(0x1800 + n, 1)
             if cob >> 31 or self.get(0x1800 + n, 2) != 1 or not self.get(0x1A00 + n, 0):
                 continue
-            data = b"".join(self.node.get_data(i, s)[:size] for i, s, size in self.mapping(0x1A00, n))
+            data = b"".join(
+                self.node.get_data(i, s)[:size] for i, s, size in self.mapping(0x1A00, n)
+            )
             data = data[:-1] if k in self.short_at else data
-            message = can.Message(arbitration_id=cob & 0x7FF, data=data, is_extended_id=False, timestamp=self.stamp)
+            message = can.Message(
+                arbitration_id=cob & 0x7FF, data=data, is_extended_id=False, timestamp=self.stamp
+            )
             if k in self.late_at:
                 self.held.append(message)
                 continue
@@ -216,7 +253,11 @@ class Peer:
 
     def emergency(self, code: int) -> None:
         self.bus.send(
-            can.Message(arbitration_id=0x80 + self.node_id, data=struct.pack("<HB5x", code, 1), is_extended_id=False)
+            can.Message(
+                arbitration_id=0x80 + self.node_id,
+                data=struct.pack("<HB5x", code, 1),
+                is_extended_id=False,
+            )
         )
 
     def close(self) -> None:
@@ -226,10 +267,23 @@ class Peer:
 class DrivePeer(Peer):
     """The CiA 402 state machine, as the standard's figure has it, over the peer's dictionary."""
 
-    STATES = {"SOD": 0x0250, "READY": 0x0231, "ON": 0x0233, "ENABLED": 0x0237, "QUICK": 0x0217, "FAULT": 0x0218}
+    STATES = {
+        "SOD": 0x0250,
+        "READY": 0x0231,
+        "ON": 0x0233,
+        "ENABLED": 0x0237,
+        "QUICK": 0x0217,
+        "FAULT": 0x0218,
+    }
 
     def __init__(
-        self, channel: str, clock: VirtualClock, eds_text: str = "", *, state: str = "SOD", position: int = 0
+        self,
+        channel: str,
+        clock: VirtualClock,
+        eds_text: str = "",
+        *,
+        state: str = "SOD",
+        position: int = 0,
     ) -> None:
         super().__init__(channel, 1, eds_text or drive_eds(), clock)
         self.state, self.word, self.position, self.cause_persists = state, 0, position, False
@@ -268,7 +322,9 @@ class DrivePeer(Peer):
 
     def step(self) -> None:
         self.machine()
-        speed = struct.unpack("<i", self.node.get_data(0x60FF, 0))[0] if self.state == "ENABLED" else 0
+        speed = (
+            struct.unpack("<i", self.node.get_data(0x60FF, 0))[0] if self.state == "ENABLED" else 0
+        )
         self.position += speed
         self.put(0x6064, self.position, 4)
         self.put(0x606C, speed, 4)
@@ -311,7 +367,9 @@ class CounterPeer(Peer):
 
 def analog_eds() -> str:
     text = communication(0x00040191)
-    text += record(0x6401, "analogue input 16 bit", [("in 1", 3, "rw", "100"), ("in 2", 3, "rw", "0")])
+    text += record(
+        0x6401, "analogue input 16 bit", [("in 1", 3, "rw", "100"), ("in 2", 3, "rw", "0")]
+    )
     text += entry(0x6423, None, "global interrupt", 1, "rw", "0")
     return text
 

@@ -103,7 +103,12 @@ class ForeignDrive(Slave):
             self.controls.append(word)
         state, option = self.state, self.value(0x605A, signed=True) if (0x605A, 0) in self.od else 2
         if state in (FAULT, REACTION, NOT_READY):
-            if state == FAULT and word & 0x80 and not before & 0x80 and not self.traits.refuses_reset:
+            if (
+                state == FAULT
+                and word & 0x80
+                and not before & 0x80
+                and not self.traits.refuses_reset
+            ):
                 self.cleared_at = self.wire.clock.monotonic_ns() + self.traits.reset_ms * MS + 1
             return
         if not word & 0x02:
@@ -135,7 +140,9 @@ class ForeignDrive(Slave):
             self.state, self.code, self.cleared_at = DISABLED, 0, 0
             self.emergency(0)
         if self.state == QUICK:
-            self.speed = max(0, abs(self.speed) - self.traits.quick_stop_ramp) * (1 if self.speed > 0 else -1)
+            self.speed = max(0, abs(self.speed) - self.traits.quick_stop_ramp) * (
+                1 if self.speed > 0 else -1
+            )
             if not self.speed and self.value(0x605A) < 5:
                 self.state = DISABLED
         if now >= self.mode_due:
@@ -166,12 +173,25 @@ class ForeignCounter(Slave):
     fixed = frozenset({0x6004, 0x6501, 0x6502, 0x6503, 0x6401})
 
     def __init__(
-        self, wire: Wire, traits: Traits | None = None, *, step: int = 7, start: int = 0, place: tuple[int, int] = (0x6004, 0),
-        size: int = 4, modulus: int = 720_000,
-    ) -> None:  # fmt: skip
-        self.step, self.count, self.place, self.size, self.modulus = step, start, place, size, modulus
+        self,
+        wire: Wire,
+        traits: Traits | None = None,
+        *,
+        step: int = 7,
+        start: int = 0,
+        place: tuple[int, int] = (0x6004, 0),
+        size: int = 4,
+        modulus: int = 720_000,
+    ) -> None:
+        self.step, self.count, self.place, self.size, self.modulus = (
+            step,
+            start,
+            place,
+            size,
+            modulus,
+        )
         super().__init__(wire, traits, 2, {
-            (0x1000, 0): (0x00010196, 4), (0x6000, 0): (4, 2), (0x6001, 0): (72_000, 4), (0x6002, 0): (modulus & 0xFFFF_FFFF, 4),
+            (0x1000, 0): (0x00010196, 4), (0x6000, 0): (4, 2), (0x6001, 0): (72_000, 4), (0x6002, 0): (modulus & 0xFFFF_FFFF, 4),  # noqa: E501
             (0x6501, 0): (72_000, 4), (0x6502, 0): (10, 2), (0x6503, 0): (0, 2), place: (0, size),
         })  # fmt: skip
 
@@ -196,6 +216,14 @@ class ForeignInputs(Slave):
         size: int = 2,
         raw: int = 0,
     ) -> None:
-        super().__init__(wire, traits, 3, {
-            (0x1000, 0): (0x00040191, 4), (0x6423, 0): (0, 1), place: (raw, size), (place[0], 0): (place[1], 1),
-        })  # fmt: skip
+        super().__init__(
+            wire,
+            traits,
+            3,
+            {
+                (0x1000, 0): (0x00040191, 4),
+                (0x6423, 0): (0, 1),
+                place: (raw, size),
+                (place[0], 0): (place[1], 1),
+            },
+        )

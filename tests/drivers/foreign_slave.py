@@ -17,7 +17,13 @@ from drivers.clock import VirtualClock
 
 MS = 1_000_000
 READ_ONLY, NOT_MAPPABLE, NOT_NOW, BAD_VALUE = 0x06010002, 0x06040041, 0x08000022, 0x06090030
-NO_OBJECT, NO_SUB, TOO_LONG, TOO_SHORT, BAD_COMMAND = 0x06020000, 0x06090011, 0x06070012, 0x06070013, 0x05040001
+NO_OBJECT, NO_SUB, TOO_LONG, TOO_SHORT, BAD_COMMAND = (
+    0x06020000,
+    0x06090011,
+    0x06070012,
+    0x06070013,
+    0x05040001,
+)
 NOT_READY, DISABLED, READY, ON, ENABLED, QUICK, REACTION, FAULT = range(8)
 Words = tuple[tuple[int, ...], ...]
 
@@ -57,7 +63,9 @@ class Traits:
 
 
 class Wire:
-    """A bus in virtual time: what the computer sends reaches every node at once, what nodes send waits to be received."""
+    """A bus in virtual time: what the computer sends reaches every node at once, what nodes send
+    waits to be received.
+    """
 
     def __init__(self, clock: VirtualClock) -> None:
         self.clock = clock
@@ -77,7 +85,12 @@ class Wire:
     def feed(self, cob_id: int, data: bytes, **kind: bool) -> None:
         kind.setdefault("is_extended_id", False)
         self.waiting.append(
-            can.Message(arbitration_id=cob_id, data=data, timestamp=1.0 + self.clock.monotonic_ns() * 1e-9, **kind)
+            can.Message(
+                arbitration_id=cob_id,
+                data=data,
+                timestamp=1.0 + self.clock.monotonic_ns() * 1e-9,
+                **kind,
+            )
         )
 
     def pump(self, deadline_ns: int) -> None:
@@ -104,7 +117,9 @@ Rows = dict[tuple[int, int], tuple[int, int]]
 
 
 class Slave:
-    """A node on the wire; `rows` are what it adds to the communication profile, `fixed` the objects nobody may write."""
+    """A node on the wire; `rows` are what it adds to the communication profile, `fixed` the objects
+    nobody may write.
+    """
 
     fixed: frozenset[int] = frozenset()
 
@@ -144,7 +159,11 @@ class Slave:
     # Frames
 
     def value(self, index: int, sub: int = 0, signed: bool = False) -> int:
-        return int.from_bytes(self.od[index, sub], "little", signed=signed) if (index, sub) in self.od else 0
+        return (
+            int.from_bytes(self.od[index, sub], "little", signed=signed)
+            if (index, sub) in self.od
+            else 0
+        )
 
     def receive(self, cob_id: int, data: bytes) -> None:
         now = self.wire.clock.monotonic_ns()
@@ -212,7 +231,9 @@ class Slave:
     # SDO
 
     def answer(self, head: int, key: tuple[int, int], data: bytes = b"") -> None:
-        self.wire.feed(0x580 + self.node_id, bytes([head]) + struct.pack("<HB", *key) + data.ljust(4, b"\0"))
+        self.wire.feed(
+            0x580 + self.node_id, bytes([head]) + struct.pack("<HB", *key) + data.ljust(4, b"\0")
+        )
 
     def serve(self, request: bytes) -> None:
         command, key = request[0] >> 5, (int.from_bytes(request[1:3], "little"), request[3])
@@ -258,7 +279,9 @@ class Slave:
             return
         self.segments = (data, 0)
         self.answer(
-            0x40 if self.traits.unsized else 0x41, key, b"" if self.traits.unsized else struct.pack("<I", len(data))
+            0x40 if self.traits.unsized else 0x41,
+            key,
+            b"" if self.traits.unsized else struct.pack("<I", len(data)),
         )
 
     def next_segment(self, toggle: int) -> None:
@@ -283,7 +306,9 @@ class Slave:
             return READ_ONLY
         if len(data) != len(self.od[key]):
             return TOO_LONG if len(data) > len(self.od[key]) else TOO_SHORT
-        if 0x1400 <= key[0] < 0x1C00 and (code := self.refuses_pdo(key, int.from_bytes(data, "little"))):
+        if 0x1400 <= key[0] < 0x1C00 and (
+            code := self.refuses_pdo(key, int.from_bytes(data, "little"))
+        ):
             return code
         if not self.accepts(key, data):
             return BAD_VALUE
@@ -294,9 +319,11 @@ class Slave:
         index, sub = key
         is_mapping = index & 0x200
         if is_mapping and self.traits.mapping != "free":
-            entries = {"read-only": READ_ONLY, "present state": NOT_NOW, "not mappable": NOT_MAPPABLE}[
-                self.traits.mapping
-            ]
+            entries = {
+                "read-only": READ_ONLY,
+                "present state": NOT_NOW,
+                "not mappable": NOT_MAPPABLE,
+            }[self.traits.mapping]
             return 0 if self.traits.mapping == "not mappable" and sub == 0 else entries
         exists = not self.value(index & ~0x200, 1) >> 31
         if not is_mapping:
@@ -335,15 +362,29 @@ class Slave:
                 (0x1400 + n, 1): (0x200 + 0x100 * n + node_id, 4),
                 (0x1400 + n, 2): (255, 1),
             }
-            rows |= {(0x1800 + n, 0): (5, 1), (0x1800 + n, 1): (cobs[n], 4), (0x1800 + n, 2): (traits.tpdo_type, 1)}
+            rows |= {
+                (0x1800 + n, 0): (5, 1),
+                (0x1800 + n, 1): (cobs[n], 4),
+                (0x1800 + n, 2): (traits.tpdo_type, 1),
+            }
             rows |= {(0x1800 + n, 3): (0, 2), (0x1800 + n, 5): (0, 2)}
-            for index, words in ((0x1600 + n, traits.rpdo_maps[n]), (0x1A00 + n, traits.tpdo_maps[n])):
+            for index, words in (
+                (0x1600 + n, traits.rpdo_maps[n]),
+                (0x1A00 + n, traits.tpdo_maps[n]),
+            ):
                 rows |= {(index, 0): (len(words), 1)}
-                rows |= {(index, sub): (words[sub - 1] if sub <= len(words) else 0, 4) for sub in range(1, 5)}
+                rows |= {
+                    (index, sub): (words[sub - 1] if sub <= len(words) else 0, 4)
+                    for sub in range(1, 5)
+                }
         rows |= self._rows
-        rows |= {key: (value, rows[key][1] if key in rows else 4) for key, value in traits.values.items()}
+        rows |= {
+            key: (value, rows[key][1] if key in rows else 4) for key, value in traits.values.items()
+        }
         found = {
-            key: value.to_bytes(size, "little") for key, (value, size) in rows.items() if key[0] not in traits.absent
+            key: value.to_bytes(size, "little")
+            for key, (value, size) in rows.items()
+            if key[0] not in traits.absent
         }
         if 0x1008 not in traits.absent:
             found[0x1008, 0] = b"Foreign device with a name that needs segments"

@@ -19,7 +19,9 @@ class ScriptedBus:
     """Sends are compared with the script; each one releases the replies that stand behind it."""
 
     def __init__(self, script: list[tuple[str, list[str]]] | None = None) -> None:
-        self.script = deque((frame(sent), [frame(r) for r in replies]) for sent, replies in script or [])
+        self.script = deque(
+            (frame(sent), [frame(r) for r in replies]) for sent, replies in script or []
+        )
         self.waiting: deque[can.Message] = deque()
         self.sent: list[Frame] = []
         self.is_free = script is None
@@ -33,12 +35,16 @@ class ScriptedBus:
             return
         assert self.script, f"sent beyond the script: {msg}"
         expected, replies = self.script.popleft()
-        assert (msg.arbitration_id, bytes(msg.data)) == expected, f"{msg.arbitration_id:X} {msg.data.hex(' ')}"
+        assert (msg.arbitration_id, bytes(msg.data)) == expected, (
+            f"{msg.arbitration_id:X} {msg.data.hex(' ')}"
+        )
         for cob_id, data in replies:
             self.feed(cob_id, data)
 
     def feed(self, cob_id: int, data: bytes, stamp: float = 0.0) -> None:
-        self.waiting.append(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False, timestamp=stamp))
+        self.waiting.append(
+            can.Message(arbitration_id=cob_id, data=data, is_extended_id=False, timestamp=stamp)
+        )
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         if self.is_gone:

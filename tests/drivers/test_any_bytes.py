@@ -1,4 +1,6 @@
-"""Any bytes at all from the bus: never an exception that is not a `DriverError`, never a wrong count that is not marked."""
+"""Any bytes at all from the bus: never an exception that is not a `DriverError`, never a wrong
+count that is not marked.
+"""
 
 from __future__ import annotations
 
@@ -60,13 +62,17 @@ def test_any_answers_are_a_pdo_or_a_driver_error(answers: list[tuple[bytes, bool
             found = action()
         except DriverError:
             continue
-        for pdo in found if isinstance(found, list) else [found] if isinstance(found, MappedPdo) else []:
+        for pdo in (
+            found if isinstance(found, list) else [found] if isinstance(found, MappedPdo) else []
+        ):
             offsets = [pdo.offset_of(e.key) for e in pdo.entries if e.key != (0, 0)]
             assert all(offset is not None and 0 <= offset < pdo.length for offset in offsets)
 
 
 MAPPED = st.builds(
-    lambda key, bits: key << 8 | bits, st.integers(1, 2**24 - 1), st.sampled_from([0, 1, 3, 7, 8, 8, 16, 16, 24, 32, 200])
+    lambda key, bits: key << 8 | bits,
+    st.integers(1, 2**24 - 1),
+    st.sampled_from([0, 1, 3, 7, 8, 8, 16, 16, 24, 32, 200]),
 )
 
 
@@ -105,7 +111,12 @@ def test_every_error_has_words(code: int, register: int) -> None:
     assert error_register_text(register)
 
 
-@given(st.lists(st.tuples(st.sampled_from([0x701, 0x702, 0x081, 0x082, 0x77F]), st.binary(max_size=8)), max_size=20))
+@given(
+    st.lists(
+        st.tuples(st.sampled_from([0x701, 0x702, 0x081, 0x082, 0x77F]), st.binary(max_size=8)),
+        max_size=20,
+    )
+)
 def test_any_heartbeats_and_emergencies_are_events(frames: list[tuple[int, bytes]]) -> None:
     raw = ScriptedBus()
     bus = PumpedBus(raw, VirtualClock())
@@ -130,9 +141,13 @@ PDOS = [
     MappedPdo(3, True, 2, 0x283, 1, (ObjectRef(0x6401, 1, I16),)),
 ]
 FIELDS = [
-    Field("position", 0, 0, I32), Field("latch", 1, 0, I32), Field("probe", 1, 4, U16), Field("count", 2, 0, U32),
-    Field("count latch", 2, 4, U32), Field("volts", 3, 0, I16),
-]  # fmt: skip
+    Field("position", 0, 0, I32),
+    Field("latch", 1, 0, I32),
+    Field("probe", 1, 4, U16),
+    Field("count", 2, 0, U32),
+    Field("count latch", 2, 4, U32),
+    Field("volts", 3, 0, I16),
+]
 MODULUS = 720_000
 
 
@@ -140,10 +155,20 @@ def decoder() -> ColumnDecoder:
     return ColumnDecoder(
         FrameLayout(PDOS, FIELDS),
         [
-            Column(Channel("input_angle", "rad", 1e-3, modulus=1 << 32), "count", 0, largest_step=1000),
-            Column(Channel("output_angle", "rad", 1e-3, modulus=MODULUS), "count", 3, largest_step=100),
+            Column(
+                Channel("input_angle", "rad", 1e-3, modulus=1 << 32), "count", 0, largest_step=1000
+            ),
+            Column(
+                Channel("output_angle", "rad", 1e-3, modulus=MODULUS), "count", 3, largest_step=100
+            ),
             Column(Channel("torque", "N m", 1e-3), "plain", 5, analog=torque_input(0.637)),
-            Column(Channel("input_index", "rad", 1e-3, modulus=1 << 32), "latch", 1, of=0, seen_fields=((2, 2),)),
+            Column(
+                Channel("input_index", "rad", 1e-3, modulus=1 << 32),
+                "latch",
+                1,
+                of=0,
+                seen_fields=((2, 2),),
+            ),
             Column(Channel("output_index", "rad", 1e-3, modulus=MODULUS), "latch", 4, of=1),
             Column(Channel("index_seen", "1", 1.0), "seen", -1, seen_fields=((2, 2), (0, 0))),
         ],
@@ -151,9 +176,14 @@ def decoder() -> ColumnDecoder:
 
 
 @given(
-    st.lists(st.lists(st.tuples(st.integers(0, 3), st.binary(max_size=9)), max_size=6), min_size=1, max_size=15),
-    st.integers(1, 6), st.booleans(),
-)  # fmt: skip
+    st.lists(
+        st.lists(st.tuples(st.integers(0, 3), st.binary(max_size=9)), max_size=6),
+        min_size=1,
+        max_size=15,
+    ),
+    st.integers(1, 6),
+    st.booleans(),
+)
 @settings(deadline=None)
 def test_any_frames_give_latches_beside_their_counter_and_what_is_old_says_so(
     cycles: list[list[tuple[int, bytes]]], length: int, echo: bool
@@ -195,8 +225,13 @@ def test_any_frames_give_latches_beside_their_counter_and_what_is_old_says_so(
         assert ((flags & CycleFlag.SATURATED != 0) == torque_input(0.637).saturated(torque)).all()
 
 
-@given(st.lists(st.integers(-32768, 32767), min_size=1, max_size=50), st.sampled_from([None, -5.0, 0.0, 10.0]))
-def test_any_count_of_an_analogue_input_is_a_torque_and_its_end_is_marked(counts: list[int], level: float | None) -> None:
+@given(
+    st.lists(st.integers(-32768, 32767), min_size=1, max_size=50),
+    st.sampled_from([None, -5.0, 0.0, 10.0]),
+)
+def test_any_count_of_an_analogue_input_is_a_torque_and_its_end_is_marked(
+    counts: list[int], level: float | None
+) -> None:
     analog = torque_input(0.637, open_level=level)
     found = np.array(counts)
     assert np.isfinite(analog.as_channel().to_si(found)).all()
@@ -205,10 +240,17 @@ def test_any_count_of_an_analogue_input_is_a_torque_and_its_end_is_marked(counts
 
 
 @given(
-    st.lists(st.tuples(st.integers(0, 2**40), st.lists(st.integers(0, 2**40), max_size=3)), min_size=2, max_size=30),
-    st.sampled_from([0, 2**32]), st.sampled_from(["hardware", "device", "host"]),
-)  # fmt: skip
-def test_time_never_runs_backwards_whatever_the_stamps(stamps: list[tuple[int, list[int]]], wrap: int, base: Any) -> None:
+    st.lists(
+        st.tuples(st.integers(0, 2**40), st.lists(st.integers(0, 2**40), max_size=3)),
+        min_size=2,
+        max_size=30,
+    ),
+    st.sampled_from([0, 2**32]),
+    st.sampled_from(["hardware", "device", "host"]),
+)
+def test_time_never_runs_backwards_whatever_the_stamps(
+    stamps: list[tuple[int, list[int]]], wrap: int, base: Any
+) -> None:
     time = SyncTime(base, wrap)
     last = -1
     for k, (echo, frames) in enumerate(stamps):
@@ -218,8 +260,12 @@ def test_time_never_runs_backwards_whatever_the_stamps(stamps: list[tuple[int, l
         last = found
 
 
-@given(st.lists(st.integers(-(2**62), 2**62), max_size=20), st.integers(1, 2**31), st.integers(0, 1000))
-def test_any_latched_positions_are_whole_revolutions_and_a_rest(latched: list[int], revolution: int, tolerance: int) -> None:
+@given(
+    st.lists(st.integers(-(2**62), 2**62), max_size=20), st.integers(1, 2**31), st.integers(0, 1000)
+)
+def test_any_latched_positions_are_whole_revolutions_and_a_rest(
+    latched: list[int], revolution: int, tolerance: int
+) -> None:
     found = index_intervals(np.array(latched, dtype=np.int64) // 4, revolution)
     for interval in found:
         assert interval.counts == interval.revolutions * revolution + interval.excess

@@ -1,4 +1,6 @@
-"""Drives with any traits at all: they run or raise a `DriverError`, in bounded time, and their power is off in the end."""
+"""Drives with any traits at all: they run or raise a `DriverError`, in bounded time, and their
+power is off in the end.
+"""
 
 from __future__ import annotations
 
@@ -46,17 +48,38 @@ CODES = (
 KEYS = st.sampled_from(ENTRIES)
 DRIVES = st.builds(
     Traits,
-    nmt=st.sampled_from([0x7F, 5, 4]), state=st.integers(0, 7),
+    nmt=st.sampled_from([0x7F, 5, 4]),
+    state=st.integers(0, 7),
     absent=st.frozensets(st.sampled_from(sorted({index for index, _ in ENTRIES})), max_size=4),
-    values=st.dictionaries(st.sampled_from(sorted(DRIVE_ROWS)), st.sampled_from([0, 1, 2, 3, 127, 255]), max_size=3),
-    refused=st.dictionaries(KEYS, st.sampled_from(CODES), max_size=6), unreadable=st.frozensets(KEYS, max_size=2),
+    values=st.dictionaries(
+        st.sampled_from(sorted(DRIVE_ROWS)), st.sampled_from([0, 1, 2, 3, 127, 255]), max_size=3
+    ),
+    refused=st.dictionaries(KEYS, st.sampled_from(CODES), max_size=6),
+    unreadable=st.frozensets(KEYS, max_size=2),
     mapping=st.sampled_from(["free", "free", "read-only", "present state", "not mappable"]),
-    tpdo_type=st.sampled_from([0, 1, 254, 255]), is_type_locked=st.booleans(), unsized=st.booleans(), segmented=st.booleans(),
-    answer_ms=st.sampled_from([0.0, 0.0, 20.0, 299.0]), transition_ms=st.sampled_from([0, 0, 5, 100, 3000]),
-    mode_ms=st.sampled_from([0, 50, 600]), reset_ms=st.sampled_from([0, 100, 4000]), refuses_reset=st.booleans(),
-    drops_to=st.sampled_from([{}, {}, {ON: DISABLED}, {ENABLED: FAULT}, {READY: DISABLED}, {ENABLED: QUICK}, {DISABLED: READY}]),
-    set_bits=st.sampled_from([0x210, 0, 0xFB90, 0x8200]), trembles=st.sampled_from([0, 3]),
-)  # fmt: skip
+    tpdo_type=st.sampled_from([0, 1, 254, 255]),
+    is_type_locked=st.booleans(),
+    unsized=st.booleans(),
+    segmented=st.booleans(),
+    answer_ms=st.sampled_from([0.0, 0.0, 20.0, 299.0]),
+    transition_ms=st.sampled_from([0, 0, 5, 100, 3000]),
+    mode_ms=st.sampled_from([0, 50, 600]),
+    reset_ms=st.sampled_from([0, 100, 4000]),
+    refuses_reset=st.booleans(),
+    drops_to=st.sampled_from(
+        [
+            {},
+            {},
+            {ON: DISABLED},
+            {ENABLED: FAULT},
+            {READY: DISABLED},
+            {ENABLED: QUICK},
+            {DISABLED: READY},
+        ]
+    ),
+    set_bits=st.sampled_from([0x210, 0, 0xFB90, 0x8200]),
+    trembles=st.sampled_from([0, 3]),
+)
 DAY = (Mode.OFF, Mode.SPEED, Mode.TORQUE, Mode.SPEED, Mode.QUICK_STOP, Mode.OFF)
 
 
@@ -66,7 +89,9 @@ def test_any_drive_runs_or_is_refused(traits: Traits) -> None:
     clock = VirtualClock()
     wire = Wire(clock)
     drive = ForeignDrive(wire, traits)
-    rig = CanRig(CanRigConfig(), clock, lambda: wire, pump=wire.pump, time_base="virtual", origin="simulated")
+    rig = CanRig(
+        CanRigConfig(), clock, lambda: wire, pump=wire.pump, time_base="virtual", origin="simulated"
+    )
     try:
         rig.open()
     except DriverError:

@@ -30,7 +30,12 @@ def bus() -> tuple[ScriptedBus, VirtualClock, PumpedBus]:
 
 def test_nmt_commands_as_the_standard_has_them() -> None:
     raw, _, pumped = bus()
-    for command in (NmtCommand.START, NmtCommand.STOP, NmtCommand.PRE_OPERATIONAL, NmtCommand.RESET_NODE):
+    for command in (
+        NmtCommand.START,
+        NmtCommand.STOP,
+        NmtCommand.PRE_OPERATIONAL,
+        NmtCommand.RESET_NODE,
+    ):
         pumped.nmt(command, 5)
     assert raw.sent == [(0, b"\x01\x05"), (0, b"\x02\x05"), (0, b"\x80\x05"), (0, b"\x81\x05")]
 
@@ -51,7 +56,10 @@ def test_a_lost_heartbeat_is_one_event_and_its_return_another() -> None:
     raw.feed(0x702, b"\x05")
     pumped.drain()
     events = pumped.events()
-    assert [(e.level, e.code) for e in events] == [("error", "heartbeat-lost"), ("info", "heartbeat-back")]
+    assert [(e.level, e.code) for e in events] == [
+        ("error", "heartbeat-lost"),
+        ("info", "heartbeat-back"),
+    ]
     assert events[0].source == "node 2"
     assert "300 ms" in events[0].text
 
@@ -63,8 +71,10 @@ def test_a_reset_in_motion_and_leaving_operational_are_errors() -> None:
         raw.feed(0x701, byte)
     pumped.drain()
     assert [(e.level, e.code) for e in pumped.events()] == [
-        ("info", "boot-up"), ("error", "boot-up"), ("error", "not-operational"),
-    ]  # fmt: skip
+        ("info", "boot-up"),
+        ("error", "boot-up"),
+        ("error", "not-operational"),
+    ]
 
 
 def test_the_computers_heartbeat_beats_only_in_the_owners_turns() -> None:
@@ -149,7 +159,9 @@ def test_a_node_id_is_checked() -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8), st.floats())))
-def test_any_frames_are_dispatched_without_an_exception(frames: list[tuple[int, bytes, float]]) -> None:
+def test_any_frames_are_dispatched_without_an_exception(
+    frames: list[tuple[int, bytes, float]],
+) -> None:
     raw, _, pumped = bus()
     for node_id in (1, 2, 3):
         pumped.watch(node_id, 100 * MS)
@@ -212,7 +224,9 @@ def test_a_hub_that_is_not_there_is_said_at_once() -> None:
         ([[b"< hi >"], [b"< hi >"]], "expected"),
     ],
 )
-def test_what_is_no_hub_or_has_no_such_channel_is_said(connections: list[list[bytes]], words: str) -> None:
+def test_what_is_no_hub_or_has_no_such_channel_is_said(
+    connections: list[list[bytes]], words: str
+) -> None:
     with hub(*connections) as config, pytest.raises(BusLostError, match=words):
         open_raw_bus(config)
 

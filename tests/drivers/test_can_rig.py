@@ -74,7 +74,10 @@ def test_what_was_latched_at_sync_k_stands_in_row_k(bench: Setup) -> None:
     assert block.counts[:, bench.column(TARGET_SPEED)].tolist() == [477] * 6
     assert block.counts[:, bench.column(DRIVE_TORQUE)].tolist() == [238] * 6
     assert block.counts[:, bench.column(TORQUE)].tolist() == [100] * 6
-    assert np.diff(np.concatenate([off.counts, block.counts])[:, bench.column(OUTPUT_ANGLE)]).tolist() == [7] * 9
+    assert (
+        np.diff(np.concatenate([off.counts, block.counts])[:, bench.column(OUTPUT_ANGLE)]).tolist()
+        == [7] * 9
+    )
     assert set(block.counts[:, bench.column(STATUSWORD)]) == {0x0237}
     assert np.diff(block.time_ns).tolist() == [1_000_000] * 5
     assert not block.flags.any()
@@ -84,7 +87,12 @@ def test_what_was_latched_at_sync_k_stands_in_row_k(bench: Setup) -> None:
 
 def exchange_in_blocks(length: int) -> tuple[list[list[int]], list[int]]:
     made = setup()
-    made.drive.silent_at, made.drive.double_at, made.counter.late_at, made.counter.short_at = {9}, {12}, {20, 21}, {33}
+    made.drive.silent_at, made.drive.double_at, made.counter.late_at, made.counter.short_at = (
+        {9},
+        {12},
+        {20, 21},
+        {33},
+    )
     made.rig.open()
     counts, flags = [], []
     for start in range(0, 60, length):
@@ -100,7 +108,13 @@ def test_the_length_of_the_blocks_changes_no_count() -> None:
     assert exchange_in_blocks(1) == (counts, flags)
     assert exchange_in_blocks(7) == (counts, flags)
     # One node of two: whose values are old is said.
-    assert flags[9] == CycleFlag.INCOMPLETE | CycleFlag.STALE_STATUSWORD | CycleFlag.STALE_INPUT | CycleFlag.STALE_OTHER
+    assert (
+        flags[9]
+        == CycleFlag.INCOMPLETE
+        | CycleFlag.STALE_STATUSWORD
+        | CycleFlag.STALE_INPUT
+        | CycleFlag.STALE_OTHER
+    )
     assert flags[12] == CycleFlag.DOUBLED
     assert flags[20] & CycleFlag.INCOMPLETE
     assert flags[33] & CycleFlag.SHORT
@@ -123,7 +137,13 @@ def test_limits_are_written_to_the_safe_side_and_read_back(bench: Setup) -> None
     assert bench.drive.get(0x6072) == 784  # 0.5 N m / 0.637 N m, floor
     assert bench.drive.get(0x6080) == 2864
     assert bench.drive.get(0x6085) == 19098
-    one = {"torque": 0.637e-3, "speed": RPM, "acceleration": RPM, "deceleration": RPM, "quick_stop_deceleration": RPM}
+    one = {
+        "torque": 0.637e-3,
+        "speed": RPM,
+        "acceleration": RPM,
+        "deceleration": RPM,
+        "quick_stop_deceleration": RPM,
+    }
     for name, count in one.items():
         assert getattr(LIMITS, name) - count < getattr(back, name) <= getattr(LIMITS, name)
     with pytest.raises(DriverError, match="cannot be expressed"):
@@ -133,7 +153,9 @@ def test_limits_are_written_to_the_safe_side_and_read_back(bench: Setup) -> None
 def test_a_limit_that_reads_back_differently_is_an_error(bench: Setup) -> None:
     node = bench.drive.node
     node.add_write_callback(
-        lambda index, subindex, od, data: bench.drive.put(0x6080, 6000, 4) if index == 0x6080 else None
+        lambda index, subindex, od, data: (
+            bench.drive.put(0x6080, 6000, 4) if index == 0x6080 else None
+        )
     )
     original = node.set_data
 
@@ -253,7 +275,9 @@ def test_the_index_mark_is_latched_by_the_touch_probe() -> None:
 
 
 def test_a_drive_that_tells_no_unit_names_the_entry_that_is_needed() -> None:
-    text = "\n[".join(part for part in drive_eds().split("\n[") if not part.startswith(("60A9]", "6076]")))
+    text = "\n[".join(
+        part for part in drive_eds().split("\n[") if not part.startswith(("60A9]", "6076]"))
+    )
     made = setup(eds_text=text)
     made.rig.open()
     assert TARGET_SPEED not in [c.name for c in made.rig.channels]

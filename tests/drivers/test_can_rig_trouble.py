@@ -1,4 +1,6 @@
-"""The rig on a bus in trouble: faults, silence, lost and stray frames, an unplugged adapter; nothing wrong goes unmarked."""
+"""The rig on a bus in trouble: faults, silence, lost and stray frames, an unplugged adapter;
+nothing wrong goes unmarked.
+"""
 
 from __future__ import annotations
 
@@ -86,9 +88,16 @@ def test_a_node_that_falls_silent_is_stale_then_lost(bench: Setup) -> None:
 def test_a_device_whose_process_data_stay_away_is_asked_by_sdo(bench: Setup) -> None:
     bench.speed(100, 10)
     witnesses = (STATUSWORD, INPUT_ANGLE, OUTPUT_ANGLE)
-    assert bench.rig.ask(witnesses) == {STATUSWORD: 0x0237, INPUT_ANGLE: 1000, OUTPUT_ANGLE: bench.counter.position}
+    assert bench.rig.ask(witnesses) == {
+        STATUSWORD: 0x0237,
+        INPUT_ANGLE: 1000,
+        OUTPUT_ANGLE: bench.counter.position,
+    }
     bench.drive.node.nmt.state = "PRE-OPERATIONAL"
-    assert bench.rig.exchange(Command(Mode.OFF), 5, Guard()).counts[-1, bench.column(STATUSWORD)] == 0x0237
+    assert (
+        bench.rig.exchange(Command(Mode.OFF), 5, Guard()).counts[-1, bench.column(STATUSWORD)]
+        == 0x0237
+    )
     bench.rig.switch_off()
     assert bench.rig.ask([STATUSWORD]) == {STATUSWORD: 0x0250}
     bench.counter.answers = False
@@ -159,13 +168,16 @@ def test_nobody_there_is_one_clear_error() -> None:
 
 
 STRAY = st.tuples(
-    st.sampled_from([0x080, 0x081, 0x181, 0x182, 0x183, 0x281, 0x581, 0x702, 0x7FF]), st.binary(max_size=8)
+    st.sampled_from([0x080, 0x081, 0x181, 0x182, 0x183, 0x281, 0x581, 0x702, 0x7FF]),
+    st.binary(max_size=8),
 )
 
 
 @given(st.dictionaries(st.integers(0, 29), STRAY, max_size=6))
 @settings(max_examples=10, deadline=None)
-def test_stray_frames_never_give_a_wrong_count_that_is_not_marked(strays: dict[int, tuple[int, bytes]]) -> None:
+def test_stray_frames_never_give_a_wrong_count_that_is_not_marked(
+    strays: dict[int, tuple[int, bytes]],
+) -> None:
     made = setup()
     made.rig.open()
     step = made.counter.step
@@ -175,7 +187,9 @@ def test_stray_frames_never_give_a_wrong_count_that_is_not_marked(strays: dict[i
         step()
         stray = strays.get(next(cycle))
         if stray is not None:
-            made.counter.bus.send(can.Message(arbitration_id=stray[0], data=stray[1], is_extended_id=False))
+            made.counter.bus.send(
+                can.Message(arbitration_id=stray[0], data=stray[1], is_extended_id=False)
+            )
 
     made.counter.step = disturbed  # type: ignore[method-assign]
     counts: list[list[int]] = []

@@ -1,4 +1,6 @@
-"""The servo amplifier byte for byte: transitions, fault reset, mapping, units; with nothing but a script on the other side."""
+"""The servo amplifier byte for byte: transitions, fault reset, mapping, units; with nothing but a
+script on the other side.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +99,9 @@ def test_a_drive_that_does_not_obey_is_told_with_its_state() -> None:
     raw = Stubborn(None)
     clock = VirtualClock()
     drive = ServoAmplifier(PumpedBus(raw, clock), DriveConfig(state_timeout_ms=100))
-    with pytest.raises(DriverError, match=r"does not reach operation enabled; value ready to switch on \(0x0231\)"):
+    with pytest.raises(
+        DriverError, match=r"does not reach operation enabled; value ready to switch on \(0x0231\)"
+    ):
         drive._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
     assert clock.monotonic_ns() <= 200_000_000
 
@@ -150,7 +154,10 @@ def test_a_fixed_mapping_is_used_as_it_is() -> None:
             ("602 40 00 1A 00 00 00 00 00", ["582 4F 00 1A 00 02 00 00 00"]),
             ("602 40 00 1A 01 00 00 00 00", ["582 43 00 1A 01 10 00 00 65"]),
             ("602 40 00 1A 02 00 00 00 00", ["582 43 00 1A 02 20 00 04 60"]),
-            *((f"602 40 {n:02X} 18 01 00 00 00 00", [f"582 {missing.format(f'{n:02X} 18 01')}"]) for n in range(1, 8)),
+            *(
+                (f"602 40 {n:02X} 18 01 00 00 00 00", [f"582 {missing.format(f'{n:02X} 18 01')}"])
+                for n in range(1, 8)
+            ),
             ("602 40 01 18 01 00 00 00 00", ["582 80 01 18 01 00 00 02 06"]),
         ]
     )
@@ -178,7 +185,12 @@ def test_the_tables_lead_somewhere_from_every_state() -> None:
             DriveState.SWITCHED_ON,
             DriveState.QUICK_STOP,
         }
-        assert not set(table) & {DriveState.FAULT, DriveState.FAULT_REACTION, DriveState.NOT_READY, DriveState.UNKNOWN}
+        assert not set(table) & {
+            DriveState.FAULT,
+            DriveState.FAULT_REACTION,
+            DriveState.NOT_READY,
+            DriveState.UNKNOWN,
+        }
 
 
 @pytest.mark.parametrize(

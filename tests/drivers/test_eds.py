@@ -142,7 +142,9 @@ def test_a_missing_device_info_and_a_foreign_encoding() -> None:
     ],
 )
 def test_numbers_as_vendors_write_them(text: str, value: int | None) -> None:
-    entry = parse_eds(GOOD.replace("DefaultValue=0x00020192", f"DefaultValue={text}").encode()).entry(0x1000)
+    entry = parse_eds(
+        GOOD.replace("DefaultValue=0x00020192", f"DefaultValue={text}").encode()
+    ).entry(0x1000)
     assert entry is not None
     assert entry.default == value
 
@@ -216,7 +218,9 @@ def test_a_cob_id_without_a_node_id_is_not_guessed() -> None:
         assert entry.default is None
 
 
-@pytest.mark.parametrize("name", ["DeviceComissioning", "DeviceCommissioning", "DEVICECOMISSIONING"])
+@pytest.mark.parametrize(
+    "name", ["DeviceComissioning", "DeviceCommissioning", "DEVICECOMISSIONING"]
+)
 def test_the_node_id_of_a_dcf_in_either_spelling(name: str) -> None:
     entry = parse_eds(f"{GOOD}[{name}]\nNodeId=0x11\nNodeName=x\n".encode()).entry(0x1800, 1)
     assert entry is not None
@@ -224,7 +228,14 @@ def test_the_node_id_of_a_dcf_in_either_spelling(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("section", "sub"), [("[1800Sub1]", 1), ("[1800SUB01]", 1), ("[0x1800sub0x1]", 1), ("[1800 sub 1]", 1), ("[1800sub0A]", 10)]
+    ("section", "sub"),
+    [
+        ("[1800Sub1]", 1),
+        ("[1800SUB01]", 1),
+        ("[0x1800sub0x1]", 1),
+        ("[1800 sub 1]", 1),
+        ("[1800sub0A]", 10),
+    ],
 )
 def test_sections_as_vendors_head_them(section: str, sub: int) -> None:
     entry = parse_eds(GOOD.replace("[1800sub1]", section).encode(), 3).entry(0x1800, sub)
@@ -259,7 +270,11 @@ def test_the_same_entry_in_other_words_is_the_same_and_no_defect(old: str, new: 
     [
         ("VendorNumber=0x0000021C", "VendorNumber=Maker", "vendornumber"),
         ("SubNumber=2", "SubNumber=5", "0x1800: counts 5 sub-objects, describes 2"),
-        ("[1800sub0]\nParameterName=Number\nDataType=0x0005\nAccessType=ro\nDefaultValue=2\n", "", "its sub-index 0"),
+        (
+            "[1800sub0]\nParameterName=Number\nDataType=0x0005\nAccessType=ro\nDefaultValue=2\n",
+            "",
+            "its sub-index 0",
+        ),
         ("AccessType=rw", "AccessType=read/write", "taken as rw"),
         ("AccessType=ro\nPDOMapping=1", "AccessType=readonly\nPDOMapping=1", "taken as ro"),
         ("HighLimit=0x7FFFFFFF", "HighLimit=0xFFFFFFF0\nLowLimit=5", "above its highest"),
@@ -278,12 +293,16 @@ def test_more_defects_are_survived_and_listed(old: str, new: str, defect: str) -
 
 def test_quotes_around_texts() -> None:
     text = GOOD.replace("VendorName=Maker", 'VendorName="Maker"') + (
-        '[1008]\nParameterName="Device name"\nObjectType=7\nDataType=9\nAccessType=const\nDefaultValue="Drive 1; large"\n'
+        '[1008]\nParameterName="Device name"\nObjectType=7\nDataType=9\nAccessType=const\nDefaultValue="Drive 1; large"\n'  # noqa: E501
     )
     description = parse_eds(text.encode())
     name = description.entry(0x1008)
     assert name is not None
-    assert (description.vendor_name, name.name, name.default) == ("Maker", "Device name", "Drive 1; large")
+    assert (description.vendor_name, name.name, name.default) == (
+        "Maker",
+        "Device name",
+        "Drive 1; large",
+    )
 
 
 def test_a_compact_array_and_sub_objects_that_say_more() -> None:
@@ -299,14 +318,20 @@ def test_a_compact_array_and_sub_objects_that_say_more() -> None:
 
 
 def test_compact_values_of_a_short_index() -> None:
-    text = GOOD + "[0040]\nParameterName=a\nObjectType=8\nDataType=6\nAccessType=rw\nCompactSubObj=2\n[0040Value]\n1=17\n"
+    text = (
+        GOOD
+        + "[0040]\nParameterName=a\nObjectType=8\nDataType=6\nAccessType=rw\nCompactSubObj=2\n[0040Value]\n1=17\n"
+    )
     entry = parse_eds(text.encode()).entry(0x40, 1)
     assert entry is not None
     assert entry.configured == 17
 
 
 def test_sections_of_module_devices_are_left_alone() -> None:
-    text = GOOD + "[SupportedModules]\nNrOfEntries=1\n[M1FixedObjects]\nNrOfEntries=0\n[M1SubExt1027]\nDataType=6\n[M1Comments]\n"
+    text = (
+        GOOD
+        + "[SupportedModules]\nNrOfEntries=1\n[M1FixedObjects]\nNrOfEntries=0\n[M1SubExt1027]\nDataType=6\n[M1Comments]\n"  # noqa: E501
+    )
     assert parse_eds(text.encode(), 3) == parse_eds(GOOD.encode(), 3)
 
 
@@ -352,7 +377,12 @@ PIECES = st.sampled_from(
 LINES = st.lists(st.one_of(PIECES, st.text(max_size=30), PIECES.map(lambda s: s[:5])), max_size=60)
 
 
-@given(st.one_of(st.binary(max_size=300), LINES.map(lambda ls: "\n".join(ls).encode("utf-8", "surrogatepass"))))
+@given(
+    st.one_of(
+        st.binary(max_size=300),
+        LINES.map(lambda ls: "\n".join(ls).encode("utf-8", "surrogatepass")),
+    )
+)
 @settings(max_examples=300, deadline=None)
 def test_any_file_is_a_description_or_a_decode_error(data: bytes) -> None:
     try:

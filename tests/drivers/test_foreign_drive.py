@@ -1,4 +1,5 @@
-"""Drives that do what CiA 301 and CiA 402 allow, in every shape: they run, or are refused in words that name the object.
+"""Drives that do what CiA 301 and CiA 402 allow, in every shape: they run, or are refused in words
+that name the object.
 
 Never a hang, never another exception than `DriverError`, never power after an error.
 """
@@ -42,7 +43,7 @@ def refused(traits: Traits, error: type[DriverError], words: str) -> None:
         made.rig.open()
 
 
-# Whole days with drives that differ -------------------------------------------------------------------------------------
+# Whole days with drives that differ ---------------------------------------------------------------
 
 FULL = {
     "as it comes": Traits(),
@@ -56,7 +57,7 @@ FULL = {
     "mapping fixed in this state": Traits(mapping="present state", tpdo_maps=TPDOS, rpdo_maps=RPDOS),
     "entries not mappable": Traits(mapping="not mappable", tpdo_maps=TPDOS, rpdo_maps=RPDOS),
     "mapping fixed, PDOs off": Traits(
-        mapping="read-only", tpdo_cobs=(0xC0000181, 0xC0000281, 0xC0000381, 0xC0000481), tpdo_maps=TPDOS, rpdo_maps=RPDOS
+        mapping="read-only", tpdo_cobs=(0xC0000181, 0xC0000281, 0xC0000381, 0xC0000481), tpdo_maps=TPDOS, rpdo_maps=RPDOS  # noqa: E501
     ),
     "mapping fixed, types locked": Traits(mapping="read-only", is_type_locked=True, tpdo_maps=TPDOS, rpdo_maps=RPDOS),
     "first TPDO not by SYNC": Traits(refused={(0x1800, 2): READ_ONLY}),
@@ -70,14 +71,14 @@ FULL = {
     "hardly any options": Traits(
         absent=frozenset({0x605A, 0x6007, 0x605E, 0x60C2, 0x6085, 0x1016, 0x1014, 0x1018, 0x1008, 0x1000})
     ),
-    "no heartbeat": Traits(absent=frozenset({0x1017, 0x1016})), "no mode display": Traits(absent=frozenset({0x6061, 0x606C})),
+    "no heartbeat": Traits(absent=frozenset({0x1017, 0x1016})), "no mode display": Traits(absent=frozenset({0x6061, 0x606C})),  # noqa: E501
     "no size told": Traits(unsized=True), "everything in segments": Traits(segmented=True),
     "segments, no size told": Traits(segmented=True, unsized=True), "slow answers": Traits(answer_ms=100),
     "no voltage, no remote, makers' bits": Traits(set_bits=0xC980), "warning and limit": Traits(set_bits=0x0A90),
     "slow transitions": Traits(transition_ms=20), "very slow transitions": Traits(transition_ms=400),
     "mode shown late": Traits(mode_ms=300), "fault reset takes long": Traits(reset_ms=1500),
     "a slow heartbeat of its own": Traits(values={(0x1017, 0): 5000}, refused={(0x1017, 0): READ_ONLY}),
-    **{f"quick stop option {n}": Traits(values={(0x605A, 0): n}, refused={(0x605A, 0): READ_ONLY}) for n in (0, 1, 2, 5, 6)},
+    **{f"quick stop option {n}": Traits(values={(0x605A, 0): n}, refused={(0x605A, 0): READ_ONLY}) for n in (0, 1, 2, 5, 6)},  # noqa: E501
 }  # fmt: skip
 
 
@@ -89,7 +90,12 @@ def test_it_is_brought_up_turned_stopped_and_put_back_after_a_fault(name: str) -
         assert drive.state == DISABLED
         assert not made.exchange(Mode.OFF).flags.any()
         block = made.exchange(Mode.SPEED, 100 * RPM, 10)
-        assert (block.broken, drive.state, drive.speed, block.flags.any()) == (None, ENABLED, 100, False)
+        assert (block.broken, drive.state, drive.speed, block.flags.any()) == (
+            None,
+            ENABLED,
+            100,
+            False,
+        )
         made.exchange(Mode.QUICK_STOP, cycles=900)
         assert drive.speed == 0
         made.exchange(Mode.OFF, cycles=900)
@@ -111,18 +117,47 @@ def test_it_is_brought_up_turned_stopped_and_put_back_after_a_fault(name: str) -
         made.exchange(Mode.OFF)
 
 
-@pytest.mark.parametrize(("traits", "error", "words"), [
-    (Traits(state=NOT_READY), DriverError, r"does not reach servo off; value not ready to switch on \(0x0210\)"),
-    (Traits(answer_ms=400), SdoTimeoutError, "node 1, 0x1000:0: no SDO answer"),
-    (Traits(wrong_toggle=True), SdoProtocolError, "0x1008:0: the toggle bit did not alternate"),
-    (Traits(values={(0x1005, 0): 0x81}, refused={(0x1005, 0): READ_ONLY}), DriverError, "0x1005:0: the device follows another"),
-    (Traits(values={(0x1005, 0): 0x40000080}, refused={(0x1005, 0): NOT_NOW}), DriverError, "0x1005:0: the device produces SYNC"),
-    (Traits(mapping="read-only", tpdo_cobs=(0x181,) * 4), DriverError, r"two PDOs share a COB-ID; value node 1 TPDO1 \(0x181\)"),
-    (Traits(mapping="read-only", tpdo_maps=((0x60410010,), (), (), ())), DriverError, "transferred by PDO; value 0x6064:0"),
-    (Traits(mapping="read-only", refused={(0x1800, 2): READ_ONLY}), DriverError, "0x1800:2: a TPDO cannot be tied to every SYNC"),
-    (Traits(absent=frozenset({0x6041})), SdoAbortError, "0x6041:0"),
-])  # fmt: skip
-def test_what_cannot_run_is_refused_and_named(traits: Traits, error: type[DriverError], words: str) -> None:
+@pytest.mark.parametrize(
+    ("traits", "error", "words"),
+    [
+        (
+            Traits(state=NOT_READY),
+            DriverError,
+            r"does not reach servo off; value not ready to switch on \(0x0210\)",
+        ),
+        (Traits(answer_ms=400), SdoTimeoutError, "node 1, 0x1000:0: no SDO answer"),
+        (Traits(wrong_toggle=True), SdoProtocolError, "0x1008:0: the toggle bit did not alternate"),
+        (
+            Traits(values={(0x1005, 0): 0x81}, refused={(0x1005, 0): READ_ONLY}),
+            DriverError,
+            "0x1005:0: the device follows another",
+        ),
+        (
+            Traits(values={(0x1005, 0): 0x40000080}, refused={(0x1005, 0): NOT_NOW}),
+            DriverError,
+            "0x1005:0: the device produces SYNC",
+        ),
+        (
+            Traits(mapping="read-only", tpdo_cobs=(0x181,) * 4),
+            DriverError,
+            r"two PDOs share a COB-ID; value node 1 TPDO1 \(0x181\)",
+        ),
+        (
+            Traits(mapping="read-only", tpdo_maps=((0x60410010,), (), (), ())),
+            DriverError,
+            "transferred by PDO; value 0x6064:0",
+        ),
+        (
+            Traits(mapping="read-only", refused={(0x1800, 2): READ_ONLY}),
+            DriverError,
+            "0x1800:2: a TPDO cannot be tied to every SYNC",
+        ),
+        (Traits(absent=frozenset({0x6041})), SdoAbortError, "0x6041:0"),
+    ],
+)
+def test_what_cannot_run_is_refused_and_named(
+    traits: Traits, error: type[DriverError], words: str
+) -> None:
     refused(traits, error, words)
 
 
@@ -135,7 +170,7 @@ def test_a_fault_reaction_that_does_not_end_is_no_servo_off() -> None:
         rig.open()
 
 
-# Refusals in the middle of a day ----------------------------------------------------------------------------------------
+# Refusals in the middle of a day ------------------------------------------------------------------
 
 
 def test_a_drive_that_falls_back_again_and_again_is_given_up() -> None:
@@ -190,11 +225,17 @@ def test_a_fault_is_not_acknowledged_by_closing() -> None:
         assert (made.drive.state, made.drive.code) == (FAULT, 0x4310)
 
 
-@pytest.mark.parametrize(("absent", "mode", "words"), [
-    ({0x6076}, Mode.TORQUE, "no set-points for cyclic torque"), ({0x6071}, Mode.TORQUE, "no set-points for cyclic torque"),
-    ({0x60A9}, Mode.SPEED, "no set-points for cyclic velocity"), ({0x60FF}, Mode.SPEED, "no set-points for cyclic velocity"),
-    ({0x6080}, Mode.TORQUE, "needs a speed limit that the drive holds itself"), ({0x6060}, Mode.SPEED, "0x6060:0"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("absent", "mode", "words"),
+    [
+        ({0x6076}, Mode.TORQUE, "no set-points for cyclic torque"),
+        ({0x6071}, Mode.TORQUE, "no set-points for cyclic torque"),
+        ({0x60A9}, Mode.SPEED, "no set-points for cyclic velocity"),
+        ({0x60FF}, Mode.SPEED, "no set-points for cyclic velocity"),
+        ({0x6080}, Mode.TORQUE, "needs a speed limit that the drive holds itself"),
+        ({0x6060}, Mode.SPEED, "0x6060:0"),
+    ],
+)
 def test_a_mode_that_lacks_an_object_is_refused_and_the_object_stands_among_the_missing(
     absent: set[int], mode: Mode, words: str
 ) -> None:
@@ -247,9 +288,13 @@ def test_a_drive_that_answers_no_more_is_let_go_by_process_data() -> None:
         assert "close" in [event.code for event in made.events()]
 
 
-@pytest.mark.parametrize(("absent", "words"), [
-    (set(), "does not become OPERATIONAL; value BOOT_UP"), ({0x1017}, "the node has restarted"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("absent", "words"),
+    [
+        (set(), "does not become OPERATIONAL; value BOOT_UP"),
+        ({0x1017}, "the node has restarted"),
+    ],
+)
 def test_a_restart_while_the_rig_is_being_opened_is_an_error(absent: set[int], words: str) -> None:
     with bench(Traits(absent=frozenset(absent))) as made:
         prepare = made.rig._prepare

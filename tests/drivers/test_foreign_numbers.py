@@ -23,7 +23,7 @@ from tests.drivers.foreign_slave import (
     Wire,
 )
 
-# Numbers ----------------------------------------------------------------------------------------------------------------
+# Numbers ------------------------------------------------------------------------------------------
 
 
 def test_ramps_in_increments_are_increments() -> None:
@@ -33,20 +33,30 @@ def test_ramps_in_increments_are_increments() -> None:
         assert not any(event.code == "acceleration-unit" for event in made.events())
 
 
-@pytest.mark.parametrize(("values", "counts"), [
-    ({}, 32768), ({(0x6092, 1): 1, (0x6092, 2): 1}, 32768), ({(0x6092, 1): 36000, (0x6092, 2): 1}, 36000),
-    ({(0x6092, 1): 36000, (0x6092, 2): 1, (0x6091, 1): 10, (0x6091, 2): 1}, 3600), ({(0x608F, 2): 2}, 16384),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("values", "counts"),
+    [
+        ({}, 32768),
+        ({(0x6092, 1): 1, (0x6092, 2): 1}, 32768),
+        ({(0x6092, 1): 36000, (0x6092, 2): 1}, 36000),
+        ({(0x6092, 1): 36000, (0x6092, 2): 1, (0x6091, 1): 10, (0x6091, 2): 1}, 3600),
+        ({(0x608F, 2): 2}, 16384),
+    ],
+)
 def test_counts_per_motor_revolution(values: dict[tuple[int, int], int], counts: float) -> None:
     with bench(Traits(values=values)) as made:
         made.rig.open()
         assert made.rig.nodes.drive.readings.counts_per_revolution == counts
 
 
-@pytest.mark.parametrize(("values", "slope", "warned"), [
-    ({(0x6502, 0): 0xC, (0x6087, 0): 500}, 500.0, False), ({(0x6502, 0): 0xC, (0x6087, 0): 0}, 0.0, True),
-    ({(0x6087, 0): 0}, None, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("values", "slope", "warned"),
+    [
+        ({(0x6502, 0): 0xC, (0x6087, 0): 500}, 500.0, False),
+        ({(0x6502, 0): 0xC, (0x6087, 0): 0}, 0.0, True),
+        ({(0x6087, 0): 0}, None, False),
+    ],
+)
 def test_the_slope_of_profile_torque_is_read(
     values: dict[tuple[int, int], int], slope: float | None, warned: bool
 ) -> None:
@@ -56,11 +66,17 @@ def test_the_slope_of_profile_torque_is_read(
         assert any(event.code == "torque-slope" for event in made.events()) == warned
 
 
-@pytest.mark.parametrize(("values", "refused_writes", "cycle_ns", "found"), [
-    ({}, {}, 1_000_000, (1, 0xFD)), ({}, {}, 500_000, (5, 0xFC)), ({}, {(0x60C2, 2): READ_ONLY}, 2_000_000, (2, 0xFD)),
-    ({(0x60C2, 2): 0xFC}, {(0x60C2, 2): READ_ONLY}, 1_000_000, (10, 0xFC)),
-    ({}, {(0x60C2, 1): BAD_VALUE}, 500_000, (1, 0xFD)), ({(0x60C2, 2): 0x7F}, {}, 1_000_000, (1, 0xFD)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("values", "refused_writes", "cycle_ns", "found"),
+    [
+        ({}, {}, 1_000_000, (1, 0xFD)),
+        ({}, {}, 500_000, (5, 0xFC)),
+        ({}, {(0x60C2, 2): READ_ONLY}, 2_000_000, (2, 0xFD)),
+        ({(0x60C2, 2): 0xFC}, {(0x60C2, 2): READ_ONLY}, 1_000_000, (10, 0xFC)),
+        ({}, {(0x60C2, 1): BAD_VALUE}, 500_000, (1, 0xFD)),
+        ({(0x60C2, 2): 0x7F}, {}, 1_000_000, (1, 0xFD)),
+    ],
+)
 def test_the_interpolation_period_is_the_syncs_or_stays_whole(
     values: dict[tuple[int, int], int],
     refused_writes: dict[tuple[int, int], int],
@@ -79,9 +95,13 @@ def test_the_interpolation_period_is_the_syncs_or_stays_whole(
 
 
 @pytest.mark.parametrize(("configured", "per_mille"), [(0.637, 784), (0.3185, 784), (1.274, 392)])
-def test_a_torque_limit_holds_by_the_configuration_and_by_the_drive(configured: float, per_mille: int) -> None:
+def test_a_torque_limit_holds_by_the_configuration_and_by_the_drive(
+    configured: float, per_mille: int
+) -> None:
     """0x6076 says 637 mN m. Whichever rated torque is the right one, the drive never gives more than the limit."""
-    with bench(Traits(values={(0x6076, 0): 637}), config=DriveConfig(rated_torque=configured)) as made:
+    with bench(
+        Traits(values={(0x6076, 0): 637}), config=DriveConfig(rated_torque=configured)
+    ) as made:
         made.rig.open()
         held = made.rig.write_limits(replace(LIMITS, torque=0.5)).torque
         assert made.drive.value(0x6072) == per_mille
@@ -117,7 +137,7 @@ def test_an_answer_without_bytes_names_its_object() -> None:
             made.rig.open()
 
 
-# Strangers on the bus ---------------------------------------------------------------------------------------------------
+# Strangers on the bus -----------------------------------------------------------------------------
 
 
 class Neighbours(Stranger):

@@ -1,4 +1,6 @@
-"""Slaves that do what the standards allow and our simulated ones do not: they are brought up, or refused in clear words."""
+"""Slaves that do what the standards allow and our simulated ones do not: they are brought up, or
+refused in clear words.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ HEARTBEAT = entry(0x1017, None, "producer heartbeat", 6, "rw", "0")
 MODES = entry(0x6502, None, "modes", 7, "rw", hex(0x30D), 1)
 
 
-def refuses(peer: Peer, index: int, code: int, when: Callable[[int, bytes], bool] = lambda sub, data: True) -> None:
+def refuses(
+    peer: Peer, index: int, code: int, when: Callable[[int, bytes], bool] = lambda sub, data: True
+) -> None:
     """Let a slave abort writes to an object."""
 
     def callback(index: int, subindex: int, od: Any, data: bytes) -> None:
@@ -39,7 +43,9 @@ def refuses(peer: Peer, index: int, code: int, when: Callable[[int, bytes], bool
     peer.node.add_write_callback(callback)
 
 
-def keeps(peer: Peer, index: int, changed: Callable[[int], int], size: int = 2, sub: int = 0) -> None:
+def keeps(
+    peer: Peer, index: int, changed: Callable[[int], int], size: int = 2, sub: int = 0
+) -> None:
     """Let a slave make another value of what is written to an object, as soon as it looks."""
     before = peer.after_message
 
@@ -61,7 +67,7 @@ def opened(made: Setup) -> Iterator[Setup]:
         close(made)
 
 
-# Heartbeat and communication objects ------------------------------------------------------------------------------------
+# Heartbeat and communication objects --------------------------------------------------------------
 
 
 def test_a_heartbeat_that_is_rounded_is_watched_as_it_is() -> None:
@@ -133,7 +139,7 @@ def test_a_process_data_frame_at_the_start_of_operation_is_marked_and_no_more() 
         assert not flags[1:].any()
 
 
-# Process data -----------------------------------------------------------------------------------------------------------
+# Process data -------------------------------------------------------------------------------------
 
 
 def test_an_rpdo_that_acts_at_once_is_used_with_a_warning_and_a_synchronous_one_without() -> None:
@@ -156,7 +162,10 @@ def test_a_tpdo_that_cannot_follow_every_sync_is_refused_by_its_type(kind: int) 
     for index in range(0x1800, 0x1804):
         made.counter.put(index, kind, 1, 2)
         refuses(made.counter, index, INVALID, lambda sub, data: sub == 2)
-    with pytest.raises(DriverError, match=rf"every SYNC; value transmission type {kind}") as caught, opened(made):
+    with (
+        pytest.raises(DriverError, match=rf"every SYNC; value transmission type {kind}") as caught,
+        opened(made),
+    ):
         pass
     assert "0x1800:2" in str(caught.value)
 
@@ -186,10 +195,14 @@ def test_a_fixed_mapping_with_dummies_and_bits_is_read_as_it_lies() -> None:
     assert pdo is not None
     assert (pdo.length, pdo.offset_of((0x6004, 0))) == (8, 2)
     dictionary[0x1A00, 0] = (4, 1)
-    assert read_pdo(device, 1, is_transmit=True) is None  # three bits, and then a byte that starts within a byte
+    assert (
+        read_pdo(device, 1, is_transmit=True) is None
+    )  # three bits, and then a byte that starts within a byte
 
 
-def serve(raw: ScriptedBus, dictionary: dict[tuple[int, int], tuple[int, int]], fixed: bool = False) -> None:
+def serve(
+    raw: ScriptedBus, dictionary: dict[tuple[int, int], tuple[int, int]], fixed: bool = False
+) -> None:
     """The least SDO server: expedited uploads of a dictionary; every download is refused if `fixed`, else stored."""
     send = raw.send
 
@@ -218,7 +231,10 @@ def serve(raw: ScriptedBus, dictionary: dict[tuple[int, int], tuple[int, int]], 
 def test_what_a_fixed_rpdo_carries_besides_set_points_keeps_its_value() -> None:
     """A vendor's RPDO1: controlword, target velocity, mode; RPDO2: target torque, max torque. Zeros would undo both."""
     made = setup()
-    fixed = {0x1600: [0x60400010, 0x60FF0020, 0x60600008], 0x1601: [0x60710010, 0x60720010, 0x00060010]}
+    fixed = {
+        0x1600: [0x60400010, 0x60FF0020, 0x60600008],
+        0x1601: [0x60710010, 0x60720010, 0x00060010],
+    }
     for index, words in fixed.items():
         made.drive.put(index, len(words), 1)
         for sub, word in enumerate(words, 1):
@@ -228,11 +244,17 @@ def test_what_a_fixed_rpdo_carries_besides_set_points_keeps_its_value() -> None:
     dictionary = made.drive.node.object_dictionary
     dictionary.add_object(_dummy())
     with opened(made):
-        assert made.rig.write_limits(DriveLimits(0.5, 300.0, 1000.0, 1000.0, 2000.0)).torque == pytest.approx(0.5, rel=2e-3)
+        assert made.rig.write_limits(
+            DriveLimits(0.5, 300.0, 1000.0, 1000.0, 2000.0)
+        ).torque == pytest.approx(0.5, rel=2e-3)
         limit = made.drive.get(0x6072)
         assert limit > 700
         block = made.speed(477, 10)
-        assert (made.drive.get(0x6060), made.drive.get(0x6061), made.drive.state) == (9, 9, "ENABLED")
+        assert (made.drive.get(0x6060), made.drive.get(0x6061), made.drive.state) == (
+            9,
+            9,
+            "ENABLED",
+        )
         assert block.counts[-1, made.column("input_angle")] == 4770
         made.rig.exchange(Command(Mode.TORQUE, _zeros(5)), 5, Guard())
         assert (made.drive.get(0x6060), made.drive.get(0x6072)) == (10, limit)
@@ -288,16 +310,18 @@ def test_entries_that_turn_out_fixed_are_put_back_and_used() -> None:
 
 
 def test_no_cob_id_is_invented_beyond_the_four_predefined_ones() -> None:
-    text = drive_eds(entries=1) + record(
-        0x1804, "TPDO5", [("cob", 7, "rw", "0x80000000"), ("type", 5, "rw", "0xFE")]
-    ) + record(0x1A04, "TPDO5 map", [("e1", 7, "rw", "0")])  # fmt: skip
+    text = (
+        drive_eds(entries=1)
+        + record(0x1804, "TPDO5", [("cob", 7, "rw", "0x80000000"), ("type", 5, "rw", "0xFE")])
+        + record(0x1A04, "TPDO5 map", [("e1", 7, "rw", "0")])
+    )
     made = setup(eds_text=text)
     with opened(made):
         used = [pdo.cob_id for pdo in made.rig.nodes.layout.pdos]
         assert len(set(used)) == len(used)
 
 
-# The drive --------------------------------------------------------------------------------------------------------------
+# The drive ----------------------------------------------------------------------------------------
 
 
 def test_a_drive_without_0x6502_shows_its_modes_by_refusing_the_others() -> None:
@@ -363,7 +387,7 @@ def test_a_drive_that_its_panel_holds_says_so() -> None:
         drive._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
 
 
-# SDO --------------------------------------------------------------------------------------------------------------------
+# SDO ----------------------------------------------------------------------------------------------
 
 
 def test_an_abort_in_the_middle_of_a_segmented_upload_names_the_object_or_nothing() -> None:
@@ -387,7 +411,9 @@ def test_a_slow_server_whose_answer_comes_after_the_abort_spoils_nothing() -> No
     with pytest.raises(SdoTimeoutError):
         sdo.upload(0x6041, 0)
     assert raw.sent[-1] == (0x601, bytes.fromhex("80 41 60 00 00 00 04 05"))
-    raw.feed(0x581, bytes.fromhex("4B 41 60 00 37 02 00 00"))  # too late, and of another object than the next
+    raw.feed(
+        0x581, bytes.fromhex("4B 41 60 00 37 02 00 00")
+    )  # too late, and of another object than the next
     raw.feed(0x581, bytes.fromhex("4B 40 60 00 06 00 00 00"))
     asked: list[bytes] = []
     send = raw.send

@@ -21,7 +21,11 @@ from drivers.port import Bound, Guard, GuardWatch
 from drivers.samples import CycleFlag
 from drivers.sync_time import SyncTime
 
-STATUS, POSITION, TORQUE = ObjectRef(0x6041, 0, U16), ObjectRef(0x6064, 0, I32), ObjectRef(0x6077, 0, I16)
+STATUS, POSITION, TORQUE = (
+    ObjectRef(0x6041, 0, U16),
+    ObjectRef(0x6064, 0, I32),
+    ObjectRef(0x6077, 0, I16),
+)
 COUNT, ALARM = ObjectRef(0x6004, 0, U32), ObjectRef(0x6503, 0, U16)
 DRIVE = MappedPdo(1, True, 1, 0x181, 1, (STATUS, POSITION, TORQUE))
 COUNTER = MappedPdo(2, True, 1, 0x182, 1, (COUNT, ALARM))
@@ -44,7 +48,9 @@ def number(k: int) -> bytes:
 
 def count_store() -> CycleStore:
     """One TPDO of one U32."""
-    return CycleStore(FrameLayout([MappedPdo(2, True, 1, 0x182, 1, (COUNT,))], [Field("count", 0, 0, U32)]))
+    return CycleStore(
+        FrameLayout([MappedPdo(2, True, 1, 0x182, 1, (COUNT,))], [Field("count", 0, 0, U32)])
+    )
 
 
 def test_bytes_of_the_manual() -> None:
@@ -126,7 +132,11 @@ def test_what_was_on_the_bus_before_the_sync_belongs_to_the_cycle_before() -> No
     assert store.decoded()[0][:, 0].tolist() == [0, 1, 2]
 
 
-EVENTS = st.lists(st.sampled_from(["good", "good", "good", "lost", "double", "short", "late"]), min_size=1, max_size=40)
+EVENTS = st.lists(
+    st.sampled_from(["good", "good", "good", "lost", "double", "short", "late"]),
+    min_size=1,
+    max_size=40,
+)
 
 
 @given(EVENTS, st.sampled_from([1, 3, 7, 40]))
@@ -164,7 +174,9 @@ def layout_value(store: CycleStore) -> int:
 
 
 @given(st.lists(st.tuples(st.integers(0, 1), st.binary(max_size=8)), max_size=30), st.booleans())
-def test_any_frames_decode_and_what_is_missing_is_marked(frames: list[tuple[int, bytes]], echo: bool) -> None:
+def test_any_frames_decode_and_what_is_missing_is_marked(
+    frames: list[tuple[int, bytes]], echo: bool
+) -> None:
     store = CycleStore(layout())
     decoder = ColumnDecoder(store.layout, columns())
     store.begin_block(len(frames) + 1)
@@ -194,7 +206,9 @@ def columns(modulus: int = 720000) -> list[Column]:
 
 @given(
     st.lists(
-        st.tuples(st.integers(-(2**30), 2**30), st.integers(-359_999, 359_999), st.integers(-32768, 32767)),
+        st.tuples(
+            st.integers(-(2**30), 2**30), st.integers(-359_999, 359_999), st.integers(-32768, 32767)
+        ),
         min_size=1,
         max_size=60,
     ),
@@ -231,7 +245,9 @@ def test_counters_are_unwrapped_the_same_by_row_and_by_blocks_of_any_length(
 
 @given(
     st.lists(
-        st.tuples(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.sampled_from([0, 0, 1, 2, 4])),
+        st.tuples(
+            st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.sampled_from([0, 0, 1, 2, 4])
+        ),
         min_size=1,
         max_size=40,
     ),
@@ -242,7 +258,10 @@ def test_a_doubtful_value_never_costs_a_turn_and_rows_agree_with_blocks(
     rows: list[tuple[int, int, int]], length: int
 ) -> None:
     in_block, by_row = ColumnDecoder(layout(), columns()), ColumnDecoder(layout(), columns())
-    records = [bytes(2) + p.to_bytes(4, "little") + bytes(2) + c.to_bytes(4, "little") + bytes(4) for p, c, _ in rows]
+    records = [
+        bytes(2) + p.to_bytes(4, "little") + bytes(2) + c.to_bytes(4, "little") + bytes(4)
+        for p, c, _ in rows
+    ]
     found: list[list[int]] = []
     for i in range(0, len(records), length):
         part = records[i : i + length]
@@ -250,7 +269,9 @@ def test_a_doubtful_value_never_costs_a_turn_and_rows_agree_with_blocks(
         none = np.zeros(len(part), dtype=np.int64)
         flags = np.array([r[2] for r in rows[i : i + length]], dtype=np.uint16)
         found += in_block.block(raw, bad, flags, none, none).tolist()
-    assert [by_row.row(record, 0, 0, row[2]) for record, row in zip(records, rows, strict=True)] == found
+    assert [
+        by_row.row(record, 0, 0, row[2]) for record, row in zip(records, rows, strict=True)
+    ] == found
     trusted = [(counts[0], p) for counts, (p, _, flag) in zip(found, rows, strict=True) if not flag]
     for (count, p), (next_count, next_p) in itertools.pairwise(trusted):
         step = (next_p - p + 2**31) % 2**32 - 2**31
@@ -260,7 +281,13 @@ def test_a_doubtful_value_never_costs_a_turn_and_rows_agree_with_blocks(
 def test_jumps_alarms_and_impossible_counts_are_marked() -> None:
     decoder = ColumnDecoder(layout(), columns(), [Validity(4, 0xFFFF)])
     raw = np.array(
-        [[0, 0, 0, 10, 0], [0, 900, 0, 20, 0], [0, 2500, 0, 30, 0], [0, 2500, 0, 40, 1], [0, 2500, 0, 800_000, 0]],
+        [
+            [0, 0, 0, 10, 0],
+            [0, 900, 0, 20, 0],
+            [0, 2500, 0, 30, 0],
+            [0, 2500, 0, 40, 1],
+            [0, 2500, 0, 800_000, 0],
+        ],
         dtype=np.int64,
     )
     flags = np.zeros(5, dtype=np.uint16)
@@ -288,18 +315,35 @@ def test_a_gap_allows_for_more_motion_but_not_for_a_wrap() -> None:
     none = np.zeros(7, dtype=np.int64)
     decoder.block(raw, np.zeros(raw.shape, dtype=bool), flags, none, none)
     # 180 counts in two cycles are possible; over three cycles the counter of 500 may have turned unseen.
-    assert (flags & CycleFlag.JUMPED != 0).tolist() == [False, False, False, False, False, False, True]
+    assert (flags & CycleFlag.JUMPED != 0).tolist() == [
+        False,
+        False,
+        False,
+        False,
+        False,
+        False,
+        True,
+    ]
 
 
 def test_a_sync_that_came_late_allows_for_more_motion_and_a_pause_does_not() -> None:
-    raw = np.array([[0, 0, 0, 10, 0], [0, 0, 0, 20, 0], [0, 0, 0, 260, 0], [0, 0, 0, 270, 0]], dtype=np.int64)
+    raw = np.array(
+        [[0, 0, 0, 10, 0], [0, 0, 0, 20, 0], [0, 0, 0, 260, 0], [0, 0, 0, 270, 0]], dtype=np.int64
+    )
     none, late = np.zeros(4, dtype=np.int64), np.array([0, 1_000_000, 4_100_000, 5_100_000])
 
     def jumped(sent: np.ndarray, *, paused: bool = False) -> list[bool]:
         decoder = ColumnDecoder(layout(), columns(), cycle_ns=1_000_000)
         flags = [np.zeros(n, dtype=np.uint16) for n in (2, 2)]
         for part, flag in zip((slice(0, 2), slice(2, 4)), flags, strict=True):
-            decoder.block(raw[part], np.zeros((2, 5), dtype=bool), flag, none[part], none[part], sent=sent[part])
+            decoder.block(
+                raw[part],
+                np.zeros((2, 5), dtype=bool),
+                flag,
+                none[part],
+                none[part],
+                sent=sent[part],
+            )
             if paused:
                 decoder.pause()
         return (np.concatenate(flags) & CycleFlag.JUMPED != 0).tolist()
@@ -316,7 +360,9 @@ def test_floating_point_inputs_never_give_a_silent_wrong_count(values: list[floa
     one = FrameLayout([pdo], [Field("volts", 0, 0, REAL32, 1e-6)])
     data = b"".join(np.float32(v).tobytes() + bytes(4) for v in values)
     counts, bad = one.decode(data, len(values))
-    for value, count, is_bad, row in zip(values, counts[:, 0], bad[:, 0], range(len(values)), strict=True):
+    for value, count, is_bad, row in zip(
+        values, counts[:, 0], bad[:, 0], range(len(values)), strict=True
+    ):
         assert one.decode_row(data[8 * row : 8 * row + 8]) == [int(count)]
         assert is_bad == (not abs(value / 1e-6) < 2.0**62)
         assert is_bad or int(count) == round(value / 1e-6)
@@ -332,7 +378,10 @@ def test_layouts_that_cannot_be() -> None:
 
 
 def test_packing_into_frames() -> None:
-    assert pack([STATUS, POSITION, TORQUE, COUNT, ALARM]) == [[STATUS, POSITION, TORQUE], [COUNT, ALARM]]
+    assert pack([STATUS, POSITION, TORQUE, COUNT, ALARM]) == [
+        [STATUS, POSITION, TORQUE],
+        [COUNT, ALARM],
+    ]
 
 
 @given(st.integers(2, 2**32), st.lists(st.integers(-(2**40), 2**40), min_size=1, max_size=30))
@@ -370,7 +419,9 @@ BOUNDS = st.builds(
 
 @given(
     st.lists(
-        st.tuples(st.integers(-30, 30), st.integers(-30, 30), st.sampled_from([0, 0, 0, 1])), min_size=1, max_size=40
+        st.tuples(st.integers(-30, 30), st.integers(-30, 30), st.sampled_from([0, 0, 0, 1])),
+        min_size=1,
+        max_size=40,
     ),
     st.lists(BOUNDS, max_size=3),
     st.integers(0, 3),
@@ -389,7 +440,9 @@ def test_the_judge_of_single_cycles_agrees_with_the_watch_over_blocks(
         part = slice(start, start + length)
         expected = watch.first_break(guard, counts[part], flags[part])
         found = None
-        for row, (values, flag) in enumerate(zip(counts[part].tolist(), flags[part].tolist(), strict=True)):
+        for row, (values, flag) in enumerate(
+            zip(counts[part].tolist(), flags[part].tolist(), strict=True)
+        ):
             hit = judge.judge(values, flag, row)
             found = found or hit
         if expected is None or found is None:

@@ -11,7 +11,9 @@ from drivers.port import Bound, Guard, GuardWatch
 CHANNELS = (Channel("input_angle", "rad", 0.5), Channel("torque", "N m", 0.1))
 
 
-def first_break_cut(guard: Guard, counts: np.ndarray, flags: np.ndarray, size: int) -> tuple[int, str] | None:
+def first_break_cut(
+    guard: Guard, counts: np.ndarray, flags: np.ndarray, size: int
+) -> tuple[int, str] | None:
     watch = GuardWatch(CHANNELS)
     for start in range(0, len(counts), size):
         block, marks = counts[start : start + size], flags[start : start + size]
@@ -44,11 +46,16 @@ def test_a_lagged_bound_is_a_speed() -> None:
 def test_an_incomplete_cycle_is_not_judged() -> None:
     counts = np.array([[0, 99], [0, 0]])
     bound = Bound("over-torque", {"torque": 0.1}, high=0.4)
-    assert GuardWatch(CHANNELS).first_break(Guard((bound,)), counts, np.array([1, 0], np.uint16)) is None
+    assert (
+        GuardWatch(CHANNELS).first_break(Guard((bound,)), counts, np.array([1, 0], np.uint16))
+        is None
+    )
 
 
 @given(
-    st.lists(st.tuples(st.integers(-5, 5), st.integers(-9, 9), st.booleans()), min_size=1, max_size=40),
+    st.lists(
+        st.tuples(st.integers(-5, 5), st.integers(-9, 9), st.booleans()), min_size=1, max_size=40
+    ),
     st.integers(0, 3),
     st.integers(1, 3),
     st.sampled_from([1, 2, 7]),
@@ -64,4 +71,6 @@ def test_cutting_into_blocks_changes_nothing(
             Bound("torque", {"torque": 1.0}, low=-6, high=6, consecutive=2),
         )
     )
-    assert first_break_cut(guard, counts, flags, size) == first_break_cut(guard, counts, flags, len(rows))
+    assert first_break_cut(guard, counts, flags, size) == first_break_cut(
+        guard, counts, flags, len(rows)
+    )

@@ -17,7 +17,9 @@ def judged(steps: list[tuple[int, int]], lag: int = 1) -> float | None:
     """The value that broke the guard, given (counts moved, ns passed) per cycle; None where nothing did."""
     judge = CycleJudge([Channel(INPUT_ANGLE, "rad", 1.0)], PERIOD_NS)
     weight = 1.0 / (lag * PERIOD_NS * 1e-9)
-    judge.adopt(Guard((Bound("over_speed", {INPUT_ANGLE: weight}, -LIMIT, LIMIT, lag=lag, consecutive=2),)))
+    judge.adopt(
+        Guard((Bound("over_speed", {INPUT_ANGLE: weight}, -LIMIT, LIMIT, lag=lag, consecutive=2),))
+    )
     counts, time_ns = 0, 0
     for row, (moved, passed) in enumerate(steps):
         counts, time_ns = counts + moved, time_ns + passed
@@ -31,7 +33,10 @@ def judged(steps: list[tuple[int, int]], lag: int = 1) -> float | None:
 @pytest.mark.parametrize("late", [2, 5, 20])
 def test_a_late_sync_leaves_the_shaft_more_time(lag: int, late: int) -> None:
     # 0.3 counts per ms: below the limit, however late the SYNC comes.
-    steady = [(0, PERIOD_NS)] * 4 + [(0, PERIOD_NS), *[(int(0.08 * late * 4), late * PERIOD_NS)] * 4]
+    steady = [(0, PERIOD_NS)] * 4 + [
+        (0, PERIOD_NS),
+        *[(int(0.08 * late * 4), late * PERIOD_NS)] * 4,
+    ]
     assert judged(steady, lag) is None
 
 

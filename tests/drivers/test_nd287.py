@@ -98,7 +98,11 @@ def test_garbled_lines_are_refused(line: bytes) -> None:
         parse_line(line)
 
 
-@given(st.one_of(st.binary(max_size=24), st.binary(min_size=15, max_size=15).map(lambda b: b + b"\r\n")))
+@given(
+    st.one_of(
+        st.binary(max_size=24), st.binary(min_size=15, max_size=15).map(lambda b: b + b"\r\n")
+    )
+)
 def test_any_bytes_are_a_reading_or_a_decode_error(line: bytes) -> None:
     try:
         reading = parse_line(line)
@@ -171,7 +175,12 @@ def test_commands() -> None:
 
 @given(st.binary(max_size=60))
 def test_any_answer_is_a_reading_or_a_driver_error(answer: bytes) -> None:
-    for ask in (Readout.read, Readout.identification, Readout.error_message, lambda r: r.key("T0000")):
+    for ask in (
+        Readout.read,
+        Readout.identification,
+        Readout.error_message,
+        lambda r: r.key("T0000"),
+    ):
         port, _, device = readout()
         port.write = lambda b, p=port: setattr(p, "buffer", p.buffer + answer) or len(b)  # type: ignore[method-assign]
         try:

@@ -7,7 +7,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.bus import PumpedBus
-from drivers.cia301 import I32, REAL32, U8, U16, U32, DataType, ObjectRef, data_type_named, error_code_text
+from drivers.cia301 import (
+    I32,
+    REAL32,
+    U8,
+    U16,
+    U32,
+    DataType,
+    ObjectRef,
+    data_type_named,
+    error_code_text,
+)
 from drivers.cia402_tables import ERROR_CODES
 from drivers.clock import VirtualClock
 from drivers.errors import DecodeError, DriverError
@@ -66,7 +76,12 @@ def test_an_abort_is_told_in_words() -> None:
 
 
 def test_a_late_answer_to_another_object_is_not_believed() -> None:
-    raw, sdo = client(("601 40 41 60 00 00 00 00 00", ["581 4B 40 60 00 FF FF 00 00", "581 4B 41 60 00 31 02 00 00"]))
+    raw, sdo = client(
+        (
+            "601 40 41 60 00 00 00 00 00",
+            ["581 4B 40 60 00 FF FF 00 00", "581 4B 41 60 00 31 02 00 00"],
+        )
+    )
     assert sdo.read_as(0x6041, 0, U16) == 0x0231
     raw.assert_finished()
 
@@ -114,7 +129,9 @@ ANSWERS = st.lists(
     st.one_of(
         st.binary(max_size=8),
         st.builds(
-            lambda c, d: bytes([c, 0x08, 0x10, 0x00]) + d, st.integers(0, 255), st.binary(min_size=4, max_size=4)
+            lambda c, d: bytes([c, 0x08, 0x10, 0x00]) + d,
+            st.integers(0, 255),
+            st.binary(min_size=4, max_size=4),
         ),
     ),
     max_size=12,
@@ -161,7 +178,10 @@ def test_values_that_do_not_fit_are_refused() -> None:
 
 def test_error_codes_fall_back_on_their_group() -> None:
     assert error_code_text(0x8611, ERROR_CODES) == "following error"
-    assert error_code_text(0x2319, ERROR_CODES) == "continuous over-current on the output side (0x2319)"
+    assert (
+        error_code_text(0x2319, ERROR_CODES)
+        == "continuous over-current on the output side (0x2319)"
+    )
     assert error_code_text(0x8130) == "life guard or heartbeat error"
     assert "device specific" in error_code_text(0xFF07)
     assert "unknown" in error_code_text(0x0B00)

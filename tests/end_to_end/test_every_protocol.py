@@ -1,4 +1,6 @@
-"""Every protocol from plan to sealed file on the simulated rig, and what comes of it: each ends safe and is readable."""
+"""Every protocol from plan to sealed file on the simulated rig, and what comes of it: each ends
+safe and is readable.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,14 @@ SHORT: dict[str, dict[str, Any]] = {
 def test_a_protocol_ends_safe_and_leaves_a_good_file(protocol: str, tmp_path: Path) -> None:
     values = SHORT.get(protocol, {})
     request = RunRequest(
-        protocol, shipped_gear(), shipped_motor(), tmp_path, values, gear_serial="A1", operator="test", seed=5
+        protocol,
+        shipped_gear(),
+        shipped_motor(),
+        tmp_path,
+        values,
+        gear_serial="A1",
+        operator="test",
+        seed=5,
     )
     report = run_request(request)
     assert report.outcome in ("PASS", "MARGINAL", "FAIL")

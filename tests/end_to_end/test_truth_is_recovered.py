@@ -16,7 +16,9 @@ from rig.run.start import RunRequest, run_request
 SEEDS = (11, 12)
 
 
-def fitted(protocol: str, seed: int, folder: Path, tare: Path | None = None, **values: object) -> Fit:
+def fitted(
+    protocol: str, seed: int, folder: Path, tare: Path | None = None, **values: object
+) -> Fit:
     request = RunRequest(
         protocol, shipped_gear(), shipped_motor(), folder, values, gear_serial=f"S{seed}", seed=seed
     )
@@ -29,9 +31,10 @@ def fitted(protocol: str, seed: int, folder: Path, tare: Path | None = None, **v
 def test_kinematic_error(seed: int, tmp_path: Path) -> None:
     fit = fitted("kinematic-error", seed, tmp_path, speed_rpm=61.8)
     rows = [
-        r for r in truth_rows(fit.result, truth_of(fit.recording.metadata.process), fit.gear)
+        r
+        for r in truth_rows(fit.result, truth_of(fit.recording.metadata.process), fit.gear)
         if r.estimate.name.startswith(("amplitude", "phase"))
-    ]  # fmt: skip
+    ]
     assert len(rows) >= 20
     assert sum(r.within for r in rows) >= 0.9 * len(rows)
 
@@ -41,7 +44,13 @@ def test_friction_with_tare(seed: int, tmp_path: Path) -> None:
     tare = fitted("motor-tare", seed, tmp_path, points=10)
     fit = fitted("friction", seed, tmp_path, tare.path, points=14)
     rows = truth_rows(fit.result, truth_of(fit.recording.metadata.process), fit.gear)
-    assert {r.estimate.name for r in rows} >= {"coulomb", "static", "stribeck_velocity", "shape", "viscous"}
+    assert {r.estimate.name for r in rows} >= {
+        "coulomb",
+        "static",
+        "stribeck_velocity",
+        "shape",
+        "viscous",
+    }
     assert [r.estimate.name for r in rows if not r.within] == []
 
 
@@ -49,9 +58,10 @@ def test_friction_with_tare(seed: int, tmp_path: Path) -> None:
 def test_stiffness_over_inertia_within_one_percent(seed: int, tmp_path: Path) -> None:
     fit = fitted("velocity-steps", seed, tmp_path, repeats=1)
     (row,) = [
-        r for r in truth_rows(fit.result, truth_of(fit.recording.metadata.process), fit.gear)
+        r
+        for r in truth_rows(fit.result, truth_of(fit.recording.metadata.process), fit.gear)
         if r.estimate.name == "stiffness_over_inertia"
-    ]  # fmt: skip
+    ]
     assert row.estimate.value == pytest.approx(row.truth, rel=0.01)
 
 
@@ -59,9 +69,14 @@ def test_a_fitted_curve_explains_a_run_that_it_was_not_fitted_to(tmp_path: Path)
     fits = []
     for protocol_seed in (21, 22):
         request = RunRequest(
-            "kinematic-error", shipped_gear(), shipped_motor(), tmp_path, {"speed_rpm": 61.8 if protocol_seed == 21 else 59.1},
-            gear_serial="S3", seed=21,
-        )  # fmt: skip
+            "kinematic-error",
+            shipped_gear(),
+            shipped_motor(),
+            tmp_path,
+            {"speed_rpm": 61.8 if protocol_seed == 21 else 59.1},
+            gear_serial="S3",
+            seed=21,
+        )
         (fit,) = fit_files([run_request(request, judged=False).path])
         recording = fit.recording
         accumulator = KinematicErrorAccumulator(recording.metadata.ratio)

@@ -31,14 +31,25 @@ def gear() -> HarmonicDrive:
 
 @pytest.fixture(scope="session")
 def bench(gear: HarmonicDrive) -> Bench:
-    """A bench with kinematic error, cogging, and friction that varies with the angle, in phase with the error's order 2."""
+    """A bench with kinematic error, cogging, and friction that varies with the angle, in phase with
+    the error's order 2.
+    """
     depth = (Harmonic(2.0, 3e-3, -1.2e-3),)
-    return Bench(gear, error=SERIES, depth=depth, cogging=(Harmonic(24.0, 2e-3, 0.0), Harmonic(2.0, 0.0, 1e-3)))
+    return Bench(
+        gear,
+        error=SERIES,
+        depth=depth,
+        cogging=(Harmonic(24.0, 2e-3, 0.0), Harmonic(2.0, 0.0, 1e-3)),
+    )
 
 
 @pytest.fixture(scope="session")
 def kinematic_error_run(bench: Bench, gear: HarmonicDrive) -> Recording:
-    return record(kinematic_error.plan(kinematic_error.Parameters(speed_rpm=92.7), gear), bench, "kinematic-error")
+    return record(
+        kinematic_error.plan(kinematic_error.Parameters(speed_rpm=92.7), gear),
+        bench,
+        "kinematic-error",
+    )
 
 
 @pytest.fixture(scope="session")
@@ -47,7 +58,9 @@ def friction_parameters() -> friction.Parameters:
 
 
 @pytest.fixture(scope="session")
-def friction_run(bench: Bench, gear: HarmonicDrive, friction_parameters: friction.Parameters) -> Recording:
+def friction_run(
+    bench: Bench, gear: HarmonicDrive, friction_parameters: friction.Parameters
+) -> Recording:
     return record(friction.plan(friction_parameters, gear), bench, "friction")
 
 

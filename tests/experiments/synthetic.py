@@ -1,4 +1,6 @@
-"""An ideal rig for tests: walks a plan, follows every set-point, and writes what perfect kinematics plus stated errors give."""
+"""An ideal rig for tests: walks a plan, follows every set-point, and writes what perfect kinematics
+plus stated errors give.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ class Bench:
 
     gear: HarmonicDrive
     error: tuple[Harmonic, ...] = ()
-    motor: Callable[[np.ndarray], np.ndarray] = lambda speed: 0.012 * np.sign(speed) + 3.8e-5 * speed
+    motor: Callable[[np.ndarray], np.ndarray] = lambda speed: (
+        0.012 * np.sign(speed) + 3.8e-5 * speed
+    )
     cogging: tuple[Harmonic, ...] = ()
     depth: tuple[Harmonic, ...] = ()
     """Friction that varies with the angle, with the sign of the speed [N m]."""
@@ -62,7 +66,9 @@ class Bench:
     seed: int = 1
     ratio: float = 0.0
     elastic: bool = False
-    """Whether the output answers the input by equation 2, and the drive takes some milliseconds to follow a set-point."""
+    """Whether the output answers the input by equation 2, and the drive takes some milliseconds to
+    follow a set-point.
+    """
 
 
 @dataclass
@@ -130,7 +136,11 @@ def _step(walk: _Walk, step: Step, bench: Bench) -> None:
         else:
             ratio = bench.gear.ratio
             ahead = (ratio * bench.output_index - walk.angle) % (REVOLUTION * ratio)
-        ahead = ahead if ahead > 0.05 else ahead + REVOLUTION * (1.0 if step.which == "input" else bench.gear.ratio)
+        ahead = (
+            ahead
+            if ahead > 0.05
+            else ahead + REVOLUTION * (1.0 if step.which == "input" else bench.gear.ratio)
+        )
         walk.constant(step.speed, math.ceil(ahead / step.speed * RATE) + 2)
     elif isinstance(step, TorqueRamp):
         still = math.ceil(bench.breakaway / abs(step.rate) * RATE)
@@ -155,7 +165,13 @@ def record(plan: Iterable[Step], bench: Bench, experiment: str, **metadata: obje
         if label is not None:
             walk.segments.append(
                 Segment(
-                    len(walk.segments), label.label, start, walk.rows, label.setpoint, label.direction, label.repeat
+                    len(walk.segments),
+                    label.label,
+                    start,
+                    walk.rows,
+                    label.setpoint,
+                    label.direction,
+                    label.repeat,
                 )
             )
     return assemble(walk, bench, experiment, **metadata)
@@ -164,7 +180,9 @@ def record(plan: Iterable[Step], bench: Bench, experiment: str, **metadata: obje
 def assemble(walk: _Walk, bench: Bench, experiment: str, **extra: object) -> Recording:
     """Channels in counts from what was walked."""
     random = np.random.default_rng(bench.seed)
-    speed, powered, held = (np.concatenate(parts) for parts in (walk.speed, walk.powered, walk.held))
+    speed, powered, held = (
+        np.concatenate(parts) for parts in (walk.speed, walk.powered, walk.held)
+    )
     if bench.elastic:
         speed = np.asarray(scipy.signal.lfilter([1.0 - LAG, 0.0], [1.0, -LAG], speed))
         angle = 0.3 + scipy.integrate.cumulative_simpson(speed, dx=1.0 / RATE, initial=0.0)
@@ -174,15 +192,25 @@ def assemble(walk: _Walk, bench: Bench, experiment: str, **extra: object) -> Rec
     relative = angle - bench.index
     if bench.elastic:
         gear = dataclasses.replace(bench.gear, kinematic_error=bench.error)
-        answer = simulate_prescribed(gear, relative, 1.0 / RATE, input_speed=speed, smoothing_speed=0.5)
+        answer = simulate_prescribed(
+            gear, relative, 1.0 / RATE, input_speed=speed, smoothing_speed=0.5
+        )
         output = answer.output_angle + bench.index / ratio
     else:
         output = angle / ratio + series_value(bench.error, relative)
     torque = bench.motor(speed) + series_value(bench.cogging, relative)
     if bench.mounted:
-        torque = torque + friction_torque(bench.gear, speed) + np.sign(speed) * series_value(bench.depth, relative)
+        torque = (
+            torque
+            + friction_torque(bench.gear, speed)
+            + np.sign(speed) * series_value(bench.depth, relative)
+        )
     torque = np.where(np.isnan(held), torque, held)
-    torque = np.where(powered, torque, 0.0) + bench.offset + bench.drift * np.linspace(0.0, 1.0, len(speed))
+    torque = (
+        np.where(powered, torque, 0.0)
+        + bench.offset
+        + bench.drift * np.linspace(0.0, 1.0, len(speed))
+    )
     torque = torque + bench.noise * random.standard_normal(len(speed))
     q_in, q_out = REVOLUTION / INPUT_COUNTS, REVOLUTION / OUTPUT_COUNTS
     marks = bench.index + REVOLUTION * np.floor((angle - bench.index) / REVOLUTION)
@@ -202,15 +230,23 @@ def assemble(walk: _Walk, bench: Bench, experiment: str, **extra: object) -> Rec
     signals = {
         "input_angle": Signal("input_angle", "rad", q_in, quantum=q_in),
         "output_angle": Signal("output_angle", "rad", q_out, quantum=q_out),
-        "torque": Signal("torque", "N m", TORQUE_QUANTUM, quantum=TORQUE_QUANTUM, scale_relative_uncertainty=0.01),
+        "torque": Signal(
+            "torque", "N m", TORQUE_QUANTUM, quantum=TORQUE_QUANTUM, scale_relative_uncertainty=0.01
+        ),
         "input_index": Signal("input_index", "rad", q_in, quantum=q_in),
         "output_index": Signal("output_index", "rad", q_out, quantum=q_out),
         "index_seen": Signal("index_seen", "1"),
     }
     known: dict[str, object] = {
-        "ratio": bench.gear.ratio, "gear_mounted": bench.mounted, "sample_rate": RATE, "time_base": "virtual",
-        "gear": bench.gear, "origin": "simulated", "run_id": "synthetic-1", "experiment": experiment,
-    }  # fmt: skip
+        "ratio": bench.gear.ratio,
+        "gear_mounted": bench.mounted,
+        "sample_rate": RATE,
+        "time_base": "virtual",
+        "gear": bench.gear,
+        "origin": "simulated",
+        "run_id": "synthetic-1",
+        "experiment": experiment,
+    }
     info = RunMetadata(**{**known, **extra})  # type: ignore[arg-type]
     times = np.arange(len(speed), dtype=np.int64) * round(1e9 / RATE)
     return Recording(info, signals, tuple(walk.segments), (), ArraySource(arrays, times))

@@ -25,7 +25,9 @@ def foreign(time: np.ndarray, **channels: tuple[np.ndarray, str]) -> Recording:
     metadata = RunMetadata("foreign-1", "", "imported", time_base="device", ratio=float("nan"))
     signals = {name: Signal(name, unit) for name, (_, unit) in channels.items()}
     stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
-    return Recording(metadata, signals, (), (), ArraySource({n: v for n, (v, _) in channels.items()}, stamps))
+    return Recording(
+        metadata, signals, (), (), ArraySource({n: v for n, (v, _) in channels.items()}, stamps)
+    )
 
 
 def axis(seconds: float = 20.0, seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -35,7 +37,11 @@ def axis(seconds: float = 20.0, seed: int = 3) -> tuple[np.ndarray, np.ndarray, 
     velocity = 0.2 * np.cos(2.0 * time) + 0.21 * np.cos(7.0 * time + 1.0)
     acceleration = -0.4 * np.sin(2.0 * time) - 1.47 * np.sin(7.0 * time + 1.0)
     noise = 0.5 * np.random.default_rng(seed).standard_normal(len(time))
-    return time, position, 12.0 * acceleration + 40.0 * velocity + 9.0 * np.sign(velocity) + 1.5 + noise
+    return (
+        time,
+        position,
+        12.0 * acceleration + 40.0 * velocity + 9.0 * np.sign(velocity) + 1.5 + noise,
+    )
 
 
 def test_inertia_and_friction_of_a_linear_axis(gear: HarmonicDrive) -> None:
@@ -58,7 +64,9 @@ def test_inertia_and_friction_of_a_linear_axis(gear: HarmonicDrive) -> None:
 
 def test_units_follow_the_channels(gear: HarmonicDrive) -> None:
     time, position, force = axis()
-    result = motion.analyse(foreign(time, position=(position, "rad"), current=(force, "A")), Evidence(gear))
+    result = motion.analyse(
+        foreign(time, position=(position, "rad"), current=(force, "A")), Evidence(gear)
+    )
     assert result.estimates["inertia"].unit == "A s2/rad"
     assert result.estimates["viscous"].unit == "A s/rad"
 
@@ -72,7 +80,9 @@ def test_uneven_stamps_are_used_as_they_are(gear: HarmonicDrive) -> None:
     velocity = 0.2 * np.cos(phase[0]) + 0.21 * np.cos(phase[1])
     acceleration = -0.4 * np.sin(phase[0]) - 1.47 * np.sin(phase[1])
     force = 12.0 * acceleration + 40.0 * velocity + 9.0 * np.sign(velocity) + 1.5
-    result = motion.analyse(foreign(shaken, position=(position, "m"), force=(force, "N")), Evidence(gear))
+    result = motion.analyse(
+        foreign(shaken, position=(position, "m"), force=(force, "N")), Evidence(gear)
+    )
     assert any("even axis" in w for w in result.warnings)
     assert result.estimates["inertia"].value == pytest.approx(12.0, rel=0.01)
 
@@ -119,7 +129,9 @@ def test_a_series_per_revolution_keeps_the_directions_apart(gear: HarmonicDrive)
     assert result.estimates["friction"].unit == "A"
 
 
-def test_averaging_many_samples_changes_nothing(kinematic_error_run: Recording, gear: HarmonicDrive) -> None:
+def test_averaging_many_samples_changes_nothing(
+    kinematic_error_run: Recording, gear: HarmonicDrive
+) -> None:
     settings = {"highest_order": 48}
     assert kinematic_error_run.rows > revolution.MOST_SAMPLES
     result = revolution.analyse(kinematic_error_run, Evidence(gear, settings=settings))
@@ -130,19 +142,26 @@ def test_averaging_many_samples_changes_nothing(kinematic_error_run: Recording, 
 def test_a_revolution_needs_an_angle(gear: HarmonicDrive) -> None:
     time, position, force = axis(5.0)
     with pytest.raises(AnalysisError, match="rad"):
-        revolution.analyse(foreign(time, position=(position, "m"), force=(force, "N")), Evidence(gear))
+        revolution.analyse(
+            foreign(time, position=(position, "m"), force=(force, "N")), Evidence(gear)
+        )
 
 
-def test_the_order_spectrum_shows_the_strongest_orders(kinematic_error_run: Recording, gear: HarmonicDrive) -> None:
+def test_the_order_spectrum_shows_the_strongest_orders(
+    kinematic_error_run: Recording, gear: HarmonicDrive
+) -> None:
     error = order_spectrum.analyse(kinematic_error_run, Evidence(gear))
     assert error.options["channel"] == order_spectrum.KINEMATIC_ERROR
     strongest = next(iter(error.estimates))
     assert strongest == "amplitude_2"
     assert error.estimates[strongest].value == pytest.approx(16.16 * ARCSEC, rel=0.02)
-    torque = order_spectrum.analyse(kinematic_error_run, Evidence(gear, settings={"channel": "torque"}))
+    torque = order_spectrum.analyse(
+        kinematic_error_run, Evidence(gear, settings={"channel": "torque"})
+    )
     assert {"amplitude_24", "amplitude_2"} <= set(torque.estimates)
     over_output = order_spectrum.analyse(
-        kinematic_error_run, Evidence(gear, settings={"angle": "output_angle", "highest_order": 260.0})
+        kinematic_error_run,
+        Evidence(gear, settings={"angle": "output_angle", "highest_order": 260.0}),
     )
     assert "amplitude_240" in over_output.estimates
 
@@ -161,7 +180,9 @@ def test_emps_as_a_recording(gear: HarmonicDrive) -> None:
     for name in ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat"):
         content = scipy.io.loadmat(str(DATA / "emps" / name))
         force = 35.15065188 * content["vir"].ravel()
-        runs.append(foreign(content["t"].ravel(), position=(content["qm"].ravel(), "m"), force=(force, "N")))
+        runs.append(
+            foreign(content["t"].ravel(), position=(content["qm"].ravel(), "m"), force=(force, "N"))
+        )
     result = motion.analyse(runs[0], Evidence(gear))
     assert result.estimates["inertia"].value == pytest.approx(95.1089, rel=0.002)
     assert result.estimates["viscous"].value == pytest.approx(203.5034, rel=0.01)
@@ -171,14 +192,22 @@ def test_emps_as_a_recording(gear: HarmonicDrive) -> None:
     assert motion.cross_validate(runs[0], runs[1], Evidence(gear)).relative_error_percent < 6.0
 
 
-@pytest.mark.skipif(not (DATA / "laas_cogging").is_dir(), reason="the cogging recording is not here")
+@pytest.mark.skipif(
+    not (DATA / "laas_cogging").is_dir(), reason="the cogging recording is not here"
+)
 def test_laas_cogging_as_a_recording(gear: HarmonicDrive) -> None:
     """A motor moved from place to place both ways: the strongest orders are 72, 18, 12, 144, 24, 36."""
-    table = np.genfromtxt(DATA / "laas_cogging" / "stopped_data.txt", delimiter=",", skip_header=1, usecols=(0, 1, 3))
+    table = np.genfromtxt(
+        DATA / "laas_cogging" / "stopped_data.txt", delimiter=",", skip_header=1, usecols=(0, 1, 3)
+    )
     angle, current = table[:, 1], table[:, 2]
     run = foreign(np.arange(len(angle)) * 1e-3, input_angle=(angle, "rad"), current=(current, "A"))
     result = revolution.analyse(run, Evidence(gear))
-    strongest = [int(name.removeprefix("amplitude_")) for name in result.estimates if name.startswith("amplitude_")][:6]
+    strongest = [
+        int(name.removeprefix("amplitude_"))
+        for name in result.estimates
+        if name.startswith("amplitude_")
+    ][:6]
     assert set(strongest) == {72, 18, 12, 144, 24, 36}
     assert abs(result.estimates["friction"].value) == pytest.approx(0.054, abs=0.003)
     assert result.metrics["residual_rms"] < 0.014

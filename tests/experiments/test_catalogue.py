@@ -15,8 +15,14 @@ from experiments.parameters import make_parameters, parameter_fields
 from model.gear_file import shipped_gear
 
 PROTOCOLS = (
-    "kinematic-error", "friction", "velocity-steps", "motor-tare", "warm-up", "starting-torque", "home",
-)  # fmt: skip
+    "kinematic-error",
+    "friction",
+    "velocity-steps",
+    "motor-tare",
+    "warm-up",
+    "starting-torque",
+    "home",
+)
 
 
 def test_the_catalogue_lists_names_without_importing_arrays() -> None:

@@ -1,4 +1,6 @@
-"""Friction of a rig whose friction is known: parameters, tare, labels, zero, bracket, and what must be refused or said."""
+"""Friction of a rig whose friction is known: parameters, tare, labels, zero, bracket, and what must
+be refused or said.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ def result(friction_run: Recording, gear: HarmonicDrive, tare: Result) -> Result
     return friction.analyse(friction_run, Evidence(gear, tare))
 
 
-def test_the_gears_friction_is_recovered_behind_the_motors(result: Result, gear: HarmonicDrive) -> None:
+def test_the_gears_friction_is_recovered_behind_the_motors(
+    result: Result, gear: HarmonicDrive
+) -> None:
     """A straight line of friction in the motor taken for the gear's would give 93 N instead of 70 N."""
     truth = gear.mesh_friction
     for name in NAMES:
@@ -53,7 +57,9 @@ def test_running_torque_at_the_catalogues_speeds(result: Result, gear: HarmonicD
 def test_the_budget_of_the_coulomb_friction_has_all_of_type_b(result: Result) -> None:
     sources = {line.source for line in result.estimates["coulomb"].budget if line.kind == "B"}
     assert sources >= {"torque scale", "tare", "bearing no-load torque"}
-    assert result.estimates["coulomb"].expanded_uncertainty > 0.02 * result.estimates["coulomb"].value
+    assert (
+        result.estimates["coulomb"].expanded_uncertainty > 0.02 * result.estimates["coulomb"].value
+    )
 
 
 def test_without_a_tare_it_is_motor_and_gear_and_nothing_is_claimed(
@@ -102,25 +108,38 @@ def test_the_tare_finds_motor_friction_and_cogging(tare: Result) -> None:
 
 def test_a_disc_of_known_inertia_gives_the_torque_scale(gear: HarmonicDrive, bench: Bench) -> None:
     bare = dataclasses.replace(bench, mounted=False, cogging=())
-    parameters = motor_tare.Parameters(speeds_rpm=(500.0, 1500.0, 2500.0), disc_inertia=2e-4, repeats=2)
-    run = record(motor_tare.plan(parameters, gear), bare, "motor-tare", parameters=dataclasses.asdict(parameters))
+    parameters = motor_tare.Parameters(
+        speeds_rpm=(500.0, 1500.0, 2500.0), disc_inertia=2e-4, repeats=2
+    )
+    run = record(
+        motor_tare.plan(parameters, gear),
+        bare,
+        "motor-tare",
+        parameters=dataclasses.asdict(parameters),
+    )
     source = run.source
     assert isinstance(source, ArraySource)
     angle = run.si("input_angle")
     smooth = np.convolve(np.diff(angle, prepend=angle[0]) * 1000.0, np.ones(25) / 25.0, "same")
     acceleration = np.gradient(smooth) * 1000.0
     inertia = parameters.disc_inertia + parameters.rotor_inertia
-    counts = source.arrays["torque"] + np.round(1.05 * inertia * acceleration / run.signals["torque"].scale).astype(int)
+    counts = source.arrays["torque"] + np.round(
+        1.05 * inertia * acceleration / run.signals["torque"].scale
+    ).astype(int)
     arrays = {**source.arrays, "torque": counts}
     run = dataclasses.replace(run, source=dataclasses.replace(source, arrays=arrays))
     scale = motor_tare.analyse(run, Evidence(gear)).estimates["torque_scale"]
     assert scale.value == pytest.approx(1.05, abs=0.02)
 
 
-def test_the_zero_is_taken_servo_off_and_its_drift_is_said(bench: Bench, gear: HarmonicDrive) -> None:
+def test_the_zero_is_taken_servo_off_and_its_drift_is_said(
+    bench: Bench, gear: HarmonicDrive
+) -> None:
     parameters = friction.Parameters(speeds_rpm=(60.0, 200.0, 600.0), up_and_down=False)
     for drift in (0.0, 0.008):
-        run = record(friction.plan(parameters, gear), dataclasses.replace(bench, drift=drift), "friction")
+        run = record(
+            friction.plan(parameters, gear), dataclasses.replace(bench, drift=drift), "friction"
+        )
         zero = torque_zero(run)
         assert zero.before is not None
         assert zero.before.value == pytest.approx(0.01, abs=5e-4)
@@ -136,7 +155,11 @@ def test_the_zero_cancels_in_the_half_difference_and_stands_in_the_half_sum(
     bench: Bench, gear: HarmonicDrive, tare: Result, friction_parameters: friction.Parameters
 ) -> None:
     """54 mN m taken as zero servo-on: friction must not move, the offset must show it."""
-    run = record(friction.plan(friction_parameters, gear), dataclasses.replace(bench, offset=0.01), "friction")
+    run = record(
+        friction.plan(friction_parameters, gear),
+        dataclasses.replace(bench, offset=0.01),
+        "friction",
+    )
     segments = tuple(s for s in run.segments if not s.label.startswith("torque-zero"))
     unzeroed = dataclasses.replace(run, segments=segments)
     result = friction.analyse(unzeroed, Evidence(gear, tare, settings=QUICK))
@@ -155,7 +178,9 @@ def test_a_drifting_reference_speed_is_said_and_a_large_drift_is_refused(
         factor = 1.0 - fall * np.linspace(0.0, 1.0, run.rows)
         zero = bench.offset / run.signals["torque"].scale
         cooled = np.round((source.arrays["torque"] - zero) * factor + zero).astype(np.int64)
-        warm = dataclasses.replace(run, source=dataclasses.replace(source, arrays={**source.arrays, "torque": cooled}))
+        warm = dataclasses.replace(
+            run, source=dataclasses.replace(source, arrays={**source.arrays, "torque": cooled})
+        )
         if refused:
             with pytest.raises(AnalysisError, match="drifted"):
                 friction.analyse(warm, Evidence(gear, settings=QUICK))
@@ -172,7 +197,9 @@ def test_friction_that_varies_over_the_output_is_brought_to_its_mean(
     assert isinstance(source, ArraySource)
     place = friction_run.output_angle()
     shown = friction_run.si("torque") - 0.01
-    varied = np.round((shown * (1.0 + 0.02 * np.cos(place)) + 0.01) / friction_run.signals["torque"].scale).astype(int)
+    varied = np.round(
+        (shown * (1.0 + 0.02 * np.cos(place)) + 0.01) / friction_run.signals["torque"].scale
+    ).astype(int)
     run = dataclasses.replace(
         friction_run, source=dataclasses.replace(source, arrays={**source.arrays, "torque": varied})
     )
@@ -193,7 +220,8 @@ def test_a_slowest_speed_that_cannot_pin_the_stribeck_part_is_said(
 ) -> None:
     parameters = friction.Parameters(lowest_rpm=40.0, points=9)
     result = friction.analyse(
-        record(friction.plan(parameters, gear), bench, "friction"), Evidence(gear, tare, settings=QUICK)
+        record(friction.plan(parameters, gear), bench, "friction"),
+        Evidence(gear, tare, settings=QUICK),
     )
     assert any("slowest speed" in w for w in result.warnings)
     assert result.estimates["shape"].identifiable != "yes"
@@ -203,12 +231,16 @@ def test_the_genetic_search_finds_no_better_minimum(result: Result) -> None:
     assert result.metrics["genetic_chi_square_excess"] > -1e-6
 
 
-def test_identified_friction_goes_into_the_parameter_set(result: Result, gear: HarmonicDrive) -> None:
+def test_identified_friction_goes_into_the_parameter_set(
+    result: Result, gear: HarmonicDrive
+) -> None:
     identified = friction.identified(result, gear)
     assert identified.mesh_friction.coulomb == result.estimates["coulomb"].value
     origin = identified.origins["mesh_friction.coulomb"]
     assert origin.provenance == "identified"
-    assert origin.standard_uncertainty == pytest.approx(result.estimates["coulomb"].standard_uncertainty)
+    assert origin.standard_uncertainty == pytest.approx(
+        result.estimates["coulomb"].standard_uncertainty
+    )
     assert identified.options.torque_balance == result.options["torque_balance"]
 
 
@@ -216,17 +248,27 @@ def test_the_published_balance_is_kept_with_its_numbers(
     friction_run: Recording, gear: HarmonicDrive, tare: Result
 ) -> None:
     """Equation 20 as printed needs 3.9 times the mesh friction for the same torque."""
-    result = friction.analyse(friction_run, Evidence(gear, tare, settings={**QUICK, "balance": "published"}))
+    result = friction.analyse(
+        friction_run, Evidence(gear, tare, settings={**QUICK, "balance": "published"})
+    )
     identified = friction.identified(result, gear)
     assert identified.options.torque_balance == "published"
-    assert result.estimates["coulomb"].value == pytest.approx(3.906 * gear.mesh_friction.coulomb, rel=0.03)
+    assert result.estimates["coulomb"].value == pytest.approx(
+        3.906 * gear.mesh_friction.coulomb, rel=0.03
+    )
     speed = 1000.0 * RPM
-    assert float(friction_torque(identified, speed)) == pytest.approx(float(friction_torque(gear, speed)), rel=5e-3)
+    assert float(friction_torque(identified, speed)) == pytest.approx(
+        float(friction_torque(gear, speed)), rel=5e-3
+    )
 
 
-def test_compare_scores_without_fitting(friction_run: Recording, gear: HarmonicDrive, tare: Result) -> None:
+def test_compare_scores_without_fitting(
+    friction_run: Recording, gear: HarmonicDrive, tare: Result
+) -> None:
     good = friction.compare(friction_run, gear, Evidence(gear, tare))
-    wrong = gear.with_values({"mesh_friction.coulomb": 90.0, "mesh_friction.static": 110.0}, Origin("assumed"))
+    wrong = gear.with_values(
+        {"mesh_friction.coulomb": 90.0, "mesh_friction.static": 110.0}, Origin("assumed")
+    )
     bad = friction.compare(friction_run, wrong, Evidence(gear, tare))
     assert good.metrics["mse"] < 1.0
     assert good.metrics["skill_against_mean"] > 0.9
@@ -241,7 +283,9 @@ def test_verdicts_need_a_verified_limit(
 ) -> None:
     assert [v.outcome for v in result.verdicts] == ["no verified limit"]
     for limit, outcome in ((0.2, "PASS"), (0.05, "FAIL")):
-        known = gear.with_values({"ratings.running_torque": limit}, Origin("catalogue", "a catalogue page"))
+        known = gear.with_values(
+            {"ratings.running_torque": limit}, Origin("catalogue", "a catalogue page")
+        )
         judged = friction.analyse(friction_run, Evidence(known, tare, settings=QUICK))
         assert [v.outcome for v in judged.verdicts] == [outcome]
 
@@ -259,7 +303,9 @@ def test_the_papers_figures_are_there(result: Result) -> None:
     }
 
 
-def test_a_foreign_recording_of_angle_and_current_gives_friction_in_amperes(bench: Bench, gear: HarmonicDrive) -> None:
+def test_a_foreign_recording_of_angle_and_current_gives_friction_in_amperes(
+    bench: Bench, gear: HarmonicDrive
+) -> None:
     """No segments, no zero, no output encoder; whole revolutions at steady speed are found from the angle."""
     parameters = friction.Parameters(
         lowest_rpm=15.0, points=10, up_and_down=False, bracket_every=100, measure_time=10.0
@@ -272,8 +318,11 @@ def test_a_foreign_recording_of_angle_and_current_gives_friction_in_amperes(benc
     signals["current"] = dataclasses.replace(signals["current"], unit="A")
     foreign = Recording(
         dataclasses.replace(run.metadata, experiment="", origin="imported", time_base="device"),
-        signals, (), (), ArraySource({new: source.arrays[old] for old, new in names.items()}, source.times),
-    )  # fmt: skip
+        signals,
+        (),
+        (),
+        ArraySource({new: source.arrays[old] for old, new in names.items()}, source.times),
+    )
     result = friction.analyse(foreign, Evidence(gear, settings={"channel": "current"}))
     assert result.estimates["coulomb"].unit == "A"
     words = " ".join(result.warnings)
@@ -291,7 +340,9 @@ def test_a_foreign_recording_of_angle_and_current_gives_friction_in_amperes(benc
     assert found == pytest.approx(truth, rel=0.03)
 
 
-def test_a_run_without_a_whole_revolution_is_refused(gear: HarmonicDrive, friction_run: Recording) -> None:
+def test_a_run_without_a_whole_revolution_is_refused(
+    gear: HarmonicDrive, friction_run: Recording
+) -> None:
     short = tuple(
         dataclasses.replace(s, stop=s.start + 50) if s.label in ("hold", "bracket") else s
         for s in friction_run.segments
@@ -301,17 +352,23 @@ def test_a_run_without_a_whole_revolution_is_refused(gear: HarmonicDrive, fricti
         friction.analyse(dataclasses.replace(friction_run, segments=slow), Evidence(gear))
 
 
-def test_a_linear_axis_is_sent_to_another_kind(friction_run: Recording, gear: HarmonicDrive) -> None:
+def test_a_linear_axis_is_sent_to_another_kind(
+    friction_run: Recording, gear: HarmonicDrive
+) -> None:
     signals = dict(friction_run.signals)
     signals["input_angle"] = dataclasses.replace(signals["input_angle"], unit="m")
     with pytest.raises(AnalysisError, match="motion"):
         friction.analyse(dataclasses.replace(friction_run, signals=signals), Evidence(gear))
 
 
-def test_holds_cover_whole_revolutions_of_the_plan(friction_run: Recording, gear: HarmonicDrive) -> None:
+def test_holds_cover_whole_revolutions_of_the_plan(
+    friction_run: Recording, gear: HarmonicDrive
+) -> None:
     measured = measure_friction(friction_run, Evidence(gear))
     for hold in measured.holds:
-        turned = abs(friction_run.si("input_angle", hold.segment)[[0, -1]] @ [-1.0, 1.0]) / REVOLUTION
+        turned = (
+            abs(friction_run.si("input_angle", hold.segment)[[0, -1]] @ [-1.0, 1.0]) / REVOLUTION
+        )
         assert hold.torque.revolutions == round(turned)
 
 

@@ -71,15 +71,27 @@ def test_figure_16_friction_in_phase_with_the_error_is_called_so(result: Result)
     found = result.estimates["figure_16_phase_difference"]
     assert found.low - 1.0 * DEGREE <= 0.0 <= found.high + 1.0 * DEGREE
     assert "same angle" in result.options["figure_16"]
-    assert result.estimates["figure_16_friction_amplitude"].value == pytest.approx(math.hypot(3e-3, 1.2e-3), rel=0.03)
-    assert result.estimates["figure_16_conservative_amplitude"].value == pytest.approx(1e-3, rel=0.1)
+    assert result.estimates["figure_16_friction_amplitude"].value == pytest.approx(
+        math.hypot(3e-3, 1.2e-3), rel=0.03
+    )
+    assert result.estimates["figure_16_conservative_amplitude"].value == pytest.approx(
+        1e-3, rel=0.1
+    )
 
 
-def test_figure_16_friction_a_quarter_turn_away_is_told_apart(bench: Bench, gear: HarmonicDrive) -> None:
+def test_figure_16_friction_a_quarter_turn_away_is_told_apart(
+    bench: Bench, gear: HarmonicDrive
+) -> None:
     turned = dataclasses.replace(bench, depth=(Harmonic(2.0, 1.2e-3, 3e-3),))
-    run = record(kinematic_error.plan(kinematic_error.Parameters(speed_rpm=185.3), gear), turned, "kinematic-error")
+    run = record(
+        kinematic_error.plan(kinematic_error.Parameters(speed_rpm=185.3), gear),
+        turned,
+        "kinematic-error",
+    )
     result = kinematic_error.analyse(run, Evidence(gear))
-    assert result.estimates["figure_16_phase_difference"].value == pytest.approx(0.5 * math.pi, abs=2.0 * DEGREE)
+    assert result.estimates["figure_16_phase_difference"].value == pytest.approx(
+        0.5 * math.pi, abs=2.0 * DEGREE
+    )
     assert "do not have" in result.options["figure_16"]
 
 
@@ -93,7 +105,9 @@ def test_the_papers_figures_are_there(result: Result) -> None:
             assert np.isfinite(series.y).all()
 
 
-def test_every_type_b_of_the_encoders_is_in_the_budget(kinematic_error_run: Recording, gear: HarmonicDrive) -> None:
+def test_every_type_b_of_the_encoders_is_in_the_budget(
+    kinematic_error_run: Recording, gear: HarmonicDrive
+) -> None:
     """10 micrometres of eccentricity on a 110 mm scale are 37 arcsec: far more than the fit's own scatter."""
     signals = dict(kinematic_error_run.signals)
     signals["output_angle"] = dataclasses.replace(signals["output_angle"], accuracy=37.0 * ARCSEC)
@@ -126,7 +140,9 @@ def test_a_slipped_count_is_said(kinematic_error_run: Recording, gear: HarmonicD
     slipped = arrays["output_angle"].copy()
     slipped[middle:] += 3
     arrays["output_angle"] = slipped
-    run = dataclasses.replace(kinematic_error_run, source=dataclasses.replace(source, arrays=arrays))
+    run = dataclasses.replace(
+        kinematic_error_run, source=dataclasses.replace(source, arrays=arrays)
+    )
     result = kinematic_error.analyse(run, Evidence(gear))
     assert any("slip" in w.lower() for w in result.warnings)
     assert result.metrics["slipped_counts"] >= 1.0
@@ -140,7 +156,9 @@ def test_too_many_missed_cycles_are_refused_and_few_are_said(
     for share, refused in ((0.0005, False), (0.01, True)):
         flags = np.zeros(kinematic_error_run.rows, dtype=np.uint16)
         flags[:: round(1.0 / share)] = 1
-        run = dataclasses.replace(kinematic_error_run, source=dataclasses.replace(source, cycle_flags=flags))
+        run = dataclasses.replace(
+            kinematic_error_run, source=dataclasses.replace(source, cycle_flags=flags)
+        )
         if refused:
             with pytest.raises(AnalysisError, match="missed"):
                 kinematic_error.analyse(run, Evidence(gear))
@@ -149,10 +167,14 @@ def test_too_many_missed_cycles_are_refused_and_few_are_said(
             assert any("incomplete" in w for w in result.warnings)
 
 
-def test_without_an_output_encoder_it_says_what_is_lacking(kinematic_error_run: Recording, gear: HarmonicDrive) -> None:
+def test_without_an_output_encoder_it_says_what_is_lacking(
+    kinematic_error_run: Recording, gear: HarmonicDrive
+) -> None:
     signals = {name: s for name, s in kinematic_error_run.signals.items() if name != "output_angle"}
     with pytest.raises(AnalysisError, match="output_angle"):
-        kinematic_error.analyse(dataclasses.replace(kinematic_error_run, signals=signals), Evidence(gear))
+        kinematic_error.analyse(
+            dataclasses.replace(kinematic_error_run, signals=signals), Evidence(gear)
+        )
 
 
 def test_without_index_torque_and_segments_the_error_is_still_found(
@@ -166,7 +188,9 @@ def test_without_index_torque_and_segments_the_error_is_still_found(
     assert "no segments" in words
     assert "index" in words
     assert "torque" in words
-    assert found.estimates["amplitude_2"].value == pytest.approx(result.estimates["amplitude_2"].value, rel=5e-3)
+    assert found.estimates["amplitude_2"].value == pytest.approx(
+        result.estimates["amplitude_2"].value, rel=5e-3
+    )
 
 
 def test_an_unknown_setting_is_refused(kinematic_error_run: Recording, gear: HarmonicDrive) -> None:
@@ -177,14 +201,20 @@ def test_an_unknown_setting_is_refused(kinematic_error_run: Recording, gear: Har
 def test_the_identified_gear_scores_better_than_the_assumed_one(
     kinematic_error_run: Recording, gear: HarmonicDrive, result: Result, bench: Bench
 ) -> None:
-    """MSE (22) of the identified set on a run that it was not fitted to is excellent; that of the shipped set is not."""
+    """MSE (22) of the identified set on a run that it was not fitted to is excellent; that of the
+    shipped set is not.
+    """
     identified = kinematic_error.identified(result, gear)
     assert {h.order for h in identified.kinematic_error} >= {1.0, 2.0, 4.0}
     origin = identified.origins["kinematic_error.2"]
     assert origin.provenance == "identified"
     assert origin.standard_uncertainty is not None
     parameters = kinematic_error.Parameters(speed_rpm=185.3)
-    other = record(kinematic_error.plan(parameters, gear), dataclasses.replace(bench, seed=77), "kinematic-error")
+    other = record(
+        kinematic_error.plan(parameters, gear),
+        dataclasses.replace(bench, seed=77),
+        "kinematic-error",
+    )
     ours = kinematic_error.compare(other, identified, Evidence(gear))
     theirs = kinematic_error.compare(other, gear, Evidence(gear))
     assert ours.metrics["mse_forward_0"] < 1.0
@@ -194,7 +224,9 @@ def test_the_identified_gear_scores_better_than_the_assumed_one(
 
 def test_repeats_are_pooled_and_scored_on_each_other(bench: Bench, gear: HarmonicDrive) -> None:
     run = record(
-        kinematic_error.plan(kinematic_error.Parameters(speed_rpm=185.3, repeats=2), gear), bench, "kinematic-error"
+        kinematic_error.plan(kinematic_error.Parameters(speed_rpm=185.3, repeats=2), gear),
+        bench,
+        "kinematic-error",
     )
     result = kinematic_error.analyse(run, Evidence(gear))
     assert result.metrics["mse_on_other_repeats"] < 1.0
@@ -204,12 +236,27 @@ def test_repeats_are_pooled_and_scored_on_each_other(bench: Bench, gear: Harmoni
 
 def test_what_the_torsional_vibration_adds_is_in_the_budget(gear: HarmonicDrive) -> None:
     first = first_resonances(gear)[0]
-    size = Estimate("", 100 * ARCSEC, "rad", 99 * ARCSEC, 101 * ARCSEC, "yes", "", (BudgetLine("residual", "A", ARCSEC),))
+    size = Estimate(
+        "",
+        100 * ARCSEC,
+        "rad",
+        99 * ARCSEC,
+        101 * ARCSEC,
+        "yes",
+        "",
+        (BudgetLine("residual", "A", ARCSEC),),
+    )
     plain = {"amplitude_2": size, "amplitude_4": size, "transmission_accuracy": size, "ratio": size}
     found = kinematic_error.with_amplification(plain, gear, 120.0, first / 40.0)
-    added = {name: e.budget[-1].standard_uncertainty * math.sqrt(3.0) for name, e in found.items() if e is not size}
+    added = {
+        name: e.budget[-1].standard_uncertainty * math.sqrt(3.0)
+        for name, e in found.items()
+        if e is not size
+    }
     two, four = 100 * ARCSEC / (20.0**2 - 1.0), 100 * ARCSEC / (10.0**2 - 1.0)
-    assert added == pytest.approx({"amplitude_2": two, "amplitude_4": four, "transmission_accuracy": 2.0 * (two + four)})
+    assert added == pytest.approx(
+        {"amplitude_2": two, "amplitude_4": four, "transmission_accuracy": 2.0 * (two + four)}
+    )
     assert found["ratio"] is size
     assert kinematic_error.with_amplification(plain, gear, 120.0, 0.0) == plain
 
@@ -224,12 +271,18 @@ def test_the_truth_in_the_file_changes_nothing(
     assert kinematic_error.analyse(run, Evidence(gear)).as_json() == result.as_json()
 
 
-def test_a_traverse_that_was_cut_short_claims_no_accuracy(kinematic_error_run: Recording, gear: HarmonicDrive) -> None:
+def test_a_traverse_that_was_cut_short_claims_no_accuracy(
+    kinematic_error_run: Recording, gear: HarmonicDrive
+) -> None:
     first = kinematic_error_run.labelled("traverse")[0]
     part = dataclasses.replace(first, label="traverse (cut)", stop=(first.start + first.stop) // 2)
     others = tuple(s for s in kinematic_error_run.segments if s.label.startswith("torque-zero"))
-    result = kinematic_error.analyse(dataclasses.replace(kinematic_error_run, segments=(*others, part)), Evidence(gear))
+    result = kinematic_error.analyse(
+        dataclasses.replace(kinematic_error_run, segments=(*others, part)), Evidence(gear)
+    )
     assert result.estimates["transmission_accuracy"].identifiable == "no"
     assert any("One direction only" in w for w in result.warnings)
     with pytest.raises(AnalysisError, match="no traverse"):
-        kinematic_error.analyse(dataclasses.replace(kinematic_error_run, segments=others), Evidence(gear))
+        kinematic_error.analyse(
+            dataclasses.replace(kinematic_error_run, segments=others), Evidence(gear)
+        )

@@ -32,14 +32,32 @@ from model.gear_file import shipped_gear
 from model.units import RPM
 
 GEAR = shipped_gear()
-TURNING = (Ramp, SpeedStep, HoldRevolutions, HoldTime, Settle, MoveToAngle, MoveRevolutions, FindIndex, TorqueRamp)
+TURNING = (
+    Ramp,
+    SpeedStep,
+    HoldRevolutions,
+    HoldTime,
+    Settle,
+    MoveToAngle,
+    MoveRevolutions,
+    FindIndex,
+    TorqueRamp,
+)
 
 
 def _number(f: ParameterField) -> st.SearchStrategy[Any]:
     low, high = 0.0, 1e4
     for check in f.checks:
-        low = check.ge if isinstance(check, Ge) else check.gt + 1e-3 if isinstance(check, Gt) else low
-        high = check.le if isinstance(check, Le) else check.lt - 1e-3 if isinstance(check, Lt) else high
+        low = (
+            check.ge if isinstance(check, Ge) else check.gt + 1e-3 if isinstance(check, Gt) else low
+        )
+        high = (
+            check.le
+            if isinstance(check, Le)
+            else check.lt - 1e-3
+            if isinstance(check, Lt)
+            else high
+        )
     default = f.default if isinstance(f.default, int | float) else 1.0
     low = max(low, 0.2 * default) if default > 0 else low
     high = max(min(high, 5.0 * default if default > 0 else 1.0), low)
@@ -121,17 +139,23 @@ def _check_numbers(steps: list[Any]) -> None:
 def test_kinematic_error_covers_whole_output_revolutions_after_an_approach() -> None:
     for mounting, turns in (("circular-spline-fixed", 120.0), ("flexspline-fixed", 121.0)):
         steps = list(
-            kinematic_error.plan(kinematic_error.Parameters(output_revolutions=2, repeats=2, mounting=mounting), GEAR)
+            kinematic_error.plan(
+                kinematic_error.Parameters(output_revolutions=2, repeats=2, mounting=mounting), GEAR
+            )
         )
         holds = [s for s in steps if isinstance(s, HoldRevolutions)]
-        assert [(h.segment.label, h.segment.direction, h.segment.repeat) for h in holds if h.segment] == [
+        assert [
+            (h.segment.label, h.segment.direction, h.segment.repeat) for h in holds if h.segment
+        ] == [
             (label, direction, repeat)
             for repeat in (0, 1)
             for direction in (1, -1)
             for label in ("approach", "traverse")
         ]
         assert all(h.revolutions >= 1.0 for h in holds)
-        assert all(h.revolutions == 2 * turns for h in holds if h.segment and h.segment.label == "traverse")
+        assert all(
+            h.revolutions == 2 * turns for h in holds if h.segment and h.segment.label == "traverse"
+        )
 
 
 def test_friction_defaults_are_what_a_laboratory_expects() -> None:
@@ -145,7 +169,12 @@ def test_friction_defaults_are_what_a_laboratory_expects() -> None:
     holds = [s.segment for s in steps if isinstance(s, HoldRevolutions) and s.segment]
     assert sum(h.label == "hold" for h in holds) == 120
     assert sum(h.label == "bracket" for h in holds) == 28
-    assert {(h.direction, h.repeat) for h in holds if h.label == "hold"} == {(1, 0), (-1, 0), (1, 1), (-1, 1)}
+    assert {(h.direction, h.repeat) for h in holds if h.label == "hold"} == {
+        (1, 0),
+        (-1, 0),
+        (1, 1),
+        (-1, 1),
+    }
     assert all(s.revolutions == int(s.revolutions) for s in steps if isinstance(s, HoldRevolutions))
 
 
@@ -157,7 +186,9 @@ def test_friction_points_start_all_over_the_output_revolution() -> None:
             place += step.revolutions / GEAR.ratio
             places.append(place % 1.0)
     assert len(places) == 60
-    gaps = [b - a for a, b in zip(sorted(places), [*sorted(places)[1:], 1.0 + min(places)], strict=True)]
+    gaps = [
+        b - a for a, b in zip(sorted(places), [*sorted(places)[1:], 1.0 + min(places)], strict=True)
+    ]
     assert max(gaps) < 0.05
 
 
@@ -172,9 +203,14 @@ def test_fast_speeds_are_moved_off_the_sampling_lattice() -> None:
 def test_the_default_low_speed_is_off_the_lattice_of_the_output_counts() -> None:
     assert lattice_distance(60.0 * RPM, 1000.0, 600.0) < 1e-6
     assert lattice_distance(30.3 * RPM, 1000.0, 600.0) > 0.01
-    marks = [getattr(s, "code", "") for s in kinematic_error.plan(kinematic_error.Parameters(), GEAR)]
+    marks = [
+        getattr(s, "code", "") for s in kinematic_error.plan(kinematic_error.Parameters(), GEAR)
+    ]
     assert "commensurate-speed" not in marks
-    marks = [getattr(s, "code", "") for s in kinematic_error.plan(kinematic_error.Parameters(speed_rpm=60.0), GEAR)]
+    marks = [
+        getattr(s, "code", "")
+        for s in kinematic_error.plan(kinematic_error.Parameters(speed_rpm=60.0), GEAR)
+    ]
     assert "commensurate-speed" in marks
 
 
@@ -216,7 +252,9 @@ def test_steps_start_from_stated_angles_approached_from_one_side() -> None:
         ("home", {"input_passes": 0}),
     ],
 )
-def test_impossible_parameters_are_refused_with_value_and_limit(name: str, values: dict[str, Any]) -> None:
+def test_impossible_parameters_are_refused_with_value_and_limit(
+    name: str, values: dict[str, Any]
+) -> None:
     experiment = catalogue.load(name)
     with pytest.raises(PlanError) as refused:
         experiment.plan(experiment.parameters(**values), GEAR)

@@ -32,7 +32,9 @@ class WithCycles(ArraySource):
         return rows + self.gap * (rows >= self.rows // 2)
 
 
-def made(rows: int = 1000, flags: NDArray[np.uint16] | None = None, gap: int = 0, **metadata: Any) -> Recording:
+def made(
+    rows: int = 1000, flags: NDArray[np.uint16] | None = None, gap: int = 0, **metadata: Any
+) -> Recording:
     arrays = {"input_angle": np.arange(rows), "output_angle": -np.arange(rows) // 120}
     signals = {
         "input_angle": Signal("input_angle", "rad", 1e-3, quantum=1e-3),
@@ -48,7 +50,9 @@ def made(rows: int = 1000, flags: NDArray[np.uint16] | None = None, gap: int = 0
 def with_torque(recording: Recording) -> Recording:
     signals = {**recording.signals, "torque": Signal("torque", "N m", 1e-4)}
     arrays = {**recording.source.arrays, "torque": np.zeros(recording.rows)}  # type: ignore[attr-defined]
-    return dataclasses.replace(recording, signals=signals, source=ArraySource(arrays, recording.source.times))  # type: ignore[attr-defined]
+    return dataclasses.replace(
+        recording, signals=signals, source=ArraySource(arrays, recording.source.times)
+    )  # type: ignore[attr-defined]
 
 
 def flags_of(rows: int, flag: int, count: int) -> NDArray[np.uint16]:
@@ -58,11 +62,18 @@ def flags_of(rows: int, flag: int, count: int) -> NDArray[np.uint16]:
 
 
 def test_the_flags_that_cost_a_cycle_are_those_of_the_drivers() -> None:
-    assert BAD_CYCLE == CycleFlag.INCOMPLETE | CycleFlag.SHORT | CycleFlag.JUMPED | CycleFlag.SIGNAL_ERROR
+    assert (
+        BAD_CYCLE
+        == CycleFlag.INCOMPLETE | CycleFlag.SHORT | CycleFlag.JUMPED | CycleFlag.SIGNAL_ERROR
+    )
 
 
-@pytest.mark.parametrize(("missed", "allowed", "is_refused"), [(1, 1e-3, False), (2, 1e-3, True), (50, 0.05, False)])
-def test_the_share_of_missed_cycles_is_what_was_asked_for(missed: int, allowed: float, is_refused: bool) -> None:
+@pytest.mark.parametrize(
+    ("missed", "allowed", "is_refused"), [(1, 1e-3, False), (2, 1e-3, True), (50, 0.05, False)]
+)
+def test_the_share_of_missed_cycles_is_what_was_asked_for(
+    missed: int, allowed: float, is_refused: bool
+) -> None:
     recording = made(flags=flags_of(1000, CycleFlag.INCOMPLETE | CycleFlag.STALE_OUTPUT, missed))
     if is_refused:
         with pytest.raises(AnalysisError, match=r"too many cycles.*largest-missed-share"):
@@ -102,15 +113,27 @@ def test_a_recording_without_any_time_has_no_speeds(gear: HarmonicDrive) -> None
 
 
 def test_what_the_acquisition_found_is_said_with_the_result() -> None:
-    quiet = {"index_marks": {"input_angle": {"worst_excess": 2}}, "skew": {"encoder_skew": {"value": 1e-5}}}
+    quiet = {
+        "index_marks": {"input_angle": {"worst_excess": 2}},
+        "skew": {"encoder_skew": {"value": 1e-5}},
+    }
     assert check_recording(made(process={"acquisition": quiet}), "a test", 0.001).warnings == ()
-    loud = {"index_marks": {"input_angle": {"worst_excess": -40}}, "skew": {"encoder_skew": {"value": 1e-4}}}
+    loud = {
+        "index_marks": {"input_angle": {"worst_excess": -40}},
+        "skew": {"encoder_skew": {"value": 1e-4}},
+    }
     said = check_recording(made(process={"acquisition": loud}), "a test", 0.001).warnings
     assert "lost or gained counts" in said[0]
     # 300 rad/s / 120 * 100 us
     assert "52 arcsec at the fastest set-point" in said[1]
-    for broken in ("text", {"index_marks": 3, "skew": {"encoder_skew": None}}, {"skew": {"encoder_skew": {"value": None}}}):
-        assert check_recording(made(process={"acquisition": broken}), "a test", 0.001).warnings == ()
+    for broken in (
+        "text",
+        {"index_marks": 3, "skew": {"encoder_skew": None}},
+        {"skew": {"encoder_skew": {"value": None}}},
+    ):
+        assert (
+            check_recording(made(process={"acquisition": broken}), "a test", 0.001).warnings == ()
+        )
 
 
 def turning(skew: float, wind_up: float = 2e-5) -> Recording:
@@ -119,18 +142,30 @@ def turning(skew: float, wind_up: float = 2e-5) -> Recording:
     speeds = [s * d for s in (40.0, 90.0, 160.0, 280.0) for d in (1, 1, -1, -1)]
     speed = np.repeat(speeds, 2000)
     angle = np.cumsum(speed) * 1e-3
-    output = angle / ratio + skew * speed / ratio + wind_up * np.sign(speed) + 3e-5 * np.cos(angle / ratio)
+    output = (
+        angle / ratio
+        + skew * speed / ratio
+        + wind_up * np.sign(speed)
+        + 3e-5 * np.cos(angle / ratio)
+    )
     output += 7e-5 * np.sin(2.0 * angle)
     quanta = {"input_angle": 2.0 * math.pi / 32768, "output_angle": 2.0 * math.pi / lines}
     signals = {n: Signal(n, "rad", q, quantum=q) for n, q in quanta.items()}
-    arrays = {"input_angle": np.floor(angle / quanta["input_angle"]), "output_angle": np.floor(-output / quanta["output_angle"])}
+    arrays = {
+        "input_angle": np.floor(angle / quanta["input_angle"]),
+        "output_angle": np.floor(-output / quanta["output_angle"]),
+    }
     times = np.arange(len(angle), dtype=np.int64) * PERIOD_NS
-    about = RunMetadata("run-2", "", "simulated", ratio=ratio, sample_rate=1000.0, time_base="hardware")
+    about = RunMetadata(
+        "run-2", "", "simulated", ratio=ratio, sample_rate=1000.0, time_base="hardware"
+    )
     return Recording(about, signals, (), (), ArraySource(arrays, times))
 
 
 @pytest.mark.parametrize("skew", [0.0, 3e-5, -2e-4])
-def test_the_skew_is_found_in_a_recording_without_segments(skew: float, gear: HarmonicDrive) -> None:
+def test_the_skew_is_found_in_a_recording_without_segments(
+    skew: float, gear: HarmonicDrive
+) -> None:
     found = skews(turning(skew))["encoder_skew"]
     assert found.identifiable == "yes"
     assert found.low < skew < found.high
@@ -144,12 +179,16 @@ def test_the_skew_is_found_in_a_recording_without_segments(skew: float, gear: Ha
 
 
 @pytest.mark.parametrize(("skew", "late"), [(1e-3, "output angle is"), (-1e-3, "input angle is")])
-def test_process_data_that_are_always_one_sync_late_are_found_by_the_motion(skew: float, late: str) -> None:
+def test_process_data_that_are_always_one_sync_late_are_found_by_the_motion(
+    skew: float, late: str
+) -> None:
     recording = turning(skew)
     found = skews(recording)["encoder_skew"]
     assert found.value == pytest.approx(skew, abs=5e-6)
     process = {"acquisition": {"skew": {"encoder_skew": found.as_json()}}}
-    told = dataclasses.replace(recording, metadata=dataclasses.replace(recording.metadata, process=process))
+    told = dataclasses.replace(
+        recording, metadata=dataclasses.replace(recording.metadata, process=process)
+    )
     (said,) = check_recording(told, "a test", 0.001).warnings
     assert late in said
     assert "1.00 SYNC cycles" in said
@@ -159,5 +198,7 @@ def test_a_short_or_standing_recording_has_no_skew(gear: HarmonicDrive) -> None:
     assert skews(made(), gear)["encoder_skew"].identifiable == "no"
     still = made(200)
     source = ArraySource({n: np.zeros(200) for n in still.signals}, still.source.times)  # type: ignore[attr-defined]
-    assert skews(dataclasses.replace(still, source=source), gear)["encoder_skew"].identifiable == "no"
+    assert (
+        skews(dataclasses.replace(still, source=source), gear)["encoder_skew"].identifiable == "no"
+    )
     assert skews(made(gear_mounted=False), gear) == {}

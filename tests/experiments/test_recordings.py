@@ -34,7 +34,9 @@ def of_angle(angle: np.ndarray, quantum: float = 0.0) -> Recording:
     signal = Signal("input_angle", "rad", quantum or 1.0, quantum=quantum)
     times = np.arange(len(angle), dtype=np.int64) * 1_000_000
     metadata = RunMetadata("angle-1", "", "imported", time_base="device")
-    return Recording(metadata, {"input_angle": signal}, (), (), ArraySource({"input_angle": stored}, times))
+    return Recording(
+        metadata, {"input_angle": signal}, (), (), ArraySource({"input_angle": stored}, times)
+    )
 
 
 def test_a_short_recording_is_refused() -> None:
@@ -43,7 +45,9 @@ def test_a_short_recording_is_refused() -> None:
 
 
 @given(turns=st.lists(st.floats(2.3, 6.0), min_size=1, max_size=4), speed=st.floats(2.0, 60.0))
-def test_stretches_lie_in_one_direction_and_leave_the_wind_up_out(turns: list[float], speed: float) -> None:
+def test_stretches_lie_in_one_direction_and_leave_the_wind_up_out(
+    turns: list[float], speed: float
+) -> None:
     parts, here = [np.zeros(200)], 0.0
     for k, turn in enumerate(turns):
         way = 1.0 if k % 2 == 0 else -1.0
@@ -65,16 +69,24 @@ def test_a_standstill_has_no_stretch() -> None:
     assert stretches(of_angle(np.zeros(1000), REVOLUTION / 8192)) == ()
 
 
-def test_the_phase_reference_is_the_mark_before_the_outputs(kinematic_error_run: Recording, bench: Bench) -> None:
+def test_the_phase_reference_is_the_mark_before_the_outputs(
+    kinematic_error_run: Recording, bench: Bench
+) -> None:
     reference = phase_reference(kinematic_error_run)
     assert reference.what == "index marks"
     away = (reference.input_angle - bench.index) / REVOLUTION
     assert away == pytest.approx(round(away), abs=1e-4)
     there = bench.output_index * bench.gear.ratio
-    assert -1.0 <= (reference.input_angle - there) / REVOLUTION % bench.gear.ratio - bench.gear.ratio <= 0.1
+    assert (
+        -1.0
+        <= (reference.input_angle - there) / REVOLUTION % bench.gear.ratio - bench.gear.ratio
+        <= 0.1
+    )
 
 
-def test_without_marks_phases_count_from_the_start_and_are_called_so(kinematic_error_run: Recording) -> None:
+def test_without_marks_phases_count_from_the_start_and_are_called_so(
+    kinematic_error_run: Recording,
+) -> None:
     signals = {n: s for n, s in kinematic_error_run.signals.items() if "index" not in n}
     reference = phase_reference(dataclasses.replace(kinematic_error_run, signals=signals))
     assert not reference.carries
@@ -85,7 +97,9 @@ def test_without_marks_phases_count_from_the_start_and_are_called_so(kinematic_e
 def test_stamps_of_device_and_sync_are_times(time_base: str) -> None:
     recording = of_angle(np.linspace(0.0, 1.0, 200))
     require_time_base(
-        dataclasses.replace(recording, metadata=dataclasses.replace(recording.metadata, time_base=time_base)),
+        dataclasses.replace(
+            recording, metadata=dataclasses.replace(recording.metadata, time_base=time_base)
+        ),
         "a test",  # type: ignore[arg-type]
     )
 
@@ -102,7 +116,10 @@ def test_a_channel_without_calibration_gets_the_assumed_scale() -> None:
 
 def test_a_channel_is_named_or_the_first_that_is_there() -> None:
     recording = of_angle(np.linspace(0.0, 1.0, 200))
-    assert chosen_channel(recording, {}, "angle", ("position", "input_angle"), "a test") == "input_angle"
+    assert (
+        chosen_channel(recording, {}, "angle", ("position", "input_angle"), "a test")
+        == "input_angle"
+    )
     with pytest.raises(AnalysisError, match="position"):
         chosen_channel(recording, {"angle": "position"}, "angle", ("input_angle",), "a test")
     with pytest.raises(AnalysisError, match="torque or force"):
@@ -111,7 +128,12 @@ def test_a_channel_is_named_or_the_first_that_is_there() -> None:
 
 def estimate(value: float, u: float) -> Estimate:
     return Estimate(
-        "x", value, "1", value - u, value + u, budget=(BudgetLine("a", "A", 0.6 * u), BudgetLine("b", "B", 0.8 * u))
+        "x",
+        value,
+        "1",
+        value - u,
+        value + u,
+        budget=(BudgetLine("a", "A", 0.6 * u), BudgetLine("b", "B", 0.8 * u)),
     )
 
 
@@ -120,7 +142,9 @@ def test_verdicts_use_the_expanded_uncertainty(value: float, u: float, limit: fl
     found = estimate(value, u)
     assert found.expanded_uncertainty == pytest.approx(2.0 * u)
     outcome = judge_upper("x", "", found, limit, "catalogue", "").outcome
-    expected = "PASS" if value + 2.0 * u <= limit else "FAIL" if value - 2.0 * u > limit else "MARGINAL"
+    expected = (
+        "PASS" if value + 2.0 * u <= limit else "FAIL" if value - 2.0 * u > limit else "MARGINAL"
+    )
     if min(abs(value + 2.0 * u - limit), abs(value - 2.0 * u - limit)) > 1e-9:
         assert outcome == expected
     assert judge_upper("x", "", found, limit, "recalled", "").outcome == "no verified limit"
@@ -130,7 +154,9 @@ def test_verdicts_use_the_expanded_uncertainty(value: float, u: float, limit: fl
 def test_a_budget_adds_up() -> None:
     rows = budget_table([estimate(1.0, 0.1)]).rows
     assert [row[1] for row in rows] == ["a", "b", "combined", "expanded, k = 2"]
-    assert float(rows[3][3]) == pytest.approx(2.0 * math.hypot(float(rows[0][3]), float(rows[1][3])))
+    assert float(rows[3][3]) == pytest.approx(
+        2.0 * math.hypot(float(rows[0][3]), float(rows[1][3]))
+    )
 
 
 def truth_for(result: Result) -> dict[str, object]:
@@ -150,7 +176,9 @@ def truth_for(result: Result) -> dict[str, object]:
     return {"kinematic_error": {"measurable_recorded": orders}}
 
 
-def test_truth_stands_beside_what_was_found(kinematic_error_run: Recording, gear: HarmonicDrive) -> None:
+def test_truth_stands_beside_what_was_found(
+    kinematic_error_run: Recording, gear: HarmonicDrive
+) -> None:
     result = kinematic_error.analyse(kinematic_error_run, Evidence(gear))
     rows = truth_rows(result, truth_for(result), gear)
     assert len(rows) == 2 * len(SERIES)

@@ -1,4 +1,6 @@
-"""Velocity steps of a rig that obeys equation 2: resonance, damping, skills against null models, what must be refused."""
+"""Velocity steps of a rig that obeys equation 2: resonance, damping, skills against null models,
+what must be refused.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ def elastic_gear(gear: HarmonicDrive) -> HarmonicDrive:
 
 @pytest.fixture(scope="module")
 def run(elastic_gear: HarmonicDrive) -> Recording:
-    parameters = velocity_steps.Parameters(speeds_rpm=(60.0, 120.0, 1800.0, 2950.0), repeats=1, duration=1.0)
+    parameters = velocity_steps.Parameters(
+        speeds_rpm=(60.0, 120.0, 1800.0, 2950.0), repeats=1, duration=1.0
+    )
     plan = velocity_steps.plan(parameters, elastic_gear)
     return record(plan, Bench(elastic_gear, error=WHOLE, elastic=True), "velocity-steps")
 
@@ -56,7 +60,9 @@ def result(run: Recording, evidence: Evidence) -> Result:
 
 def test_resonance_and_damping_are_recovered(result: Result, elastic_gear: HarmonicDrive) -> None:
     truth = modes(dynamic_parameters(elastic_gear))[0]
-    assert result.estimates["stiffness_over_inertia"].value == pytest.approx(truth.natural_frequency**2, rel=0.01)
+    assert result.estimates["stiffness_over_inertia"].value == pytest.approx(
+        truth.natural_frequency**2, rel=0.01
+    )
     assert result.estimates["damping_ratio"].value == pytest.approx(truth.damping_ratio, rel=0.1)
     for way in ("forward", "reverse"):
         assert result.estimates[f"frequency_{way}"].value == pytest.approx(
@@ -94,7 +100,9 @@ def test_without_an_identified_error_the_slow_steps_give_one(
     assert found.estimates["stiffness_over_inertia"].value == pytest.approx(
         result.estimates["stiffness_over_inertia"].value, rel=0.02
     )
-    mine, theirs = (r.estimates["stiffness_over_inertia"].expanded_uncertainty for r in (found, result))
+    mine, theirs = (
+        r.estimates["stiffness_over_inertia"].expanded_uncertainty for r in (found, result)
+    )
     assert mine > theirs
 
 
@@ -102,20 +110,26 @@ def test_one_figure_19_per_speed(result: Result) -> None:
     figures = [p for p in result.plots if p.figure == "19"]
     assert len(figures) == 4
     for plot in figures:
-        assert {"measured", "simulated, measured input", "rigid gear"} == {s.label for s in plot.series}
+        assert {"measured", "simulated, measured input", "rigid gear"} == {
+            s.label for s in plot.series
+        }
         assert all(np.isfinite(s.y).all() for s in plot.series)
 
 
 def test_the_identified_set_rings_as_the_run_did(result: Result, gear: HarmonicDrive) -> None:
     identified = velocity_steps.identified(result, gear)
     mode = velocity_steps.torsional_mode(identified)
-    assert mode.natural_frequency**2 == pytest.approx(result.estimates["stiffness_over_inertia"].value, rel=1e-3)
+    assert mode.natural_frequency**2 == pytest.approx(
+        result.estimates["stiffness_over_inertia"].value, rel=1e-3
+    )
     assert mode.damping_ratio == pytest.approx(result.estimates["damping_ratio"].value, rel=1e-3)
     assert identified.origins["inertia.output"].provenance == "identified"
     assert "K/J_o" in identified.origins["inertia.output"].source
 
 
-def test_a_damping_beyond_the_bearings_reach_goes_into_the_cup(gear: HarmonicDrive, result: Result) -> None:
+def test_a_damping_beyond_the_bearings_reach_goes_into_the_cup(
+    gear: HarmonicDrive, result: Result
+) -> None:
     damped = dataclasses.replace(result.estimates["damping_ratio"], value=0.08)
     changed = dataclasses.replace(result, estimates={**result.estimates, "damping_ratio": damped})
     identified = velocity_steps.identified(changed, gear)
@@ -123,7 +137,9 @@ def test_a_damping_beyond_the_bearings_reach_goes_into_the_cup(gear: HarmonicDri
     assert velocity_steps.torsional_mode(identified).damping_ratio == pytest.approx(0.08, rel=1e-3)
 
 
-def test_compare_prefers_the_right_inertia(run: Recording, elastic_gear: HarmonicDrive, gear: HarmonicDrive) -> None:
+def test_compare_prefers_the_right_inertia(
+    run: Recording, elastic_gear: HarmonicDrive, gear: HarmonicDrive
+) -> None:
     right = known_error(elastic_gear, WHOLE)
     wrong = known_error(gear.with_values({"inertia.output": 0.2}), WHOLE)
     good, bad = (velocity_steps.compare(run, g, Evidence(g)) for g in (right, wrong))
@@ -134,7 +150,9 @@ def test_compare_prefers_the_right_inertia(run: Recording, elastic_gear: Harmoni
 
 
 @pytest.mark.parametrize("time_base", ["nominal", "none", "host"])
-def test_without_a_true_time_base_steps_are_refused(run: Recording, gear: HarmonicDrive, time_base: str) -> None:
+def test_without_a_true_time_base_steps_are_refused(
+    run: Recording, gear: HarmonicDrive, time_base: str
+) -> None:
     metadata = dataclasses.replace(run.metadata, time_base=time_base)  # type: ignore[arg-type]
     with pytest.raises(AnalysisError, match="true time"):
         velocity_steps.analyse(dataclasses.replace(run, metadata=metadata), Evidence(gear))

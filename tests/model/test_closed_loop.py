@@ -31,7 +31,13 @@ from model.units import ARCSEC, RPM
 
 GEAR, MOTOR = shipped_gear(), shipped_motor()
 SMOOTH = dict.fromkeys(
-    ("mesh_friction.coulomb", "mesh_friction.static", "mesh_friction.viscous", "bearing.friction_factor"), 0.0
+    (
+        "mesh_friction.coulomb",
+        "mesh_friction.static",
+        "mesh_friction.viscous",
+        "bearing.friction_factor",
+    ),
+    0.0,
 )
 FRICTIONLESS = GEAR.with_values(SMOOTH)
 
@@ -42,7 +48,9 @@ def without_error(gear: HarmonicDrive) -> HarmonicDrive:
     return dataclasses.replace(gear, kinematic_error=())
 
 
-def turning(loop: ClosedLoop, speed: float, cycles: int = 2000, angle: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
+def turning(
+    loop: ClosedLoop, speed: float, cycles: int = 2000, angle: float = 0.3
+) -> tuple[np.ndarray, np.ndarray]:
     """State and rows after a set-point was held for some cycles from rest, and then for as many again."""
     state = loop.rest(angle)
     loop.advance(state, SPEED, np.full(cycles, speed))
@@ -82,7 +90,10 @@ def energy(loop: ClosedLoop, state: np.ndarray) -> float:
     w, r2, v2, r1, u1, ro, uo = state[:7]
     flexspline, output = p.flexspline_inertia / radius**2, p.output_inertia / radius**2
     moving = loop.rotor_inertia * w**2 + flexspline * (v2**2 + u1**2) + output * uo**2
-    wound = p.bearing_stiffness * (state[kernel.ERROR] - r2) ** 2 + p.mesh_stiffness * (r2 * s - r1 * c) ** 2
+    wound = (
+        p.bearing_stiffness * (state[kernel.ERROR] - r2) ** 2
+        + p.mesh_stiffness * (r2 * s - r1 * c) ** 2
+    )
     return 0.5 * float(moving + wound + p.cup_stiffness / radius**2 * (r1 - ro) ** 2)
 
 
@@ -99,7 +110,9 @@ def spinning(loop: ClosedLoop, speed: float) -> np.ndarray:
 @pytest.mark.parametrize(("speed_rpm", "drift"), [(100.0, 5e-6), (1000.0, 5e-6), (3000.0, 5e-5)])
 def test_energy_is_kept_without_friction(speed_rpm: float, drift: float) -> None:
     """The reaction of the error on the rotor is what keeps it: without de/dtheta it drifts by 1e-3."""
-    loop = ClosedLoop(FRICTIONLESS.with_values({"bearing.damping": 0.0}), MOTOR, Deviations(motor_friction=False))
+    loop = ClosedLoop(
+        FRICTIONLESS.with_values({"bearing.damping": 0.0}), MOTOR, Deviations(motor_friction=False)
+    )
     state = spinning(loop, speed_rpm * RPM)
     start = energy(loop, state)
     found = []
@@ -112,7 +125,9 @@ def test_energy_is_kept_without_friction(speed_rpm: float, drift: float) -> None
 def test_friction_takes_exactly_what_the_motion_gives() -> None:
     """Work of the motor = change of energy + friction torque over angle, with no other loss in the system."""
     loop = ClosedLoop(
-        without_error(GEAR).with_values({"bearing.damping": 0.0}), MOTOR, settings=LoopSettings(cycle=125e-6)
+        without_error(GEAR).with_values({"bearing.damping": 0.0}),
+        MOTOR,
+        settings=LoopSettings(cycle=125e-6),
     )
     state = loop.rest()
     rows = loop.advance(state, SPEED, np.full(8000, 500.0 * RPM))
@@ -120,7 +135,9 @@ def test_friction_takes_exactly_what_the_motion_gives() -> None:
     # Reference and friction of a step stand in the next row, because a row is written before its step.
     motor = np.sum(rows[1:, kernel.ROW_TORQUE_REFERENCE] * moved)
     lost = np.sum(rows[1:, kernel.ROW_FRICTION] * moved)
-    kinetic = 0.5 * (loop.rotor_inertia * rows[-1, 1] ** 2 + loop.gear.inertia.output * rows[-1, 4] ** 2)
+    kinetic = 0.5 * (
+        loop.rotor_inertia * rows[-1, 1] ** 2 + loop.gear.inertia.output * rows[-1, 4] ** 2
+    )
     assert motor - lost == pytest.approx(kinetic, rel=2e-3)
 
 
@@ -130,10 +147,16 @@ def test_mean_torque_is_the_friction_law(speed_rpm: float, balance: str) -> None
     import dataclasses
 
     gear = without_error(GEAR)
-    gear = dataclasses.replace(gear, options=dataclasses.replace(gear.options, torque_balance=balance))
+    gear = dataclasses.replace(
+        gear, options=dataclasses.replace(gear.options, torque_balance=balance)
+    )
     _, rows = turning(ClosedLoop(gear, MOTOR), -speed_rpm * RPM, 3000)
     speed = speed_rpm * RPM
-    law = float(friction.friction_torque(gear, speed)) + MOTOR.coulomb_friction + MOTOR.viscous_friction * speed
+    law = (
+        float(friction.friction_torque(gear, speed))
+        + MOTOR.coulomb_friction
+        + MOTOR.viscous_friction * speed
+    )
     assert -np.mean(rows[:, kernel.ROW_TORQUE_REFERENCE]) == pytest.approx(law, rel=2e-5)
 
 
@@ -142,11 +165,17 @@ def test_output_agrees_with_equation_2_under_the_same_input(speed_rpm: float) ->
     loop = ClosedLoop(FRICTIONLESS, MOTOR, settings=LoopSettings(cycle=125e-6, step=62.5e-6))
     rows = loop.advance(loop.rest(0.3), SPEED, np.full(6000, speed_rpm * RPM))
     answer = simulate_prescribed(
-        FRICTIONLESS, rows[:, kernel.ROW_INPUT_ANGLE], 125e-6, input_speed=rows[:, kernel.ROW_INPUT_SPEED]
+        FRICTIONLESS,
+        rows[:, kernel.ROW_INPUT_ANGLE],
+        125e-6,
+        input_speed=rows[:, kernel.ROW_INPUT_SPEED],
     )
     difference = rows[:, kernel.ROW_OUTPUT_ANGLE] - answer.output_angle
     assert np.max(np.abs(difference)) < 0.1 * ARCSEC
-    assert np.max(np.abs(rows[:, kernel.ROW_OUTPUT_SPEED] - answer.output_speed)) < 1e-3 * speed_rpm * RPM / 120.0
+    assert (
+        np.max(np.abs(rows[:, kernel.ROW_OUTPUT_SPEED] - answer.output_speed))
+        < 1e-3 * speed_rpm * RPM / 120.0
+    )
 
 
 def test_windup_by_friction_is_that_of_equation_2() -> None:
@@ -173,7 +202,9 @@ def test_cutting_into_blocks_changes_nothing() -> None:
     target = 200.0 * np.sin(np.linspace(0.0, 9.0, 700))
     whole_state, cut_state = loop.rest(0.1), loop.rest(0.1)
     whole = loop.advance(whole_state, SPEED, target)
-    cut = np.concatenate([loop.advance(cut_state, SPEED, target[k : k + 7]) for k in range(0, 700, 7)])
+    cut = np.concatenate(
+        [loop.advance(cut_state, SPEED, target[k : k + 7]) for k in range(0, 700, 7)]
+    )
     assert np.array_equal(whole, cut)
     assert np.array_equal(whole_state, cut_state)
 
@@ -190,9 +221,13 @@ def test_torque_limit_and_acceleration_limit() -> None:
 
 
 def test_full_step_saturates_and_does_not_wind_up() -> None:
-    rows = ClosedLoop(GEAR, MOTOR).advance(ClosedLoop(GEAR, MOTOR).rest(), SPEED, np.full(500, 3000.0 * RPM))
+    rows = ClosedLoop(GEAR, MOTOR).advance(
+        ClosedLoop(GEAR, MOTOR).rest(), SPEED, np.full(500, 3000.0 * RPM)
+    )
     speed = rows[:, kernel.ROW_INPUT_SPEED] / RPM
-    assert np.max(rows[:, kernel.ROW_TORQUE_REFERENCE]) == pytest.approx(MOTOR.peak_torque, rel=1e-2)
+    assert np.max(rows[:, kernel.ROW_TORQUE_REFERENCE]) == pytest.approx(
+        MOTOR.peak_torque, rel=1e-2
+    )
     assert np.max(speed) < 1.08 * 3000.0
     assert abs(np.mean(speed[-100:]) - 3000.0) < 10.0
 
@@ -210,7 +245,9 @@ def test_speed_limit_in_torque_mode(sign: float) -> None:
 def test_torque_below_stiction_does_not_move_and_above_does() -> None:
     loop = ClosedLoop(GEAR, MOTOR)
     static = float(friction.mesh_lever(GEAR)) * GEAR.mesh_friction.static
-    static += float(friction.bearing_lever(GEAR)) * float(friction.bearing_magnitude(GEAR.bearing, 0.0))
+    static += float(friction.bearing_lever(GEAR)) * float(
+        friction.bearing_magnitude(GEAR.bearing, 0.0)
+    )
     static += MOTOR.coulomb_friction
     still = loop.advance(loop.rest(), TORQUE, np.full(500, 0.99 * static))
     assert np.all(still[:, kernel.ROW_INPUT_SPEED] == 0.0)
@@ -293,7 +330,9 @@ def test_output_bearing_adds_its_torque_over_the_ratio_and_sticks() -> None:
     gear = without_error(GEAR)
     plain = turning(ClosedLoop(gear, MOTOR), 60.0 * RPM)[1]
     state, rows = turning(ClosedLoop(gear, MOTOR, Deviations(output_coulomb=1.2)), 60.0 * RPM)
-    added = np.mean(rows[:, kernel.ROW_TORQUE_REFERENCE]) - np.mean(plain[:, kernel.ROW_TORQUE_REFERENCE])
+    added = np.mean(rows[:, kernel.ROW_TORQUE_REFERENCE]) - np.mean(
+        plain[:, kernel.ROW_TORQUE_REFERENCE]
+    )
     assert added == pytest.approx(1.2 / 120.0, rel=1e-3)
     loop = ClosedLoop(gear, MOTOR, Deviations(output_coulomb=1.2))
     loop.advance(state, SPEED, np.zeros(800))
@@ -311,11 +350,15 @@ def order_two(rows: np.ndarray, ratio_curve: np.ndarray) -> tuple[complex, compl
 
 
 @pytest.mark.parametrize(("depth", "expected"), [(0.0, 90.0), (0.15, 0.0)])
-def test_torque_is_in_phase_with_the_error_only_if_friction_varies_with_depth(depth: float, expected: float) -> None:
+def test_torque_is_in_phase_with_the_error_only_if_friction_varies_with_depth(
+    depth: float, expected: float
+) -> None:
     """Figure 16: the wedge's own reaction is 90 degrees from the error, friction that follows the depth is in phase."""
     loop = ClosedLoop(GEAR, MOTOR, Deviations(mesh_depth=depth))
     _, rows = turning(loop, 60.0 * RPM, 6000)
-    torque, error = order_two(rows, series_value(GEAR.kinematic_error, rows[:, kernel.ROW_INPUT_ANGLE]))
+    torque, error = order_two(
+        rows, series_value(GEAR.kinematic_error, rows[:, kernel.ROW_INPUT_ANGLE])
+    )
     phase = abs(math.degrees(math.atan2((torque / error).imag, (torque / error).real)))
     assert phase == pytest.approx(expected, abs=25.0)
 
@@ -323,16 +366,28 @@ def test_torque_is_in_phase_with_the_error_only_if_friction_varies_with_depth(de
 def test_warming_lowers_friction_and_the_torque_of_a_given_reference() -> None:
     gear = without_error(GEAR)
     cold = Thermal(housing_capacity=1e12, motor_capacity=1e12)
-    warm = Thermal(housing_start=32.0, motor_start=32.0, ambient=32.0, housing_capacity=1e12, motor_capacity=1e12)
+    warm = Thermal(
+        housing_start=32.0,
+        motor_start=32.0,
+        ambient=32.0,
+        housing_capacity=1e12,
+        motor_capacity=1e12,
+    )
     speed = 1500.0 * RPM
     found = [
-        np.mean(turning(ClosedLoop(gear, MOTOR, Deviations(thermal=t)), speed)[1][:, kernel.ROW_TORQUE_REFERENCE])
+        np.mean(
+            turning(ClosedLoop(gear, MOTOR, Deviations(thermal=t)), speed)[1][
+                :, kernel.ROW_TORQUE_REFERENCE
+            ]
+        )
         for t in (cold, warm)
     ]
     lever = friction.mesh_lever(gear)
     viscous = lever * gear.mesh_friction.viscous * speed
     still = float(friction.bearing_magnitude(gear.bearing, 0.0))
-    bearing = friction.bearing_lever(gear) * (float(friction.bearing_magnitude(gear.bearing, speed)) - still)
+    bearing = friction.bearing_lever(gear) * (
+        float(friction.bearing_magnitude(gear.bearing, speed)) - still
+    )
     dry = lever * gear.mesh_friction.coulomb + friction.bearing_lever(gear) * still
     motor = MOTOR.coulomb_friction + MOTOR.viscous_friction * speed
     expected = dry * 0.98 + viscous * math.exp(-0.3) + bearing * math.exp(-0.2) + motor * 0.96
@@ -341,7 +396,9 @@ def test_warming_lowers_friction_and_the_torque_of_a_given_reference() -> None:
 
 
 def test_heat_of_the_housing_is_the_work_of_friction() -> None:
-    heat = Thermal(housing_capacity=10.0, motor_capacity=1e12, housing_conductance=0.0, coupling=0.0)
+    heat = Thermal(
+        housing_capacity=10.0, motor_capacity=1e12, housing_conductance=0.0, coupling=0.0
+    )
     loop = ClosedLoop(without_error(GEAR), MOTOR, Deviations(motor_friction=False, thermal=heat))
     state, _ = turning(loop, 1000.0 * RPM)
     before = state[kernel.HOUSING]

@@ -18,20 +18,35 @@ from model.friction import bearing_friction_torque, friction_torque, wedge_frict
 from model.gear import Harmonic, HarmonicDrive
 from model.gear_file import shipped_gear
 from model.kinematic_error import series_value
-from model.linear import DynamicParameters, damping_matrix, dynamic_parameters, mass_matrix, modes, stiffness_matrix
+from model.linear import (
+    DynamicParameters,
+    damping_matrix,
+    dynamic_parameters,
+    mass_matrix,
+    modes,
+    stiffness_matrix,
+)
 from model.units import ARCMIN, ARCSEC, RPM
 
 GEAR = shipped_gear()
 FRICTIONLESS = GEAR.with_values(
     dict.fromkeys(
-        ("mesh_friction.coulomb", "mesh_friction.static", "mesh_friction.viscous", "bearing.friction_factor"), 0.0
+        (
+            "mesh_friction.coulomb",
+            "mesh_friction.static",
+            "mesh_friction.viscous",
+            "bearing.friction_factor",
+        ),
+        0.0,
     )
 )
 SMOOTH = dataclasses.replace(FRICTIONLESS, kinematic_error=())
 Array = NDArray[np.float64]
 
 
-def rise(speed: float, interval: float, duration: float, tau: float = 0.005, start: float = 0.0) -> tuple[Array, Array]:
+def rise(
+    speed: float, interval: float, duration: float, tau: float = 0.005, start: float = 0.0
+) -> tuple[Array, Array]:
     """Angle and speed of a smooth start to `speed`, critically damped with time constant tau."""
     time = np.arange(round(duration / interval) + 1) * interval
     x = time / tau
@@ -57,13 +72,23 @@ def printed_equations(
         error = rate = 0.0
         for h in gear.kinematic_error:
             error += h.cosine * math.cos(h.order * theta) + h.sine * math.sin(h.order * theta)
-            rate += h.order * (h.sine * math.cos(h.order * theta) - h.cosine * math.sin(h.order * theta)) * omega
+            rate += (
+                h.order
+                * (h.sine * math.cos(h.order * theta) - h.cosine * math.sin(h.order * theta))
+                * omega
+            )
         mesh = mesh_law.coulomb + mesh_law.viscous * omega
         mesh += (mesh_law.static - mesh_law.coulomb) * math.exp(
             -((omega / mesh_law.stribeck_velocity) ** mesh_law.shape)
         )
         product = max(2000.0, ring_law.viscosity * 1e6 * omega * 30.0 / math.pi)
-        ring = 0.1 * ring_law.friction_factor * product ** (2.0 / 3.0) * ring_law.pitch_diameter**3 / radius
+        ring = (
+            0.1
+            * ring_law.friction_factor
+            * product ** (2.0 / 3.0)
+            * ring_law.pitch_diameter**3
+            / radius
+        )
         x1, v1 = theta * radius * tangent, omega * radius * tangent
         wedge = p.bearing_stiffness * (x1 - x2 + error * radius / t)
         wedge += p.bearing_damping * (v1 - v2 + rate * radius / t)
@@ -84,7 +109,12 @@ def printed_equations(
 
 @pytest.mark.parametrize("structural", [0.0, 2.0])
 def test_agrees_with_a_general_solver_on_the_printed_equations(structural: float) -> None:
-    changes = {"bearing_damping": 1e3, "bearing_stiffness": 5e7, "mesh_stiffness": 5e8, "flexspline_inertia": 5e-5}
+    changes = {
+        "bearing_damping": 1e3,
+        "bearing_stiffness": 5e7,
+        "mesh_stiffness": 5e8,
+        "flexspline_inertia": 5e-5,
+    }
     p = dynamic_parameters(GEAR, structural_damping=structural, **changes)
     interval, duration, speed = 1.0 / 8000.0, 0.03, 1000.0 * RPM
     angle, omega = rise(speed, interval, duration)
@@ -93,7 +123,9 @@ def test_agrees_with_a_general_solver_on_the_printed_equations(structural: float
     found = simulate_prescribed(GEAR, angle, interval, input_speed=omega, parameters=p)
     assert np.max(np.abs(found.output_angle - truth[0])) < 0.1 * ARCSEC
     fine_angle, fine_speed = rise(speed, interval / 32, duration)
-    fine = simulate_prescribed(GEAR, fine_angle, interval / 32, input_speed=fine_speed, parameters=p)
+    fine = simulate_prescribed(
+        GEAR, fine_angle, interval / 32, input_speed=fine_speed, parameters=p
+    )
     assert np.max(np.abs(fine.output_angle[::32] - truth[0])) < 0.001 * ARCSEC
     assert np.max(np.abs(fine.output_speed[::32] - truth[1])) < 1e-4
 
@@ -101,7 +133,9 @@ def test_agrees_with_a_general_solver_on_the_printed_equations(structural: float
 @pytest.mark.parametrize("speed_rpm", [60.0, 1000.0, 3000.0])
 def test_eight_kilohertz_is_within_a_tenth_of_an_arcsecond(speed_rpm: float) -> None:
     interval, finer = 1.0 / 8000.0, 64
-    (angle, omega), (fine_angle, fine_speed) = (rise(speed_rpm * RPM, h, 0.3) for h in (interval, interval / finer))
+    (angle, omega), (fine_angle, fine_speed) = (
+        rise(speed_rpm * RPM, h, 0.3) for h in (interval, interval / finer)
+    )
     coarse = simulate_prescribed(GEAR, angle, interval, input_speed=omega)
     fine = simulate_prescribed(GEAR, fine_angle, interval / finer, input_speed=fine_speed)
     assert coarse.substeps == 1
@@ -156,7 +190,9 @@ def test_load_winds_the_gear_up_by_its_stiffness() -> None:
 def test_mean_torque_is_the_friction_torque() -> None:
     gear = dataclasses.replace(GEAR, kinematic_error=())
     speed = 1000.0 * RPM
-    found = simulate_prescribed(gear, speed * np.arange(8000) / 8000.0, 1.0 / 8000.0, start="steady")
+    found = simulate_prescribed(
+        gear, speed * np.arange(8000) / 8000.0, 1.0 / 8000.0, start="steady"
+    )
     torque = found.wave_generator_torque[-1000:].mean()
     assert torque == pytest.approx(float(friction_torque(gear, speed)), rel=1e-6)
     assert torque - float(bearing_friction_torque(gear, speed)) == pytest.approx(0.044573, abs=1e-6)
@@ -170,14 +206,18 @@ def stored_energy(gear: HarmonicDrive, p: DynamicParameters, theta: float, state
     q, v = state[:3], state[3:]
     wedge = p.radial_lever * (theta / p.ratio + float(series_value(gear.kinematic_error, theta)))
     s, c = math.sin(p.tooth_angle), math.cos(p.tooth_angle)
-    elastic = p.bearing_stiffness * (wedge - q[0]) ** 2 + p.mesh_stiffness * (q[0] * s - q[1] * c) ** 2
+    elastic = (
+        p.bearing_stiffness * (wedge - q[0]) ** 2 + p.mesh_stiffness * (q[0] * s - q[1] * c) ** 2
+    )
     elastic += p.cup_stiffness / p.neutral_radius**2 * (q[1] - q[2]) ** 2
     return 0.5 * float(v @ mass_matrix(p) @ v + elastic)
 
 
 def test_no_energy_is_created() -> None:
     """Without losses the work of T_wg, which needs de/d theta_i, is what the gear stores."""
-    large = dataclasses.replace(FRICTIONLESS, kinematic_error=(Harmonic(2.0, 3.0 * ARCMIN, ARCMIN),))
+    large = dataclasses.replace(
+        FRICTIONLESS, kinematic_error=(Harmonic(2.0, 3.0 * ARCMIN, ARCMIN),)
+    )
     p = dynamic_parameters(large, bearing_damping=0.0)
     interval = 1e-6
     angle, omega = rise(1500.0 * RPM, interval, 0.03)
@@ -193,7 +233,9 @@ def test_damping_only_takes_energy() -> None:
     energies = []
     for _ in range(50):
         energies.append(stored_energy(SMOOTH, p, 0.0, state))
-        state = simulate_prescribed(SMOOTH, np.zeros(20), 1e-4, parameters=p, start=state).final_state
+        state = simulate_prescribed(
+            SMOOTH, np.zeros(20), 1e-4, parameters=p, start=state
+        ).final_state
     assert np.all(np.diff(energies) < 0.0)
 
 
@@ -203,7 +245,9 @@ def test_free_decay_has_the_frequency_and_damping_of_the_first_mode() -> None:
     shape = np.linalg.solve(stiffness_matrix(p), [0.0, 0.0, 1.0])
     start = np.concatenate([1e-4 * shape / shape[2], np.zeros(3)])
     interval = 1e-4
-    found = simulate_prescribed(SMOOTH, np.zeros(3000), interval, parameters=p, start=start).output_angle
+    found = simulate_prescribed(
+        SMOOTH, np.zeros(3000), interval, parameters=p, start=start
+    ).output_angle
     crossing = np.flatnonzero((found[:-1] < 0.0) & (found[1:] >= 0.0))
     exact = crossing + found[crossing] / (found[crossing] - found[crossing + 1])
     period = (exact[-1] - exact[0]) / (exact.size - 1) * interval
@@ -219,7 +263,9 @@ def test_reduced_form_agrees(speed_rpm: float) -> None:
     interval = 1.0 / 8000.0
     angle, omega = rise(speed_rpm * RPM, interval, 0.5, tau=0.02)
     full = simulate_prescribed(GEAR, angle, interval, input_speed=omega, parameters=p)
-    output_angle, output_speed = reduced_response(GEAR, angle, interval, input_speed=omega, parameters=p)
+    output_angle, output_speed = reduced_response(
+        GEAR, angle, interval, input_speed=omega, parameters=p
+    )
     assert np.max(np.abs(output_angle - full.output_angle)) < 2.5e-6
     assert np.max(np.abs(output_speed - full.output_speed)) < 2e-3
 
@@ -229,14 +275,24 @@ def test_modal_and_dense_propagation_agree(damping: float, monkeypatch: pytest.M
     p = dynamic_parameters(GEAR, bearing_damping=damping)
     interval = 1e-4
     angle, omega = rise(1000.0 * RPM, interval, 0.1)
-    modal = simulate_prescribed(GEAR, angle, interval, input_speed=omega, parameters=p, load_torque=1.0)
+    modal = simulate_prescribed(
+        GEAR, angle, interval, input_speed=omega, parameters=p, load_torque=1.0
+    )
     assert not propagator.propagators([p], interval)[0][1].dense
     monkeypatch.setattr(propagator, "LARGEST_CONDITION", 0.0)
     propagator._remembered.cache_clear()
-    dense = simulate_prescribed(GEAR, angle, interval, input_speed=omega, parameters=p, load_torque=1.0)
+    dense = simulate_prescribed(
+        GEAR, angle, interval, input_speed=omega, parameters=p, load_torque=1.0
+    )
     assert propagator.propagators([p], interval)[0][1].dense
     propagator._remembered.cache_clear()
-    for name in ("output_angle", "output_speed", "torsion_torque", "wave_generator_torque", "final_state"):
+    for name in (
+        "output_angle",
+        "output_speed",
+        "torsion_torque",
+        "wave_generator_torque",
+        "final_state",
+    ):
         one, other = getattr(modal, name), getattr(dense, name)
         assert np.max(np.abs(one - other)) < 1e-8 * max(1.0, np.max(np.abs(one))), name
 
@@ -258,8 +314,12 @@ def test_critical_damping_falls_back_to_the_dense_exponential() -> None:
     angle, omega = rise(1000.0 * RPM, interval, 0.1)
     assert propagator.propagators([critical], interval)[0][1].dense
     found = simulate_prescribed(GEAR, angle, interval, input_speed=omega, parameters=critical)
-    neighbours = [critical.replaced(bearing_damping=critical.bearing_damping * f) for f in (0.999, 1.001)]
-    batch = simulate_batch(GEAR, [neighbours[0], critical, neighbours[1]], angle, interval, input_speed=omega)
+    neighbours = [
+        critical.replaced(bearing_damping=critical.bearing_damping * f) for f in (0.999, 1.001)
+    ]
+    batch = simulate_batch(
+        GEAR, [neighbours[0], critical, neighbours[1]], angle, interval, input_speed=omega
+    )
     assert np.array_equal(batch.output_angle[1], found.output_angle)
     between = 0.5 * (batch.output_angle[0] + batch.output_angle[2])
     assert np.max(np.abs(between - found.output_angle)) < 1e-9
@@ -276,7 +336,9 @@ def test_batch_is_the_single_simulation() -> None:
     batch = simulate_batch(GEAR, sets, angle, 1e-3, input_speed=omega, load_torque=0.5)
     assert batch.output_angle.shape == batch.output_speed.shape == (4, angle.size)
     for place, one in enumerate(sets):
-        single = simulate_prescribed(GEAR, angle, 1e-3, input_speed=omega, parameters=one, load_torque=0.5)
+        single = simulate_prescribed(
+            GEAR, angle, 1e-3, input_speed=omega, parameters=one, load_torque=0.5
+        )
         assert batch.output_angle[place] == pytest.approx(single.output_angle, abs=1e-14)
         assert batch.output_speed[place] == pytest.approx(single.output_speed, abs=1e-11)
         assert batch.substeps == single.substeps
@@ -298,7 +360,9 @@ def test_final_state_carries_on() -> None:
     angle, omega = rise(300.0 * RPM, 1e-4, 0.1)
     whole = simulate_prescribed(GEAR, angle, 1e-4, input_speed=omega)
     first = simulate_prescribed(GEAR, angle[:501], 1e-4, input_speed=omega[:501])
-    rest = simulate_prescribed(GEAR, angle[500:], 1e-4, input_speed=omega[500:], start=first.final_state)
+    rest = simulate_prescribed(
+        GEAR, angle[500:], 1e-4, input_speed=omega[500:], start=first.final_state
+    )
     assert rest.output_angle == pytest.approx(whole.output_angle[500:], abs=1e-12)
 
 
@@ -327,7 +391,9 @@ def test_smoothed_sign_calms_a_trembling_speed() -> None:
     trembling = 1e-3 * rng.standard_normal(2000)
     at_rest = np.zeros(2000)
     rough = simulate_prescribed(SMOOTH_FRICTION, at_rest, 1e-3, input_speed=trembling, substeps=8)
-    calm = simulate_prescribed(SMOOTH_FRICTION, at_rest, 1e-3, input_speed=trembling, substeps=8, smoothing_speed=0.5)
+    calm = simulate_prescribed(
+        SMOOTH_FRICTION, at_rest, 1e-3, input_speed=trembling, substeps=8, smoothing_speed=0.5
+    )
     assert np.std(calm.output_angle) < 0.05 * np.std(rough.output_angle)
 
 
@@ -336,10 +402,14 @@ SMOOTH_FRICTION = dataclasses.replace(GEAR, kinematic_error=())
 
 def test_general_shape_and_single_branch_are_the_friction_law() -> None:
     options = dataclasses.replace(GEAR.options, low_speed_branch=False)
-    gear = dataclasses.replace(GEAR.with_values({"mesh_friction.shape": 0.7}), options=options, kinematic_error=())
+    gear = dataclasses.replace(
+        GEAR.with_values({"mesh_friction.shape": 0.7}), options=options, kinematic_error=()
+    )
     for speed in (0.3, 20.0, -200.0):
         found = simulate_prescribed(gear, speed * np.arange(4000) * 1e-4, 1e-4, start="steady")
-        assert found.wave_generator_torque[-500:].mean() == pytest.approx(float(friction_torque(gear, speed)), rel=1e-5)
+        assert found.wave_generator_torque[-500:].mean() == pytest.approx(
+            float(friction_torque(gear, speed)), rel=1e-5
+        )
 
 
 def test_order_meets_the_resonance() -> None:
@@ -361,7 +431,11 @@ def test_derived_speed_is_of_fourth_order() -> None:
     errors = []
     for interval in (1e-2, 5e-3):
         time = np.arange(0.0, 1.0, interval)
-        errors.append(np.max(np.abs(derived_speed(np.sin(5.0 * time), interval) - 5.0 * np.cos(5.0 * time))[2:-2]))
+        errors.append(
+            np.max(
+                np.abs(derived_speed(np.sin(5.0 * time), interval) - 5.0 * np.cos(5.0 * time))[2:-2]
+            )
+        )
     assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.05)
     assert derived_speed(np.array([0.0, 2.0]), 0.5) == pytest.approx([4.0, 4.0])
 

@@ -37,7 +37,9 @@ def with_options(gear: HarmonicDrive, **options: object) -> HarmonicDrive:
 def test_bearing_torque_uses_revolutions_per_minute() -> None:
     assert bearing_friction_torque(GEAR, 3000.0 * RPM) == pytest.approx(0.0724, abs=5e-5)
     in_newton_millimetre = 1e-7 * 2.0 * (40.0 * 3000.0) ** (2.0 / 3.0) * 53.0**3
-    assert bearing_friction_torque(GEAR, 3000.0 * RPM) == pytest.approx(1e-3 * in_newton_millimetre, rel=1e-12)
+    assert bearing_friction_torque(GEAR, 3000.0 * RPM) == pytest.approx(
+        1e-3 * in_newton_millimetre, rel=1e-12
+    )
 
 
 def test_low_speed_branch_is_flat_and_continuous() -> None:
@@ -54,7 +56,9 @@ def test_low_speed_branch_is_flat_and_continuous() -> None:
 def test_stribeck_curve_falls_and_rises() -> None:
     mesh = GEAR.mesh_friction
     assert stribeck_magnitude(mesh, 0.0) == mesh.static
-    assert stribeck_magnitude(mesh, 6.0) == pytest.approx(70.0 + 25.0 / math.e + 0.15 * 6.0, rel=1e-12)
+    assert stribeck_magnitude(mesh, 6.0) == pytest.approx(
+        70.0 + 25.0 / math.e + 0.15 * 6.0, rel=1e-12
+    )
     speeds = np.array([1, 3, 10, 30, 60, 120, 300, 1000, 3000]) * RPM
     torque = friction_torque(GEAR, speeds)
     lowest = int(np.argmin(torque))
@@ -63,7 +67,11 @@ def test_stribeck_curve_falls_and_rises() -> None:
     assert 0.045 < torque.min() < torque.max() < 0.135
 
 
-@given(speed=st.floats(0.0, 700.0), balance=st.sampled_from(["energy", "published"]), branch=st.booleans())
+@given(
+    speed=st.floats(0.0, 700.0),
+    balance=st.sampled_from(["energy", "published"]),
+    branch=st.booleans(),
+)
 def test_friction_is_odd_in_speed(speed: float, balance: str, branch: bool) -> None:
     gear = with_options(GEAR, torque_balance=balance, low_speed_branch=branch)
     assert friction_torque(gear, -speed) == -friction_torque(gear, speed)

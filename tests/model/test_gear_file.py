@@ -61,7 +61,10 @@ def test_text_and_mapping_read_back_to_the_same_gear(tmp_path: Path) -> None:
     path = tmp_path / "gear.toml"
     save_gear(GEAR, path)
     assert load_gear(path) == GEAR
-    assert gear_from_mapping(json.loads(json.dumps(gear_to_mapping(GEAR), allow_nan=False)), "run") == GEAR
+    assert (
+        gear_from_mapping(json.loads(json.dumps(gear_to_mapping(GEAR), allow_nan=False)), "run")
+        == GEAR
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -94,7 +97,9 @@ def test_any_gear_reads_back_exactly(
         origin,
     )
     origins = {**gear.origins, harmonic_path(order): Origin("identified", source, None)}
-    gear = dataclasses.replace(gear, kinematic_error=(Harmonic(order, cosine, 0.0),), origins=origins)
+    gear = dataclasses.replace(
+        gear, kinematic_error=(Harmonic(order, cosine, 0.0),), origins=origins
+    )
     back = read(gear_to_toml(gear))
     assert back.origins[harmonic_path(order)] == origins[harmonic_path(order)]
     assert dataclasses.replace(back, origins={}) == dataclasses.replace(gear, origins={})
@@ -107,7 +112,10 @@ def test_options_read_back() -> None:
 
 
 def test_units_are_converted() -> None:
-    text = changed('neutral_radius = { value = 31.0, unit = "mm"', 'neutral_radius = { value = 31000, unit = "um"')
+    text = changed(
+        'neutral_radius = { value = 31.0, unit = "mm"',
+        'neutral_radius = { value = 31000, unit = "um"',
+    )
     assert read(text) == GEAR
 
 
@@ -123,14 +131,29 @@ def test_units_are_converted() -> None:
         ("value = 240,", "value = 240.5,", "teeth.flexspline", "whole number"),
         ("value = 23,", "value = 22.5,", "bearing.balls", "whole number"),
         ("value = 4.7625,", "value = -1,", "bearing.ball_diameter", "> 0"),
-        ('value = 63.5, unit = "mm"', 'value = 63.5, unit = "N"', "geometry.flexspline_diameter.unit", '"N"'),
-        ('value = 63.5, unit = "mm", ', "value = 63.5, ", "geometry.flexspline_diameter.unit", "has no unit"),
+        (
+            'value = 63.5, unit = "mm"',
+            'value = 63.5, unit = "N"',
+            "geometry.flexspline_diameter.unit",
+            '"N"',
+        ),
+        (
+            'value = 63.5, unit = "mm", ',
+            "value = 63.5, ",
+            "geometry.flexspline_diameter.unit",
+            "has no unit",
+        ),
         ("{ value = 63.5, ", "{ ", "geometry.flexspline_diameter.value", "has no value"),
         ("[inertia]", "[inertias]", "inertias", 'Did you mean "inertia"'),
         ("balls = {", "bals = {", "bearing.bals", 'Did you mean "balls"'),
         ("slices = {", "# slices = {", "tooth.slices", "is missing"),
         ('bending = "published"', 'bending = "other"', "options.bending", '"energy"'),
-        ("low_speed_branch = true", "low_speed_branch = 1", "options.low_speed_branch", "true, false"),
+        (
+            "low_speed_branch = true",
+            "low_speed_branch = 1",
+            "options.low_speed_branch",
+            "true, false",
+        ),
         ("value = 95.0,", "value = 50.0,", "mesh_friction.static", "mesh_friction.coulomb = 70"),
         ("value = 0.62,", "value = 0.2,", "tooth.root_width", "no thickness left"),
         ("value = 31.0,", "value = 3.1,", "geometry.neutral_radius", "does not fit"),
@@ -142,7 +165,9 @@ def test_units_are_converted() -> None:
         ("[cup]", "[cup", "gear.toml", "not valid TOML"),
     ],
 )
-def test_a_wrong_value_is_refused_with_path_value_and_limit(before: str, after: str, path: str, says: str) -> None:
+def test_a_wrong_value_is_refused_with_path_value_and_limit(
+    before: str, after: str, path: str, says: str
+) -> None:
     with pytest.raises(ParameterError) as caught:
         read(changed(before, after))
     message = str(caught.value)
@@ -190,14 +215,18 @@ def test_any_bytes_give_a_gear_or_a_refusal(raw: bytes) -> None:
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+    ),
     max_leaves=8,
 )
 
 
 @settings(max_examples=150, deadline=None)
 @given(
-    section=st.sampled_from(["teeth", "bearing", "cup", "options", "kinematic_error", "ratings", "name", "format"]),
+    section=st.sampled_from(
+        ["teeth", "bearing", "cup", "options", "kinematic_error", "ratings", "name", "format"]
+    ),
     found=JSON,
     inside=st.booleans(),
 )
@@ -212,4 +241,6 @@ def test_any_content_gives_a_gear_or_a_refusal(section: str, found: object, insi
         outcome: object = gear_from_mapping(mapping, "x")
     except ParameterError as error:
         outcome = str(error)
-    assert isinstance(outcome, HarmonicDrive) or (isinstance(outcome, str) and outcome.startswith("x: "))
+    assert isinstance(outcome, HarmonicDrive) or (
+        isinstance(outcome, str) and outcome.startswith("x: ")
+    )

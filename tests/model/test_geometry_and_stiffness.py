@@ -38,7 +38,15 @@ def test_wedge_angle() -> None:
 
 @pytest.mark.parametrize(
     ("modules", "teeth"),
-    [(1.02, 7.5), (1.05, 11.8), (1.10, 16.3), (1.20, 22.2), (1.30, 26.3), (1.50, 31.9), (1.70, 35.6)],
+    [
+        (1.02, 7.5),
+        (1.05, 11.8),
+        (1.10, 16.3),
+        (1.20, 22.2),
+        (1.30, 26.3),
+        (1.50, 31.9),
+        (1.70, 35.6),
+    ],
 )
 def test_engaged_teeth_table(modules: float, teeth: float) -> None:
     gear = GEAR.with_values({"geometry.radial_deformation": modules * GEAR.geometry.module})
@@ -48,7 +56,9 @@ def test_engaged_teeth_table(modules: float, teeth: float) -> None:
     ellipse = (zone.x / (half - gear.geometry.radial_deformation)) ** 2
     ellipse += (zone.y / (half + gear.geometry.radial_deformation)) ** 2
     assert ellipse == pytest.approx(1.0, rel=1e-12)
-    assert math.hypot(zone.x, zone.y) == pytest.approx(0.5 * gear.geometry.circular_spline_diameter, rel=1e-14)
+    assert math.hypot(zone.x, zone.y) == pytest.approx(
+        0.5 * gear.geometry.circular_spline_diameter, rel=1e-14
+    )
 
 
 def test_engaged_zone_vanishes_at_one_module_and_is_refused_there() -> None:
@@ -61,12 +71,19 @@ def test_engaged_zone_vanishes_at_one_module_and_is_refused_there() -> None:
 
 def test_which_lobes_count() -> None:
     both = engaged_zone(GEAR).teeth
-    assert engaged_zone(with_options(GEAR, engaged_zone="leading-one-lobe")).teeth == pytest.approx(0.5 * both)
-    assert engaged_zone(with_options(GEAR, engaged_zone="both-halves")).teeth == pytest.approx(2.0 * both)
+    assert engaged_zone(with_options(GEAR, engaged_zone="leading-one-lobe")).teeth == pytest.approx(
+        0.5 * both
+    )
+    assert engaged_zone(with_options(GEAR, engaged_zone="both-halves")).teeth == pytest.approx(
+        2.0 * both
+    )
 
 
 def test_tooth_compliance_published_and_by_energy() -> None:
-    published, energy = tooth_compliance(GEAR), tooth_compliance(with_options(GEAR, bending="energy"))
+    published, energy = (
+        tooth_compliance(GEAR),
+        tooth_compliance(with_options(GEAR, bending="energy")),
+    )
     assert published.bending == pytest.approx(0.97e-11, rel=1e-3)
     assert energy.bending == pytest.approx(3.60e-11, rel=5e-3)
     assert published.shear == energy.shear == pytest.approx(49e-11, rel=1e-2)
@@ -103,10 +120,15 @@ def test_root_flexibility_is_a_switch() -> None:
 
 def test_contact_laws() -> None:
     assert contact_compliance(GEAR, 20.0) == pytest.approx(2.66e-9, rel=5e-3)
-    stiffer = [contact_compliance(with_options(GEAR, contact=law), 20.0) for law in ("lundberg", "yang-sun")]
+    stiffer = [
+        contact_compliance(with_options(GEAR, contact=law), 20.0)
+        for law in ("lundberg", "yang-sun")
+    ]
     assert stiffer[0] == pytest.approx(contact_compliance(GEAR, 20.0), rel=0.8)
     assert stiffer[1] == pytest.approx(4.0 * 0.91 / (math.pi * 206e9 * 0.01), rel=1e-12)
-    assert contact_compliance(GEAR, 40.0) == pytest.approx(2.0**-0.1 * contact_compliance(GEAR, 20.0), rel=1e-12)
+    assert contact_compliance(GEAR, 40.0) == pytest.approx(
+        2.0**-0.1 * contact_compliance(GEAR, 20.0), rel=1e-12
+    )
     with pytest.raises(ParameterError, match="pair_load"):
         contact_compliance(GEAR, 0.0)
     assert sum(pair_compliance(GEAR).shares().values()) == pytest.approx(1.0)
@@ -136,31 +158,43 @@ def test_ellipse_ratio_solves_its_equation() -> None:
     for ring in ("inner", "outer"):
         contact = hertz_contact(GEAR.bearing, ring)
         squared = contact.ellipse_ratio**2
-        first, second = scipy.special.ellipk(1.0 - 1.0 / squared), scipy.special.ellipe(1.0 - 1.0 / squared)
-        gamma, f = GEAR.bearing.ball_diameter / GEAR.bearing.pitch_diameter, GEAR.bearing.groove_ratio
+        first, second = (
+            scipy.special.ellipk(1.0 - 1.0 / squared),
+            scipy.special.ellipe(1.0 - 1.0 / squared),
+        )
+        gamma, f = (
+            GEAR.bearing.ball_diameter / GEAR.bearing.pitch_diameter,
+            GEAR.bearing.groove_ratio,
+        )
         rolling = 2.0 * gamma / (1.0 - gamma) if ring == "inner" else -2.0 * gamma / (1.0 + gamma)
         difference = (1.0 / f + rolling) / (4.0 - 1.0 / f + rolling)
-        assert ((squared + 1.0) * second - 2.0 * first) / ((squared - 1.0) * second) == pytest.approx(
-            difference, rel=1e-9
-        )
+        assert ((squared + 1.0) * second - 2.0 * first) / (
+            (squared - 1.0) * second
+        ) == pytest.approx(difference, rel=1e-9)
 
 
 def test_two_contacts_at_100_newton() -> None:
-    approach = sum(hertz_contact(GEAR.bearing, ring).approach(100.0, GEAR.material) for ring in ("inner", "outer"))
+    approach = sum(
+        hertz_contact(GEAR.bearing, ring).approach(100.0, GEAR.material)
+        for ring in ("inner", "outer")
+    )
     assert approach == pytest.approx(5.80e-6, abs=0.01e-6)
     palmgren = 4.36e-4 * 100.0 ** (2.0 / 3.0) / 4.7625 ** (1.0 / 3.0) * 1e-3
     assert approach == pytest.approx(palmgren, rel=0.05)
 
 
 @pytest.mark.parametrize(
-    ("load", "stiffness"), [(50.0, 6.2e7), (100.0, 7.8e7), (261.0, 1.08e8), (600.0, 1.42e8), (1250.0, 1.8e8)]
+    ("load", "stiffness"),
+    [(50.0, 6.2e7), (100.0, 7.8e7), (261.0, 1.08e8), (600.0, 1.42e8), (1250.0, 1.8e8)],
 )
 def test_bearing_stiffness_table(load: float, stiffness: float) -> None:
     found = bearing_stiffness(GEAR.bearing, GEAR.material, load)
     assert found.total == pytest.approx(stiffness, rel=1e-2)
     assert found.load_deflection == pytest.approx(7.15e9, rel=1e-3)
     slope = 1e-4 * load
-    above, below = (bearing_stiffness(GEAR.bearing, GEAR.material, load + d).deflection for d in (slope, -slope))
+    above, below = (
+        bearing_stiffness(GEAR.bearing, GEAR.material, load + d).deflection for d in (slope, -slope)
+    )
     assert found.total == pytest.approx(2.0 * slope / (above - below), rel=1e-6)
 
 
@@ -174,7 +208,9 @@ def test_bearing_load_at_the_first_breakpoint() -> None:
 
 def test_ring_factor_softens_the_bearing() -> None:
     soft = GEAR.with_values({"bearing.ring_factor": 0.5})
-    assert drive_stiffness(soft).bearing.total == pytest.approx(0.5 * drive_stiffness(GEAR).bearing.total)
+    assert drive_stiffness(soft).bearing.total == pytest.approx(
+        0.5 * drive_stiffness(GEAR).bearing.total
+    )
 
 
 def test_combined_stiffness_is_the_statics_of_equation_2() -> None:

@@ -51,7 +51,9 @@ def test_series_slope_is_the_derivative() -> None:
         Harmonic(1.0 / 120.0, 3e-5, 1e-5),
     )
     angle, step = np.linspace(-7.0, 300.0, 501), 1e-5
-    difference = (series_value(series, angle + step) - series_value(series, angle - step)) / (2.0 * step)
+    difference = (series_value(series, angle + step) - series_value(series, angle - step)) / (
+        2.0 * step
+    )
     assert np.max(np.abs(series_slope(series, angle) - difference)) < 1e-9
     assert series_value(series, angle.reshape(3, 167)).shape == (3, 167)
 
@@ -102,7 +104,11 @@ def test_basis_holds_input_output_and_sideband_orders_once() -> None:
 def test_least_squares_in_the_basis_recovers_the_series() -> None:
     orders = basis_orders(120.0, range(1, 6))
     angle = np.linspace(0.0, 2.0 * math.pi * 120.0, 60_013)
-    truth = series_value([*GEAR.kinematic_error, Harmonic(2.0 + 2.0 / 120.0, 2e-6, 1e-6)], angle) + 3e-4 + 1e-9 * angle
+    truth = (
+        series_value([*GEAR.kinematic_error, Harmonic(2.0 + 2.0 / 120.0, 2e-6, 1e-6)], angle)
+        + 3e-4
+        + 1e-9 * angle
+    )
     names = design_names(orders)
     matrix = design_matrix(angle, orders)
     assert matrix.shape == (angle.size, len(names))
@@ -117,7 +123,9 @@ def test_least_squares_in_the_basis_recovers_the_series() -> None:
 
 def test_mse_is_hundred_for_the_mean_and_nought_for_the_truth() -> None:
     truth = series_value(GEAR.kinematic_error, np.linspace(0.0, 6.0, 999))
-    assert normalised_mse(truth, np.full(truth.size, truth.mean())) == pytest.approx(100.0, rel=1e-12)
+    assert normalised_mse(truth, np.full(truth.size, truth.mean())) == pytest.approx(
+        100.0, rel=1e-12
+    )
     assert normalised_mse(truth, truth) == 0.0
     assert normalised_mse(truth, truth + 0.1 * truth.std()) == pytest.approx(1.0, rel=1e-9)
     for bad in (np.zeros(3), np.array([1.0])):
@@ -131,7 +139,9 @@ def test_mse_is_hundred_for_the_mean_and_nought_for_the_truth() -> None:
 @pytest.mark.parametrize("samples", [100_003, 3_001])
 def test_order_spectrum_finds_amplitude_and_phase(direction: float, samples: int) -> None:
     rng = np.random.default_rng(3)
-    angle = direction * (0.7 + np.linspace(0.0, 2.0 * math.pi * 10.4, samples) + 1e-4 * rng.standard_normal(samples))
+    angle = direction * (
+        0.7 + np.linspace(0.0, 2.0 * math.pi * 10.4, samples) + 1e-4 * rng.standard_normal(samples)
+    )
     values = series_value(GEAR.kinematic_error, angle) + 1e-3 + 2e-6 * angle
     spectrum = order_spectrum(angle, values, 16.0)
     assert spectrum.revolutions == 10

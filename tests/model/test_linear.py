@@ -47,7 +47,9 @@ def test_parameters_of_a_gear() -> None:
     assert p.combined_stiffness == pytest.approx(stiffness.combined_output, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["cup_stiffness", "output_inertia", "bearing_damping", "tooth_angle"])
+@pytest.mark.parametrize(
+    "name", ["cup_stiffness", "output_inertia", "bearing_damping", "tooth_angle"]
+)
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
 def test_impossible_parameters_are_refused(name: str, value: float) -> None:
     with pytest.raises(ParameterError, match=rf"dynamics\.{name}"):
@@ -57,7 +59,9 @@ def test_impossible_parameters_are_refused(name: str, value: float) -> None:
 def test_modes_of_the_nominal_set() -> None:
     """65.3 Hz with a damping ratio of 4.64e-4, 4624 Hz with 0.25, 16226 Hz with 0.026; radius 31.5 mm inferred."""
     found = modes(NOMINAL)
-    assert [m.natural_frequency / (2.0 * math.pi) for m in found] == pytest.approx([65.3, 4624.0, 16226.0], rel=5e-3)
+    assert [m.natural_frequency / (2.0 * math.pi) for m in found] == pytest.approx(
+        [65.3, 4624.0, 16226.0], rel=5e-3
+    )
     assert [m.damping_ratio for m in found] == pytest.approx([4.64e-4, 0.25, 0.026], rel=2e-2)
 
 
@@ -73,7 +77,9 @@ def test_modes_of_the_nominal_set() -> None:
         ({"structural_damping": 5.0}, 65.3, 4.4e-2),
     ],
 )
-def test_torsional_mode_over_the_parameters(change: dict[str, float], frequency: float, ratio: float) -> None:
+def test_torsional_mode_over_the_parameters(
+    change: dict[str, float], frequency: float, ratio: float
+) -> None:
     p = NOMINAL.replaced(**change)
     first = modes(p)[0]
     assert first.natural_frequency / (2.0 * math.pi) == pytest.approx(frequency, rel=1e-2)
@@ -87,7 +93,9 @@ def test_closed_forms_of_frequency_and_damping() -> None:
     share = combined / (NOMINAL.bearing_stiffness * NOMINAL.radial_lever**2)
     assert first.natural_frequency == pytest.approx(frequency, rel=2e-4)
     assert first.damping_ratio == pytest.approx(0.5 * frequency * 1e3 / 5e7 * share, rel=2e-3)
-    assert NOMINAL.reduced_damping == pytest.approx(2.0 * first.damping_ratio * frequency * 0.1, rel=2e-3)
+    assert NOMINAL.reduced_damping == pytest.approx(
+        2.0 * first.damping_ratio * frequency * 0.1, rel=2e-3
+    )
 
 
 def test_frequencies_and_damping_of_the_default_gear() -> None:
@@ -96,7 +104,10 @@ def test_frequencies_and_damping_of_the_default_gear() -> None:
     assert undamped_frequencies(p) == pytest.approx([680.6, 4.779e4, 3.127e5], rel=3e-3)
     lightly = modes(p.replaced(bearing_damping=1.08e3))
     assert [m.damping_ratio for m in lightly] == pytest.approx([5.1e-4, 0.20, 0.011], rel=4e-2)
-    speeds = {r.order: r.input_speed / RPM for r in resonance_speeds(p.replaced(bearing_damping=1e3), (1, 2, 4))}
+    speeds = {
+        r.order: r.input_speed / RPM
+        for r in resonance_speeds(p.replaced(bearing_damping=1e3), (1, 2, 4))
+    }
     assert [speeds[n] for n in (1.0, 2.0, 4.0)] == pytest.approx([6501.0, 3251.0, 1625.0], rel=1e-3)
     assert modes(dynamic_parameters(GEAR))[0].damping_ratio == pytest.approx(0.02, rel=0.05)
 
@@ -136,6 +147,14 @@ def test_corners_of_the_parameter_box_are_stable() -> None:
     rng = np.random.default_rng(7)
     for _ in range(100):
         factors = 10.0 ** rng.uniform(-1.0, 1.0, 6)
-        names = ("bearing_stiffness", "bearing_damping", "mesh_stiffness", "cup_stiffness", "flexspline_inertia")
-        p = NOMINAL.replaced(**{n: f * getattr(NOMINAL, n) for n, f in zip(names, factors, strict=False)})
+        names = (
+            "bearing_stiffness",
+            "bearing_damping",
+            "mesh_stiffness",
+            "cup_stiffness",
+            "flexspline_inertia",
+        )
+        p = NOMINAL.replaced(
+            **{n: f * getattr(NOMINAL, n) for n, f in zip(names, factors, strict=False)}
+        )
         assert all(m.damping_ratio > 0.0 for m in modes(p))

@@ -60,7 +60,9 @@ class Physics:
 
 @dataclass
 class FakeRig:
-    """An ideal `RigPort`. `script` maps a cycle to what happens at it; `limits_read` changes what the limits read back as."""
+    """An ideal `RigPort`. `script` maps a cycle to what happens at it; `limits_read` changes what
+    the limits read back as.
+    """
 
     script: dict[int, Callable[[FakeRig], None]] = field(default_factory=dict)
     limits_read: Callable[[DriveLimits], DriveLimits] = lambda limits: limits
@@ -99,7 +101,9 @@ class FakeRig:
         )
 
     def open(self) -> RigDescription:
-        return RigDescription("simulated", "an ideal rig", {"drive": {"model": "ideal"}}, {"friction": FRICTION})
+        return RigDescription(
+            "simulated", "an ideal rig", {"drive": {"model": "ideal"}}, {"friction": FRICTION}
+        )
 
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         self.limits = limits
@@ -145,7 +149,12 @@ class FakeRig:
 
     def _block(self, rows: list[Any], flags: list[int], broken: None) -> SampleBlock:
         shape = (0, len(self.channels))
-        return SampleBlock(self.physics.cycle, np.empty(0, np.int64), np.empty(shape, np.int64), np.empty(0, np.uint16))
+        return SampleBlock(
+            self.physics.cycle,
+            np.empty(0, np.int64),
+            np.empty(shape, np.int64),
+            np.empty(0, np.uint16),
+        )
 
     def _step(self, mode: Mode, target: float) -> None:
         p, dt = self.physics, self.cycle_ns * 1e-9
@@ -202,10 +211,17 @@ class FakeRig:
             torque = target
         torque += p.torque_extra
         return [
-            math.floor(p.angle / REVOLUTION * 32768), math.floor(output / REVOLUTION * 72000), round(torque / 1e-4),
-            round(p.drive_torque_gain * torque / 6.37e-4), round(target * 1e4) if mode is Mode.SPEED else 0,
-            STATUSWORD_OF[p.state], round(p.temperature / 0.1), p.index_input, p.index_output, p.index_seen,
-        ]  # fmt: skip
+            math.floor(p.angle / REVOLUTION * 32768),
+            math.floor(output / REVOLUTION * 72000),
+            round(torque / 1e-4),
+            round(p.drive_torque_gain * torque / 6.37e-4),
+            round(target * 1e4) if mode is Mode.SPEED else 0,
+            STATUSWORD_OF[p.state],
+            round(p.temperature / 0.1),
+            p.index_input,
+            p.index_output,
+            p.index_seen,
+        ]
 
 
 @dataclass
@@ -250,7 +266,9 @@ class ListRun:
     def flush(self) -> None:
         pass
 
-    def close(self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None) -> Path:
+    def close(
+        self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None
+    ) -> Path:
         self.outcome = outcome
         self.acquisition = dict(acquisition or {})
         return self.part
@@ -276,14 +294,18 @@ def experiment_of(steps: Iterable[Step], gear_mounted: bool = True) -> Experimen
     def analyse(recording: Recording, evidence: Evidence) -> Result:
         return Result(recording.metadata.run_id, "literal", {})
 
-    return Experiment("literal", "literal steps", "", NoChoice, plan, analyse, gear_mounted=gear_mounted)
+    return Experiment(
+        "literal", "literal steps", "", NoChoice, plan, analyse, gear_mounted=gear_mounted
+    )
 
 
 def planned_of(*steps: Step, gear_mounted: bool = True) -> PlannedRun:
     return plan_run(experiment_of(steps, gear_mounted), NoChoice(), shipped_gear(), shipped_motor())
 
 
-def order_of(planned: PlannedRun, rig: FakeRig, output: Path, block_cycles: int = 100, **more: Any) -> RunOrder:
+def order_of(
+    planned: PlannedRun, rig: FakeRig, output: Path, block_cycles: int = 100, **more: Any
+) -> RunOrder:
     return RunOrder(planned, rig, rig.clock, "fake", output, block_cycles=block_cycles, **more)
 
 

@@ -17,20 +17,40 @@ from rig.fit import Fit
 
 def estimate(name: str, value: float, unit: str, u: float, **more: Any) -> Estimate:
     """An estimate with an interval of two standard deviations and a budget of two lines."""
-    budget = (BudgetLine("repeats", "A", u), BudgetLine("torque scale", "B", 0.5 * u, "certificate"))
+    budget = (
+        BudgetLine("repeats", "A", u),
+        BudgetLine("torque scale", "B", 0.5 * u, "certificate"),
+    )
     return Estimate(name, value, unit, value - 2 * u, value + 2 * u, budget=budget, **more)
 
 
-def recording(origin: Origin = "simulated", *, experiment: str = "friction", **more: Any) -> Recording:
+def recording(
+    origin: Origin = "simulated", *, experiment: str = "friction", **more: Any
+) -> Recording:
     """A recording of ten cycles with housing temperature."""
     rows = 10
     metadata = RunMetadata(
-        run_id="R-000042", experiment=experiment, origin=origin, outcome="PASS", start_time="2024-03-01T10:00:00+01:00",
-        end_time="2024-03-01T10:05:00+01:00", operator="A. Example", gear=shipped_gear(), gear_serial="SN-0815",
-        ratio=120.0, sample_rate=1000.0, time_base="virtual", parameters={"lowest_rpm": 1.0},
-        conditions={"lubricant": "Harmonic Grease SK-1A"}, process={"backend": "sim", "seed": 4}, sha256="ab" * 32,
-    )  # fmt: skip
-    arrays = {"input_angle": np.arange(rows) * 100, "housing_temperature": np.linspace(240, 262, rows)}
+        run_id="R-000042",
+        experiment=experiment,
+        origin=origin,
+        outcome="PASS",
+        start_time="2024-03-01T10:00:00+01:00",
+        end_time="2024-03-01T10:05:00+01:00",
+        operator="A. Example",
+        gear=shipped_gear(),
+        gear_serial="SN-0815",
+        ratio=120.0,
+        sample_rate=1000.0,
+        time_base="virtual",
+        parameters={"lowest_rpm": 1.0},
+        conditions={"lubricant": "Harmonic Grease SK-1A"},
+        process={"backend": "sim", "seed": 4},
+        sha256="ab" * 32,
+    )
+    arrays = {
+        "input_angle": np.arange(rows) * 100,
+        "housing_temperature": np.linspace(240, 262, rows),
+    }
     signals = {
         "input_angle": Signal("input_angle", "rad", 1e-3),
         "housing_temperature": Signal("housing_temperature", "degC", 0.1),
@@ -53,9 +73,14 @@ def friction_plot() -> Plot:
         series.append(Series(f"measured, {word}", speed, y, "points", y - 0.003, y + 0.003, group))
         series.append(Series(f"fit, {word}", speed, y * 1.01, "line", group=group))
     return Plot(
-        "friction", "Friction torque at the input over speed", "Input speed [r/min]", "Torque [N m]", tuple(series),
-        x_scale="log", figure="9, 17",
-    )  # fmt: skip
+        "friction",
+        "Friction torque at the input over speed",
+        "Input speed [r/min]",
+        "Torque [N m]",
+        tuple(series),
+        x_scale="log",
+        figure="9, 17",
+    )
 
 
 def friction_result(limit: float = 0.15, provenance: Any = "catalogue") -> Result:
@@ -63,41 +88,71 @@ def friction_result(limit: float = 0.15, provenance: Any = "catalogue") -> Resul
     running = estimate("running_torque", 0.0873, "N m", 0.0011)
     estimates = {
         "F_c": estimate("F_c", 70.31, "N", 0.9),
-        "F_s": estimate("F_s", 95.2, "N", 3.1, identifiable="weakly", note="slowest speed above a tenth of v_s"),
+        "F_s": estimate(
+            "F_s", 95.2, "N", 3.1, identifiable="weakly", note="slowest speed above a tenth of v_s"
+        ),
         "v_s": estimate("v_s", 6.13, "rad/s", 0.5),
         "c_v": estimate("c_v", 0.1512, "N s/rad", 0.004),
         "shape": estimate("shape", 1.0, "1", 2.0, identifiable="no", note="does not move"),
         "running_torque": running,
     }
     verdict = judge_upper(
-        "running torque at 2000 r/min", "no-load running torque at the catalogue's speed", running, limit, provenance,
+        "running torque at 2000 r/min",
+        "no-load running torque at the catalogue's speed",
+        running,
+        limit,
+        provenance,
         "catalogue page 12",
-    )  # fmt: skip
-    table = Table("points", "Torque per speed", ("Speed [r/min]", "Torque [N m]", "Sweep"), ((60, 0.0712, "up"),))
+    )
+    table = Table(
+        "points",
+        "Torque per speed",
+        ("Speed [r/min]", "Torque [N m]", "Sweep"),
+        ((60, 0.0712, "up"),),
+    )
     return Result(
-        "R-000042", "friction", estimates, {"mse": 0.431, "relative_error": 0.012},
-        ("The bracket drifted by 1.2 % over the sweep.",), (verdict,), (friction_plot(),), (table,),
+        "R-000042",
+        "friction",
+        estimates,
+        {"mse": 0.431, "relative_error": 0.012},
+        ("The bracket drifted by 1.2 % over the sweep.",),
+        (verdict,),
+        (friction_plot(),),
+        (table,),
         {"torque_balance": "energy", "mounting": "circular-spline-fixed"},
-    )  # fmt: skip
+    )
 
 
 def kinematic_result() -> Result:
     """A kinematic-error result with many orders."""
-    estimates = {"transmission_accuracy_forward": estimate("transmission_accuracy_forward", 0.84 * ARCMIN, "rad", 2e-6)}
+    estimates = {
+        "transmission_accuracy_forward": estimate(
+            "transmission_accuracy_forward", 0.84 * ARCMIN, "rad", 2e-6
+        )
+    }
     for order in range(1, 11):
         estimates[f"amplitude_{order}"] = estimate(f"amplitude_{order}", 1e-4 / order, "rad", 1e-6)
     angle = np.linspace(0, 2 * np.pi, 400)
     curve = 0.3 * np.cos(2 * angle)
     plots = (
         Plot(
-            "curve", "Kinematic error", "Input angle [rad]", "Kinematic error [arcmin]",
-            (Series("measured", angle, curve), Series("fit", angle, curve * 0.99, group=1)), figure="12",
+            "curve",
+            "Kinematic error",
+            "Input angle [rad]",
+            "Kinematic error [arcmin]",
+            (Series("measured", angle, curve), Series("fit", angle, curve * 0.99, group=1)),
+            figure="12",
         ),
         Plot(
-            "orders", "Orders", "Order [cycles per input revolution]", "Amplitude [arcmin]",
-            (Series("forward", np.arange(1.0, 11), 1 / np.arange(1.0, 11), "bars"),), y_scale="log", figure="13",
+            "orders",
+            "Orders",
+            "Order [cycles per input revolution]",
+            "Amplitude [arcmin]",
+            (Series("forward", np.arange(1.0, 11), 1 / np.arange(1.0, 11), "bars"),),
+            y_scale="log",
+            figure="13",
         ),
-    )  # fmt: skip
+    )
     return Result("R-000041", "kinematic-error", estimates, {"mse": 0.71}, plots=plots)
 
 

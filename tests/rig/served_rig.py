@@ -29,7 +29,9 @@ class Served:
     def configuration(self, folder: Path, *, guard_closed: int = 8) -> Path:
         """The description of it."""
         text = re.sub(r'interface = "socketcan" ', 'interface = "socketcand" ', TEMPLATE)
-        text = text.replace("# arguments = {}", f'arguments = {{ host = "127.0.0.1", port = {self.port} }} #')
+        text = text.replace(
+            "# arguments = {}", f'arguments = {{ host = "127.0.0.1", port = {self.port} }} #'
+        )
         text += f"\n[guard]\nnode_id = 1\nmask = 8\nclosed = {guard_closed}\n"
         path = folder / "rig.toml"
         path.write_text(text, encoding="utf-8")

@@ -42,7 +42,12 @@ def acquisition_of(path: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize("begin", [begin_inline_run, begin_threaded_run])
 def test_a_run_keeps_the_figures_of_its_acquisition(begin: Any, tmp_path: Path) -> None:
-    rig = FakeRig({600: lambda r: setattr(r.physics, "flags", INCOMPLETE), 602: lambda r: setattr(r.physics, "flags", 0)})
+    rig = FakeRig(
+        {
+            600: lambda r: setattr(r.physics, "flags", INCOMPLETE),
+            602: lambda r: setattr(r.physics, "flags", 0),
+        }
+    )
     report = execute(order_of(planned_of(*STEPS), rig, tmp_path), begin)
     found = acquisition_of(report.path)
     assert found["cycles"] == report.rows
@@ -70,7 +75,8 @@ def test_the_wire_tells_its_own_figures(tmp_path: Path) -> None:
 def test_the_share_of_missed_cycles_is_asked_for(tmp_path: Path) -> None:
     values = {"points": 6, "highest_rpm": 1200.0, "lowest_rpm": 5.0, "up_and_down": False}
     report = run_request(
-        RunRequest("friction", shipped_gear(), shipped_motor(), tmp_path, values, seed=5), judged=False
+        RunRequest("friction", shipped_gear(), shipped_motor(), tmp_path, values, seed=5),
+        judged=False,
     )
     with pytest.raises(AnalysisError, match="largest-missed-share"):
         _spoil(report.path, tmp_path)
@@ -92,7 +98,10 @@ def _spoil(path: Path, folder: Path, share: float | None = None) -> Any:
         names = list(recording.signals)
         rows = recording.rows
         writer.append_rows(
-            source.time_ns(0, rows), source.cycles(0, rows), flags, [source.stored(n, 0, rows) for n in names]  # type: ignore[attr-defined]
+            source.time_ns(0, rows),
+            source.cycles(0, rows),
+            flags,
+            [source.stored(n, 0, rows) for n in names],  # type: ignore[attr-defined]
         )
         for segment in recording.segments:
             writer.segment(segment)
@@ -174,14 +183,32 @@ def test_too_many_figures_leave_the_largest_out_by_name() -> None:
 
 def test_the_figures_in_words() -> None:
     figures = {
-        "achieved_rate": 999.98, "jitter_rms": 2.1e-5, "jitter_max": 1e-4, "missed_share": 0.002,
+        "achieved_rate": 999.98,
+        "jitter_rms": 2.1e-5,
+        "jitter_max": 1e-4,
+        "missed_share": 0.002,
         "index_marks": {"output_angle": {"marks": 2, "worst_excess": -7}},
         "torque_port_against_drive": {"slope": 1.01, "offset": 0.0106},
-        "skew": {"encoder_skew": {"value": 9e-6, "expanded_uncertainty": 2e-5, "identifiability": "weakly", "note": "why"},
-                 "torque_skew": {"value": None, "expanded_uncertainty": None, "identifiability": "no", "note": "too steady"}},
-    }  # fmt: skip
+        "skew": {
+            "encoder_skew": {
+                "value": 9e-6,
+                "expanded_uncertainty": 2e-5,
+                "identifiability": "weakly",
+                "note": "why",
+            },
+            "torque_skew": {
+                "value": None,
+                "expanded_uncertainty": None,
+                "identifiability": "no",
+                "note": "too steady",
+            },
+        },
+    }
     facts = acquisition_facts(figures)
-    assert facts[0] == ("acquisition", "999.98 Hz achieved, jitter 21 µs r.m.s., 100 µs at most, 0.2 % missed")
+    assert facts[0] == (
+        "acquisition",
+        "999.98 Hz achieved, jitter 21 µs r.m.s., 100 µs at most, 0.2 % missed",
+    )
     assert ("index marks", "output_angle: 2 marks, at worst -7 counts off") in facts
     assert ("skew, output after input", "+9.0 µs, U 20.0 µs, identifiable: weakly, why") in facts
     assert ("skew, torque port after drive", "identifiable: no, too steady") in facts

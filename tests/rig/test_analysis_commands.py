@@ -48,12 +48,16 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: dict[str, Res
 
     def open_run(path: Path, **_: Any) -> Recording:
         result = results[Path(path).stem]
-        return handmade.recording(experiment=result.kind, run_id=result.run, gear_mounted=result.kind != "motor-tare")
+        return handmade.recording(
+            experiment=result.kind, run_id=result.run, gear_mounted=result.kind != "motor-tare"
+        )
 
     def load(name: str) -> Experiment:
         def analyse(recording: Recording, evidence: Evidence) -> Result:
             return next(
-                r for r in results.values() if r.run == recording.metadata.run_id and name in (r.kind, "motion")
+                r
+                for r in results.values()
+                if r.run == recording.metadata.run_id and name in (r.kind, "motion")
             )
 
         def compare(recording: Recording, gear: Any, evidence: Evidence) -> Result:
@@ -61,9 +65,15 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: dict[str, Res
 
         has = name == "friction"
         return Experiment(
-            name, name, name, NoParameters, no_plan, analyse, compare=compare if has else None,
+            name,
+            name,
+            name,
+            NoParameters,
+            no_plan,
+            analyse,
+            compare=compare if has else None,
             identified=take_over if has else None,
-        )  # fmt: skip
+        )
 
     import rig.runfile.read
 
@@ -99,9 +109,17 @@ def test_several_runs_are_listed_and_pooled(call: Call) -> None:
 
 @pytest.mark.parametrize(
     ("runs", "code"),
-    [(["friction"], 0), (["failed"], 1), (["marginal"], 3), (["friction", "marginal"], 3), (["marginal", "failed"], 1)],
+    [
+        (["friction"], 0),
+        (["failed"], 1),
+        (["marginal"], 3),
+        (["friction", "marginal"], 3),
+        (["marginal", "failed"], 1),
+    ],
 )
-def test_the_exit_code_is_the_worst_verdict(call: Call, results: dict[str, Result], runs: list[str], code: int) -> None:
+def test_the_exit_code_is_the_worst_verdict(
+    call: Call, results: dict[str, Result], runs: list[str], code: int
+) -> None:
     for number, name in enumerate(runs):
         results[name] = replace(results[name], run=f"R-{number + 50}")
     assert call("fit", *(f"{name}.h5" for name in runs)).exit_code == code

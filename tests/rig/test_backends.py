@@ -1,4 +1,6 @@
-"""The rigs by name: the direct one and the one on the wire agree, a recorded run comes back, and nothing else exists."""
+"""The rigs by name: the direct one and the one on the wire agree, a recorded run comes back, and
+nothing else exists.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,25 @@ from rig.errors import ConfigurationError
 from rig.run.start import RunRequest, run_request
 from rig.runfile.read import open_run
 
-SHORT = {"speeds_rpm": (900.0,), "repeats": 1, "measure_time": 0.2, "settle_time": 0.1, "zero_time": 0.5}
+SHORT = {
+    "speeds_rpm": (900.0,),
+    "repeats": 1,
+    "measure_time": 0.2,
+    "settle_time": 0.1,
+    "zero_time": 0.5,
+}
 
 
 def recorded(backend: str, folder: Path) -> Recording:
     request = RunRequest(
-        "motor-tare", shipped_gear(), shipped_motor(), folder, SHORT, backend=backend, gear_serial="A1", seed=3
+        "motor-tare",
+        shipped_gear(),
+        shipped_motor(),
+        folder,
+        SHORT,
+        backend=backend,
+        gear_serial="A1",
+        seed=3,
     )
     report = run_request(request, judged=False)
     assert report.outcome == "PASS", report.message

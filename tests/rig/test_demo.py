@@ -23,7 +23,13 @@ from tests.rig.handmade import friction_result
 SHORT = {
     "motor-tare": {"lowest_rpm": 5.0, "points": 9, "measure_time": 0.3, "settle_time": 0.2},
     "kinematic-error": {"speed_rpm": 241.7},
-    "friction": {"lowest_rpm": 5.0, "points": 10, "measure_time": 0.3, "settle_time": 0.2, "up_and_down": False},
+    "friction": {
+        "lowest_rpm": 5.0,
+        "points": 10,
+        "measure_time": 0.3,
+        "settle_time": 0.2,
+        "up_and_down": False,
+    },
     "velocity-steps": {"speeds_rpm": (600.0, 1800.0), "repeats": 1},
 }
 CREATED = "2024-03-02T09:00:00+01:00"
@@ -48,7 +54,9 @@ def test_every_protocol_is_run_in_order_and_fitted(made: Demonstration) -> None:
 
 def test_the_tare_and_the_kinematic_error_are_handed_on(made: Demonstration) -> None:
     fits = {f.result.kind: f for f in made.fits}
-    assert fits["friction"].result.options["tare_run"] == fits["motor-tare"].recording.metadata.run_id
+    assert (
+        fits["friction"].result.options["tare_run"] == fits["motor-tare"].recording.metadata.run_id
+    )
     assert fits["friction"].result.options["torque_is_of"] == "gear"
     assert fits["velocity-steps"].gear.kinematic_error != fits["friction"].gear.kinematic_error
 
@@ -66,14 +74,23 @@ def test_the_truth_is_laid_beside_what_was_found(made: Demonstration) -> None:
 def test_report_and_parameter_set_are_written(made: Demonstration) -> None:
     page = made.report.read_text(encoding="utf-8")
     assert page.count("SIMULATED") > 10
-    for words in ("Found against the simulator", "SIM-0003", "Velocity steps", "00001-motor_tare-SIM_0003"):
+    for words in (
+        "Found against the simulator",
+        "SIM-0003",
+        "Velocity steps",
+        "00001-motor_tare-SIM_0003",
+    ):
         assert words in page
     assert made.report.stat().st_size < 5_000_000
     gear = load_gear(made.parameters)
-    assert {o.provenance for p, o in gear.origins.items() if p.startswith("kinematic_error")} == {"identified"}
+    assert {o.provenance for p, o in gear.origins.items() if p.startswith("kinematic_error")} == {
+        "identified"
+    }
 
 
-def test_json_and_people_get_the_same_story(made: Demonstration, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_and_people_get_the_same_story(
+    made: Demonstration, capsys: pytest.CaptureFixture[str]
+) -> None:
     found = json.loads(json_text(made.as_json()))
     assert [f["kind"] for f in found["fits"]] == list(demo.ORDER)
     assert found["compared"] == len(found["truth"]) > 20
@@ -111,12 +128,16 @@ def test_a_process_that_dies_is_noticed() -> None:
         demo._collect(queue.Queue(), 1, lambda message: None, [Dead()])
 
 
-@pytest.mark.parametrize(("outcome", "error"), [("ABORTED", KeyboardInterrupt), ("TRIPPED", RigError)])
+@pytest.mark.parametrize(
+    ("outcome", "error"), [("ABORTED", KeyboardInterrupt), ("TRIPPED", RigError)]
+)
 def test_a_run_that_did_not_reach_its_end_ends_the_demonstration(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, outcome: str, error: type[BaseException]
 ) -> None:
     monkeypatch.setattr(
-        demo, "_in_this_one", lambda order, show: [finished("motor-tare"), finished("friction", outcome)]
+        demo,
+        "_in_this_one",
+        lambda order, show: [finished("motor-tare"), finished("friction", outcome)],
     )
     with pytest.raises(error):
         demonstrate(DemoOrder(tmp_path, 1, CREATED), processes=1)

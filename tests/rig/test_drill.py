@@ -16,7 +16,14 @@ from rig.drill import rigs, suite
 from rig.drill.catalogue import DRILLS, Drill
 from rig.drill.protocol import EXPERIMENT, DrillParameters, analyse
 from rig.drill.rigs import DrillHungError, Happening, drilled_rig
-from rig.drill.suite import DrillRow, chosen, random_drills, random_offset, reference_run, run_drills
+from rig.drill.suite import (
+    DrillRow,
+    chosen,
+    random_drills,
+    random_offset,
+    reference_run,
+    run_drills,
+)
 from rig.drill.table import markdown
 from rig.errors import ConfigurationError, RunFileError
 from rig.main import app
@@ -26,7 +33,12 @@ from rig.run.trips import TRIPS
 from rig.runfile.read import close_recording, open_run
 
 # STOP and ABORT in every state are tested block by block in test_session; here one of each is enough.
-OPERATOR = ("Ctrl-C in switching-on", "Ctrl-C in torque-ramp", "Ctrl-C in making-safe", "Ctrl-C twice in hold")
+OPERATOR = (
+    "Ctrl-C in switching-on",
+    "Ctrl-C in torque-ramp",
+    "Ctrl-C in making-safe",
+    "Ctrl-C twice in hold",
+)
 NAMES = [name for name in DRILLS if not name.startswith("Ctrl-C") or name in OPERATOR]
 
 
@@ -59,16 +71,33 @@ def test_no_fault_of_the_rig_fails_the_gear(rows: dict[str, DrillRow]) -> None:
 
 
 CAUSES = {
-    "heartbeat lost, drive": "heartbeat_lost", "node reset in motion, drive": "boot_up", "EMCY": "emcy",
-    "statusword fault": "drive_fault", "run-away": "over_speed", "E-stop (STO) in motion": "unexpected_state",
-    "TPDO lost": "stale_data", "TPDO late": "missed_cycles", "bus off": "bus_lost", "hub gone": "bus_lost",
-    "SDO abort": "device_error", "SDO time-out": "device_error", "encoder stuck, input": "input_output_disagreement",
-    "torque port open": "torque_port", "clock jump forward": "time_base", "clock jump back": "time_base",
-    "disk nearly full": "disk_space", "disk full": "recorder", "writer stalled": "recorder",
-    "drive limit reads back differently": "refused before arming", "TPDO lost, one": "marked 1 x INCOMPLETE",
-    "TPDO doubled": "marked", "quick stop not obeyed": "ABORT; quick stop not seen to be obeyed",
-    "encoder wrapped, as declared": "counts are right", "readout unit '?'": "none (?)", "Ctrl-C in torque-ramp": "STOP",
-}  # fmt: skip
+    "heartbeat lost, drive": "heartbeat_lost",
+    "node reset in motion, drive": "boot_up",
+    "EMCY": "emcy",
+    "statusword fault": "drive_fault",
+    "run-away": "over_speed",
+    "E-stop (STO) in motion": "unexpected_state",
+    "TPDO lost": "stale_data",
+    "TPDO late": "missed_cycles",
+    "bus off": "bus_lost",
+    "hub gone": "bus_lost",
+    "SDO abort": "device_error",
+    "SDO time-out": "device_error",
+    "encoder stuck, input": "input_output_disagreement",
+    "torque port open": "torque_port",
+    "clock jump forward": "time_base",
+    "clock jump back": "time_base",
+    "disk nearly full": "disk_space",
+    "disk full": "recorder",
+    "writer stalled": "recorder",
+    "drive limit reads back differently": "refused before arming",
+    "TPDO lost, one": "marked 1 x INCOMPLETE",
+    "TPDO doubled": "marked",
+    "quick stop not obeyed": "ABORT; quick stop not seen to be obeyed",
+    "encoder wrapped, as declared": "counts are right",
+    "readout unit '?'": "none (?)",
+    "Ctrl-C in torque-ramp": "STOP",
+}
 
 
 @pytest.mark.parametrize("name", CAUSES)
@@ -76,12 +105,18 @@ def test_what_is_detected_is_named(name: str, rows: dict[str, DrillRow]) -> None
     assert CAUSES[name] in rows[name].detected
 
 
-@pytest.mark.parametrize(("name", "most"), [("EMCY", 3), ("E-stop (STO) in motion", 3), ("encoder stuck, output", 20)])
-def test_what_the_guard_watches_is_answered_within_a_few_cycles(name: str, most: int, rows: dict[str, DrillRow]) -> None:
+@pytest.mark.parametrize(
+    ("name", "most"), [("EMCY", 3), ("E-stop (STO) in motion", 3), ("encoder stuck, output", 20)]
+)
+def test_what_the_guard_watches_is_answered_within_a_few_cycles(
+    name: str, most: int, rows: dict[str, DrillRow]
+) -> None:
     assert rows[name].cycles <= most
 
 
-def test_where_nobody_hears_the_drive_stops_alone_and_the_report_is_loud(rows: dict[str, DrillRow]) -> None:
+def test_where_nobody_hears_the_drive_stops_alone_and_the_report_is_loud(
+    rows: dict[str, DrillRow],
+) -> None:
     for name in ("bus off", "hub gone", "bus lost"):
         row = rows[name]
         assert row.safe
@@ -90,7 +125,9 @@ def test_where_nobody_hears_the_drive_stops_alone_and_the_report_is_loud(rows: d
         assert "Press the emergency stop" in row.message
 
 
-def test_standstill_is_verified_wherever_the_nodes_can_still_be_heard(rows: dict[str, DrillRow]) -> None:
+def test_standstill_is_verified_wherever_the_nodes_can_still_be_heard(
+    rows: dict[str, DrillRow],
+) -> None:
     unverified = {name for name, row in rows.items() if not row.verified}
     assert unverified == {"bus off", "hub gone", "bus lost"}
     # A drive that has lost its process data is switched off and asked by SDO.
@@ -128,7 +165,9 @@ def test_wrong_counts_that_are_not_marked_are_found(tmp_path: Path) -> None:
     planned = plan_run(EXPERIMENT, DrillParameters(), shipped_gear(), shipped_motor())
     reference = reference_run(planned, "sim", 0, tmp_path)
     reference.counts["torque"][700:710] += 5
-    row = suite._Staged(replace(drill, fault=None), planned, "sim", 0, tmp_path / "again", 10, reference).run()
+    row = suite._Staged(
+        replace(drill, fault=None), planned, "sim", 0, tmp_path / "again", 10, reference
+    ).run()
     assert "10 WRONG COUNTS NOT MARKED" in row.detected
     assert not row.passed
 
@@ -154,7 +193,16 @@ def test_random_drills_are_the_same_for_the_same_seed() -> None:
 
 def test_the_command_prints_one_object_and_the_table(tmp_path: Path) -> None:
     table = tmp_path / "drills.md"
-    arguments = ["drill", "--backend", "sim", "--fault", "encoder stuck, input", "--json", "--markdown", str(table)]
+    arguments = [
+        "drill",
+        "--backend",
+        "sim",
+        "--fault",
+        "encoder stuck, input",
+        "--json",
+        "--markdown",
+        str(table),
+    ]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0
     (row,) = json.loads(done.stdout)["faults"]
@@ -178,6 +226,15 @@ def test_the_table_in_the_documentation_lists_every_drill() -> None:
 
 
 def test_every_trip_that_a_port_can_name_has_a_rule() -> None:
-    for cause in ("emcy", "heartbeat_lost", "boot_up", "not_operational", "drive_state", "bus_lost", "signal_error", "fault"):
+    for cause in (
+        "emcy",
+        "heartbeat_lost",
+        "boot_up",
+        "not_operational",
+        "drive_state",
+        "bus_lost",
+        "signal_error",
+        "fault",
+    ):
         assert cause in TRIPS
     assert issubclass(RunFileError, Exception)

@@ -22,7 +22,12 @@ def trip_a_run(folder: Path) -> LatchedTrip:
     def block(rig: FakeRig) -> None:
         rig.physics.fault = True
 
-    order = order_of(planned_of(Ramp(20.0, 500.0), HoldTime(0.3)), FakeRig({350: block}), folder, latch=TripLatch(folder))
+    order = order_of(
+        planned_of(Ramp(20.0, 500.0), HoldTime(0.3)),
+        FakeRig({350: block}),
+        folder,
+        latch=TripLatch(folder),
+    )
     report = execute(order, lambda *_: ListRun())
     assert report.outcome == "TRIPPED"
     latched = TripLatch(folder).read()
@@ -30,20 +35,32 @@ def trip_a_run(folder: Path) -> LatchedTrip:
     return latched
 
 
-def test_a_trip_is_latched_and_the_next_run_refused_before_the_rig_is_touched(tmp_path: Path) -> None:
+def test_a_trip_is_latched_and_the_next_run_refused_before_the_rig_is_touched(
+    tmp_path: Path,
+) -> None:
     latched = trip_a_run(tmp_path)
-    assert (latched.cause, latched.run, latched.standstill_verified) == ("drive_fault", "00001-fake-G1", True)
+    assert (latched.cause, latched.run, latched.standstill_verified) == (
+        "drive_fault",
+        "00001-fake-G1",
+        True,
+    )
     assert latched.time.startswith("2023-11-14T")
     rig = FakeRig()
     order = order_of(planned_of(Ramp(20.0, 500.0)), rig, tmp_path, latch=TripLatch(tmp_path))
-    with pytest.raises(LatchedTripError, match=r"drive_fault in run 00001-fake-G1.*rig acknowledge --operator NAME"):
+    with pytest.raises(
+        LatchedTripError, match=r"drive_fault in run 00001-fake-G1.*rig acknowledge --operator NAME"
+    ):
         execute(order, lambda *_: ListRun())
     assert rig.exchanged == []
     assert rig.limits is None
     TripLatch(tmp_path).acknowledge("Ada", "2026-01-02T10:00:00+00:00", "loose cable")
     assert execute(order, lambda *_: ListRun()).outcome == "PASS"
     kept = json.loads((tmp_path / HISTORY_NAME).read_text())
-    assert (kept["acknowledged_by"], kept["cause"], kept["remark"]) == ("Ada", "drive_fault", "loose cable")
+    assert (kept["acknowledged_by"], kept["cause"], kept["remark"]) == (
+        "Ada",
+        "drive_fault",
+        "loose cable",
+    )
 
 
 def test_the_first_cause_stays(tmp_path: Path) -> None:
@@ -54,7 +71,12 @@ def test_the_first_cause_stays(tmp_path: Path) -> None:
 
 
 def test_nothing_is_latched_by_an_end_or_a_stop(tmp_path: Path) -> None:
-    order = order_of(planned_of(Ramp(20.0, 500.0), Ramp(0.0, 500.0)), FakeRig(), tmp_path, latch=TripLatch(tmp_path))
+    order = order_of(
+        planned_of(Ramp(20.0, 500.0), Ramp(0.0, 500.0)),
+        FakeRig(),
+        tmp_path,
+        latch=TripLatch(tmp_path),
+    )
     assert execute(order, lambda *_: ListRun()).outcome == "PASS"
     assert TripLatch(tmp_path).read() is None
 
@@ -89,13 +111,17 @@ def test_the_command_releases_the_latch(tmp_path: Path) -> None:
     refused = CliRunner().invoke(app, run)
     assert isinstance(refused.exception, LatchedTripError)
     assert CliRunner().invoke(app, ["acknowledge", "--output", str(tmp_path)]).exit_code == 2
-    done = CliRunner().invoke(app, ["acknowledge", "--operator", "Ada", "--output", str(tmp_path), "--json"])
+    done = CliRunner().invoke(
+        app, ["acknowledge", "--operator", "Ada", "--output", str(tmp_path), "--json"]
+    )
     assert done.exit_code == 0
     assert json.loads(done.stdout)["acknowledged"]["by"] == "Ada"
     assert TripLatch(tmp_path).read() is None
 
 
-def test_a_run_for_another_program_speaks_json_lines_and_hears_the_end_of_its_input(tmp_path: Path) -> None:
+def test_a_run_for_another_program_speaks_json_lines_and_hears_the_end_of_its_input(
+    tmp_path: Path,
+) -> None:
     arguments = ["run", "starting-torque", "--output", str(tmp_path), "--events"]
     done = CliRunner().invoke(app, arguments)
     lines = [json.loads(line) for line in done.stdout.splitlines()]

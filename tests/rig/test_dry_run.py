@@ -37,7 +37,12 @@ GEAR, MOTOR = shipped_gear(), shipped_motor()
 
 def test_times_and_turns_add_up() -> None:
     planned = planned_of(
-        ServoOff(1.0), Ramp(20.0, 100.0), HoldRevolutions(10.0, 60.0), Ramp(0.0, 100.0), HoldTime(0.5), ServoOff(1.0)
+        ServoOff(1.0),
+        Ramp(20.0, 100.0),
+        HoldRevolutions(10.0, 60.0),
+        Ramp(0.0, 100.0),
+        HoldTime(0.5),
+        ServoOff(1.0),
     )
     hold = 10.0 * REVOLUTION / 20.0
     assert planned.nominal == pytest.approx(1.0 + 0.2 + hold + 0.2 + 0.5 + 1.0 + 2 * 0.05)
@@ -52,7 +57,7 @@ def test_times_and_turns_add_up() -> None:
 def test_the_forecast_is_what_an_ideal_rig_then_does() -> None:
     steps: tuple[Step, ...] = (
         ServoOff(0.3), Ramp(30.0, 300.0), HoldRevolutions(4.0, 9.0), Ramp(-30.0, 300.0), HoldRevolutions(4.0, 9.0),
-        Ramp(0.0, 300.0), MoveRevolutions(2.0, 20.0, 200.0, 9.0), SpeedStep(50.0, 0.1, 3.0), Ramp(0.0, 500.0), HoldTime(0.2),
+        Ramp(0.0, 300.0), MoveRevolutions(2.0, 20.0, 200.0, 9.0), SpeedStep(50.0, 0.1, 3.0), Ramp(0.0, 500.0), HoldTime(0.2),  # noqa: E501
         ServoOff(0.3),
     )  # fmt: skip
     planned = planned_of(*steps)
@@ -68,7 +73,9 @@ def test_the_forecast_is_what_an_ideal_rig_then_does() -> None:
 
 
 def test_margins_name_the_step_and_are_the_hand_calculation() -> None:
-    planned = planned_of(Ramp(100.0, 2000.0, SegmentLabel("ramp", 100.0)), HoldTime(0.1), Ramp(0.0, 1000.0))
+    planned = planned_of(
+        Ramp(100.0, 2000.0, SegmentLabel("ramp", 100.0)), HoldTime(0.1), Ramp(0.0, 1000.0)
+    )
     by_name = {margin.quantity: margin for margin in planned.margins}
     speed = by_name[lim.INPUT_SPEED]
     assert speed.value == 100.0
@@ -88,10 +95,16 @@ def test_margins_name_the_step_and_are_the_hand_calculation() -> None:
         ((Ramp(6100.0 * RPM, 1000.0),), "input speed", "6100 r/min"),
         ((Ramp(100.0, 15000.0, SegmentLabel("ramp")),), "acceleration", "15000|1.5e\\+04"),
         ((Ramp(1.0, 10.0), TorqueRamp(0.1, 1.2, 0.01)), "motor torque", "1.2 N m"),
-        ((Ramp(5000.0 * RPM, 5000.0), HoldRevolutions(5000.0, 100.0)), "average speed", "the whole plan"),
+        (
+            (Ramp(5000.0 * RPM, 5000.0), HoldRevolutions(5000.0, 100.0)),
+            "average speed",
+            "the whole plan",
+        ),
     ],
 )
-def test_a_plan_that_would_break_a_limit_is_refused(steps: tuple[Step, ...], quantity: str, words: str) -> None:
+def test_a_plan_that_would_break_a_limit_is_refused(
+    steps: tuple[Step, ...], quantity: str, words: str
+) -> None:
     with pytest.raises(LimitError, match=words) as refused:
         planned_of(*steps)
     text = str(refused.value)
@@ -119,7 +132,9 @@ def test_an_impossible_plan_is_refused_with_its_step(steps: tuple[Step, ...], wo
 
 
 def test_searches_and_ramps_have_a_nominal_and_a_longest_time() -> None:
-    planned = planned_of(FindIndex("output", 6.0, 500.0), Ramp(0.0, 50.0), TorqueRamp(0.02, 0.4, 0.05))
+    planned = planned_of(
+        FindIndex("output", 6.0, 500.0), Ramp(0.0, 50.0), TorqueRamp(0.02, 0.4, 0.05)
+    )
     search, _, torque = planned.steps
     assert search.nominal == pytest.approx(0.5 * REVOLUTION * 120.0 / 6.0 + 0.05)
     assert search.longest == pytest.approx(500.05)

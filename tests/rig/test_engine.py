@@ -29,7 +29,15 @@ from model.units import REVOLUTION
 from rig.run.engine import describe
 from rig.run.order import RunReport
 from rig.run.session import execute
-from rig.run.trajectory import Constant, Linear, cruise_speed, cycles_of, ramp, ramp_travel, stopping_distance
+from rig.run.trajectory import (
+    Constant,
+    Linear,
+    cruise_speed,
+    cycles_of,
+    ramp,
+    ramp_travel,
+    stopping_distance,
+)
 from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
 
 COUNTS = 32768
@@ -53,7 +61,9 @@ EVERYTHING: tuple[Step, ...] = (
 )
 
 
-def run_steps(*steps: Step, rig: FakeRig | None = None, block: int = 100) -> tuple[ListRun, RunReport]:
+def run_steps(
+    *steps: Step, rig: FakeRig | None = None, block: int = 100
+) -> tuple[ListRun, RunReport]:
     run = ListRun()
     rig = rig or FakeRig()
     report = execute(order_of(planned_of(*steps), rig, Path(), block), lambda *_: run)
@@ -81,7 +91,9 @@ def test_block_length_changes_no_count_and_no_segment(block: int, reference: Lis
     assert np.array_equal(run.counts, reference.counts)
     assert run.segments == reference.segments
     # The free space of the disk is the machine's, not the run's.
-    told, expected = ([(e.code, e.text) for e in r.events if "disk space" not in e.text] for r in (run, reference))
+    told, expected = (
+        [(e.code, e.text) for e in r.events if "disk space" not in e.text] for r in (run, reference)
+    )
     assert told == expected
 
 
@@ -122,7 +134,9 @@ def test_an_angle_is_reached_from_the_stated_side(phase: float, speed: float) ->
 
 
 def test_after_an_index_mark_the_phase_counts_from_it() -> None:
-    run, _ = run_steps(FindIndex("input", 12.0, 5.0), Ramp(0.0, 500.0), MoveToAngle(2.0, 10.0, 200.0, 5.0))
+    run, _ = run_steps(
+        FindIndex("input", 12.0, 5.0), Ramp(0.0, 500.0), MoveToAngle(2.0, 10.0, 200.0, 5.0)
+    )
     angle = run.counts[-1, 0] / COUNTS * REVOLUTION
     assert math.remainder(angle - 2.0, REVOLUTION) == pytest.approx(0.0, abs=0.03)
 
@@ -133,7 +147,11 @@ def test_a_move_of_part_of_a_revolution_ends_where_it_should() -> None:
 
 
 def test_a_second_index_search_waits_for_the_next_mark() -> None:
-    steps = [FindIndex("input", 12.0, 5.0, LABEL), FindIndex("input", 12.0, 5.0, LABEL), Ramp(0.0, 500.0)]
+    steps = [
+        FindIndex("input", 12.0, 5.0, LABEL),
+        FindIndex("input", 12.0, 5.0, LABEL),
+        Ramp(0.0, 500.0),
+    ]
     run, _ = run_steps(*steps)
     assert turned(run, 1) == pytest.approx(1.0, abs=0.01)
 
@@ -166,7 +184,9 @@ def test_settling_needs_two_windows_that_agree() -> None:
 
     # Enabling takes 50 cycles after 201 of preflight, the ramp 20: settling begins at row 271 and windows are 100 rows.
     script = {271: torque(0.10), 371: torque(0.06), 471: torque(0.03), 571: torque(0.029)}
-    run, _ = run_steps(Ramp(20.0, 1000.0), Settle(0.1, 0.005, 5.0, LABEL), Ramp(0.0, 500.0), rig=FakeRig(script))
+    run, _ = run_steps(
+        Ramp(20.0, 1000.0), Settle(0.1, 0.005, 5.0, LABEL), Ramp(0.0, 500.0), rig=FakeRig(script)
+    )
     assert run.segments[0].stop - run.segments[0].start == 400
     assert "not-settled" not in run.codes()
 
@@ -177,7 +197,9 @@ def test_what_never_settles_goes_on_with_a_warning() -> None:
         rig.script[rig.physics.cycle + 100] = drift
 
     rig = FakeRig({250: drift})
-    run, report = run_steps(Ramp(20.0, 1000.0), Settle(0.1, 0.005, 1.0, LABEL), Ramp(0.0, 500.0), rig=rig)
+    run, report = run_steps(
+        Ramp(20.0, 1000.0), Settle(0.1, 0.005, 1.0, LABEL), Ramp(0.0, 500.0), rig=rig
+    )
     assert "not-settled" in run.codes()
     assert run.segments[0].stop - run.segments[0].start == 1000
     assert report.outcome == "PASS"
@@ -185,7 +207,9 @@ def test_what_never_settles_goes_on_with_a_warning() -> None:
 
 
 def test_an_overdue_step_is_an_error_of_the_rig_and_ends_at_a_standstill() -> None:
-    run, report = run_steps(Ramp(1.0, 100.0), HoldRevolutions(0.5, 4.0, LABEL), rig=FakeRig({400: _block_input}))
+    run, report = run_steps(
+        Ramp(1.0, 100.0), HoldRevolutions(0.5, 4.0, LABEL), rig=FakeRig({400: _block_input})
+    )
     assert report.outcome == "ERROR"
     assert "did not reach 0.5 revolutions" in report.message
     assert report.safe
@@ -211,8 +235,12 @@ def test_a_drive_that_does_not_switch_on_is_an_error() -> None:
 def test_marks_and_prompts_become_events() -> None:
     answers = iter([None, None, "22.5"])
     run = ListRun()
-    planned = planned_of(Mark("note", "begin"), Prompt("Ambient temperature?", "ambient"), HoldTime(0.05))
-    report = execute(order_of(planned, FakeRig(), Path()), lambda *_: run, ask=lambda prompt: next(answers))
+    planned = planned_of(
+        Mark("note", "begin"), Prompt("Ambient temperature?", "ambient"), HoldTime(0.05)
+    )
+    report = execute(
+        order_of(planned, FakeRig(), Path()), lambda *_: run, ask=lambda prompt: next(answers)
+    )
     assert report.outcome == "PASS"
     by_code = {event.code: event for event in run.events}
     assert by_code["note"].text == "begin"
@@ -234,7 +262,9 @@ def test_a_ramp_reaches_its_end_exactly_and_keeps_to_its_acceleration() -> None:
     assert targets[profile.cycles - 1] == 33.3
     assert np.all(targets[profile.cycles :] == 33.3)
     assert np.max(np.diff(np.concatenate([[0.1], targets]))) <= 123.0e-3 * (1 + 1e-12)
-    assert ramp_travel(0.1, 33.3, profile.cycles, 1e-3) == pytest.approx(1e-3 * targets[: profile.cycles].sum())
+    assert ramp_travel(0.1, 33.3, profile.cycles, 1e-3) == pytest.approx(
+        1e-3 * targets[: profile.cycles].sum()
+    )
     assert cycles_of(0.1, 1e-3) == 100
     assert cruise_speed(10.0, 50.0, 0.5, 1e-3) == pytest.approx(5.0)
     assert stopping_distance(10.0, 50.0, 1e-3) == pytest.approx(1.0, rel=0.01)

@@ -76,17 +76,30 @@ def si() -> dict[str, np.ndarray]:
 def test_show(rig: Rig, run: Path) -> None:
     found = rig.json("show", run)
     assert (found["run"], found["protocol"], found["origin"], found["outcome"]) == (
-        "00001-friction-A1", "friction", "simulated", "PASS",
-    )  # fmt: skip
+        "00001-friction-A1",
+        "friction",
+        "simulated",
+        "PASS",
+    )
     assert (found["rows"], found["sample_rate"], found["operator"]) == (ROWS, 1000.0, "Ada Grün")
     assert found["parameters"] == {"speeds_rpm": [1.0, 2.5], "repeats": 2, "note": "τ"}
     for channel, values in zip(found["channels"], si().values(), strict=True):
         assert channel["minimum"] == pytest.approx(values.min(), rel=1e-14)
         assert channel["maximum"] == pytest.approx(values.max(), rel=1e-14)
-    assert [(s["start"], s["stop"], s["direction"]) for s in found["segments"]] == [(0, 125, 1), (125, 250, -1)]
+    assert [(s["start"], s["stop"], s["direction"]) for s in found["segments"]] == [
+        (0, 125, 1),
+        (125, 250, -1),
+    ]
     assert found["events"][0]["text"] == "Öl nachgefüllt"
     assert rig("show", run) == 0
-    for word in ("00001-friction-A1", "SIMULATED", "input_angle", "hold", "Öl nachgefüllt", "Ada Grün"):
+    for word in (
+        "00001-friction-A1",
+        "SIMULATED",
+        "input_angle",
+        "hold",
+        "Öl nachgefüllt",
+        "Ada Grün",
+    ):
         assert word in rig.out
 
 
@@ -94,7 +107,11 @@ def test_runs(rig: Rig, run: Path, tmp_path: Path) -> None:
     (tmp_path / "00003-broken-A1.h5").write_bytes(b"no run at all")
     part = dead_run(tmp_path)
     found = rig.json("runs", tmp_path)["runs"]
-    assert [Path(entry["file"]).name for entry in found] == [run.name, part.name, "00003-broken-A1.h5"]
+    assert [Path(entry["file"]).name for entry in found] == [
+        run.name,
+        part.name,
+        "00003-broken-A1.h5",
+    ]
     assert found[0]["outcome"] == "PASS"
     assert (found[0]["rows"], found[0]["unfinished"]) == (ROWS, False)
     assert found[0]["duration_s"] == pytest.approx((ROWS - 1) * 1e-3, abs=2e-3)
@@ -126,7 +143,12 @@ def test_a_run_that_is_none(rig: Rig, tmp_path: Path, command: str) -> None:
 
 def test_export_csv_round_trip(rig: Rig, run: Path) -> None:
     made = rig.json("export", run)
-    assert made == {"run": "00001-friction-A1", "file": str(run.with_suffix(".csv")), "format": "csv", "rows": ROWS}
+    assert made == {
+        "run": "00001-friction-A1",
+        "file": str(run.with_suffix(".csv")),
+        "format": "csv",
+        "rows": ROWS,
+    }
     lines = run.with_suffix(".csv").read_text(encoding="utf-8").splitlines()
     head = [line for line in lines if line.startswith("#")]
     assert "SIMULATED" in head[0]
@@ -160,13 +182,26 @@ def test_export_mat_round_trip(rig: Rig, run: Path, tmp_path: Path) -> None:
 def test_export_and_import_again(rig: Rig, run: Path, tmp_path: Path, fmt: str) -> None:
     assert rig("export", run, "--format", fmt) == 0
     assert f"{ROWS} rows" in rig.out
-    made = rig.json("import", fmt, run.with_suffix(f".{fmt}"), "-c", "time=time", "-c", "torque=torque", "-o", tmp_path / "in")
+    made = rig.json(
+        "import",
+        fmt,
+        run.with_suffix(f".{fmt}"),
+        "-c",
+        "time=time",
+        "-c",
+        "torque=torque",
+        "-o",
+        tmp_path / "in",
+    )
     recording = open_run(Path(made["run"]), verify=True)
     np.testing.assert_array_equal(recording.si("torque"), si()["torque"])
     assert recording.metadata.origin == "imported"
     close_recording(recording)
     assert rig("export", made["run"], "--format", "csv") == 0
-    assert "IMPORTED" in Path(made["run"]).with_suffix(".csv").read_text(encoding="utf-8").splitlines()[0]
+    assert (
+        "IMPORTED"
+        in Path(made["run"]).with_suffix(".csv").read_text(encoding="utf-8").splitlines()[0]
+    )
 
 
 def test_export_never_overwrites_unasked(rig: Rig, run: Path, tmp_path: Path) -> None:
@@ -191,31 +226,65 @@ def test_export_of_a_dead_run(rig: Rig, tmp_path: Path) -> None:
 
 def test_import(rig: Rig, tmp_path: Path) -> None:
     source = tmp_path / "bench.csv"
-    source.write_text("t [ms];q [deg];M\n0;1,5;0,1\n1;2,5;0,2\n2;x;0,3\n3;4,5;0,4\n", encoding="utf-8")
-    words = ("import", "csv", source, "-c", "time=t", "-c", "input_angle=q", "-c", "torque=M:N m", "-o", tmp_path / "runs")
+    source.write_text(
+        "t [ms];q [deg];M\n0;1,5;0,1\n1;2,5;0,2\n2;x;0,3\n3;4,5;0,4\n", encoding="utf-8"
+    )
+    words = (
+        "import",
+        "csv",
+        source,
+        "-c",
+        "time=t",
+        "-c",
+        "input_angle=q",
+        "-c",
+        "torque=M:N m",
+        "-o",
+        tmp_path / "runs",
+    )
     assert rig(*words) == 6
     for word in ("bench.csv", "line 4", "q [deg]", "'x'", "--drop-bad-rows"):
         assert word in rig.err
-    made = rig.json(*words, "--drop-bad-rows", "--gear", "B7", "--ratio", "100", "--operator", "Ada")
+    made = rig.json(
+        *words, "--drop-bad-rows", "--gear", "B7", "--ratio", "100", "--operator", "Ada"
+    )
     assert (made["rows"], made["rows_left_out"]) == (3, 1)
     assert any("line 4" in note for note in made["notes"])
     shown = rig.json("show", made["run"])
-    assert (shown["origin"], shown["gear_serial"], shown["ratio"], shown["operator"]) == ("imported", "B7", 100.0, "Ada")
+    assert (shown["origin"], shown["gear_serial"], shown["ratio"], shown["operator"]) == (
+        "imported",
+        "B7",
+        100.0,
+        "Ada",
+    )
     assert shown["channels"][0]["maximum"] == pytest.approx(4.5 * DEGREE)
     assert rig(*words, "--drop-bad-rows") == 0
     assert "IMPORTED" in rig.out
     assert "1 rows left out" in rig.out
-    numbers = [Path(entry["file"]).name[:5] for entry in rig.json("runs", tmp_path / "runs")["runs"]]
+    numbers = [
+        Path(entry["file"]).name[:5] for entry in rig.json("runs", tmp_path / "runs")["runs"]
+    ]
     assert len(set(numbers)) == 2
 
 
 @pytest.mark.parametrize(
     "words",
-    [("-c", "x"), ("-c", "torque=M:furlong"), ("-c", "torque=7"), (), ("-c", "torque=M", "--ratio", "0"),
-     ("-c", "torque=M", "--ratio", "nan"), ("-c", "torque=M", "--rate", "-1"), ("-c", "torque=M", "--map", "nowhere.toml"),
-     ("-c", "torque=M", "--start", "yesterday"), ("-c", "torque=M", "--mounting", "upside-down")],
-)  # fmt: skip
-def test_an_import_that_is_asked_for_wrongly(rig: Rig, tmp_path: Path, words: tuple[str, ...]) -> None:
+    [
+        ("-c", "x"),
+        ("-c", "torque=M:furlong"),
+        ("-c", "torque=7"),
+        (),
+        ("-c", "torque=M", "--ratio", "0"),
+        ("-c", "torque=M", "--ratio", "nan"),
+        ("-c", "torque=M", "--rate", "-1"),
+        ("-c", "torque=M", "--map", "nowhere.toml"),
+        ("-c", "torque=M", "--start", "yesterday"),
+        ("-c", "torque=M", "--mounting", "upside-down"),
+    ],
+)
+def test_an_import_that_is_asked_for_wrongly(
+    rig: Rig, tmp_path: Path, words: tuple[str, ...]
+) -> None:
     (tmp_path / "bench.csv").write_text("t,M\n0,1\n1,2\n2,3\n")
     assert rig("import", "csv", "bench.csv", "-c", "time=t", "-o", "runs", *words) == 2
     assert rig.err

@@ -39,7 +39,10 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Evidence]]:
 
         def analyse(recording: Recording, evidence: Evidence) -> Result:
             seen.append((name, evidence))
-            made = {"friction": handmade.friction_result(), "kinematic-error": handmade.kinematic_result()}
+            made = {
+                "friction": handmade.friction_result(),
+                "kinematic-error": handmade.kinematic_result(),
+            }
             return replace(made.get(name, TARE_RESULT), kind=name, run=recording.metadata.run_id)
 
         identified = take_over if name == "friction" else None
@@ -72,14 +75,18 @@ def test_the_run_s_own_parameter_set_is_used(asked: list[tuple[str, Evidence]]) 
     assert asked[1][1].gear.name == "given"
 
 
-def test_a_run_without_a_parameter_set_says_which_one_was_used(asked: list[tuple[str, Evidence]]) -> None:
+def test_a_run_without_a_parameter_set_says_which_one_was_used(
+    asked: list[tuple[str, Evidence]],
+) -> None:
     found = fit_recording(handmade.recording("imported", gear=None)).result
     assert asked[0][1].gear.name == shipped_gear().name
     assert any("carries no parameter set" in w for w in found.warnings)
     assert found.options["parameter_set"] == shipped_gear().name
 
 
-def test_the_tare_goes_into_the_evidence_and_its_run_into_the_options(asked: list[tuple[str, Evidence]]) -> None:
+def test_the_tare_goes_into_the_evidence_and_its_run_into_the_options(
+    asked: list[tuple[str, Evidence]],
+) -> None:
     found = fit_recording(handmade.recording(), tare=tare(), settings={"laws": "m2"})
     assert asked[0][1].tare is not None
     assert asked[0][1].settings == {"laws": "m2"}
@@ -92,7 +99,10 @@ def test_the_tare_goes_into_the_evidence_and_its_run_into_the_options(asked: lis
     [
         (handmade.fit("simulated"), "only a motor-tare run"),
         (tare(gear_mounted=True), "gear mounted"),
-        (replace(tare(), recording=handmade.recording("hardware", gear_mounted=False)), "same kind of rig"),
+        (
+            replace(tare(), recording=handmade.recording("hardware", gear_mounted=False)),
+            "same kind of rig",
+        ),
     ],
 )
 def test_a_tare_that_is_none_is_refused(wrong: Fit, words: str) -> None:
@@ -121,7 +131,9 @@ def test_without_a_score_of_its_own_the_fit_is_the_score(asked: list[tuple[str, 
     assert score(found) is found.result
 
 
-def test_identified_values_are_taken_over_with_their_origin(asked: list[tuple[str, Evidence]]) -> None:
+def test_identified_values_are_taken_over_with_their_origin(
+    asked: list[tuple[str, Evidence]],
+) -> None:
     adopted = adopt(shipped_gear(), [handmade.kinematic_result(), handmade.friction_result()])
     assert adopted.changed == ("mesh_friction.coulomb",)
     assert adopted.gear.mesh_friction.coulomb == 70.31

@@ -35,14 +35,22 @@ from rig.main import run as main
 from rig.run.start import RunRequest, run_request
 
 FACTS = {
-    "serial": "SN-0815", "part": "csf-25-120", "mounting": "circular-spline-fixed", "lubricant": "Harmonic Grease SK-1A",
-    "hours": "12.5", "hours_counted": "log book", "load_inertia_kg_m2": "0.08", "load_inertia_uncertainty_kg_m2": "0.002",
+    "serial": "SN-0815",
+    "part": "csf-25-120",
+    "mounting": "circular-spline-fixed",
+    "lubricant": "Harmonic Grease SK-1A",
+    "hours": "12.5",
+    "hours_counted": "log book",
+    "load_inertia_kg_m2": "0.08",
+    "load_inertia_uncertainty_kg_m2": "0.002",
     "output_radial_runout_um": "8",
-}  # fmt: skip
+}
 
 
 def confirmed_card(**more: str) -> GearCard:
-    return with_confirmation(with_changes(None, {**FACTS, **more}, "A. Example", "2026-01-01"), "B. Other", "2026-01-02")
+    return with_confirmation(
+        with_changes(None, {**FACTS, **more}, "A. Example", "2026-01-01"), "B. Other", "2026-01-02"
+    )
 
 
 def rig(*arguments: str) -> int:
@@ -59,10 +67,19 @@ def rig(*arguments: str) -> int:
     runout=st.none() | st.floats(0.0, 1000.0),
 )
 def test_what_is_written_is_read_back(
-    tmp_path_factory: pytest.TempPathFactory, serial: str, notes: str, hours: float | None, runout: float | None
+    tmp_path_factory: pytest.TempPathFactory,
+    serial: str,
+    notes: str,
+    hours: float | None,
+    runout: float | None,
 ) -> None:
     folder = tmp_path_factory.mktemp("cards")
-    values = {"serial": serial, "mounting_notes": notes, "hours": hours, "input_axial_runout_um": runout}
+    values = {
+        "serial": serial,
+        "mounting_notes": notes,
+        "hours": hours,
+        "input_axial_runout_um": runout,
+    }
     card = with_changes(None, values, "A. Example", "2026-01-01T10:00:00+00:00")
     assert save_card(folder, card).parent == folder / ".gears"
     assert card_for(folder, serial) == card
@@ -78,7 +95,9 @@ def test_nothing_is_guessed() -> None:
     with pytest.raises(ConfigurationError, match="part, mounting"):
         with_confirmation(card, "A. Example", "now")
     assert gear_of(facts, shipped_gear()) == shipped_gear()
-    assert conditions_of(card) == {"gear_card_warning": "the card of gear SN-1 has never been confirmed"}
+    assert conditions_of(card) == {
+        "gear_card_warning": "the card of gear SN-1 has never been confirmed"
+    }
 
 
 @pytest.mark.parametrize("name", [name for name in CONFIRMED_FIELDS if name != "serial"])
@@ -88,7 +107,9 @@ def test_a_change_of_the_mounting_takes_the_confirmation_away(name: str) -> None
     assert not card.warning
     numbers = {f.name: f.kind is float for f in parameter_fields(GearFacts)}
     other = {"part": "other.toml", "mounting": "flexspline-fixed", "mounted_on": "2026-02-03"}
-    changed = with_changes(card, {name: other.get(name, "0.5" if numbers[name] else "other")}, "C. Third", "2026-02-04")
+    changed = with_changes(
+        card, {name: other.get(name, "0.5" if numbers[name] else "other")}, "C. Third", "2026-02-04"
+    )
     assert not changed.is_confirmed
     assert name in changed.warning
     assert "C. Third" in changed.warning
@@ -107,8 +128,10 @@ def test_hours_grow_without_a_new_confirmation_and_nothing_new_leaves_no_trace()
 def test_the_history_tells_who_and_forgetting_is_a_change() -> None:
     card = with_changes(confirmed_card(), {"lubricant": ""}, "C. Third", "2026-03-01")
     assert [(e.what, e.by) for e in card.history] == [
-        ("changed", "A. Example"), ("confirmed", "B. Other"), ("changed", "C. Third"),
-    ]  # fmt: skip
+        ("changed", "A. Example"),
+        ("confirmed", "B. Other"),
+        ("changed", "C. Third"),
+    ]
     assert card.history[-1].values == {"lubricant": ""}
     assert card.facts.lubricant == ""
     checks = card_checks(with_confirmation(card, "C. Third", "2026-03-02"), "SN-0815")
@@ -145,7 +168,11 @@ def test_nobody_is_no_name_and_a_serial_number_does_not_change() -> None:
 def test_the_load_inertia_of_the_card_is_the_gear_s(tmp_path: Path) -> None:
     gear = gear_of(confirmed_card().facts, shipped_gear())
     value = gear.value("inertia.output")
-    assert (value.value, value.origin.provenance, value.origin.standard_uncertainty) == (0.08, "measured", 0.002)
+    assert (value.value, value.origin.provenance, value.origin.standard_uncertainty) == (
+        0.08,
+        "measured",
+        0.002,
+    )
     assert "SN-0815" in value.origin.source
     other = shipped_gear().with_values({"mesh_friction.coulomb": 50.0})
     save_gear(other, tmp_path / "mine.toml")
@@ -154,7 +181,13 @@ def test_the_load_inertia_of_the_card_is_the_gear_s(tmp_path: Path) -> None:
 
 
 def test_a_request_takes_over_what_the_card_tells_once(tmp_path: Path) -> None:
-    plain = RunRequest("home", shipped_gear(), shipped_motor(), tmp_path, conditions={"lubricant": "another, as typed"})
+    plain = RunRequest(
+        "home",
+        shipped_gear(),
+        shipped_motor(),
+        tmp_path,
+        conditions={"lubricant": "another, as typed"},
+    )
     card = confirmed_card(mounting="flexspline-fixed")
     carded = with_card(plain, card)
     assert (carded.mounting, carded.gear.inertia.output) == ("flexspline-fixed", 0.08)
@@ -173,7 +206,10 @@ def test_a_request_takes_over_what_the_card_tells_once(tmp_path: Path) -> None:
         ('format = "gear-card-1"\nfacts = 3', "no table"),
         ('format = "gear-card-1"\n[facts]\nserial = "SN-2"\nhours = -3', "facts|hours"),
         ('format = "gear-card-1"\n[facts]\nserial = "SN-1"\n[[history]]\nat = 3', r"history\[0\]"),
-        ('format = "gear-card-1"\n[facts]\nserial = "SN-1"\n[[history]]\nat = "a"\nby = "b"\nwhat = "c"', "confirmed"),
+        (
+            'format = "gear-card-1"\n[facts]\nserial = "SN-1"\n[[history]]\nat = "a"\nby = "b"\nwhat = "c"',
+            "confirmed",
+        ),
         ('format = "gear-card-1"\n[facts]\nserial = "sn-1"', "another gear"),
     ],
 )
@@ -186,7 +222,9 @@ def test_a_damaged_card_says_what_is_wrong(tmp_path: Path, text: str, words: str
     assert str(path) in str(refused.value)
 
 
-def test_a_card_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_card_that_cannot_be_written_leaves_the_old_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     save_card(tmp_path, confirmed_card())
 
     def full(_: int) -> None:
@@ -199,14 +237,23 @@ def test_a_card_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkey
     assert [path.name for path in (tmp_path / ".gears").iterdir()] == ["SN-0815.toml"]
 
 
-def test_the_commands_tell_set_confirm_and_list(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_commands_tell_set_confirm_and_list(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     where = f"--output={tmp_path}"
     assert rig("gear", "show", "SN-1", where) == 2
     assert rig("gear", "set", "SN-1", where, "--by", "A. Example", "--hours", "-3") == 2
     assert rig("gear", "set", "SN-1", where, "--by", "A. Example", "--hour", "3") == 2
     assert "hours" in capsys.readouterr().err
     assert rig("gear", "set", "SN-1", where, "--part", "csf-25-120") == 2
-    mounted = ("--part", "csf-25-120", "--mounting", "flexspline-fixed", "--mounting-notes", "shim 0.1 mm")
+    mounted = (
+        "--part",
+        "csf-25-120",
+        "--mounting",
+        "flexspline-fixed",
+        "--mounting-notes",
+        "shim 0.1 mm",
+    )
     assert rig("gear", "set", "SN-1", where, "--by", "A. Example", *mounted) == 0
     assert "never been confirmed" in capsys.readouterr().out.replace("\n", " ")
     assert rig("gear", "confirm", "SN-1", where, "--by", "B. Other", "--json") == 0
@@ -222,13 +269,21 @@ def test_the_commands_tell_set_confirm_and_list(tmp_path: Path, capsys: pytest.C
 def test_a_run_file_keeps_the_card_among_its_conditions(tmp_path: Path) -> None:
     card = confirmed_card()
     request = RunRequest(
-        "starting-torque", gear_of(card.facts, shipped_gear()), shipped_motor(), tmp_path,
-        {"zero_time": 0.5, "positions": 1}, gear_serial=card.serial, conditions=conditions_of(card),
-    )  # fmt: skip
+        "starting-torque",
+        gear_of(card.facts, shipped_gear()),
+        shipped_motor(),
+        tmp_path,
+        {"zero_time": 0.5, "positions": 1},
+        gear_serial=card.serial,
+        conditions=conditions_of(card),
+    )
     report = run_request(request, judged=False)
     with h5py.File(report.path) as file:
         sample = file["entry/sample"]
-        text = {name: sample[name].asstr()[()] for name in ("lubricant", "hours", "conditions", "serial_number")}
+        text = {
+            name: sample[name].asstr()[()]
+            for name in ("lubricant", "hours", "conditions", "serial_number")
+        }
     assert text["lubricant"] == "Harmonic Grease SK-1A"
     assert text["hours"] == "12.5"
     assert text["serial_number"] == "SN-0815"

@@ -41,7 +41,9 @@ ARMED = Arming("A. Example", "SN-1", "SN-1")
         (replace(ARMED, gear_mounted=False), "--confirm"),
     ],
 )
-def test_a_run_that_is_not_armed_is_refused_with_what_is_missing(arming: Arming, where: str) -> None:
+def test_a_run_that_is_not_armed_is_refused_with_what_is_missing(
+    arming: Arming, where: str
+) -> None:
     with pytest.raises(ConfigurationError) as refused:
         refuse_unarmed(arming)
     assert refused.value.where == where
@@ -50,7 +52,9 @@ def test_a_run_that_is_not_armed_is_refused_with_what_is_missing(arming: Arming,
 
 def test_what_is_armed_is_not_refused() -> None:
     refuse_unarmed(ARMED)
-    refuse_unarmed(replace(ARMED, gear_mounted=False, gear_serial="unknown", confirmation=WITHOUT_GEAR))
+    refuse_unarmed(
+        replace(ARMED, gear_mounted=False, gear_serial="unknown", confirmation=WITHOUT_GEAR)
+    )
     assert {rule.where for rule in RULES} == {"--operator", "--gear", "--confirm"}
 
 
@@ -62,9 +66,15 @@ def test_the_guard_closed_open_and_not_there() -> None:
 
 def test_an_unarmed_run_connects_to_nothing(tmp_path: Path) -> None:
     request = RunRequest(
-        "home", shipped_gear(), shipped_motor(), tmp_path, backend=HARDWARE, operator="A", gear_serial="SN-1",
+        "home",
+        shipped_gear(),
+        shipped_motor(),
+        tmp_path,
+        backend=HARDWARE,
+        operator="A",
+        gear_serial="SN-1",
         configuration=tmp_path / "there-is-none.toml",
-    )  # fmt: skip
+    )
     with pytest.raises(ConfigurationError, match="SN-1 letter for letter"):
         run_request(request)
     assert not list(tmp_path.glob("*.h5*"))
@@ -77,14 +87,29 @@ def served() -> Iterator[Served]:
 
 
 def planned_drill() -> PlannedRun:
-    return plan_run(EXPERIMENT, DrillParameters(), shipped_gear(), shipped_motor(), "circular-spline-fixed", sample_rate=RATE)
+    return plan_run(
+        EXPERIMENT,
+        DrillParameters(),
+        shipped_gear(),
+        shipped_motor(),
+        "circular-spline-fixed",
+        sample_rate=RATE,
+    )
 
 
 def armed_request(folder: Path, configuration: Path) -> RunRequest:
     return RunRequest(
-        "drill", shipped_gear(), shipped_motor(), folder / "runs", backend=HARDWARE, operator="A. Example",
-        gear_serial="SN-1", confirmation="SN-1", sample_rate=RATE, configuration=configuration,
-    )  # fmt: skip
+        "drill",
+        shipped_gear(),
+        shipped_motor(),
+        folder / "runs",
+        backend=HARDWARE,
+        operator="A. Example",
+        gear_serial="SN-1",
+        confirmation="SN-1",
+        sample_rate=RATE,
+        configuration=configuration,
+    )
 
 
 @contextmanager
@@ -94,7 +119,9 @@ def opened(path: Path) -> Iterator[Recording]:
     close_recording(recording)
 
 
-def test_a_run_over_the_hub_is_complete_safe_and_marked_simulated(served: Served, tmp_path: Path) -> None:
+def test_a_run_over_the_hub_is_complete_safe_and_marked_simulated(
+    served: Served, tmp_path: Path
+) -> None:
     request = armed_request(tmp_path, served.configuration(tmp_path))
     events = []
     report = run_request(request, planned_drill(), judged=False, on_event=events.append)
@@ -118,7 +145,9 @@ def test_an_open_guard_keeps_the_rig_still(served: Served, tmp_path: Path) -> No
         assert float(angle.max() - angle.min()) < 1e-2
 
 
-def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(served: Served, tmp_path: Path) -> None:
+def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(
+    served: Served, tmp_path: Path
+) -> None:
     request = armed_request(tmp_path, served.configuration(tmp_path))
 
     def kill(progress: object) -> None:
@@ -138,7 +167,11 @@ def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(served: Serv
 def test_stop_in_real_time_is_a_controlled_ramp(served: Served, tmp_path: Path) -> None:
     request, stop = armed_request(tmp_path, served.configuration(tmp_path)), StopRequest()
     report = run_request(
-        request, planned_drill(), judged=False, stop=stop, on_progress=lambda p: stop.stop() if "hold" in str(p) else None
+        request,
+        planned_drill(),
+        judged=False,
+        stop=stop,
+        on_progress=lambda p: stop.stop() if "hold" in str(p) else None,
     )
     assert report.outcome == "ABORTED"
     assert report.safe

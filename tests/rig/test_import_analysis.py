@@ -21,7 +21,9 @@ def long_recording(folder: Path, *channels: str, **options: Any) -> Path:
     """Holds at eight speeds both ways, with a friction of 0.2 N m + 0.01 N m s and a ripple of order 2; as text."""
     rate, hold = 400.0, 4.0
     levels = [4.0, 6.0, 9.0, 13.0, 19.0, 27.0, 38.0, 50.0]
-    speeds = np.concatenate([np.full(int(rate * hold), s) for level in levels for s in (level, -level)])
+    speeds = np.concatenate(
+        [np.full(int(rate * hold), s) for level in levels for s in (level, -level)]
+    )
     time = np.arange(len(speeds)) / rate
     angle = np.cumsum(speeds) / rate
     noise = 1e-3 * np.random.default_rng(5).standard_normal(len(time))
@@ -83,7 +85,11 @@ def test_emps_from_the_file_to_the_mass(tmp_path: Path) -> None:
     """Published for this recording: 95.1089 kg."""
     path = DATA / "emps" / "DATA_EMPS.mat"
     channels = ("time=t:s", "position=qm:m", "force=vir:V:35.15065188")
-    made = import_mat(path, ImportOptions(tuple(map(parse_channel, channels))), lambda: tmp_path / "00001-import-emps.h5")
+    made = import_mat(
+        path,
+        ImportOptions(tuple(map(parse_channel, channels))),
+        lambda: tmp_path / "00001-import-emps.h5",
+    )
     assert (made.rows, made.dropped) == (24841, 0)
     (found,) = fit_files([made.path], "motion")
     recording: Recording = found.recording

@@ -16,9 +16,20 @@ from tests.rig.importing import DEGREES, TIME, TORQUES, bring_in, file_of
 
 @pytest.mark.parametrize("fmt", ["csv", "mat"])
 @pytest.mark.parametrize(
-    "content", [b"", b"\n\n  \n", b"# only a comment\n", b"t,M\n", b"t,M\n0,1\n", bytes(range(256)) * 40, b"\x89HDF\r\n\x1a\n"]
+    "content",
+    [
+        b"",
+        b"\n\n  \n",
+        b"# only a comment\n",
+        b"t,M\n",
+        b"t,M\n0,1\n",
+        bytes(range(256)) * 40,
+        b"\x89HDF\r\n\x1a\n",
+    ],
 )
-def test_files_without_rows_and_files_that_are_none(tmp_path: Path, fmt: str, content: bytes) -> None:
+def test_files_without_rows_and_files_that_are_none(
+    tmp_path: Path, fmt: str, content: bytes
+) -> None:
     path = file_of(tmp_path, content, "bench.dat")
     with pytest.raises(RigError, match=r"bench\.dat"):
         bring_in(path, "time=1", "torque=2", fmt=fmt)
@@ -50,11 +61,16 @@ def try_import(folder: Path, content: bytes, fmt: str, drop: bool) -> None:
 
 
 CELLS = st.one_of(
-    st.floats().map(repr), st.integers(-5, 400).map(str), st.sampled_from(["", "nan", "1,5", "1e400", "-", '"', "#", "١"])
+    st.floats().map(repr),
+    st.integers(-5, 400).map(str),
+    st.sampled_from(["", "nan", "1,5", "1e400", "-", '"', "#", "١"]),
 )
 LINES = st.lists(st.lists(CELLS, min_size=1, max_size=3), max_size=6)
 FUZZ = settings(
-    max_examples=25, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=25,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 
 
@@ -76,8 +92,13 @@ def test_any_bytes(tmp_path: Path, content: bytes, fmt: str, drop: bool) -> None
     try_import(tmp_path, content, fmt, drop)
 
 
-@pytest.mark.parametrize(("at", "value"), [(144, 5), (145, 8), (176, 64), (177, 6), (260, 127), (280, 0), (136, 3), (20, 0)])
-def test_a_damaged_matlab_file_does_not_kill_the_program(tmp_path: Path, at: int, value: int) -> None:
+@pytest.mark.parametrize(
+    ("at", "value"),
+    [(144, 5), (145, 8), (176, 64), (177, 6), (260, 127), (280, 0), (136, 3), (20, 0)],
+)
+def test_a_damaged_matlab_file_does_not_kill_the_program(
+    tmp_path: Path, at: int, value: int
+) -> None:
     """Wrong type codes and flags end SciPy's compiled reader with a signal."""
     whole = tmp_path / "whole.mat"
     scipy.io.savemat(whole, {"t": TIME, "M": TORQUES, "s": {"q": DEGREES}})

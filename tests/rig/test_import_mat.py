@@ -14,7 +14,9 @@ from rig.library import claim_run
 from rig.runfile.foreign import ImportOptions, import_mat, parse_channel
 from rig.runfile.read import open_run
 
-DATA = Path(os.environ.get("HARMONIC_RIG_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+DATA = Path(
+    os.environ.get("HARMONIC_RIG_DATA", Path(__file__).parents[2].parent / "shared" / "data")
+)
 TIME = np.arange(50) * 0.01
 ANGLE = np.linspace(0.0, 720.0, 50)
 
@@ -29,7 +31,9 @@ def imported(path: Path, *channels: str, **changes: object) -> Recording:
 @pytest.mark.parametrize("shape", ["row", "column"])
 def test_old_and_common_versions(tmp_path: Path, version: str, compress: bool, shape: str) -> None:
     path = tmp_path / "x.mat"
-    scipy.io.savemat(path, {"t": TIME, "a": ANGLE}, format=version, oned_as=shape, do_compression=compress)
+    scipy.io.savemat(
+        path, {"t": TIME, "a": ANGLE}, format=version, oned_as=shape, do_compression=compress
+    )
     recording = imported(path, "time=t:s", "input_angle=a:deg")
     np.testing.assert_allclose(recording.si("input_angle"), np.radians(ANGLE), rtol=1e-15)
     np.testing.assert_allclose(recording.time(), TIME, atol=1e-9)
@@ -39,9 +43,15 @@ def test_old_and_common_versions(tmp_path: Path, version: str, compress: bool, s
 def test_structs_matrices_integers_and_texts(tmp_path: Path) -> None:
     path = tmp_path / "x.mat"
     counts = (ANGLE * 100).astype(np.int32)
-    content = {"log": {"t": TIME, "inner": {"M": 2 * TIME}}, "both": np.column_stack([ANGLE, counts]), "note": "a text"}
+    content = {
+        "log": {"t": TIME, "inner": {"M": 2 * TIME}},
+        "both": np.column_stack([ANGLE, counts]),
+        "note": "a text",
+    }
     scipy.io.savemat(path, content)
-    recording = imported(path, "time=log.t", "torque=log.inner.M:N m", "output_angle=both#2:count:36000")
+    recording = imported(
+        path, "time=log.t", "torque=log.inner.M:N m", "output_angle=both#2:count:36000"
+    )
     np.testing.assert_array_equal(recording.stored("output_angle"), counts)
     np.testing.assert_array_equal(recording.si("torque"), 2 * TIME)
     with pytest.raises(RigError, match="no such column"):
@@ -106,8 +116,13 @@ def test_files_cut_short(tmp_path: Path, keep: int) -> None:
 def test_a_real_positioning_system(tmp_path: Path, name: str) -> None:
     path = DATA / "emps" / name
     raw = scipy.io.loadmat(path)
-    chosen = ImportOptions(tuple(map(parse_channel, ("time=t:s", "position=qm:m", "force=vir:V:35.15065188"))))
-    recording = open_run(import_mat(path, chosen, lambda: claim_run(tmp_path, "motion", "EMPS").path).path, verify=True)
+    chosen = ImportOptions(
+        tuple(map(parse_channel, ("time=t:s", "position=qm:m", "force=vir:V:35.15065188")))
+    )
+    recording = open_run(
+        import_mat(path, chosen, lambda: claim_run(tmp_path, "motion", "EMPS").path).path,
+        verify=True,
+    )
     assert recording.rows == 24841
     assert {n: s.unit for n, s in recording.signals.items()} == {"position": "m", "force": "N"}
     np.testing.assert_array_equal(recording.si("position"), raw["qm"].ravel())

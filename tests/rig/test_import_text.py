@@ -1,4 +1,6 @@
-"""Text files of other rigs: found out, read in SI, marked IMPORTED; or one message that names line, column and value."""
+"""Text files of other rigs: found out, read in SI, marked IMPORTED; or one message that names line,
+column and value.
+"""
 
 import os
 from dataclasses import replace
@@ -13,11 +15,20 @@ from experiments.recording import Recording, Segment
 from model.gear_file import shipped_gear
 from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.library import claim_run
-from rig.runfile.foreign import ForeignSegment, Imported, ImportOptions, import_csv, parse_channel, read_channel_map
+from rig.runfile.foreign import (
+    ForeignSegment,
+    Imported,
+    ImportOptions,
+    import_csv,
+    parse_channel,
+    read_channel_map,
+)
 from rig.runfile.read import FileSource, open_run, read_channels
 from rig.runfile.verify import verify_run
 
-DATA = Path(os.environ.get("HARMONIC_RIG_DATA", Path(__file__).parents[2].parent / "shared" / "data"))
+DATA = Path(
+    os.environ.get("HARMONIC_RIG_DATA", Path(__file__).parents[2].parent / "shared" / "data")
+)
 BASIC = ("time=t:s", "input_angle=angle:deg", "torque=M:mN m")
 
 
@@ -67,12 +78,19 @@ def test_every_dialect_gives_the_same_numbers(tmp_path: Path, text: str) -> None
     np.testing.assert_allclose(recording.si("torque"), [0.010, -0.0025, 0.010], rtol=1e-12)
 
 
-@pytest.mark.parametrize(("delimiter", "word"), [(",", "comma"), (";", "semicolon"), ("\t", "tab"), ("|", "bar")])
+@pytest.mark.parametrize(
+    ("delimiter", "word"), [(",", "comma"), (";", "semicolon"), ("\t", "tab"), ("|", "bar")]
+)
 def test_what_was_found_out_is_noted(tmp_path: Path, delimiter: str, word: str) -> None:
     for mark, name in ((".", "point"), (",", "comma")):
         if mark != delimiter:
-            text = "\n".join(delimiter.join(line.split(",")).replace(".", mark) for line in GOOD.split("\n"))
-            assert any(f"separated by {word}, decimal {name}" in note for note in run_import(tmp_path, text, options()).notes)
+            text = "\n".join(
+                delimiter.join(line.split(",")).replace(".", mark) for line in GOOD.split("\n")
+            )
+            assert any(
+                f"separated by {word}, decimal {name}" in note
+                for note in run_import(tmp_path, text, options()).notes
+            )
 
 
 def test_what_is_said_goes_before_what_is_guessed(tmp_path: Path) -> None:
@@ -90,11 +108,15 @@ def test_a_torque_constant_and_a_time_in_milliseconds(tmp_path: Path) -> None:
 
 def test_a_count_that_is_no_whole_number_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RunFileError, match=r"line 3, column pos.*whole count"):
-        run_import(tmp_path, "t [ms];pos\n0;1\n1;1.5\n", options("time=t", "input_angle=pos:counts:4096"))
+        run_import(
+            tmp_path, "t [ms];pos\n0;1\n1;1.5\n", options("time=t", "input_angle=pos:counts:4096")
+        )
 
 
 def test_a_hole_in_a_column_that_is_not_wanted_does_no_harm(tmp_path: Path) -> None:
-    recording = imported(tmp_path, "t,angle,M\n0,1,2\n0.1,,3\n0.2,x,4\n", options("time=t", "torque=M:N m"))
+    recording = imported(
+        tmp_path, "t,angle,M\n0,1,2\n0.1,,3\n0.2,x,4\n", options("time=t", "torque=M:N m")
+    )
     assert recording.si("torque").tolist() == [2.0, 3.0, 4.0]
 
 
@@ -107,12 +129,22 @@ def test_encodings(tmp_path: Path, encoding: str) -> None:
 
 def test_the_run_says_what_it_is(tmp_path: Path) -> None:
     chosen = options(
-        gear=shipped_gear(), mounting="flexspline-fixed", gear_serial="B7", operator="Eva", experiment="friction",
+        gear=shipped_gear(),
+        mounting="flexspline-fixed",
+        gear_serial="B7",
+        operator="Eva",
+        experiment="friction",
         start_time="2024-05-06T07:08:09+02:00",
-    )  # fmt: skip
+    )
     recording = imported(tmp_path, GOOD, chosen)
     m = recording.metadata
-    assert (m.origin, m.operator, m.gear_serial, m.experiment, m.time_base) == ("imported", "Eva", "B7", "friction", "device")
+    assert (m.origin, m.operator, m.gear_serial, m.experiment, m.time_base) == (
+        "imported",
+        "Eva",
+        "B7",
+        "friction",
+        "device",
+    )
     assert (m.ratio, m.output_sense, m.sample_rate, m.outcome) == (121.0, 1, 2.0, "")
     assert m.run_id == "00001-import-x"
     assert recording.source.time_ns(0, 1)[0] == 1_714_972_089_000_000_000
@@ -153,8 +185,12 @@ def test_the_run_says_what_it_is(tmp_path: Path) -> None:
         ("statusword=x", "39,55", "1", [39.0, 55.0]),
     ],
 )
-def test_units_and_scales(tmp_path: Path, channel: str, values: str, unit: str, expected: list[float]) -> None:
-    recording = imported(tmp_path, "x\n" + values.replace(",", "\n") + "\n", options(channel, rate=10.0))
+def test_units_and_scales(
+    tmp_path: Path, channel: str, values: str, unit: str, expected: list[float]
+) -> None:
+    recording = imported(
+        tmp_path, "x\n" + values.replace(",", "\n") + "\n", options(channel, rate=10.0)
+    )
     name = channel.partition("=")[0]
     assert recording.signals[name].unit == unit
     np.testing.assert_allclose(recording.si(name), expected, rtol=1e-12, atol=1e-12)
@@ -162,7 +198,9 @@ def test_units_and_scales(tmp_path: Path, channel: str, values: str, unit: str, 
 
 
 def test_counts_stay_counts(tmp_path: Path) -> None:
-    recording = imported(tmp_path, "t;c\n0;4000000000\n1;-7\n", options("time=t", "input_angle=c:count:10000"))
+    recording = imported(
+        tmp_path, "t;c\n0;4000000000\n1;-7\n", options("time=t", "input_angle=c:count:10000")
+    )
     assert recording.stored("input_angle").tolist() == [4_000_000_000, -7]
     assert recording.stored("input_angle").dtype == np.int64
     assert recording.signals["input_angle"].quantum == pytest.approx(2 * np.pi / 10000)
@@ -194,7 +232,9 @@ def test_a_column_beyond_its_modulus_is_refused(tmp_path: Path) -> None:
 
 
 def test_no_time_base(tmp_path: Path) -> None:
-    recording = imported(tmp_path, "a;i\n0;1\n1;2\n", options("input_angle=a:deg", "current=i:A", no_time=True))
+    recording = imported(
+        tmp_path, "a;i\n0;1\n1;2\n", options("input_angle=a:deg", "current=i:A", no_time=True)
+    )
     assert recording.metadata.time_base == "none"
     assert np.isnan(recording.metadata.sample_rate)
 
@@ -213,7 +253,10 @@ BAD_ROWS = [
     ("0.0,0,10\n0.5,90\n1.0,180,1", r"line 3: the line has 2 cells, the table 3"),
     ("0.0,0,10\n0.5,90,1,7\n1.0,180,1", r"line 3: the line has 4 cells, the table 3"),
     ("0.0,0,10\n0.0,90,1\n1.0,180,1", r"line 3, column t: the time does not increase; value 0.0"),
-    ("0.0,0,10\n0.5,90,1\n0.25,91,1\n1.0,180,1", r"line 4, column t: the time does not increase; value 0.25"),
+    (
+        "0.0,0,10\n0.5,90,1\n0.25,91,1\n1.0,180,1",
+        r"line 4, column t: the time does not increase; value 0.25",
+    ),
     ("0.0,0,10\n1e300,90,1\n1.0,180,1", r"line 3, column t: beyond any calendar"),
     ("0.0,0,10\n0.5,1e999,1\n1.0,180,1", r"line 3, column angle: not finite"),
 ]
@@ -237,7 +280,9 @@ def test_bad_rows_are_left_out_counted_and_listed(tmp_path: Path, rows: str, mes
     assert any("1 rows left out: line" in event.text for event in recording.events)
     assert isinstance(recording.source, FileSource)
     assert np.diff(recording.source.cycles(0, 9)).max() == 2
-    assert any(f.check == "rows" and "1 cycles never became a row" in f.text for f in verify_run(done.path))
+    assert any(
+        f.check == "rows" and "1 cycles never became a row" in f.text for f in verify_run(done.path)
+    )
 
 
 def test_a_bad_row_in_a_later_batch_is_named_and_leaves_no_file(tmp_path: Path) -> None:
@@ -250,7 +295,9 @@ def test_a_bad_row_in_a_later_batch_is_named_and_leaves_no_file(tmp_path: Path) 
 
 def test_decimal_commas_do_not_mix_with_points(tmp_path: Path) -> None:
     text = "t;angle;M\n0,0;1,5;1\n0,5;1.234,5;1\n"
-    with pytest.raises(RunFileError, match=r"line 3, column angle: a point in a number with a decimal comma"):
+    with pytest.raises(
+        RunFileError, match=r"line 3, column angle: a point in a number with a decimal comma"
+    ):
         run_import(tmp_path, text, options())
     with pytest.raises(RunFileError, match=r"line 2, column t: not a number"):
         run_import(tmp_path, text, options(decimal="."))
@@ -260,7 +307,11 @@ def test_decimal_commas_do_not_mix_with_points(tmp_path: Path) -> None:
     ("channels", "changes", "message"),
     [
         (("time=t", "input_angle=angle:furlong"), {}, "unit that is not known.*furlong"),
-        (("time=t", "input_angle=angle:N m"), {}, "input_angle: has a unit of another dimension.*rad"),
+        (
+            ("time=t", "input_angle=angle:N m"),
+            {},
+            "input_angle: has a unit of another dimension.*rad",
+        ),
         (("time=t:deg", "input_angle=angle:deg"), {}, "time: has a unit of another dimension"),
         (("time=t", "torque=M:A"), {}, "needs its scale in N m per A"),
         (("time=t", "torque=M:V"), {"torque_constant": 0.2}, "needs its scale in N m per V"),
@@ -278,16 +329,25 @@ def test_decimal_commas_do_not_mix_with_points(tmp_path: Path) -> None:
         (("time=t", "flags=angle"), {}, "not a name for a channel"),
         (("time=t", "input_angle=angle"), {"start_time": "yesterday"}, "no date and time"),
         (("time=t", "input_angle=angle"), {"decimal": "x"}, "no decimal mark"),
-        (("time=t", "input_angle=angle"), {"segments": (ForeignSegment("a", 5.0, 9.0),)}, "segment has no rows"),
+        (
+            ("time=t", "input_angle=angle"),
+            {"segments": (ForeignSegment("a", 5.0, 9.0),)},
+            "segment has no rows",
+        ),
     ],
 )
-def test_maps_that_cannot_be_right(tmp_path: Path, channels: tuple[str, ...], changes: dict, message: str) -> None:
+def test_maps_that_cannot_be_right(
+    tmp_path: Path, channels: tuple[str, ...], changes: dict, message: str
+) -> None:
     with pytest.raises(RigError, match=message):
         run_import(tmp_path, GOOD, options(*channels, **changes))
     assert not list((tmp_path / "runs").glob("*.h5*"))
 
 
-@pytest.mark.parametrize("text", ["", "=a", "a", "a=", "a=b:c:d:e", "a=b:rad:x", "a=b:rad:nan", "a=b:rad:0", "a=b:rad:inf"])
+@pytest.mark.parametrize(
+    "text",
+    ["", "=a", "a", "a=", "a=b:c:d:e", "a=b:rad:x", "a=b:rad:nan", "a=b:rad:0", "a=b:rad:inf"],
+)
 def test_channels_that_are_none(text: str) -> None:
     with pytest.raises(ConfigurationError):
         parse_channel(text)
@@ -295,7 +355,12 @@ def test_channels_that_are_none(text: str) -> None:
 
 @pytest.mark.parametrize(
     ("text", "message"),
-    [("", "has no rows"), ("\n\n# x\n", "has no rows"), ("t,angle,M\n", "no usable rows"), ("t,angle,M\n0,1,2\n", "too short")],
+    [
+        ("", "has no rows"),
+        ("\n\n# x\n", "has no rows"),
+        ("t,angle,M\n", "no usable rows"),
+        ("t,angle,M\n0,1,2\n", "too short"),
+    ],
 )
 def test_empty_and_too_short_files(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(RunFileError, match=message):
@@ -315,7 +380,9 @@ def test_headings_that_appear_twice_need_a_number(tmp_path: Path) -> None:
     text = "t,x,x\n0,1,2\n1,2,3\n"
     with pytest.raises(ConfigurationError, match="more than one column"):
         run_import(tmp_path, text, options("time=t", "input_angle=x:rad"))
-    assert imported(tmp_path, text, options("time=t", "input_angle=3:rad")).si("input_angle").tolist() == [2.0, 3.0]
+    assert imported(tmp_path, text, options("time=t", "input_angle=3:rad")).si(
+        "input_angle"
+    ).tolist() == [2.0, 3.0]
 
 
 def test_files_without_headings_go_by_number(tmp_path: Path) -> None:
@@ -349,13 +416,24 @@ def test_a_channel_map_in_a_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "", "x = 1", "[channels]\na = 1", "[channels.x]", "[channels.x]\ncolumn = 1\nunit = 3",
-        "segments=3\n[channels.x]\ncolumn=1", "[channels.a]\nunit = 'rad'", "[channels.a]\ncolumn = 'x'\nscales = 1",
-        "[channels.a]\ncolumn = 'x'\nscale = 'big'", "[channels.a]\ncolumn = 'x'\nscale = true", "[channels.a]\ncolumn = []",
-        "[channels.a]\ncolumn = 'x'\n[[segments]]\nlabel = 'a'", "channels = 3", "[channels.a\n", "[channels.a]\ncolumn = 'x'\n"
-        "[segments]\nlabel = 3", "\udcff",
+        "",
+        "x = 1",
+        "[channels]\na = 1",
+        "[channels.x]",
+        "[channels.x]\ncolumn = 1\nunit = 3",
+        "segments=3\n[channels.x]\ncolumn=1",
+        "[channels.a]\nunit = 'rad'",
+        "[channels.a]\ncolumn = 'x'\nscales = 1",
+        "[channels.a]\ncolumn = 'x'\nscale = 'big'",
+        "[channels.a]\ncolumn = 'x'\nscale = true",
+        "[channels.a]\ncolumn = []",
+        "[channels.a]\ncolumn = 'x'\n[[segments]]\nlabel = 'a'",
+        "channels = 3",
+        "[channels.a\n",
+        "[channels.a]\ncolumn = 'x'\n[segments]\nlabel = 3",
+        "\udcff",
     ],
-)  # fmt: skip
+)
 def test_map_files_that_are_none(tmp_path: Path, text: str) -> None:
     path = tmp_path / "map.toml"
     path.write_bytes(text.encode("utf-8", "surrogateescape"))
@@ -366,8 +444,9 @@ def test_map_files_that_are_none(tmp_path: Path, text: str) -> None:
 @settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     values=st.lists(st.floats(-1e9, 1e9, allow_subnormal=False), min_size=2, max_size=20),
-    delimiter=st.sampled_from([",", ";", "\t", "|", " "]), comma=st.booleans(),
-)  # fmt: skip
+    delimiter=st.sampled_from([",", ";", "\t", "|", " "]),
+    comma=st.booleans(),
+)
 def test_numbers_come_back_exactly(
     tmp_path_factory: pytest.TempPathFactory, values: list[float], delimiter: str, comma: bool
 ) -> None:
@@ -378,7 +457,9 @@ def test_numbers_come_back_exactly(
     assert recording.si("position").tolist() == values
 
 
-@pytest.mark.skipif(not (DATA / "laas_cogging").is_dir(), reason="recordings of other rigs are not here")
+@pytest.mark.skipif(
+    not (DATA / "laas_cogging").is_dir(), reason="recordings of other rigs are not here"
+)
 def test_a_real_cogging_map(tmp_path: Path) -> None:
     chosen = options("time=Time", "input_angle=Position:rad", "current=Iq:A")
     file = DATA / "laas_cogging" / "stopped_data.txt"
@@ -393,5 +474,7 @@ def test_a_real_cogging_map(tmp_path: Path) -> None:
 
 
 def test_whole_numbers_with_comma_and_blank_are_no_decimal_commas(tmp_path: Path) -> None:
-    recording = imported(tmp_path, "1, 5, 7\n2, 6, 8\n3, 7, 9\n", options("time=1", "input_angle=2:rad"))
+    recording = imported(
+        tmp_path, "1, 5, 7\n2, 6, 8\n3, 7, 9\n", options("time=1", "input_angle=2:rad")
+    )
     assert recording.si("input_angle").tolist() == [5.0, 6.0, 7.0]

@@ -28,7 +28,9 @@ CHANNELS = (
 
 
 def review() -> IndexReview:
-    return IndexReview(Watch(), {c.name: c for c in CHANNELS}, {c.name: i for i, c in enumerate(CHANNELS)})
+    return IndexReview(
+        Watch(), {c.name: c for c in CHANNELS}, {c.name: i for i, c in enumerate(CHANNELS)}
+    )
 
 
 def turned(speeds: list[int], lost: dict[int, int] | None = None, mark: int = 500) -> np.ndarray:
@@ -109,7 +111,9 @@ def test_doubtful_cycles_are_not_looked_at() -> None:
 
 def test_a_rig_without_marks_is_not_reviewed() -> None:
     bare = IndexReview(Watch(), {"input_angle": CHANNELS[0]}, {"input_angle": 0})
-    block = SampleBlock(0, np.arange(3), np.zeros((3, 1), dtype=np.int64), np.zeros(3, dtype=np.uint16))
+    block = SampleBlock(
+        0, np.arange(3), np.zeros((3, 1), dtype=np.int64), np.zeros(3, dtype=np.uint16)
+    )
     assert bare.reviewed(NO_MARKS, block, 0) == (NO_MARKS, [], ())
     assert bare.figures(NO_MARKS) == {}
 
@@ -154,6 +158,8 @@ def test_agreement_of_the_torques_is_kept_in_figures() -> None:
     assert one["slope"] == pytest.approx(1.1, abs=2e-3)
     assert one["offset"] == pytest.approx(0.02, abs=1e-3)
     assert one["worst"] == pytest.approx(0.05, abs=5e-3)
-    steady = Agreement().after(np.full(500, 0.1) + rng.normal(0, 1e-3, 500), np.full(500, 0.1)).figures()
+    steady = (
+        Agreement().after(np.full(500, 0.1) + rng.normal(0, 1e-3, 500), np.full(500, 0.1)).figures()
+    )
     assert "slope" not in steady
     assert Agreement().figures() == {}

@@ -32,7 +32,9 @@ def test_a_full_torque_step_with_a_heavy_load_reaches_180_newton_metres() -> Non
     load = load_of(heavy, MOTOR, "circular-spline-fixed")
     peak = lim.STEP_FACTOR * load.ratio * MOTOR.peak_torque * load.output_share
     assert peak == pytest.approx(183.0, abs=2.0)
-    steps = [e for e in derive_limits(heavy, MOTOR).of(lim.MOTOR_TORQUE) if "torque step" in e.origin]
+    steps = [
+        e for e in derive_limits(heavy, MOTOR).of(lim.MOTOR_TORQUE) if "torque step" in e.origin
+    ]
     assert steps[0].value == pytest.approx(MOTOR.peak_torque * 0.8 * 167.0 / peak, rel=1e-3)
 
 
@@ -68,11 +70,15 @@ def test_the_bare_motor_knows_no_gear() -> None:
     assert limits.value(lim.MOTOR_TORQUE) == MOTOR.peak_torque
     assert limits.tightest(lim.TORSION_TORQUE) is None
     assert math.isinf(limits.value(lim.TORSION_TORQUE))
-    assert load_of(GEAR, MOTOR, "circular-spline-fixed", gear_mounted=False) == Load(MOTOR.rotor_inertia, 0.0, 1.0)
+    assert load_of(GEAR, MOTOR, "circular-spline-fixed", gear_mounted=False) == Load(
+        MOTOR.rotor_inertia, 0.0, 1.0
+    )
 
 
 def test_the_tightest_of_three_tiers_holds_and_names_itself() -> None:
-    limits = derive_limits(GEAR, MOTOR, plan_speed=100.0 * RPM, configured={lim.INPUT_SPEED: 2000.0 * RPM})
+    limits = derive_limits(
+        GEAR, MOTOR, plan_speed=100.0 * RPM, configured={lim.INPUT_SPEED: 2000.0 * RPM}
+    )
     speeds = limits.of(lim.INPUT_SPEED)
     assert [entry.tier for entry in speeds] == ["protocol", "rig", "rig", "drive"]
     assert speeds[0].value == pytest.approx(1.25 * 100.0 * RPM + 5.0)
@@ -85,7 +91,9 @@ def test_the_tightest_of_three_tiers_holds_and_names_itself() -> None:
     assert len(shown["tiers"]) == 4
 
 
-@pytest.mark.parametrize(("name", "value"), [("no_such", 1.0), (lim.INPUT_SPEED, 0.0), (lim.INPUT_SPEED, math.nan)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("no_such", 1.0), (lim.INPUT_SPEED, 0.0), (lim.INPUT_SPEED, math.nan)]
+)
 def test_a_wrong_configured_limit_is_refused_by_name(name: str, value: float) -> None:
     with pytest.raises(ConfigurationError, match=rf"limits\.{name}"):
         derive_limits(GEAR, MOTOR, configured={name: value})
@@ -101,7 +109,10 @@ def test_torsion_is_judged_cautiously() -> None:
 
 def test_a_disc_on_the_bare_motor_slows_the_ramps_that_are_allowed() -> None:
     disc = 3.0 * MOTOR.rotor_inertia
-    bare, loaded = (derive_limits(GEAR, MOTOR, gear_mounted=False, disc_inertia=inertia) for inertia in (0.0, disc))
+    bare, loaded = (
+        derive_limits(GEAR, MOTOR, gear_mounted=False, disc_inertia=inertia)
+        for inertia in (0.0, disc)
+    )
     for quantity in (lim.ACCELERATION, lim.QUICK_STOP_DECELERATION):
         assert loaded.value(quantity) == pytest.approx(bare.value(quantity) / 4.0)
     assert loaded.value(lim.MOTOR_TORQUE) == bare.value(lim.MOTOR_TORQUE)

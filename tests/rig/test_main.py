@@ -16,7 +16,9 @@ HEAVY = ("numpy", "scipy", "h5py", "numba", "matplotlib", "pydantic")
 
 
 def run_python(code: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
 
 
 def test_help_loads_nothing_heavy() -> None:
@@ -34,8 +36,20 @@ def test_help_loads_nothing_heavy() -> None:
 def test_help_names_every_command() -> None:
     done = run_python("from rig.main import run; run(['--help'])")
     for command in (
-        "plan", "run", "demo", "fit", "compare", "report", "model", "runs", "show", "import", "export", "recover", "verify",
-    ):  # fmt: skip
+        "plan",
+        "run",
+        "demo",
+        "fit",
+        "compare",
+        "report",
+        "model",
+        "runs",
+        "show",
+        "import",
+        "export",
+        "recover",
+        "verify",
+    ):
         assert f" {command} " in done.stdout
 
 
@@ -79,7 +93,15 @@ def test_a_defect_is_not_explained_away() -> None:
 
 @pytest.mark.parametrize(
     ("outcome", "code"),
-    [("PASS", 0), ("FAIL", 1), ("MARGINAL", 3), ("ABORTED", 4), ("TRIPPED", 5), ("ERROR", 6), ("INTERRUPTED", 6)],
+    [
+        ("PASS", 0),
+        ("FAIL", 1),
+        ("MARGINAL", 3),
+        ("ABORTED", 4),
+        ("TRIPPED", 5),
+        ("ERROR", 6),
+        ("INTERRUPTED", 6),
+    ],
 )
 def test_outcomes_have_the_documented_codes(outcome: str, code: int) -> None:
     assert exits.code_of_outcome(outcome) == code

@@ -31,7 +31,11 @@ class Notes:
 
 
 def made_safe(
-    action: Action, change: Callable[[FakeRig], None], speed: float = 30.0, block: int = 20, line: Answers | None = None
+    action: Action,
+    change: Callable[[FakeRig], None],
+    speed: float = 30.0,
+    block: int = 20,
+    line: Answers | None = None,
 ) -> tuple[FakeRig, MakeSafeReport, Notes]:
     """Bring an ideal rig to `speed`, change something about it, make it safe."""
     rig, notes = FakeRig(), Notes()
@@ -64,7 +68,9 @@ def nothing(rig: FakeRig) -> None:
 
 @pytest.mark.parametrize("action", list(Action))
 @pytest.mark.parametrize("speed", [0.0, 30.0, -30.0])
-def test_a_drive_that_obeys_stands_verified_by_three_witnesses(action: Action, speed: float) -> None:
+def test_a_drive_that_obeys_stands_verified_by_three_witnesses(
+    action: Action, speed: float
+) -> None:
     rig, report, notes = made_safe(action, nothing, speed)
     assert report.safe
     assert report.problem == ""
@@ -156,11 +162,15 @@ def test_incomplete_cycles_prove_nothing() -> None:
 
 
 OUTPUT_SILENT = INCOMPLETE | CycleFlag.STALE_OUTPUT
-DRIVE_SILENT = INCOMPLETE | CycleFlag.STALE_STATUSWORD | CycleFlag.STALE_INPUT | CycleFlag.STALE_OTHER
+DRIVE_SILENT = (
+    INCOMPLETE | CycleFlag.STALE_STATUSWORD | CycleFlag.STALE_INPUT | CycleFlag.STALE_OTHER
+)
 
 
 class Answers:
-    """Devices that answer when they are asked, `answering` of them; the input moves by `step` counts between questions."""
+    """Devices that answer when they are asked, `answering` of them; the input moves by `step`
+    counts between questions.
+    """
 
     def __init__(self, *answering: str, step: int = 0, obeys: bool = True) -> None:
         self.answering, self.step, self.obeys = answering, step, obeys
@@ -225,7 +235,11 @@ def test_a_drive_that_answers_is_switched_off_and_verified_by_sdo() -> None:
     assert report.safe
     assert line.switched_off
     assert report.stages == ["quick stop", "servo off", "servo off by SDO"]
-    assert report.verified_by == ("statusword (asked by SDO)", "input_angle (asked by SDO)", "output_angle")
+    assert report.verified_by == (
+        "statusword (asked by SDO)",
+        "input_angle (asked by SDO)",
+        "output_angle",
+    )
     assert set(line.asked) == {("statusword", "input_angle")}
 
 
@@ -239,17 +253,29 @@ def test_a_drive_that_answers_is_switched_off_and_verified_by_sdo() -> None:
         (Answers(), "the input encoder is silent"),
     ],
 )
-def test_what_a_silent_drive_answers_is_not_believed_beyond_what_it_says(line: Answers, problem: str) -> None:
+def test_what_a_silent_drive_answers_is_not_believed_beyond_what_it_says(
+    line: Answers, problem: str
+) -> None:
     _, report, _ = made_safe(Action.QUICK_STOP, flagged(DRIVE_SILENT), line=line)
     assert not report.safe
     assert report.problem == problem
 
 
 def test_which_channels_of_a_cycle_are_old() -> None:
-    flags = np.array([0, INCOMPLETE, OUTPUT_SILENT, DRIVE_SILENT, CycleFlag.LATE, INCOMPLETE | 4096], dtype=np.uint16)
+    flags = np.array(
+        [0, INCOMPLETE, OUTPUT_SILENT, DRIVE_SILENT, CycleFlag.LATE, INCOMPLETE | 4096],
+        dtype=np.uint16,
+    )
     assert is_stale(flags, "output_angle").tolist() == [False, True, True, False, False, False]
     assert is_stale(flags, "statusword").tolist() == [False, True, False, True, False, False]
-    assert is_stale(flags, "housing_temperature").tolist() == [False, True, False, True, False, True]
+    assert is_stale(flags, "housing_temperature").tolist() == [
+        False,
+        True,
+        False,
+        True,
+        False,
+        True,
+    ]
 
 
 @pytest.mark.parametrize("block", [1, 7, 100])

@@ -31,8 +31,11 @@ def test_json_holds_the_paper_s_quantities_in_si() -> None:
     assert set(NAMES) <= set(quantities)
     assert quantities["K_cyl"]["value"] == pytest.approx(3.25e5, rel=0.01)
     assert quantities["alpha_n"] == {
-        "value": pytest.approx(0.0144328, rel=1e-4), "unit": "rad", "description": "wedge angle", "equation": "1",
-    }  # fmt: skip
+        "value": pytest.approx(0.0144328, rel=1e-4),
+        "unit": "rad",
+        "description": "wedge angle",
+        "equation": "1",
+    }
     assert sum(found["compliance_shares"].values()) == pytest.approx(1.0)
     assert found["modes"]
     assert found["resonance_speeds"]
@@ -46,7 +49,13 @@ def test_people_get_every_quantity_and_where_the_compliance_comes_from() -> None
     for name in NAMES:
         assert name in shown
         assert number(found["quantities"][name]["value"], 5) in shown
-    for words in ("at the output: bottom", "beside the catalogue", "Modes", "meet the first mode", "Friction torque"):
+    for words in (
+        "at the output: bottom",
+        "beside the catalogue",
+        "Modes",
+        "meet the first mode",
+        "Friction torque",
+    ):
         assert words.lower() in " ".join(shown.split()).lower()
 
 

@@ -1,4 +1,6 @@
-"""Previews of plans: the same plan as the dry run, sensitivities by hand, a simulated gear inside its predicted band."""
+"""Previews of plans: the same plan as the dry run, sensitivities by hand, a simulated gear inside
+its predicted band.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,16 @@ import pytest
 
 from experiments import catalogue
 from experiments.recording import Recording
-from experiments.steps import HoldRevolutions, HoldTime, Prompt, Ramp, SegmentLabel, ServoOff, SpeedStep, TorqueRamp
+from experiments.steps import (
+    HoldRevolutions,
+    HoldTime,
+    Prompt,
+    Ramp,
+    SegmentLabel,
+    ServoOff,
+    SpeedStep,
+    TorqueRamp,
+)
 from model.friction import friction_torque
 from model.gear import HarmonicDrive, Origin
 from model.gear_file import shipped_gear
@@ -59,15 +70,23 @@ def test_the_timeline_is_the_dry_run(name: str) -> None:
     assert turned / REVOLUTION == pytest.approx(plan.input_revolutions, rel=0.01)
     assert np.isfinite(preview.torque.value).all()
     assert (preview.torque.uncertainty >= 0.0).all()
-    assert {margin.quantity for margin in preview.margins} == {margin.quantity for margin in plan.margins}
+    assert {margin.quantity for margin in preview.margins} == {
+        margin.quantity for margin in plan.margins
+    }
     assert len(preview.timeline.polyline()[0]) <= 2 * len(course.start)
 
 
 def test_pieces_prompts_and_torque_ramps_stand_where_they_belong() -> None:
     plan = planned_of(
-        ServoOff(1.0), Prompt("Is the gear off?"), Ramp(20.0, 100.0), HoldTime(2.0), Ramp(-20.0, 100.0), Ramp(0.0, 100.0),
-        TorqueRamp(-0.02, 0.4, 0.05), ServoOff(1.0),
-    )  # fmt: skip
+        ServoOff(1.0),
+        Prompt("Is the gear off?"),
+        Ramp(20.0, 100.0),
+        HoldTime(2.0),
+        Ramp(-20.0, 100.0),
+        Ramp(0.0, 100.0),
+        TorqueRamp(-0.02, 0.4, 0.05),
+        ServoOff(1.0),
+    )
     preview = preview_plan(plan)
     mark = preview.marks[0]
     assert (mark.kind, mark.text) == ("prompt", "Is the gear off?")
@@ -98,29 +117,45 @@ def test_the_uncertainty_is_the_root_sum_square_of_finite_differences() -> None:
     speed, alpha = np.array([0.5, 6.0, 40.0, 250.0]), 300.0
 
     def total(gear: HarmonicDrive, motor: Any) -> np.ndarray:
-        return TorqueModel(gear, motor, load_of(gear, motor, "circular-spline-fixed")).torque(speed, alpha, 1.0).value
+        return (
+            TorqueModel(gear, motor, load_of(gear, motor, "circular-spline-fixed"))
+            .torque(speed, alpha, 1.0)
+            .value
+        )
 
     variance = (TEMPERATURE_COEFFICIENT * WARMTH * friction_torque(GEAR, speed)) ** 2
     paths = [
-        *(f"mesh_friction.{name}" for name in ("coulomb", "static", "stribeck_velocity", "shape", "viscous")),
-        "bearing.friction_factor", "bearing.viscosity", "inertia.wave_generator", "inertia.output",
-    ]  # fmt: skip
+        *(
+            f"mesh_friction.{name}"
+            for name in ("coulomb", "static", "stribeck_velocity", "shape", "viscous")
+        ),
+        "bearing.friction_factor",
+        "bearing.viscosity",
+        "inertia.wave_generator",
+        "inertia.output",
+    ]
     for path in paths:
         value = GEAR.value(path)
         step = 1e-5 * value.value
-        slope = (total(GEAR.with_values({path: value.value + step}), MOTOR) - total(GEAR, MOTOR)) / step
+        slope = (
+            total(GEAR.with_values({path: value.value + step}), MOTOR) - total(GEAR, MOTOR)
+        ) / step
         variance = variance + (slope * DOUBT[value.origin.provenance] * value.value) ** 2
     for name in ("coulomb_friction", "viscous_friction", "rotor_inertia"):
         value = getattr(MOTOR, name)
         moved = dataclasses.replace(MOTOR, **{name: 1.00001 * value})
         slope = (total(GEAR, moved) - total(GEAR, MOTOR)) / (1e-5 * value)
         variance = variance + (slope * DOUBT[MOTOR.origins[name].provenance] * value) ** 2
-    np.testing.assert_allclose(model.torque(speed, alpha, 1.0).uncertainty, COVERAGE * np.sqrt(variance), rtol=1e-3)
+    np.testing.assert_allclose(
+        model.torque(speed, alpha, 1.0).uncertainty, COVERAGE * np.sqrt(variance), rtol=1e-3
+    )
 
 
 def test_a_stated_uncertainty_replaces_the_doubt_of_the_provenance() -> None:
     load = load_of(GEAR, MOTOR, "circular-spline-fixed")
-    wide, narrow = (TorqueModel(gear, MOTOR, load).running(100.0) for gear in (GEAR, known(GEAR, 0.001)))
+    wide, narrow = (
+        TorqueModel(gear, MOTOR, load).running(100.0) for gear in (GEAR, known(GEAR, 0.001))
+    )
     assert narrow.value == pytest.approx(float(wide.value))
     assert narrow.uncertainty < 0.5 * wide.uncertainty
     # Warmth and the motor remain, however well the gear is known.
@@ -138,7 +173,10 @@ def test_the_output_follows_quasi_statically_and_rings_at_its_mode() -> None:
     assert slow == pytest.approx(sum(h.order * h.amplitude for h in GEAR.kinematic_error), rel=1e-4)
     _, torque = output.ripple(mode.natural_frequency / 2.0)
     amplitude = next(h.amplitude for h in GEAR.kinematic_error if h.order == 2.0)
-    assert torque > GEAR.inertia.output * mode.natural_frequency**2 * amplitude * 0.4 / mode.damping_ratio
+    assert (
+        torque
+        > GEAR.inertia.output * mode.natural_frequency**2 * amplitude * 0.4 / mode.damping_ratio
+    )
     error = output.kinematic_error()
     assert error.value[0] == pytest.approx(error.value[-1])
 
@@ -154,8 +192,12 @@ def measured(recording: Recording) -> list[tuple[float, int, np.ndarray]]:
     ]
 
 
-def simulated(folder: Path, protocol: str, gear: HarmonicDrive, **values: Any) -> tuple[PlannedRun, Any]:
-    request = RunRequest(protocol, gear, MOTOR, folder, {"zero_time": 0.5, **values}, gear_serial="SN-1", seed=3)
+def simulated(
+    folder: Path, protocol: str, gear: HarmonicDrive, **values: Any
+) -> tuple[PlannedRun, Any]:
+    request = RunRequest(
+        protocol, gear, MOTOR, folder, {"zero_time": 0.5, **values}, gear_serial="SN-1", seed=3
+    )
     plan = plan_request(request)
     recording = open_run(run_request(request, plan, judged=False).path)
     try:
@@ -164,11 +206,18 @@ def simulated(folder: Path, protocol: str, gear: HarmonicDrive, **values: Any) -
         close_recording(recording)
 
 
-FRICTION = {"speeds_rpm": (60.0, 200.0, 800.0, 2500.0), "up_and_down": False, "measure_time": 0.3, "settle_time": 0.2,
-            "bracket_every": 10}  # fmt: skip
+FRICTION = {
+    "speeds_rpm": (60.0, 200.0, 800.0, 2500.0),
+    "up_and_down": False,
+    "measure_time": 0.3,
+    "settle_time": 0.2,
+    "bracket_every": 10,
+}
 
 
-def test_a_simulated_gear_turns_within_its_predicted_band_and_a_stiffer_one_does_not(tmp_path: Path) -> None:
+def test_a_simulated_gear_turns_within_its_predicted_band_and_a_stiffer_one_does_not(
+    tmp_path: Path,
+) -> None:
     plan, holds = simulated(tmp_path, "friction", GEAR, **FRICTION)
     model = torque_model(dataclasses.replace(plan, gear=known(GEAR, 0.05)))
     inside, samples = 0, 0
@@ -197,7 +246,9 @@ def test_the_peak_of_a_simulated_step_is_within_its_prediction(tmp_path: Path) -
 
 
 def touching() -> PlanPreview:
-    """A step at the drive's ramp: 0.8 of the torque limit by construction, more with the uncertainty of assumed numbers."""
+    """A step at the drive's ramp: 0.8 of the torque limit by construction, more with the
+    uncertainty of assumed numbers.
+    """
     load = GEAR.with_values({"inertia.output": 0.1}, Origin("assumed", "a guess", 0.15))
     label = SegmentLabel("step", 100.0, 1)
     steps = (HoldTime(0.2), SpeedStep(100.0, 1.0, segment=label), HoldRevolutions(2.0, 9.0))
@@ -249,7 +300,9 @@ def test_figures_carry_units_and_the_limit_where_it_is_near() -> None:
     assert "outside the picture" in bare["torque"].title
 
 
-def test_the_command_prints_json_and_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_json_and_figures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as end:
         main(["preview", "home", "--json", "--figures", str(tmp_path)])
     assert not end.value.code

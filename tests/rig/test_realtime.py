@@ -16,7 +16,13 @@ from experiments.recording import Event
 from experiments.steps import HoldTime, Prompt, Ramp
 from rig.run.opening import begin_threaded_run
 from rig.run.order import Judgement, Progress
-from rig.run.realtime import Relay, block_cycles, collector_off, execute_in_real_time, watchdog_deadline
+from rig.run.realtime import (
+    Relay,
+    block_cycles,
+    collector_off,
+    execute_in_real_time,
+    watchdog_deadline,
+)
 from rig.run.remote import RemoteOperator, lines_of
 from rig.run.session import execute
 from rig.run.stop import StopRequest
@@ -27,7 +33,9 @@ from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
 SHORT = (Ramp(20.0, 500.0), HoldTime(0.3), Ramp(0.0, 500.0))
 
 
-def test_a_run_in_real_time_keeps_everything_and_judges_with_the_collector_on(tmp_path: Path) -> None:
+def test_a_run_in_real_time_keeps_everything_and_judges_with_the_collector_on(
+    tmp_path: Path,
+) -> None:
     threads: set[str] = set()
     collecting: list[bool] = []
 
@@ -123,7 +131,9 @@ def test_a_late_turn_trips_the_run() -> None:
 def test_the_watchdog_does_not_bark_at_a_run_that_turns() -> None:
     rig = FakeRig()
     watchdog = Watchdog(rig.clock, 0.25, lambda: None)
-    report = execute(replace(order_of(planned_of(*SHORT), rig, Path()), watchdog=watchdog), lambda *_: ListRun())
+    report = execute(
+        replace(order_of(planned_of(*SHORT), rig, Path()), watchdog=watchdog), lambda *_: ListRun()
+    )
     assert report.outcome == "PASS"
     assert not watchdog.acted
     assert watchdog.longest_pause < 0.25
@@ -221,4 +231,9 @@ def test_notes_of_the_operator_become_events() -> None:
     report = execute(order_of(planned_of(*SHORT), rig, Path()), lambda *_: run, stop=stop)
     assert report.outcome == "PASS"
     assert [event.text for event in run.events if event.code == "note"] == ["smells of oil"]
-    assert json.loads(json.dumps(report.as_json(), allow_nan=False))["margins"]["input_speed"]["margin"] > 0.0
+    assert (
+        json.loads(json.dumps(report.as_json(), allow_nan=False))["margins"]["input_speed"][
+            "margin"
+        ]
+        > 0.0
+    )

@@ -36,23 +36,37 @@ def plot(*series: Series, **more: object) -> Plot:
 )
 def test_every_figure_carries_the_word_of_its_origin(origin: str, word: str) -> None:
     shown = text_of(friction_svg(origin))
-    assert (word in shown) if word else not any(w in shown for w in ("SIMULATED", "REPLAY", "IMPORTED"))
+    assert (
+        (word in shown)
+        if word
+        else not any(w in shown for w in ("SIMULATED", "REPLAY", "IMPORTED"))
+    )
 
 
 def test_the_same_data_give_the_same_bytes() -> None:
     assert figures.draw_svg(friction_plot(), "simulated", "f1").svg == friction_svg("simulated")
-    assert figures.draw_png(friction_plot(), "replay") == figures.draw_png(friction_plot(), "replay")
+    assert figures.draw_png(friction_plot(), "replay") == figures.draw_png(
+        friction_plot(), "replay"
+    )
 
 
 def test_labels_and_units_are_text_in_the_figure() -> None:
     shown = text_of(friction_svg("hardware"))
-    for word in ("Input speed [r/min]", "Torque [N m]", "measured, forward", "fit, reverse", "1000"):
+    for word in (
+        "Input speed [r/min]",
+        "Torque [N m]",
+        "measured, forward",
+        "fit, reverse",
+        "1000",
+    ):
         assert word in shown
 
 
 def test_two_figures_share_no_identifier() -> None:
     drawings = [friction_svg("simulated", name) for name in ("f1", "f2")]
-    ids = [{e.get("id") for e in ElementTree.fromstring(svg).iter() if e.get("id")} for svg in drawings]
+    ids = [
+        {e.get("id") for e in ElementTree.fromstring(svg).iter() if e.get("id")} for svg in drawings
+    ]
     assert ids[0]
     assert not ids[0] & ids[1]
 
@@ -60,7 +74,9 @@ def test_two_figures_share_no_identifier() -> None:
 def test_hostile_labels_stay_text() -> None:
     evil = 'x</text><script>alert(1)</script> $\\frac{ "quoted"\x00\x1b'
     x = np.arange(5.0)
-    made = Plot(evil, evil, evil, evil, (Series(evil, x, x), Series("b", x, x * 2, group=1)), note=evil)
+    made = Plot(
+        evil, evil, evil, evil, (Series(evil, x, x), Series("b", x, x * 2, group=1)), note=evil
+    )
     svg = figures.draw_svg(made, evil, "f1").svg
     root = ElementTree.fromstring(svg)
     assert not [e for e in root.iter() if e.tag.endswith("script")]
@@ -69,8 +85,12 @@ def test_hostile_labels_stay_text() -> None:
 
 def test_what_a_logarithmic_axis_cannot_show_is_said() -> None:
     y = np.array([1.0, 0.0, -2.0, 4.0])
-    drawing = figures.draw_svg(plot(Series("spectrum", np.arange(4.0), y, "bars"), y_scale="log"), "hardware", "f1")
-    assert drawing.remarks == ("2 values of “spectrum” are not positive and have no place on a logarithmic axis.",)
+    drawing = figures.draw_svg(
+        plot(Series("spectrum", np.arange(4.0), y, "bars"), y_scale="log"), "hardware", "f1"
+    )
+    assert drawing.remarks == (
+        "2 values of “spectrum” are not positive and have no place on a logarithmic axis.",
+    )
 
 
 @pytest.mark.parametrize("style", ["line", "points", "band", "steps", "bars"])
@@ -96,7 +116,9 @@ def test_a_day_of_samples_stays_small_and_keeps_its_peak() -> None:
     x = np.linspace(0.0, 750.0, 400_000)
     y = np.sin(x)
     y[123_457] = 50.0
-    svg = figures.draw_svg(plot(Series("raw", x, y), Series("raw", x, y, "points", group=1)), "simulated", "f1").svg
+    svg = figures.draw_svg(
+        plot(Series("raw", x, y), Series("raw", x, y, "points", group=1)), "simulated", "f1"
+    ).svg
     assert len(svg) < 400_000
     assert "50" in text_of(svg)
 

@@ -1,4 +1,6 @@
-"""The report of a gear over its life: verdict, catalogue, charts and files are read from the page and from the paper."""
+"""The report of a gear over its life: verdict, catalogue, charts and files are read from the page
+and from the paper.
+"""
 
 from __future__ import annotations
 
@@ -40,11 +42,26 @@ def life(folder: Path, values: Sequence[float] = VALUES, **more: Any) -> Path:
         write(folder, day, **{"start_time": start(day), "operator": "Ada Grün", **more})
         (run,) = folder.glob(f"{day:05d}-*.h5")
         found = estimate(RUNNING, 1e-3 * value, own=0.2e-3)
-        verdict = judge_upper("no-load running torque", "at 1000 r/min", found, LIMIT, "catalogue", "page 12")
+        verdict = judge_upper(
+            "no-load running torque", "at 1000 r/min", found, LIMIT, "catalogue", "page 12"
+        )
         options = {"torque_is_of": "gear", "channel": "torque", "tare_run": TARE["run"]}
-        result = Result(run.name.removesuffix(".h5"), "friction", {RUNNING: found}, verdicts=(verdict,), options=options)
+        result = Result(
+            run.name.removesuffix(".h5"),
+            "friction",
+            {RUNNING: found},
+            verdicts=(verdict,),
+            options=options,
+        )
         append_analysis(
-            run, result, Basis(recorded_sha256(run), "2025-11-21T05:00:00+00:00", gear_to_mapping(shipped_gear()), TARE)
+            run,
+            result,
+            Basis(
+                recorded_sha256(run),
+                "2025-11-21T05:00:00+00:00",
+                gear_to_mapping(shipped_gear()),
+                TARE,
+            ),
         )
     return folder
 
@@ -70,7 +87,9 @@ def both(context: dict[str, Any], pages: list[str]) -> tuple[str, str]:
     return squeezed(html.unescape(render_page(context))), squeezed("".join(pages))
 
 
-def test_the_verdict_of_the_newest_run_and_the_worst_state_stand_at_the_head(context: dict[str, Any]) -> None:
+def test_the_verdict_of_the_newest_run_and_the_worst_state_stand_at_the_head(
+    context: dict[str, Any],
+) -> None:
     verdict, state = context["states"]
     assert (verdict.word, verdict.style) == ("FAIL", "fail")
     assert "newest run of every kind" in verdict.sentence
@@ -81,15 +100,27 @@ def test_the_verdict_of_the_newest_run_and_the_worst_state_stand_at_the_head(con
 
 def test_page_and_paper_say_the_same(context: dict[str, Any], both: tuple[str, str]) -> None:
     wanted = [
-        context["number"], "Passport of gear A1", "FAIL", "OUT OF CONTROL", "95.25 ± 0.40 mN m", "Runs that count", "Ada Grün",
-        "upper control limit", "centre line", "out of control", "≤ 90 mN m", "page 12",
-    ]  # fmt: skip
+        context["number"],
+        "Passport of gear A1",
+        "FAIL",
+        "OUT OF CONTROL",
+        "95.25 ± 0.40 mN m",
+        "Runs that count",
+        "Ada Grün",
+        "upper control limit",
+        "centre line",
+        "out of control",
+        "≤ 90 mN m",
+        "page 12",
+    ]
     wanted += [f"{day:05d}-friction-A1" for day in range(1, len(VALUES) + 1)]
     for text in wanted:
         assert all(squeezed(text) in made for made in both), text
 
 
-def test_the_catalogue_with_the_conditions_of_both_stands_in_it(context: dict[str, Any], both: tuple[str, str]) -> None:
+def test_the_catalogue_with_the_conditions_of_both_stands_in_it(
+    context: dict[str, Any], both: tuple[str, str]
+) -> None:
     row = context["catalogue"].rows[0]
     assert row[0].startswith("running torque 1000 r/min: torque that keeps the input turning")
     assert row[1] == "95.25 ± 0.40 mN m"
@@ -101,7 +132,9 @@ def test_the_catalogue_with_the_conditions_of_both_stands_in_it(context: dict[st
         assert all(squeezed(cell) in made for cell in row[1:])
 
 
-def test_every_file_and_the_tare_stand_in_it_with_their_hashes(worn: Path, both: tuple[str, str]) -> None:
+def test_every_file_and_the_tare_stand_in_it_with_their_hashes(
+    worn: Path, both: tuple[str, str]
+) -> None:
     hashes = [recorded_sha256(run) for run in sorted(worn.glob("*.h5"))]
     assert len(set(hashes)) == len(VALUES)
     for sha256 in (*hashes, TARE["sha256"]):
@@ -110,17 +143,26 @@ def test_every_file_and_the_tare_stand_in_it_with_their_hashes(worn: Path, both:
 
 
 def test_versions_calibrations_and_definitions_stand_in_it(both: tuple[str, str]) -> None:
-    for text in ("Program version", "Git commit", "PTB-17, of 2025-02-03, due 2027-02-03", "Western Electric rule 1"):
+    for text in (
+        "Program version",
+        "Git commit",
+        "PTB-17, of 2025-02-03, due 2027-02-03",
+        "Western Electric rule 1",
+    ):
         assert all(squeezed(text) in made for made in both), text
 
 
-def test_every_page_carries_the_mark_and_none_is_signed(context: dict[str, Any], pages: list[str]) -> None:
+def test_every_page_carries_the_mark_and_none_is_signed(
+    context: dict[str, Any], pages: list[str]
+) -> None:
     assert all(text.count("SIMULATED") >= 2 for text in pages)
     assert not context["signature"].allowed
     assert not any("Approved by" in text for text in pages)
 
 
-def test_a_gear_on_hardware_can_be_signed_and_an_expired_calibration_is_an_alarm(tmp_path: Path) -> None:
+def test_a_gear_on_hardware_can_be_signed_and_an_expired_calibration_is_an_alarm(
+    tmp_path: Path,
+) -> None:
     life(tmp_path, VALUES[:2], origin="hardware", start_time="2027-03-05T09:00:00.000+00:00")
     made = gear_context(passport(tmp_path, "A1", baseline=4), created=CREATED)
     alarm = (
@@ -139,7 +181,18 @@ def test_a_gear_on_hardware_can_be_signed_and_an_expired_calibration_is_an_alarm
 def test_the_command_writes_both(worn: Path, tmp_path: Path) -> None:
     target = tmp_path / "A1.pdf"
     done = CliRunner().invoke(
-        app, ["report", "--gear", "A1", "--runs", str(worn), "--format", "both", "--output", str(target)]
+        app,
+        [
+            "report",
+            "--gear",
+            "A1",
+            "--runs",
+            str(worn),
+            "--format",
+            "both",
+            "--output",
+            str(target),
+        ],
     )
     assert done.exit_code == 0, done.output
     assert target.read_bytes().startswith(b"%PDF")
@@ -161,7 +214,9 @@ def test_a_gear_without_an_analysis_is_not_judged_and_its_files_are_listed(tmp_p
     assert made["catalogue"] is None
     (sha256,) = (recorded_sha256(run) for run in tmp_path.glob("*.h5"))
     assert sha256 in render_page(made)
-    assert sha256 in squeezed("".join(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(render_pdf(made))).pages))
+    assert sha256 in squeezed(
+        "".join(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(render_pdf(made))).pages)
+    )
 
 
 def test_an_analysis_that_is_none_is_named(tmp_path: Path) -> None:
@@ -169,6 +224,10 @@ def test_an_analysis_that_is_none_is_named(tmp_path: Path) -> None:
     found = passport(tmp_path, "A1")
     (newest,) = (tmp_path / "00001-friction-A1.analysis").iterdir()
     newest.chmod(0o644)
-    newest.write_text(newest.read_text(encoding="utf-8").replace('"verdicts"', '"verdict"').replace('"unit"', '"units"'))
+    newest.write_text(
+        newest.read_text(encoding="utf-8")
+        .replace('"verdicts"', '"verdict"')
+        .replace('"unit"', '"units"')
+    )
     with pytest.raises(RigError, match="holds no result"):
         gear_context(found, created=CREATED)

@@ -21,7 +21,14 @@ from model.units import ARCMIN
 from rig.errors import RigError
 from rig.fit import Fit
 from rig.report import content
-from rig.report.page import css_text, render_page, render_report, report_context, run_line, write_report
+from rig.report.page import (
+    css_text,
+    render_page,
+    render_report,
+    report_context,
+    run_line,
+    write_report,
+)
 from rig.report.provenance import conditions_of
 from rig.runfile.layout import Column
 from tests.rig import handmade
@@ -95,13 +102,34 @@ def test_the_page_is_well_nested_and_needs_nothing_else(page: Page) -> None:
 
 def test_what_a_laboratory_looks_for_is_there(page: Page) -> None:
     wanted = [
-        "TEST REPORT", "SN-0815", "A. Example", "PASS", "87.3 ± 2.5 mN m", "The bracket drifted by 1.2 % over the sweep.",
-        "70.3", "68.5 … 72.1", "weakly", "does not move", "torque scale (B)", "ab" * 32, "R-000042", "energy",
-        "24.0 to 26.2 °C", "60 to 3 000 r/min, both directions", "Harmonic Grease SK-1A", "Load inertia J_o",
-        "Hysteresis loss, lost motion, static torsional stiffness", "Transmission accuracy", "95 % interval",
-        "Found against the simulator's truth", "1 of 1 true values lie in the 95 % interval", "Coulomb friction F c",
-        "harmonic-rig", "Torque per speed", "needs a velocity-steps run",
-    ]  # fmt: skip
+        "TEST REPORT",
+        "SN-0815",
+        "A. Example",
+        "PASS",
+        "87.3 ± 2.5 mN m",
+        "The bracket drifted by 1.2 % over the sweep.",
+        "70.3",
+        "68.5 … 72.1",
+        "weakly",
+        "does not move",
+        "torque scale (B)",
+        "ab" * 32,
+        "R-000042",
+        "energy",
+        "24.0 to 26.2 °C",
+        "60 to 3 000 r/min, both directions",
+        "Harmonic Grease SK-1A",
+        "Load inertia J_o",
+        "Hysteresis loss, lost motion, static torsional stiffness",
+        "Transmission accuracy",
+        "95 % interval",
+        "Found against the simulator's truth",
+        "1 of 1 true values lie in the 95 % interval",
+        "Coulomb friction F c",
+        "harmonic-rig",
+        "Torque per speed",
+        "needs a velocity-steps run",
+    ]
     assert [w for w in wanted if w not in page.text] == []
 
 
@@ -126,11 +154,18 @@ def test_one_run_from_elsewhere_takes_the_signature_away() -> None:
 
 @pytest.mark.parametrize(
     ("limit", "provenance", "word"),
-    [(0.15, "catalogue", "PASS"), (0.08, "catalogue", "FAIL"), (0.088, "catalogue", "MARGINAL"),
-     (0.15, "recalled", "NOT JUDGED"), (0.01, "assumed", "NOT JUDGED")],
-)  # fmt: skip
+    [
+        (0.15, "catalogue", "PASS"),
+        (0.08, "catalogue", "FAIL"),
+        (0.088, "catalogue", "MARGINAL"),
+        (0.15, "recalled", "NOT JUDGED"),
+        (0.01, "assumed", "NOT JUDGED"),
+    ],
+)
 def test_the_verdict_stands_at_the_top(limit: float, provenance: str, word: str) -> None:
-    text = render_report([bare(result=handmade.friction_result(limit, provenance))], created=CREATED)
+    text = render_report(
+        [bare(result=handmade.friction_result(limit, provenance))], created=CREATED
+    )
     assert re.search(r'class="word" id="verdict">([A-Z ]+)<', text)[1] == word  # type: ignore[index]
     if word == "NOT JUDGED":
         assert "no verified limit" in text
@@ -151,11 +186,24 @@ def test_an_unfinished_run_is_incomplete_whatever_its_numbers(outcome: str) -> N
 
 def test_hostile_names_inject_nothing() -> None:
     evil = "</title></style><script>alert(1)</script><img src=x onerror=alert(2)>\"'{{ 7*7 }}"
-    fit = bare(gear_serial=evil, operator=evil, conditions={evil: evil}, parameters={evil: evil}, title=evil)
+    fit = bare(
+        gear_serial=evil,
+        operator=evil,
+        conditions={evil: evil},
+        parameters={evil: evil},
+        title=evil,
+    )
     gear = replace(fit.gear, name=evil)
     result = replace(fit.result, warnings=(evil,), run=evil)
-    fit = replace(fit, gear=gear, result=result, recording=replace(fit.recording, metadata=replace(
-        fit.recording.metadata, gear=gear, run_id=evil, sha256=evil)))  # fmt: skip
+    fit = replace(
+        fit,
+        gear=gear,
+        result=result,
+        recording=replace(
+            fit.recording,
+            metadata=replace(fit.recording.metadata, gear=gear, run_id=evil, sha256=evil),
+        ),
+    )
     found = Page(render_report([fit], created=evil, note=evil))
     assert "script" not in found.tags
     assert "img" not in found.tags
@@ -190,7 +238,14 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 
 def test_a_result_without_anything_makes_a_page() -> None:
-    empty = bare("imported", Result("R-1", "motion", {}), gear_serial="", operator="", start_time="", sha256="")
+    empty = bare(
+        "imported",
+        Result("R-1", "motion", {}),
+        gear_serial="",
+        operator="",
+        start_time="",
+        sha256="",
+    )
     shown = Page(render_report([replace(empty, gear_known=False)], created=CREATED)).text
     assert "Harmonic drive CSF" not in shown
     assert "not stated" in shown
@@ -203,7 +258,9 @@ def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_bot
     assert grid is not None
     quantity, measured, stated, source, here, verdict = grid.rows[0]
     rating = shipped_gear().value("ratings.transmission_accuracy")
-    assert quantity.startswith("transmission accuracy forward: largest positive plus largest negative deviation")
+    assert quantity.startswith(
+        "transmission accuracy forward: largest positive plus largest negative deviation"
+    )
     assert measured.startswith("0.84")
     assert stated == f"{rating.value / ARCMIN:g} arcmin"
     assert source.startswith("nothing on the output, low speed")
@@ -211,17 +268,24 @@ def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_bot
     assert "Harmonic Grease SK-1A" in here
     assert "housing 24.0 to 26.2 °C" in here
     assert verdict == "not judged"
-    assert [row[4] for row in grid.rows if "stiffness" in row[0]] == ["cannot be measured on this rig"] * 3
+    assert [row[4] for row in grid.rows if "stiffness" in row[0]] == [
+        "cannot be measured on this rig"
+    ] * 3
     assert "Beside the catalogue" in Page(render_page(context)).text
 
 
 def test_the_set_points_of_a_starting_torque_are_places_and_not_speeds() -> None:
     made = handmade.recording(experiment="starting-torque")
-    ramps = tuple(Segment(k, "torque-ramp", k, k + 1, k * math.pi / 4, 1 - 2 * (k % 2)) for k in range(8))
+    ramps = tuple(
+        Segment(k, "torque-ramp", k, k + 1, k * math.pi / 4, 1 - 2 * (k % 2)) for k in range(8)
+    )
     conditions = dict(conditions_of(replace(made, segments=ramps), None))
     assert conditions["Wave-generator positions"] == "8 from 0 to 315°, both directions"
     assert "Input speeds" not in conditions
-    assert dict(conditions_of(handmade.recording(), None))["Input speeds"] == "60 to 3\u202f000 r/min, both directions"
+    assert (
+        dict(conditions_of(handmade.recording(), None))["Input speeds"]
+        == "60 to 3\u202f000 r/min, both directions"
+    )
 
 
 def test_a_gear_that_is_not_known_has_no_catalogue() -> None:
@@ -232,14 +296,24 @@ def test_a_gear_that_is_not_known_has_no_catalogue() -> None:
 def test_an_expired_calibration_is_said_at_the_top_and_a_missing_one_of_hardware_too() -> None:
     fit = bare("hardware")
     columns = (
-        Column("torque", "N m", "int32", 1e-3, 0.0, calibration=Calibration("C-7", "2020-01-01", "2021-01-01")),
+        Column(
+            "torque",
+            "N m",
+            "int32",
+            1e-3,
+            0.0,
+            calibration=Calibration("C-7", "2020-01-01", "2021-01-01"),
+        ),
         Column("input_angle", "rad", "int32", 1e-3, 0.0),
         Column("statusword", "1", "int32", 1.0, 0.0),
     )
     object.__setattr__(fit.recording.source, "columns", columns)
     text = render_report([fit], created=CREATED)
     shown = Page(text).text
-    assert "The calibration of torque (C-7) was due on 2021-01-01: EXPIRED WHEN THE RUN BEGAN." in shown
+    assert (
+        "The calibration of torque (C-7) was due on 2021-01-01: EXPIRED WHEN THE RUN BEGAN."
+        in shown
+    )
     assert "Input angle has no calibration certificate." in shown
     assert "Statusword" not in shown
     assert text.index("EXPIRED WHEN") < text.index('id="summary"')
@@ -268,12 +342,16 @@ def test_every_page_names_the_runs_letter_for_letter() -> None:
 def test_runs_of_more_than_one_gear_under_one_verdict_are_said_loudly() -> None:
     fits = [bare(gear_serial="A1"), bare(result=handmade.kinematic_result(), gear_serial="B2")]
     context = report_context(fits, created=CREATED)
-    assert context["alarms"] == ("These runs are of more than one gear (B2, A1): the verdict covers them together.",)
+    assert context["alarms"] == (
+        "These runs are of more than one gear (B2, A1): the verdict covers them together.",
+    )
     assert "of more than one gear (B2, A1)" in Page(render_page(context)).text
 
 
 def test_every_printed_page_of_a_run_that_is_none_from_hardware_is_marked() -> None:
-    simulated, hardware = (render_report([bare(origin)], created=CREATED) for origin in ("simulated", "hardware"))
+    simulated, hardware = (
+        render_report([bare(origin)], created=CREATED) for origin in ("simulated", "hardware")
+    )
     assert '<div class="watermark" aria-hidden="true">SIMULATED</div>' in simulated
     assert '@top-center { content: "SIMULATED"' in simulated
     assert 'class="watermark"' not in hardware
@@ -292,7 +370,10 @@ def test_a_budget_of_more_sources_than_quantities_goes_down_the_page() -> None:
     few = {name: handmade.friction_result().estimates[name] for name in ("F_c", "running_torque")}
     sources = tuple(BudgetLine(f"source {k}", "B", 0.1) for k in range(9))
     few = {name: replace(one, budget=(*one.budget, *sources)) for name, one in few.items()}
-    down, across = content.budget_grid(few), content.budget_grid(handmade.friction_result().estimates)
+    down, across = (
+        content.budget_grid(few),
+        content.budget_grid(handmade.friction_result().estimates),
+    )
     assert down is not None
     assert across is not None
     assert down.columns == ("Source (type)", "F_c [N]", "running torque [mN m]")

@@ -1,4 +1,6 @@
-"""The report on paper: the same words and numbers as on screen, marked on every page, deaf to what looks like markup."""
+"""The report on paper: the same words and numbers as on screen, marked on every page, deaf to what
+looks like markup.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,9 @@ def printed(fits: Sequence[Fit], *, annex: bool = False, **more: Any) -> Paper:
         context |= {"parameter_sets": ()}
     made = render_pdf(context)
     assert made.startswith(b"%PDF")
-    return Paper(context, tuple(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(made)).pages))
+    return Paper(
+        context, tuple(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(made)).pages)
+    )
 
 
 @cache
@@ -65,7 +69,13 @@ def paper(origin: Origin) -> Paper:
 def test_it_has_the_numbers_of_the_page() -> None:
     found = paper("simulated")
     context, text = found.context, found.text
-    for wanted in (context["number"], context["overall"].word, "SN-0815", "HarmonicGreaseSK-1A", "A.Example"):
+    for wanted in (
+        context["number"],
+        context["overall"].word,
+        "SN-0815",
+        "HarmonicGreaseSK-1A",
+        "A.Example",
+    ):
         assert squeezed(wanted) in text, wanted
     for line in context["verdicts"]:
         assert squeezed(line.value) in text
@@ -77,7 +87,11 @@ def test_it_has_the_numbers_of_the_page() -> None:
 
 
 def test_hashes_stand_whole_in_one_line() -> None:
-    assert any("ab" * 32 in line for page in paper("simulated").pages for line in page.replace("\u200b", "").splitlines())
+    assert any(
+        "ab" * 32 in line
+        for page in paper("simulated").pages
+        for line in page.replace("\u200b", "").splitlines()
+    )
 
 
 def test_the_catalogue_stands_beside_the_results() -> None:
@@ -89,8 +103,12 @@ def test_the_catalogue_stands_beside_the_results() -> None:
     assert found.text.index(squeezed(grid.title)) < found.text.index("Summary")
 
 
-@pytest.mark.parametrize(("origin", "word"), [("simulated", "SIMULATED"), ("replay", "REPLAY"), ("imported", "IMPORTED")])
-def test_what_is_no_measurement_says_so_on_every_page_and_is_not_signed(origin: Origin, word: str) -> None:
+@pytest.mark.parametrize(
+    ("origin", "word"), [("simulated", "SIMULATED"), ("replay", "REPLAY"), ("imported", "IMPORTED")]
+)
+def test_what_is_no_measurement_says_so_on_every_page_and_is_not_signed(
+    origin: Origin, word: str
+) -> None:
     found = paper(origin).pages
     # In the footer, across the page, and on the figures.
     assert all(page.count(word) >= 2 for page in found)
@@ -113,32 +131,56 @@ def test_every_page_is_numbered_and_names_its_runs() -> None:
 
 def test_an_expired_calibration_is_loud_and_an_unsealed_file_is_not_signed() -> None:
     fit = handmade.fit("hardware", replace(handmade.friction_result(), plots=()), sha256="")
-    column = Column("torque", "N m", "int32", 1e-3, 0.0, calibration=Calibration("C-7", "2020-01-01", "2021-01-01"))
+    column = Column(
+        "torque",
+        "N m",
+        "int32",
+        1e-3,
+        0.0,
+        calibration=Calibration("C-7", "2020-01-01", "2021-01-01"),
+    )
     object.__setattr__(fit.recording.source, "columns", (column,))
     found = printed([fit])
-    alarm = squeezed("The calibration of torque (C-7) was due on 2021-01-01: EXPIRED WHEN THE RUN BEGAN.")
-    assert squeezed(found.pages[0]).index(alarm) < squeezed(found.pages[0]).index("Judgedquantities")
+    alarm = squeezed(
+        "The calibration of torque (C-7) was due on 2021-01-01: EXPIRED WHEN THE RUN BEGAN."
+    )
+    assert squeezed(found.pages[0]).index(alarm) < squeezed(found.pages[0]).index(
+        "Judgedquantities"
+    )
     assert squeezed("C-7, of 2020-01-01, due 2021-01-01: EXPIRED WHEN THE RUN BEGAN") in found.text
     assert "Approvedby" not in found.text
     assert squeezed("Not sealed, so that it could still change: R-000042") in found.text
 
 
 HOSTILE = (
-    '#import "x": *', "$ x^2 $ *bold* _it_ @ref <label>", "\\u{1F600} \\ `raw` \"]#panic()", "<script>alert(1)</script>",
-    "\x07\x00tab\tbell", "= heading // comment", "a_b~c--d'e",
-)  # fmt: skip
+    '#import "x": *',
+    "$ x^2 $ *bold* _it_ @ref <label>",
+    '\\u{1F600} \\ `raw` "]#panic()',
+    "<script>alert(1)</script>",
+    "\x07\x00tab\tbell",
+    "= heading // comment",
+    "a_b~c--d'e",
+)
 
 
 def test_text_that_looks_like_markup_comes_out_as_it_stands() -> None:
     serial, operator, lubricant, fact, warning, run, note = HOSTILE
     result = replace(handmade.friction_result(), plots=(), warnings=(warning,), run=run)
     fit = handmade.fit(
-        "simulated", result, gear_serial=serial, operator=operator, conditions={fact: lubricant}, run_id=run, title=note
+        "simulated",
+        result,
+        gear_serial=serial,
+        operator=operator,
+        conditions={fact: lubricant},
+        run_id=run,
+        title=note,
     )
     found = printed([replace(fit, gear=replace(fit.gear, name=note))], note=note)
     for wanted in HOSTILE:
         plain = "".join(c for c in wanted if c.isprintable() or c == " ")
-        assert squeezed(plain) in found.text or squeezed(plain[:1].upper() + plain[1:]) in found.text, wanted
+        assert (
+            squeezed(plain) in found.text or squeezed(plain[:1].upper() + plain[1:]) in found.text
+        ), wanted
 
 
 def test_the_same_content_gives_the_same_plain_values() -> None:
@@ -153,20 +195,35 @@ def test_nothing_stands_in_the_margins() -> None:
     """Long numbers of runs, long words and tables of many columns stay within the text of their page."""
     long = "W" * 60
     tables = tuple(
-        Table(f"wide{n}", f"{n} columns", tuple(f"column {k} [mN m]" for k in range(n)), ((0.123456,) * n,) * 40)
+        Table(
+            f"wide{n}",
+            f"{n} columns",
+            tuple(f"column {k} [mN m]" for k in range(n)),
+            ((0.123456,) * n,) * 40,
+        )
         for n in (18, 40)
     )
     named = {"run": f"00042-friction-{long}", "warnings": (long * 9,)}
     result = replace(handmade.friction_result(), tables=tables, plots=(), **named)
-    more = {"gear_serial": long, "operator": long, "process": {"git_commit": "0123456789" * 4, "backend": long},
-            "conditions": {long: long * 3, "note": "word " * 300}}  # fmt: skip
-    fits = [handmade.fit(result=result, **more), handmade.fit(result=handmade.kinematic_result(), **more)]
+    more = {
+        "gear_serial": long,
+        "operator": long,
+        "process": {"git_commit": "0123456789" * 4, "backend": long},
+        "conditions": {long: long * 3, "note": "word " * 300},
+    }
+    fits = [
+        handmade.fit(result=result, **more),
+        handmade.fit(result=handmade.kinematic_result(), **more),
+    ]
     crosswise = 0
     for page in draw_pages(report_context(fits, created=CREATED), 72.0):
         picture = imread(io.BytesIO(page))[:, :, :3].min(axis=2)
         height, width = picture.shape
         crosswise += width > height
-        across, down = width / (297.0 if width > height else 210.0), height / (210.0 if width > height else 297.0)
+        across, down = (
+            width / (297.0 if width > height else 210.0),
+            height / (210.0 if width > height else 297.0),
+        )
         left, bottom, top = round(17.0 * across), round(7.0 * down), round(8.0 * down)
         # The mark across the page is pale; ink is not.
         assert picture[:, :left].min() > 0.6

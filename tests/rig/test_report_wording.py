@@ -14,7 +14,9 @@ from rig.report.wording import fixed, metric, number, pretty, printable, readabl
 
 
 def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
-    return Estimate(name, value, unit, value - 2 * u, value + 2 * u, budget=(BudgetLine("a", "A", u),))
+    return Estimate(
+        name, value, unit, value - 2 * u, value + 2 * u, budget=(BudgetLine("a", "A", u),)
+    )
 
 
 @pytest.mark.parametrize(
@@ -22,7 +24,10 @@ def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
     [
         (estimate("F_c", 70.31, "N", 0.9), "70.3 ± 1.8 N"),
         (estimate("running_torque", 0.08734, "N m", 0.0005), "87.3 ± 1.0 mN m"),
-        (estimate("transmission_accuracy", 0.84 * ARCMIN, "rad", 0.01 * ARCMIN), "0.840 ± 0.020 arcmin"),
+        (
+            estimate("transmission_accuracy", 0.84 * ARCMIN, "rad", 0.01 * ARCMIN),
+            "0.840 ± 0.020 arcmin",
+        ),
         (estimate("phase_2", 30 * DEGREE, "rad", 0.5 * DEGREE), "30.0 ± 1.0 °"),
         (estimate("amplitude_2", 1e-4, "rad", 1e-6), "20.63 ± 0.41 arcsec"),
         (estimate("K_over_J", 463_200.0, "rad2/s2", 1230.0), "463\u202f200 ± 2\u202f460 rad²/s²"),
@@ -36,7 +41,11 @@ def test_an_estimate_is_rounded_by_its_uncertainty(made: Estimate, text: str) ->
     assert show(made).with_uncertainty == text
 
 
-@given(st.floats(1e-12, 1e12), st.floats(1e-12, 1e12), st.sampled_from(["N", "rad", "N m", "m", "1", "kg m2", "rad/s"]))
+@given(
+    st.floats(1e-12, 1e12),
+    st.floats(1e-12, 1e12),
+    st.sampled_from(["N", "rad", "N m", "m", "1", "kg m2", "rad/s"]),
+)
 def test_any_estimate_reads_back_to_itself(value: float, u: float, unit: str) -> None:
     shown = show(estimate("speed", value, unit, u))
     back = float(shown.value.replace("\u202f", "").replace("−", "-")) * shown.scale
@@ -62,13 +71,26 @@ def test_words_and_truths_stay_words() -> None:
 
 
 def test_symbols_of_the_paper_stay_symbols() -> None:
-    assert [readable(n) for n in ("F_c", "K_HDf", "torque_balance")] == ["F_c", "K_HDf", "torque balance"]
-    assert [readable(n) for n in ("amplitude_2-1/N", "phase_2")] == ["order 2-1/N, amplitude", "order 2, phase"]
+    assert [readable(n) for n in ("F_c", "K_HDf", "torque_balance")] == [
+        "F_c",
+        "K_HDf",
+        "torque balance",
+    ]
+    assert [readable(n) for n in ("amplitude_2-1/N", "phase_2")] == [
+        "order 2-1/N, amplitude",
+        "order 2, phase",
+    ]
     assert readable("running_torque_2000_rpm") == "running torque 2000 r/min"
 
 
 def test_units_are_printed_with_powers() -> None:
-    assert [pretty(u) for u in ("mm2/s", "kg/m3", "kg m2", "1/s2", "m")] == ["mm²/s", "kg/m³", "kg m²", "1/s²", "m"]
+    assert [pretty(u) for u in ("mm2/s", "kg/m3", "kg m2", "1/s2", "m")] == [
+        "mm²/s",
+        "kg/m³",
+        "kg m²",
+        "1/s²",
+        "m",
+    ]
 
 
 def test_figures_of_merit_have_their_unit() -> None:

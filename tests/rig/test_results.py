@@ -12,10 +12,23 @@ import numpy as np
 import pytest
 
 from rig.errors import RunFileError
-from rig.results import Basis, analysis_folder, append_analysis, json_ready, json_text, read_analyses
+from rig.results import (
+    Basis,
+    analysis_folder,
+    append_analysis,
+    json_ready,
+    json_text,
+    read_analyses,
+)
 from tests.rig.handmade import friction_result, kinematic_result
 
-BASIS = Basis("cd" * 32, "2024-03-02T09:00:00+01:00", {"name": "CSF-25"}, {"run": "R-1", "sha256": "ef" * 32}, {"a": 1})
+BASIS = Basis(
+    "cd" * 32,
+    "2024-03-02T09:00:00+01:00",
+    {"name": "CSF-25"},
+    {"run": "R-1", "sha256": "ef" * 32},
+    {"a": 1},
+)
 
 
 def test_analyses_are_numbered_beside_the_run(tmp_path: Path) -> None:
@@ -65,7 +78,9 @@ def test_a_number_that_another_program_has_taken_is_left_to_it(tmp_path: Path) -
     append_analysis(run, friction_result(), BASIS)
     from rig import results
 
-    stored = results._write_next(analysis_folder(run), {"format": results.STORE_FORMAT, "kind": "x"}, 1)
+    stored = results._write_next(
+        analysis_folder(run), {"format": results.STORE_FORMAT, "kind": "x"}, 1
+    )
     assert stored.number == 2
 
 
@@ -87,7 +102,12 @@ def test_a_folder_that_cannot_be_made_is_an_error_of_one_sentence(tmp_path: Path
 
 @pytest.mark.parametrize(
     ("run", "folder"),
-    [("a.h5", "a.analysis"), ("a.h5.part", "a.analysis"), ("a.b.h5", "a.b.analysis"), ("a.nxs", "a.analysis")],
+    [
+        ("a.h5", "a.analysis"),
+        ("a.h5.part", "a.analysis"),
+        ("a.b.h5", "a.b.analysis"),
+        ("a.nxs", "a.analysis"),
+    ],
 )
 def test_the_folder_follows_the_name_of_the_run(run: str, folder: str) -> None:
     assert analysis_folder(run).name == folder
@@ -103,5 +123,12 @@ def test_everything_becomes_json_that_every_reader_accepts() -> None:
         "path": Path("a"),
     }
     found = json.loads(json_text(odd))
-    assert found == {"nan": None, "inf": None, "int": 3, "array": [1.0, None], "5": [[1]], "path": "a"}
+    assert found == {
+        "nan": None,
+        "inf": None,
+        "int": 3,
+        "array": [1.0, None],
+        "5": [[1]],
+        "path": "a",
+    }
     assert json_ready(True) is True

@@ -53,8 +53,12 @@ def test_flags_come_from_the_parameter_model() -> None:
     ]
     values = read_flags("friction", fields, given)
     assert values == {
-        "lowest_rpm": "5", "highest_rpm": "100", "up_and_down": False, "speeds_rpm": "10 20 30", "points": "4",
-    }  # fmt: skip
+        "lowest_rpm": "5",
+        "highest_rpm": "100",
+        "up_and_down": False,
+        "speeds_rpm": "10 20 30",
+        "points": "4",
+    }
     assert read_flags("friction", fields, ["--up-and-down"]) == {"up_and_down": True}
     assert read_flags("friction", fields, ["--up-and-down", "no", "--points", "2"]) == {
         "up_and_down": "no",
@@ -89,7 +93,11 @@ def test_a_plan_in_json_is_one_object(capsys: pytest.CaptureFixture[str]) -> Non
     assert plan["protocol"] == "velocity-steps"
     assert plan["parameters"]["repeats"] == 1
     assert plan["duration"]["nominal"] < plan["duration"]["longest"]
-    assert {margin["quantity"] for margin in plan["margins"]} >= {"input_speed", "motor_torque", "torsion_torque"}
+    assert {margin["quantity"] for margin in plan["margins"]} >= {
+        "input_speed",
+        "motor_torque",
+        "torsion_torque",
+    }
     assert plan["limits"]["motor_torque"]["tier"] == "rig"
 
 
@@ -165,9 +173,14 @@ def test_a_run_on_the_simulated_rig(capsys: pytest.CaptureFixture[str], tmp_path
 
 def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
     request = RunRequest(
-        "starting-torque", shipped_gear(), shipped_motor(), tmp_path, {"positions": 1, "zero_time": 0.5},
-        gear_serial="G1", seed=5,
-    )  # fmt: skip
+        "starting-torque",
+        shipped_gear(),
+        shipped_motor(),
+        tmp_path,
+        {"positions": 1, "zero_time": 0.5},
+        gear_serial="G1",
+        seed=5,
+    )
 
     def counts(**changes: object) -> bytes:
         from dataclasses import replace
@@ -190,7 +203,9 @@ def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
 
 def test_what_the_rig_knows_is_not_asked_for_twice() -> None:
     gear, motor = shipped_gear(), shipped_motor()
-    request = RunRequest("kinematic-error", gear, motor, Path(), {}, mounting="flexspline-fixed", sample_rate=500.0)
+    request = RunRequest(
+        "kinematic-error", gear, motor, Path(), {}, mounting="flexspline-fixed", sample_rate=500.0
+    )
     planned = plan_request(request)
     assert planned.parameters.mounting == "flexspline-fixed"
     assert planned.parameters.sync_rate == 500.0
@@ -204,7 +219,9 @@ def test_an_unknown_rig_lists_those_there_are() -> None:
     assert "sim" in BACKENDS
 
 
-@pytest.mark.parametrize(("seconds", "words"), [(47.6, "48 s"), (725.0, "12 min 05 s"), (9000.0, "2 h 30 min")])
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(47.6, "48 s"), (725.0, "12 min 05 s"), (9000.0, "2 h 30 min")]
+)
 def test_durations_are_told_as_people_say_them(seconds: float, words: str) -> None:
     assert in_words(seconds) == words
 
@@ -225,14 +242,26 @@ def test_the_progress_line_needs_a_terminal(
     assert "warning: beware [of] brackets" in capsys.readouterr().err
 
 
-@pytest.mark.skipif(os.name == "nt", reason="a console process cannot be sent Ctrl-C alone on Windows")
+@pytest.mark.skipif(
+    os.name == "nt", reason="a console process cannot be sent Ctrl-C alone on Windows"
+)
 def test_ctrl_c_is_a_stop_and_the_file_is_sealed_as_aborted(tmp_path: Path) -> None:
     # Long enough that nobody's computer finishes it before the signal.
-    command = [sys.executable, "-c", "from rig.main import run; run()", "run", "warm-up", "--at-most", "86400"]
+    command = [
+        sys.executable,
+        "-c",
+        "from rig.main import run; run()",
+        "run",
+        "warm-up",
+        "--at-most",
+        "86400",
+    ]
     command += ["--tolerance", "1e-9", "--window", "60", "--output", str(tmp_path), "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60.0
-    while not list(tmp_path.glob("*.part")) and time.monotonic() < deadline and process.poll() is None:
+    while (
+        not list(tmp_path.glob("*.part")) and time.monotonic() < deadline and process.poll() is None
+    ):
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(0.05)
     process.send_signal(signal.SIGINT)
@@ -259,5 +288,10 @@ def test_the_card_of_a_gear_tells_a_run_its_mounting_and_its_conditions(
     assert request.conditions["lubricant"] == "SK-1A"
     assert "never been confirmed" in capsys.readouterr().err
     with pytest.raises(ConfigurationError, match="rig gear set"):
-        request_of("friction", {}, output=tmp_path, gear_serial="SN-7", mounting="circular-spline-fixed")
-    assert request_of("friction", {}, output=tmp_path, gear_serial="SN-8").mounting == "circular-spline-fixed"
+        request_of(
+            "friction", {}, output=tmp_path, gear_serial="SN-7", mounting="circular-spline-fixed"
+        )
+    assert (
+        request_of("friction", {}, output=tmp_path, gear_serial="SN-8").mounting
+        == "circular-spline-fixed"
+    )

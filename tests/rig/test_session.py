@@ -27,7 +27,11 @@ from rig.runfile.read import close_recording, open_run
 from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
 from tests.rig.test_engine import EVERYTHING
 
-SHORT: tuple[Step, ...] = (Ramp(20.0, 500.0), HoldTime(0.5, SegmentLabel("hold", 20.0, 1)), Ramp(0.0, 500.0))
+SHORT: tuple[Step, ...] = (
+    Ramp(20.0, 500.0),
+    HoldTime(0.5, SegmentLabel("hold", 20.0, 1)),
+    Ramp(0.0, 500.0),
+)
 
 
 def run_short(rig: FakeRig | None = None, **more: object) -> tuple[ListRun, RunReport]:
@@ -49,15 +53,21 @@ LABELS = [s.segment.label for s in EVERYTHING if getattr(s, "segment", None) is 
 
 @pytest.mark.parametrize("label", LABELS)
 @pytest.mark.parametrize("word", ["STOP", "ABORT"])
-def test_stop_and_abort_at_every_kind_of_step(word: str, label: str, segments: dict[str, int], tmp_path: Path) -> None:
+def test_stop_and_abort_at_every_kind_of_step(
+    word: str, label: str, segments: dict[str, int], tmp_path: Path
+) -> None:
     stop = StopRequest()
     row = segments[label]
     rig = FakeRig({row: lambda _: stop.stop() if word == "STOP" else stop.abort()})
-    report = execute(order_of(planned_of(*EVERYTHING), rig, tmp_path, 20), begin_inline_run, stop=stop)
+    report = execute(
+        order_of(planned_of(*EVERYTHING), rig, tmp_path, 20), begin_inline_run, stop=stop
+    )
     assert report.outcome == "ABORTED"
     assert report.safe, report.message
     assert report.make_safe is not None
-    assert report.make_safe.action is (Action.CONTROLLED_STOP if word == "STOP" else Action.QUICK_STOP)
+    assert report.make_safe.action is (
+        Action.CONTROLLED_STOP if word == "STOP" else Action.QUICK_STOP
+    )
     assert report.make_safe.verified_by == ("statusword", "input_angle", "output_angle")
     assert rig.physics.speed == 0.0
     assert rig.physics.state is DriveState.READY
@@ -221,7 +231,9 @@ def test_a_completed_run_is_judged_by_its_analysis(outcome: str) -> None:
     assert judged == [run.part]
 
 
-@pytest.mark.parametrize("error", [AnalysisError("too short"), RigError("unreadable"), ZeroDivisionError("a defect")])
+@pytest.mark.parametrize(
+    "error", [AnalysisError("too short"), RigError("unreadable"), ZeroDivisionError("a defect")]
+)
 def test_an_analysis_that_fails_never_costs_the_data(error: Exception) -> None:
     def judge(path: Path) -> Judgement:
         raise error
@@ -242,7 +254,9 @@ def test_a_run_that_was_cut_is_not_judged() -> None:
 
 
 def test_what_is_kept_is_everything_in_order(tmp_path: Path) -> None:
-    order = order_of(planned_of(*SHORT), FakeRig(), tmp_path, operator="Ada", gear_serial="G7", seed=3)
+    order = order_of(
+        planned_of(*SHORT), FakeRig(), tmp_path, operator="Ada", gear_serial="G7", seed=3
+    )
     report = execute(order, begin_inline_run)
     recording = open_run(report.path, verify=True)
     metadata = recording.metadata
@@ -272,7 +286,10 @@ def test_progress_and_events_are_told() -> None:
     left = [progress.left for progress in seen]
     assert all(later <= earlier + 1e-9 for earlier, later in itertools.pairwise(left))
     assert seen[-1].what == "making safe"
-    assert any(progress.what.startswith("hold") and progress.speed == pytest.approx(20.0, rel=0.1) for progress in seen)
+    assert any(
+        progress.what.startswith("hold") and progress.speed == pytest.approx(20.0, rel=0.1)
+        for progress in seen
+    )
     assert any(event.code == "made-safe" for event in events)
 
 

@@ -1,4 +1,6 @@
-"""The simulated rig as a process of its own: another CANopen stack joins, the readout answers, it ends when it is told to."""
+"""The simulated rig as a process of its own: another CANopen stack joins, the readout answers, it
+ends when it is told to.
+"""
 
 from __future__ import annotations
 
@@ -32,9 +34,28 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     folder = tmp_path_factory.mktemp("served")
-    options = ["--port", "0", "--readout", "socket", "--json", "--eds", str(folder / "eds"), "--lifetime", "60"]
+    options = [
+        "--port",
+        "0",
+        "--readout",
+        "socket",
+        "--json",
+        "--eds",
+        str(folder / "eds"),
+        "--lifetime",
+        "60",
+    ]
     options += ["--fault", f"EMCY@{FAULT_AT}"]
-    command = [sys.executable, "-m", "rig", "sim", "serve", *options, "--config-out", str(folder / "rig.toml")]
+    command = [
+        sys.executable,
+        "-m",
+        "rig",
+        "sim",
+        "serve",
+        *options,
+        "--config-out",
+        str(folder / "rig.toml"),
+    ]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, cwd=ROOT) as process:
         assert process.stdout is not None
@@ -43,7 +64,10 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]
         yield {**told, "folder": folder}
         # Somebody is still connected, and somebody else to the readout's line.
         readout = int(told["readout"].rpartition(":")[2])
-        with socket.create_connection((told["host"], told["port"])), socket.create_connection((told["host"], readout)):
+        with (
+            socket.create_connection((told["host"], told["port"])),
+            socket.create_connection((told["host"], readout)),
+        ):
             process.send_signal(signal.SIGTERM)
             assert process.wait(10.0) == 0
         assert process.stderr.read() == ""
@@ -51,8 +75,12 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]
 
 def test_another_stack_joins_and_reads_the_identity(served: dict[str, Any]) -> None:
     bus = can.Bus(
-        interface="socketcand", host=served["host"], port=served["port"], channel=served["channel"], tcp_tune=True
-    )  # fmt: skip
+        interface="socketcand",
+        host=served["host"],
+        port=served["port"],
+        channel=served["channel"],
+        tcp_tune=True,
+    )
     network = canopen.Network()
     network.bus = bus
     network.notifier = can.Notifier(bus, network.listeners, 0.1)
@@ -115,25 +143,36 @@ def test_a_description_without_a_readout_is_one_too(tmp_path: Path) -> None:
 
     path = tmp_path / "rig.toml"
     served = Served("127.0.0.1", 1, "can0", "", {}, "")
-    path.write_text(description_of(served, BenchRequest(shipped_gear(), shipped_motor(), sample_rate=250.0)), encoding="utf-8")
+    path.write_text(
+        description_of(served, BenchRequest(shipped_gear(), shipped_motor(), sample_rate=250.0)),
+        encoding="utf-8",
+    )
     assert load_configuration(path).rig.sample_rate_hz == 250.0
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        ["--host", "0.0.0.0"], ["--mounting", "upside-down"], ["--port", "70000"], ["--fault", "EMCY"],
-        ["--fault", "disk full@10"], ["--fault", "EMCY@soon"],
+        ["--host", "0.0.0.0"],
+        ["--mounting", "upside-down"],
+        ["--port", "70000"],
+        ["--fault", "EMCY"],
+        ["--fault", "disk full@10"],
+        ["--fault", "EMCY@soon"],
     ],
-)  # fmt: skip
-def test_what_cannot_be_served_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+)
+def test_what_cannot_be_served_is_refused(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as refused:
         main.run(["sim", "serve", "--lifetime", "0", *words])
     assert refused.value.code == 2
     assert words[0] in capsys.readouterr().err
 
 
-def test_a_port_that_is_taken_is_said(served: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_that_is_taken_is_said(
+    served: dict[str, Any], capsys: pytest.CaptureFixture[str]
+) -> None:
     with pytest.raises(SystemExit) as refused:
         main.run(["sim", "serve", "--port", str(served["port"]), "--lifetime", "0"])
     assert refused.value.code == 6

@@ -29,8 +29,11 @@ from tests.rig.fake_rig import INCOMPLETE, FakeRig, ListRun, order_of, planned_o
 AT = 1000
 """Cycle at which things go wrong: the input turns at 40 rad/s then."""
 PLAN: tuple[Step, ...] = (
-    Ramp(40.0, 500.0), HoldTime(3.0, SegmentLabel("hold", 40.0, 1)), Ramp(0.0, 500.0), HoldTime(0.1)
-)  # fmt: skip
+    Ramp(40.0, 500.0),
+    HoldTime(3.0, SegmentLabel("hold", 40.0, 1)),
+    Ramp(0.0, 500.0),
+    HoldTime(0.1),
+)
 
 
 def run_with(
@@ -87,7 +90,11 @@ CASES: list[tuple[str, FakeRig, int]] = [
     (trips.DISAGREEMENT, at(AT, freeze_output), 20),
     (trips.OVER_TEMPERATURE, at(AT, physics(temperature=90.0)), 12),
     (trips.DRIVE_FAULT, at(AT, physics(fault=True)), 2),
-    (trips.UNEXPECTED_STATE, at(AT, physics(state=DriveState.SWITCH_ON_DISABLED, wait=-(10**6))), 2),
+    (
+        trips.UNEXPECTED_STATE,
+        at(AT, physics(state=DriveState.SWITCH_ON_DISABLED, wait=-(10**6))),
+        2,
+    ),
     (trips.FOLLOWING_ERROR, at(AT, physics(blocked=True)), 500),
     (STALE_DATA, at(AT, physics(flags=INCOMPLETE)), 8),
     (trips.MISSED_CYCLES, at(AT, lose_cycles), 60),
@@ -101,7 +108,9 @@ CASES: list[tuple[str, FakeRig, int]] = [
 
 @pytest.mark.parametrize(("cause", "rig", "within"), CASES, ids=[case[0] for case in CASES])
 def test_every_trip_is_found_named_and_made_safe(cause: str, rig: FakeRig, within: int) -> None:
-    steps = (Ramp(40.0, 500.0), HoldTime(40.0), Ramp(0.0, 500.0)) if cause == trips.OVERLOAD else PLAN
+    steps = (
+        (Ramp(40.0, 500.0), HoldTime(40.0), Ramp(0.0, 500.0)) if cause == trips.OVERLOAD else PLAN
+    )
     watch = Watch(thermal_time=2.0) if cause == trips.OVERLOAD else None
     rig.script[AT + within] = lambda r: None
     run, report = run_with(rig, *steps, watch=watch)
@@ -166,7 +175,9 @@ def test_leaving_the_planned_travel_trips() -> None:
         e if e.quantity != lim.INPUT_SPEED else Limit(e.quantity, 500.0, e.tier, e.origin)
         for e in planned.limits.entries
     ]
-    order = replace(order, planned=replace(planned, limits=replace(planned.limits, entries=tuple(wide))))
+    order = replace(
+        order, planned=replace(planned, limits=replace(planned.limits, entries=tuple(wide)))
+    )
     report = execute(order, lambda *_: run)
     assert report.trip is not None
     assert report.trip.cause == trips.TRAVEL
@@ -224,7 +235,12 @@ def test_a_rig_that_returns_nothing_is_given_up() -> None:
 
 def test_a_disk_that_fills_up_trips_before_it_is_full() -> None:
     _, report = run_with(
-        FakeRig(), Ramp(5.0, 100.0), HoldTime(25.0), Ramp(0.0, 100.0), block=500, free_space=lambda: 5_000_000
+        FakeRig(),
+        Ramp(5.0, 100.0),
+        HoldTime(25.0),
+        Ramp(0.0, 100.0),
+        block=500,
+        free_space=lambda: 5_000_000,
     )
     assert report.trip is not None
     assert report.trip.cause == trips.DISK_SPACE
@@ -291,7 +307,9 @@ def test_margins_tell_how_near_it_came() -> None:
 
 def _supervisor(rig: FakeRig, travel: tuple[float, float] = (-math.inf, math.inf)) -> Supervisor:
     limits = planned_of(*PLAN).limits
-    return Supervisor(rig.channels, rig.cycle_ns, limits, Geometry(120.0, -1, 57000.0, 3.0e-4), travel)
+    return Supervisor(
+        rig.channels, rig.cycle_ns, limits, Geometry(120.0, -1, 57000.0, 3.0e-4), travel
+    )
 
 
 def _turn() -> Turn:
@@ -309,7 +327,11 @@ def test_stale_data_and_masked_states_are_found_whatever_the_cut(size: int) -> N
     counts[30, column] = 0x0637
     counts[35:, column] = 0x0233
     state = Bound(trips.UNEXPECTED_STATE, {"statusword": 1.0}, 0x27 - 0.5, 0x27 + 0.5, mask=0x6F)
-    for guard, row in ((Guard((), stale_cycles=5), 12), (Guard((state,)), 35), (Guard((state,), stale_cycles=6), 35)):
+    for guard, row in (
+        (Guard((), stale_cycles=5), 12),
+        (Guard((state,)), 35),
+        (Guard((state,), stale_cycles=6), 35),
+    ):
         watch, found = GuardWatch(channels), None
         for start in range(0, 40, size):
             rows = slice(start, start + size)

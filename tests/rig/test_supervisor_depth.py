@@ -1,4 +1,6 @@
-"""What the supervisor sees beyond one cycle: heat, torque port, a lost clock, what devices tell, how near each limit came."""
+"""What the supervisor sees beyond one cycle: heat, torque port, a lost clock, what devices tell,
+how near each limit came.
+"""
 
 from __future__ import annotations
 
@@ -119,9 +121,18 @@ def test_how_near_every_limit_came_is_told_live_and_in_the_report() -> None:
     seen: list[Progress] = []
     _, report = run_with(FakeRig(), on_progress=seen.append)
     expected = {
-        lim.INPUT_SPEED, lim.MOTOR_TORQUE, lim.TORSION_TORQUE, lim.RMS_TORQUE, lim.HOUSING_TEMPERATURE, margins.OUTPUT_SPEED,
-        margins.TRAVEL, margins.FOLLOWING, margins.STALE, margins.MISSED, margins.DIFFERENCE,
-    }  # fmt: skip
+        lim.INPUT_SPEED,
+        lim.MOTOR_TORQUE,
+        lim.TORSION_TORQUE,
+        lim.RMS_TORQUE,
+        lim.HOUSING_TEMPERATURE,
+        margins.OUTPUT_SPEED,
+        margins.TRAVEL,
+        margins.FOLLOWING,
+        margins.STALE,
+        margins.MISSED,
+        margins.DIFFERENCE,
+    }
     assert expected == set(report.margins)
     for found in report.margins.values():
         assert found["margin"] == pytest.approx(1.0 - found["peak"] / found["limit"])

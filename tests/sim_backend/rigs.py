@@ -17,7 +17,9 @@ GEAR, MOTOR = shipped_gear(), shipped_motor()
 NO_GUARD = Guard()
 
 
-def rig(imperfections: Imperfections | None = None, seed: int = 7, **options: object) -> SimulatedRig:
+def rig(
+    imperfections: Imperfections | None = None, seed: int = 7, **options: object
+) -> SimulatedRig:
     """An opened rig with a gear of its own."""
     made = SimulatedRig(individual_gear(GEAR, 3), MOTOR, imperfections, seed, **options)  # type: ignore[arg-type]
     made.open()
@@ -50,7 +52,9 @@ def si(port: SimulatedRig, block: SampleBlock, name: str) -> NDArray[np.float64]
     return channel.to_si(column(port, block, name))
 
 
-def joined(blocks: list[SampleBlock]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16]]:
+def joined(
+    blocks: list[SampleBlock],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16]]:
     """Stamps, counts and flags of consecutive blocks."""
     return (
         np.concatenate([b.time_ns for b in blocks]),

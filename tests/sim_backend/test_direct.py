@@ -16,7 +16,14 @@ from drivers.port import Bound, Command, DriveLimits, Guard, Mode
 from drivers.samples import SampleBlock
 from model.units import RPM
 from sim_backend.direct import SimulatedRig
-from sim_backend.faults import DriveFault, IncompleteCycles, OutputLoad, QuickStopIgnored, RunAway, StuckEncoder
+from sim_backend.faults import (
+    DriveFault,
+    IncompleteCycles,
+    OutputLoad,
+    QuickStopIgnored,
+    RunAway,
+    StuckEncoder,
+)
 from sim_backend.imperfections import Imperfections
 from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD, clean, column, joined, off, rig, si, turn
 
@@ -32,13 +39,23 @@ STORY: tuple[tuple[Mode, float, int], ...] = (
     (Mode.SPEED, 3000.0 * RPM, 250),
 )
 FAULTS = (
-    StuckEncoder(200, cycles=20), IncompleteCycles(655, (names.TORQUE, names.OUTPUT_ANGLE), cycles=9),
-    OutputLoad(333, 3.0, cycles=77), RunAway(700, 30.0, cycles=60),
-)  # fmt: skip
-TRAVEL = Guard((Bound("has turned", {names.INPUT_ANGLE: 1.0}, high=9000.0, low=-9000.0, lag=37, is_trip=False),))
+    StuckEncoder(200, cycles=20),
+    IncompleteCycles(655, (names.TORQUE, names.OUTPUT_ANGLE), cycles=9),
+    OutputLoad(333, 3.0, cycles=77),
+    RunAway(700, 30.0, cycles=60),
+)
+TRAVEL = Guard(
+    (
+        Bound(
+            "has turned", {names.INPUT_ANGLE: 1.0}, high=9000.0, low=-9000.0, lag=37, is_trip=False
+        ),
+    )
+)
 
 
-def told(port: SimulatedRig, block_length: int, guard: Guard) -> tuple[list[SampleBlock], list[int]]:
+def told(
+    port: SimulatedRig, block_length: int, guard: Guard
+) -> tuple[list[SampleBlock], list[int]]:
     """Run the story in blocks; a part ends early where the guard breaks. Returns the blocks and where breaks fell."""
     blocks, breaks = [], []
     for mode, value, cycles in STORY:
@@ -96,7 +113,9 @@ def test_same_seed_same_counts_other_seed_other_counts() -> None:
 
 
 def test_bench_and_gear_keep_their_seeds_between_runs() -> None:
-    first, second = (SimulatedRig(GEAR, MOTOR, seed=s, bench_seed=5, gear_seed=6).open().truth for s in (1, 2))
+    first, second = (
+        SimulatedRig(GEAR, MOTOR, seed=s, bench_seed=5, gear_seed=6).open().truth for s in (1, 2)
+    )
     assert first is not None
     assert second is not None
     for part in ("motor", "timing"):
@@ -136,7 +155,10 @@ def test_statusword_walks_the_states_of_cia_402() -> None:
     assert stopping[-1] is DriveState.QUICK_STOP
     assert states(port, turn(port, 10.0, 2)) == [DriveState.ENABLED] * 2
     assert states(port, off(port, 2)) == [DriveState.ENABLED, DriveState.SWITCH_ON_DISABLED]
-    assert states(port, port.exchange(Command(Mode.QUICK_STOP), 2, NO_GUARD))[-1] is DriveState.SWITCH_ON_DISABLED
+    assert (
+        states(port, port.exchange(Command(Mode.QUICK_STOP), 2, NO_GUARD))[-1]
+        is DriveState.SWITCH_ON_DISABLED
+    )
 
 
 def test_torque_acts_from_the_first_set_point_on() -> None:
@@ -162,7 +184,12 @@ def test_limits_are_stored_in_whole_counts_read_back_and_act() -> None:
     port = rig(Imperfections.none())
     asked = DriveLimits(0.7, 104.75, 3000.0, 1500.0, 700.0)
     stored = port.write_limits(asked)
-    for name, count in (("torque", 0.000637), ("speed", RPM), ("acceleration", RPM), ("quick_stop_deceleration", RPM)):
+    for name, count in (
+        ("torque", 0.000637),
+        ("speed", RPM),
+        ("acceleration", RPM),
+        ("quick_stop_deceleration", RPM),
+    ):
         value = getattr(stored, name)
         assert value / count == pytest.approx(round(value / count), abs=1e-9)
         assert getattr(asked, name) - count <= value <= getattr(asked, name) + 1e-12
@@ -239,7 +266,10 @@ def test_bare_motor_leaves_the_output_where_it_is() -> None:
 
 
 def test_output_turns_against_the_input_unless_the_flexspline_is_fixed() -> None:
-    for mounting, sense, ratio in (("circular-spline-fixed", -1, 120.0), ("flexspline-fixed", 1, 121.0)):
+    for mounting, sense, ratio in (
+        ("circular-spline-fixed", -1, 120.0),
+        ("flexspline-fixed", 1, 121.0),
+    ):
         port = rig(Imperfections.none(), mounting=mounting)
         block = turn(port, 600.0, 2000)
         moved = np.ptp(si(port, block, names.INPUT_ANGLE)) / ratio

@@ -61,14 +61,18 @@ def test_incomplete_cycles_keep_the_previous_value_and_say_so() -> None:
     assert np.array_equal(found[:, others], wanted[:, others])
 
 
-@pytest.mark.parametrize("flag", [CycleFlag.LATE, CycleFlag.DOUBLED, CycleFlag.SHORT, CycleFlag.SIGNAL_ERROR])
+@pytest.mark.parametrize(
+    "flag", [CycleFlag.LATE, CycleFlag.DOUBLED, CycleFlag.SHORT, CycleFlag.SIGNAL_ERROR]
+)
 def test_marked_cycles_keep_their_values(flag: CycleFlag) -> None:
     found, wanted, flags, _ = both(MarkedCycles(50, flag, cycles=2))
     assert np.array_equal(found, wanted)
     assert np.flatnonzero(flags & flag).tolist() == [50, 51]
 
 
-@pytest.mark.parametrize("fault", [TorquePortSaturated(90, -1, cycles=10), TorquePortOpen(90, cycles=10)])
+@pytest.mark.parametrize(
+    "fault", [TorquePortSaturated(90, -1, cycles=10), TorquePortOpen(90, cycles=10)]
+)
 def test_torque_port_at_its_end_or_open_is_flagged(fault: Fault) -> None:
     found, wanted, flags, order = both(fault)
     at = order.index(names.TORQUE)
@@ -90,7 +94,9 @@ def test_run_away_goes_to_its_own_speed() -> None:
     port = rig(faults=[RunAway(100, 50.0)])
     turn(port, 60.0, 100)
     block = turn(port, 60.0, 600)
-    assert np.mean(np.diff(si(port, block, names.INPUT_ANGLE))[-100:]) == pytest.approx(0.05, rel=1e-2)
+    assert np.mean(np.diff(si(port, block, names.INPUT_ANGLE))[-100:]) == pytest.approx(
+        0.05, rel=1e-2
+    )
     assert np.all(column(port, block, names.TARGET_SPEED) == 60_000)
 
 

@@ -20,8 +20,8 @@ MARKS = {names.INPUT_INDEX, names.OUTPUT_INDEX, names.INDEX_SEEN}
 TORQUES = {names.TORQUE, names.DRIVE_TORQUE}
 TEMPERATURES = {names.HOUSING_TEMPERATURE, names.AMBIENT_TEMPERATURE}
 
-# What must change when one imperfection is added to a perfect rig, and what may: through the servo, or because a mark is
-# passed in another cycle.
+# What must change when one imperfection is added to a perfect rig, and what may: through the servo,
+# or because a mark is passed in another cycle.
 MOTION = ANGLES | MARKS
 SHOWS_IN: dict[str, tuple[set[str], set[str]]] = {
     "quantisation": (ANGLES, MARKS),
@@ -79,7 +79,9 @@ def test_an_imperfection_shows_where_it_says(name: str, perfect: dict[str, np.nd
 def test_with_all_switched_off_it_is_perfect_and_switching_one_off_leaves_the_others() -> None:
     every = Imperfections()
     assert every.without(*every.names()) == Imperfections.none()
-    full, less = (draw(on, 120.0, 1, 2, 3) for on in (every, every.without("motor_cogging", "torque_noise")))
+    full, less = (
+        draw(on, 120.0, 1, 2, 3) for on in (every, every.without("motor_cogging", "torque_noise"))
+    )
     assert full.output_encoder == less.output_encoder
     assert full.deviations.kinematic_error == less.deviations.kinematic_error
     assert full.torque_port.offset == less.torque_port.offset
@@ -94,7 +96,9 @@ def test_quantisation_is_the_floor_of_the_angle() -> None:
         encoders = [port.truth["encoders"][which] for port in (fine, coarse)]
         offsets = [round(e["angle_offset"] / e["quantum"] + 0.5) for e in encoders]
         exact = column(fine, blocks[0], f"{which}_angle") - offsets[0]
-        assert np.array_equal(column(coarse, blocks[1], f"{which}_angle"), exact // FINE + offsets[1])
+        assert np.array_equal(
+            column(coarse, blocks[1], f"{which}_angle"), exact // FINE + offsets[1]
+        )
 
 
 def test_torque_port_reads_gain_and_zero() -> None:
@@ -102,7 +106,9 @@ def test_torque_port_reads_gain_and_zero() -> None:
     truth = port.truth["torque_port"]
     zero = si(port, off(port, 300), names.TORQUE)
     assert np.mean(zero) == pytest.approx(truth["offset"], abs=4.1e-4)
-    reading = si(port, port.exchange(Command(Mode.TORQUE, np.full(50, 0.05)), 50, NO_GUARD), names.TORQUE)
+    reading = si(
+        port, port.exchange(Command(Mode.TORQUE, np.full(50, 0.05)), 50, NO_GUARD), names.TORQUE
+    )
     reference = 78 * 1e-3 * MOTOR.rated_torque
     assert np.mean(reading[-10:]) == pytest.approx(
         truth["offset"] + (1.0 + truth["gain_error"]) * reference, abs=4.1e-4
@@ -122,7 +128,9 @@ def test_jitter_is_in_the_stamps_and_harmless_with_them() -> None:
     for each in (port, level):
         turn(each, 300.0, 1500)
     block = turn(port, 300.0, 1200)
-    moved = si(port, block, names.INPUT_ANGLE) - si(level, turn(level, 300.0, 1200), names.INPUT_ANGLE)
+    moved = si(port, block, names.INPUT_ANGLE) - si(
+        level, turn(level, 300.0, 1200), names.INPUT_ANGLE
+    )
     late = (block.time_ns - 1_000_000 * np.arange(1500, 2700)) * 1e-9
     assert np.std(late) == pytest.approx(15e-6, rel=0.1)
     assert np.std(moved) == pytest.approx(300.0 * RPM * 15e-6, rel=0.1)
@@ -146,7 +154,10 @@ def test_index_marks_are_latched_where_they_stand_from_both_sides() -> None:
     assert np.all(column(port, forward, names.INPUT_INDEX)[seen == 0] == 0)
     marks = si(port, forward, names.INPUT_INDEX)[seen == 1]
     per_turn = 2.0 * math.pi
-    assert np.all(np.abs((marks - encoder["index_angle"] + math.pi) % per_turn - math.pi) <= encoder["quantum"])
+    assert np.all(
+        np.abs((marks - encoder["index_angle"] + math.pi) % per_turn - math.pi)
+        <= encoder["quantum"]
+    )
     backward = turn(port, -200.0, 900)
     latest = column(port, backward, names.INPUT_INDEX)[-1]
     assert (latest - column(port, forward, names.INPUT_INDEX)[-1] - 1) % (8192 * 4) == 0
@@ -160,4 +171,6 @@ def test_individual_gears_differ_and_repeat() -> None:
     friction = np.array([individual_gear(GEAR, s).mesh_friction.coulomb for s in range(200)])
     assert np.std(np.log(friction / GEAR.mesh_friction.coulomb)) == pytest.approx(0.10, rel=0.2)
     assert all(individual_gear(GEAR, s).mesh_friction.static > friction[s] for s in range(200))
-    assert individual_motor(MOTOR, 1).coulomb_friction != individual_motor(MOTOR, 2).coulomb_friction
+    assert (
+        individual_motor(MOTOR, 1).coulomb_friction != individual_motor(MOTOR, 2).coulomb_friction
+    )

@@ -50,14 +50,20 @@ def test_the_recorded_counts_come_back(recorded: tuple[tuple, tuple], block_leng
     clock = VirtualClock()
     port = replay(recorded, clock=clock, truth={"known": 1.0}, title="run 12")
     description = port.open()
-    assert (description.origin, description.title, description.truth) == ("replay", "run 12", {"known": 1.0})
+    assert (description.origin, description.title, description.truth) == (
+        "replay",
+        "run 12",
+        {"known": 1.0},
+    )
     for found, wanted in zip(joined(play(port, block_length)), recorded[1], strict=True):
         assert np.array_equal(found, wanted)
     assert clock.monotonic_ns() == 300 * 1_000_000
     assert port.deviating_cycles == 40, "the servo was off then"
 
 
-def test_a_block_over_the_end_is_shorter_and_the_next_one_is_stale(recorded: tuple[tuple, tuple]) -> None:
+def test_a_block_over_the_end_is_shorter_and_the_next_one_is_stale(
+    recorded: tuple[tuple, tuple],
+) -> None:
     port = replay(recorded)
     port.open()
     assert len(port.exchange(Command(Mode.OFF), 1000, NO_GUARD)) == 300
@@ -86,7 +92,9 @@ def test_guards_break_at_the_same_cycle(recorded: tuple[tuple, tuple], block_len
     assert blocks[-1].flags[-1] & CycleFlag.INCOMPLETE
 
 
-def test_what_was_commanded_is_compared_with_what_was_recorded(recorded: tuple[tuple, tuple]) -> None:
+def test_what_was_commanded_is_compared_with_what_was_recorded(
+    recorded: tuple[tuple, tuple],
+) -> None:
     port = replay(recorded)
     port.open()
     port.exchange(Command(Mode.OFF), 40, NO_GUARD)
@@ -95,10 +103,14 @@ def test_what_was_commanded_is_compared_with_what_was_recorded(recorded: tuple[t
     block = port.exchange(Command(Mode.TORQUE, np.full(100, 0.1)), 100, NO_GUARD)
     assert port.deviating_cycles == 100
     target = [c.name for c in port.channels].index(names.TARGET_SPEED)
-    assert (block.counts[:, target] == round(SPEED * 1000)).all(), "the recorded set-points stand there"
+    assert (block.counts[:, target] == round(SPEED * 1000)).all(), (
+        "the recorded set-points stand there"
+    )
 
 
-def test_limits_are_returned_and_nothing_can_be_changed_from_outside(recorded: tuple[tuple, tuple]) -> None:
+def test_limits_are_returned_and_nothing_can_be_changed_from_outside(
+    recorded: tuple[tuple, tuple],
+) -> None:
     port = replay(recorded)
     port.open()
     limits = DriveLimits(1.0, 2.0, 3.0, 4.0, 5.0)

@@ -60,7 +60,9 @@ def test_mean_torque_is_the_truths_friction(speed_rpm: float) -> None:
         turn(port, sign * speed_rpm, 2000)
         revolutions = max(1, round(speed_rpm / 60.0 * 6.0))
         cycles = round(revolutions / speed_rpm * 60_000)
-        means.append(sign * (np.mean(si(port, turn(port, sign * speed_rpm, cycles), names.TORQUE)) - zero))
+        means.append(
+            sign * (np.mean(si(port, turn(port, sign * speed_rpm, cycles), names.TORQUE)) - zero)
+        )
     curve = truth["friction"]["torque_curve"]
     gear = np.interp(speed_rpm * RPM, curve["speed"], curve["measurable"])
     motor = truth["motor"]["coulomb"] + truth["motor"]["viscous"] * speed_rpm * RPM

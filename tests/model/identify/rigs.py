@@ -1,4 +1,6 @@
-"""Recordings with known truth for the identification tests: quantised counts of a gear whose error and friction are given."""
+"""Recordings with known truth for the identification tests: quantised counts of a gear whose error
+and friction are given.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +59,9 @@ def slow_run(
     direction: float = 1.0,
     noise: float = 0.0,
 ) -> SlowRun:
-    """A kinematic-error run in one direction with speed ripple; both angles counted; `noise` [rad] white at the output."""
+    """A kinematic-error run in one direction with speed ripple; both angles counted; `noise` [rad]
+    white at the output.
+    """
     random = np.random.default_rng(seed)
     n = int(revolutions / (speed_rpm / 60.0) * rate)
     time = np.arange(n) / rate
@@ -90,18 +94,31 @@ def hold(
     friction = float(friction_torque(gear, np.array([speed]))[0]) if geared else 0.0
     friction += np.sign(speed) * motor * (1.0 + abs(speed) / 300.0)
     coloured = lfilter([1.0], [1.0, -0.8], noise * random.standard_normal(n))
-    torque = gain * (friction + 0.004 * np.cos(2.0 * angle) + 0.003 * np.sin(4.0 * angle)) + zero + coloured + extra
+    torque = (
+        gain * (friction + 0.004 * np.cos(2.0 * angle) + 0.003 * np.sin(4.0 * angle))
+        + zero
+        + coloured
+        + extra
+    )
     return average_torque(time, counted(angle, INPUT_QUANTUM), torque)
 
 
-def sweep(gear: HarmonicDrive, seed: int, speeds_rpm: Array, **options: float) -> list[RunningTorque]:
+def sweep(
+    gear: HarmonicDrive, seed: int, speeds_rpm: Array, **options: float
+) -> list[RunningTorque]:
     """Holds at all speeds in both directions."""
     found = []
     for i, speed in enumerate(speeds_rpm):
         for sign in (1.0, -1.0):
             turns = 2 if speed < 10.0 else 8
             found.append(
-                hold(gear, float(sign * speed), 1000 * seed + 2 * i + (sign > 0), revolutions=turns, **options)
+                hold(
+                    gear,
+                    float(sign * speed),
+                    1000 * seed + 2 * i + (sign > 0),
+                    revolutions=turns,
+                    **options,
+                )
             )  # type: ignore[arg-type]
     return found
 

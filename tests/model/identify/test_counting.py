@@ -16,7 +16,9 @@ ENCODERS = Encoders(OUTPUT_QUANTUM, INPUT_QUANTUM)
 
 @pytest.mark.parametrize("counts", [1, -1, 3])
 @pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_a_slipped_output_count_is_found_counted_and_taken_out(counts: int, direction: float) -> None:
+def test_a_slipped_output_count_is_found_counted_and_taken_out(
+    counts: int, direction: float
+) -> None:
     run = slow_run(1, direction=direction)
     clean = fit_kinematic_error(run.input_angle, run.output_angle, RATIO, encoders=ENCODERS)
     output = run.output_angle.copy()
@@ -28,7 +30,9 @@ def test_a_slipped_output_count_is_found_counted_and_taken_out(counts: int, dire
     assert fit.slips[0].angle_low <= run.input_angle[at] <= fit.slips[0].angle_high
     assert any("slipped" in w for w in fit.warnings)
     accuracy = fit.estimates["transmission_accuracy"].value
-    assert accuracy == pytest.approx(clean.estimates["transmission_accuracy"].value, abs=0.3 * ARCSEC)
+    assert accuracy == pytest.approx(
+        clean.estimates["transmission_accuracy"].value, abs=0.3 * ARCSEC
+    )
 
 
 def test_two_slips_are_told_apart() -> None:
@@ -76,7 +80,12 @@ def test_counts_that_are_lost_all_the_time_show_as_a_slope() -> None:
 def test_a_slow_drift_is_not_a_slip() -> None:
     run = slow_run(6)
     drift = 6.0 * ARCSEC * (1.0 - np.exp(-run.time / 40.0))
-    assert fit_kinematic_error(run.input_angle, run.output_angle + drift, RATIO, encoders=ENCODERS).slips == ()
+    assert (
+        fit_kinematic_error(
+            run.input_angle, run.output_angle + drift, RATIO, encoders=ENCODERS
+        ).slips
+        == ()
+    )
 
 
 def test_aliases_of_the_lattice() -> None:

@@ -19,7 +19,9 @@ def pair(wind_up: float = 0.0):
     fits, runs = [], []
     for direction in (1.0, -1.0):
         run = slow_run(11 + int(direction), direction=direction)
-        fits.append(fit_kinematic_error(run.input_angle, run.output_angle - direction * wind_up, RATIO))
+        fits.append(
+            fit_kinematic_error(run.input_angle, run.output_angle - direction * wind_up, RATIO)
+        )
         runs.append(run)
     return fits, runs
 
@@ -49,9 +51,15 @@ def test_the_mean_is_the_error_and_the_difference_the_wind_up() -> None:
 def test_what_the_encoders_add_is_not_lessened_by_the_mean_of_both_directions() -> None:
     encoders = Encoders(ARCSEC, ARCSEC, output_accuracy=2.0 * ARCSEC, input_accuracy=20.0 * ARCSEC)
     runs = [slow_run(11 + int(direction), direction=direction) for direction in (1.0, -1.0)]
-    both = combine(*(fit_kinematic_error(r.input_angle, r.output_angle, RATIO, encoders=encoders) for r in runs))
+    both = combine(
+        *(
+            fit_kinematic_error(r.input_angle, r.output_angle, RATIO, encoders=encoders)
+            for r in runs
+        )
+    )
     systematic = {
-        name: [line.standard_uncertainty for line in e.budget if line.kind == "B"] for name, e in both.estimates.items()
+        name: [line.standard_uncertainty for line in e.budget if line.kind == "B"]
+        for name, e in both.estimates.items()
     }
     assert systematic["amplitude_1/N"] == [2.0 * ARCSEC]
     assert systematic["amplitude_2"] == [20.0 * ARCSEC / RATIO]
@@ -60,8 +68,14 @@ def test_what_the_encoders_add_is_not_lessened_by_the_mean_of_both_directions() 
     assert both.estimates["amplitude_4"].standard_uncertainty > 0.0
     # An order that the encoders alone may make is not said to be the gear's.
     loud = replace(encoders, output_accuracy=400.0 * ARCSEC)
-    both = combine(*(fit_kinematic_error(r.input_angle, r.output_angle, RATIO, encoders=loud) for r in runs))
-    assert both.estimates["amplitude_1/N"].identifiable == both.estimates["phase_1/N"].identifiable == "weakly"
+    both = combine(
+        *(fit_kinematic_error(r.input_angle, r.output_angle, RATIO, encoders=loud) for r in runs)
+    )
+    assert (
+        both.estimates["amplitude_1/N"].identifiable
+        == both.estimates["phase_1/N"].identifiable
+        == "weakly"
+    )
     assert both.estimates["amplitude_4"].identifiable == "yes"
 
 

@@ -23,7 +23,9 @@ MODE = modes(PARAMETERS)[0]
 INPUT_INERTIA = 6.6e-5
 
 
-def step(speed_rpm: float, seed: int, *, duration: float = 0.6, jitter: float = 3e-5, skew: float = 1e-4):
+def step(
+    speed_rpm: float, seed: int, *, duration: float = 0.6, jitter: float = 3e-5, skew: float = 1e-4
+):
     """A step with overshoot as a servo makes it, sampled at 1 kHz with jitter and skew, both angles counted."""
     random = np.random.default_rng(seed)
     rate = 8000
@@ -31,11 +33,15 @@ def step(speed_rpm: float, seed: int, *, duration: float = 0.6, jitter: float = 
     since = np.maximum(time - 0.05, 0.0)
     shape = 1.0 - np.exp(-250.0 * since) * (np.cos(200.0 * since) + 0.6 * np.sin(200.0 * since))
     speed = speed_rpm * RPM * np.where(time > 0.05, shape, 0.0)
-    angle = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1])) / rate]) + random.uniform(0.0, 6.0)
+    angle = np.concatenate(
+        [[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1])) / rate]
+    ) + random.uniform(0.0, 6.0)
     truth = simulate_prescribed(GEAR, angle, 1.0 / rate, input_speed=speed, smoothing_speed=0.5)
     at = np.arange(0, len(time) - 16, 8)
     stamps = time[at] + jitter * random.uniform(-1.0, 1.0, len(at))
-    torque = np.interp(stamps, time, truth.wave_generator_torque + INPUT_INERTIA * np.gradient(speed, time))
+    torque = np.interp(
+        stamps, time, truth.wave_generator_torque + INPUT_INERTIA * np.gradient(speed, time)
+    )
     data = step_data(
         stamps,
         counted(np.interp(stamps, time, angle), INPUT_QUANTUM),
@@ -45,13 +51,18 @@ def step(speed_rpm: float, seed: int, *, duration: float = 0.6, jitter: float = 
         input_quantum=INPUT_QUANTUM,
         kinematic_error=GEAR.kinematic_error,
     )
-    return data, torque + 2e-3 * random.standard_normal(len(at)), np.interp(stamps, time, truth.output_angle)
+    return (
+        data,
+        torque + 2e-3 * random.standard_normal(len(at)),
+        np.interp(stamps, time, truth.output_angle),
+    )
 
 
 @pytest.fixture(scope="module")
 def fits():
     return [
-        fit_step(step(speed, seed)[0]) for seed, speed in enumerate((600.0, 1200.0, 2400.0, 3000.0, -600.0, -3000.0))
+        fit_step(step(speed, seed)[0])
+        for seed, speed in enumerate((600.0, 1200.0, 2400.0, 3000.0, -600.0, -3000.0))
     ]
 
 
@@ -61,13 +72,17 @@ def test_stiffness_over_inertia_within_one_percent(fits) -> None:
     assert found.value == pytest.approx(STATIC, rel=0.01)
     assert found.value == pytest.approx(MODE.natural_frequency**2, rel=0.002)
     assert both.estimates["damping_ratio"].value == pytest.approx(MODE.damping_ratio, rel=0.05)
-    assert {"stiffness_over_inertia_forward", "stiffness_over_inertia_reverse"} <= set(both.estimates)
+    assert {"stiffness_over_inertia_forward", "stiffness_over_inertia_reverse"} <= set(
+        both.estimates
+    )
 
 
 def test_each_step_alone_is_close(fits) -> None:
     for fit in fits:
         assert fit.resolvable
-        assert fit.estimates["stiffness_over_inertia"].value == pytest.approx(MODE.natural_frequency**2, rel=0.01)
+        assert fit.estimates["stiffness_over_inertia"].value == pytest.approx(
+            MODE.natural_frequency**2, rel=0.01
+        )
         assert fit.estimates["skew"].value == pytest.approx(1e-4, abs=6e-5)
 
 
@@ -77,7 +92,9 @@ def test_the_model_beats_both_null_models(fits) -> None:
         assert fit.metrics["skill_rigid"] > 0.9
         assert fit.metrics["skill_speed"] > 0.7
         assert fit.metrics["mse_speed"] < 1.0
-        assert fit.metrics["overshoot_predicted"] == pytest.approx(fit.metrics["overshoot_measured"], abs=0.08)
+        assert fit.metrics["overshoot_predicted"] == pytest.approx(
+            fit.metrics["overshoot_measured"], abs=0.08
+        )
 
 
 def test_a_rigid_prediction_has_no_skill() -> None:
@@ -147,7 +164,9 @@ def test_the_window_is_narrow_where_the_motion_is_worth_many_counts() -> None:
 
 def test_very_slow_motion_is_taken_from_the_edges() -> None:
     time = np.arange(20_000) * 1e-3
-    motion = speed_from_counts(time, counted(2.0 * ARCSEC * 10.0 * time, OUTPUT_QUANTUM), OUTPUT_QUANTUM)
+    motion = speed_from_counts(
+        time, counted(2.0 * ARCSEC * 10.0 * time, OUTPUT_QUANTUM), OUTPUT_QUANTUM
+    )
     assert motion.from_edges
     assert np.mean(motion.speed[3000:-3000]) == pytest.approx(20.0 * ARCSEC, rel=0.01)
 
@@ -156,7 +175,9 @@ def test_uneven_stamps_are_used() -> None:
     random = np.random.default_rng(0)
     time = np.arange(2000) * 1e-3 + 3e-4 * random.uniform(-1, 1, 2000)
     motion = speed_from_counts(time, counted(2.0 * time, OUTPUT_QUANTUM), OUTPUT_QUANTUM)
-    nominal = speed_from_counts(np.arange(2000) * 1e-3, counted(2.0 * time, OUTPUT_QUANTUM), OUTPUT_QUANTUM)
+    nominal = speed_from_counts(
+        np.arange(2000) * 1e-3, counted(2.0 * time, OUTPUT_QUANTUM), OUTPUT_QUANTUM
+    )
     assert np.std(motion.speed[50:-50]) < 0.1 * np.std(nominal.speed[50:-50])
 
 
@@ -164,7 +185,9 @@ def test_what_steps_can_identify() -> None:
     time = np.arange(500) * 1e-3
     speed = 1200.0 * RPM * (1.0 - np.exp(-250.0 * time))
     angle = 1200.0 * RPM * (time - (1.0 - np.exp(-250.0 * time)) / 250.0)
-    alone = step_identifiability(GEAR, angle, 1e-3, output_quantum=OUTPUT_QUANTUM, input_speed=speed)
+    alone = step_identifiability(
+        GEAR, angle, 1e-3, output_quantum=OUTPUT_QUANTUM, input_speed=speed
+    )
     with_torque = step_identifiability(
         GEAR, angle, 1e-3, output_quantum=OUTPUT_QUANTUM, torque_noise=2e-3, input_speed=speed
     )

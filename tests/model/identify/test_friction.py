@@ -70,7 +70,10 @@ def test_the_tare_gives_the_gear_back(motor_holds, tare) -> None:
 
 
 def test_an_invalid_tare_does_not_make_it_the_gear(motor_holds, tare) -> None:
-    assert fit_friction(motor_holds, GEAR, tare=dataclasses.replace(tare, valid=False)).subject == "motor + gear"
+    assert (
+        fit_friction(motor_holds, GEAR, tare=dataclasses.replace(tare, valid=False)).subject
+        == "motor + gear"
+    )
 
 
 def test_speeds_beyond_the_tare_are_named(motor_holds) -> None:
@@ -101,7 +104,10 @@ def test_a_slowest_speed_above_a_tenth_of_the_stribeck_velocity_is_warned_about(
 def test_the_budget_holds_type_b_and_matches_a_refit(holds) -> None:
     fit = fit_friction(holds, GEAR, uncertainty=TorqueUncertainty(scale=0.02))
     (line,) = [b for b in fit.estimates["coulomb"].budget if b.source == "torque scale"]
-    scaled = [dataclasses.replace(h, torque=1.02 * h.torque, standard_error=1.02 * h.standard_error) for h in holds]
+    scaled = [
+        dataclasses.replace(h, torque=1.02 * h.torque, standard_error=1.02 * h.standard_error)
+        for h in holds
+    ]
     change = fit_friction(scaled, GEAR).estimates["coulomb"].value - fit.estimates["coulomb"].value
     assert line.standard_uncertainty == pytest.approx(abs(change), rel=0.15)
     assert fit.estimates["coulomb"].expanded_uncertainty > 2.0 * line.standard_uncertainty
@@ -134,7 +140,10 @@ def test_the_error_of_the_mean_respects_autocorrelation() -> None:
     z = []
     for seed in range(60):
         found = hold(GEAR, 600.0, 7000 + seed, revolutions=30, zero=0.0)
-        z.append((found.torque - float(friction_torque(GEAR, np.array([600.0 * RPM]))[0])) / found.standard_error)
+        z.append(
+            (found.torque - float(friction_torque(GEAR, np.array([600.0 * RPM]))[0]))
+            / found.standard_error
+        )
     assert 0.75 < np.std(z) < 1.3
 
 
@@ -142,7 +151,10 @@ def test_the_error_within_few_revolutions_is_of_the_right_size() -> None:
     z = []
     for seed in range(60):
         found = hold(GEAR, 20.0, 8000 + seed, revolutions=2, rate=200.0, zero=0.0)
-        z.append((found.torque - float(friction_torque(GEAR, np.array([20.0 * RPM]))[0])) / found.standard_error)
+        z.append(
+            (found.torque - float(friction_torque(GEAR, np.array([20.0 * RPM]))[0]))
+            / found.standard_error
+        )
     assert 0.7 < np.std(z) < 1.35
 
 
@@ -172,7 +184,9 @@ def test_half_difference_and_half_sum() -> None:
         (np.arange(4.0), np.linspace(0.0, 30.0, 4), np.ones(4), "too few"),
     ],
 )
-def test_bad_holds_are_refused(time: np.ndarray, angle: np.ndarray, torque: np.ndarray, what: str) -> None:
+def test_bad_holds_are_refused(
+    time: np.ndarray, angle: np.ndarray, torque: np.ndarray, what: str
+) -> None:
     with pytest.raises(IdentificationError, match=what):
         average_torque(time, angle, torque)
 

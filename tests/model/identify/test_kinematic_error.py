@@ -22,9 +22,18 @@ from model.identify.kinematic_error import (
 )
 from model.kinematic_error import design_matrix, peak_to_peak
 from model.units import ARCMIN, ARCSEC, REVOLUTION
-from tests.model.identify.rigs import INPUT_QUANTUM, OUTPUT_QUANTUM, RATIO, TRUTH, error_curve, slow_run
+from tests.model.identify.rigs import (
+    INPUT_QUANTUM,
+    OUTPUT_QUANTUM,
+    RATIO,
+    TRUTH,
+    error_curve,
+    slow_run,
+)
 
-ENCODERS = Encoders(OUTPUT_QUANTUM, INPUT_QUANTUM, output_accuracy=1.0 * ARCSEC, input_accuracy=20.0 * ARCSEC)
+ENCODERS = Encoders(
+    OUTPUT_QUANTUM, INPUT_QUANTUM, output_accuracy=1.0 * ARCSEC, input_accuracy=20.0 * ARCSEC
+)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +53,9 @@ def test_orders_are_recovered_within_a_tenth_of_an_arcsecond(forward) -> None:
 def test_transmission_accuracy_is_the_peak_to_peak_over_one_output_revolution(forward) -> None:
     series = [Harmonic(order, a * ARCMIN, b * ARCMIN) for order, (a, b) in TRUTH.items()]
     accuracy = forward.estimates["transmission_accuracy"]
-    assert accuracy.value == pytest.approx(peak_to_peak(series, RATIO, points=720), abs=0.3 * ARCSEC)
+    assert accuracy.value == pytest.approx(
+        peak_to_peak(series, RATIO, points=720), abs=0.3 * ARCSEC
+    )
     assert accuracy.identifiable == "yes"
     assert {line.kind for line in accuracy.budget} == {"A", "B"}
     assert forward.metrics["raw_peak_to_peak"] > accuracy.value + 0.5 * OUTPUT_QUANTUM
@@ -53,7 +64,9 @@ def test_transmission_accuracy_is_the_peak_to_peak_over_one_output_revolution(fo
 def test_a_stated_order_limits_the_transmission_accuracy() -> None:
     run = slow_run(1)
     low = fit_kinematic_error(run.input_angle, run.output_angle, RATIO, accuracy_order=1.0)
-    series = [Harmonic(order, a * ARCMIN, b * ARCMIN) for order, (a, b) in TRUTH.items() if order <= 1.0]
+    series = [
+        Harmonic(order, a * ARCMIN, b * ARCMIN) for order, (a, b) in TRUTH.items() if order <= 1.0
+    ]
     assert low.estimates["transmission_accuracy"].value == pytest.approx(
         peak_to_peak(series, RATIO, points=720), abs=0.3 * ARCSEC
     )
@@ -61,7 +74,9 @@ def test_a_stated_order_limits_the_transmission_accuracy() -> None:
 
 def test_mse_is_small_on_the_averaged_curve_and_not_on_raw_samples(forward) -> None:
     assert forward.metrics["mse_curve"] < 0.05
-    raw_variance = np.var(error_curve(np.linspace(0.0, RATIO * REVOLUTION, 200_000, endpoint=False)))
+    raw_variance = np.var(
+        error_curve(np.linspace(0.0, RATIO * REVOLUTION, 200_000, endpoint=False))
+    )
     expected = 100.0 * OUTPUT_QUANTUM**2 / 12.0 / (raw_variance + OUTPUT_QUANTUM**2 / 12.0)
     assert forward.metrics["mse_raw"] == pytest.approx(expected, rel=0.1)
 
@@ -82,9 +97,13 @@ def test_nothing_is_to_complain_about_in_a_clean_run(forward) -> None:
 
 def test_the_edge_triggered_fit_agrees(forward) -> None:
     run = slow_run(1)
-    edge = fit_kinematic_error(run.input_angle, run.output_angle, RATIO, encoders=ENCODERS, edge_triggered=True)
+    edge = fit_kinematic_error(
+        run.input_angle, run.output_angle, RATIO, encoders=ENCODERS, edge_triggered=True
+    )
     for order in TRUTH:
-        assert edge.order(order).cosine.value == pytest.approx(forward.order(order).cosine.value, abs=0.15 * ARCSEC)
+        assert edge.order(order).cosine.value == pytest.approx(
+            forward.order(order).cosine.value, abs=0.15 * ARCSEC
+        )
 
 
 @settings(max_examples=6, deadline=None)
@@ -101,8 +120,14 @@ def test_the_cutting_into_blocks_changes_nothing(cuts: list[int], edge: bool) ->
 
 
 @settings(max_examples=10, deadline=None)
-@given(seed=st.integers(0, 10_000), direction=st.sampled_from([1.0, -1.0]), per_turn=st.floats(400.0, 5000.0))
-def test_streaming_equals_ordinary_least_squares(seed: int, direction: float, per_turn: float) -> None:
+@given(
+    seed=st.integers(0, 10_000),
+    direction=st.sampled_from([1.0, -1.0]),
+    per_turn=st.floats(400.0, 5000.0),
+)
+def test_streaming_equals_ordinary_least_squares(
+    seed: int, direction: float, per_turn: float
+) -> None:
     """Summing cells loses a little contrast and nothing else: without noise both are exact."""
     random = np.random.default_rng(seed)
     basis = Basis(RATIO, (1.0, 2.0, 3.0, 2.0 + 2.0 / RATIO, 1.0 / RATIO, 2.37))

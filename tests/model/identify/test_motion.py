@@ -12,13 +12,22 @@ import scipy.io
 from model.errors import IdentificationError
 from model.identify.motion import MotionFilter, fit_motion, score_motion
 
-DATA = Path(os.environ.get("HARMONIC_RIG_DATA", Path(__file__).resolve().parents[4] / "shared" / "data")) / "emps"
+DATA = (
+    Path(
+        os.environ.get("HARMONIC_RIG_DATA", Path(__file__).resolve().parents[4] / "shared" / "data")
+    )
+    / "emps"
+)
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the EMPS recordings are not there")
 
 
 def emps(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     found = scipy.io.loadmat(DATA / name)
-    return np.ravel(found["t"]), np.ravel(found["qm"]), float(found["gtau"][0, 0]) * np.ravel(found["vir"])
+    return (
+        np.ravel(found["t"]),
+        np.ravel(found["qm"]),
+        float(found["gtau"][0, 0]) * np.ravel(found["vir"]),
+    )
 
 
 @needs_data

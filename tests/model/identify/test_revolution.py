@@ -14,7 +14,10 @@ from model.identify.revolution import directions_of_travel, fit_revolution, orde
 from model.units import REVOLUTION
 
 DATA = (
-    Path(os.environ.get("HARMONIC_RIG_DATA", Path(__file__).resolve().parents[4] / "shared" / "data")) / "laas_cogging"
+    Path(
+        os.environ.get("HARMONIC_RIG_DATA", Path(__file__).resolve().parents[4] / "shared" / "data")
+    )
+    / "laas_cogging"
 )
 
 
@@ -49,13 +52,17 @@ def test_the_cogging_residual_and_friction(cogging) -> None:
     assert len(cogging.orders) < 60
 
 
-def back_and_forth(seed: int, noise: float, friction: float = 0.05) -> tuple[np.ndarray, np.ndarray]:
+def back_and_forth(
+    seed: int, noise: float, friction: float = 0.05
+) -> tuple[np.ndarray, np.ndarray]:
     random = np.random.default_rng(seed)
     up = np.linspace(0.0, 1.05 * REVOLUTION, 3000)
     angle = np.concatenate([up, up[::-1]])
     sign = np.concatenate([np.ones(3000), -np.ones(3000)])
     value = 0.01 + friction * sign + 0.2 * np.cos(24 * angle - 1.0) + 0.03 * np.cos(7 * angle + 0.5)
-    return angle + 1e-4 * random.standard_normal(len(angle)), value + noise * random.standard_normal(len(angle))
+    return angle + 1e-4 * random.standard_normal(
+        len(angle)
+    ), value + noise * random.standard_normal(len(angle))
 
 
 def test_orders_amplitudes_and_friction_are_recovered() -> None:
@@ -74,7 +81,9 @@ def test_noise_alone_brings_hardly_any_order() -> None:
     for seed in range(6):
         random = np.random.default_rng(100 + seed)
         angle, _ = back_and_forth(seed, 0.0)
-        found.append(len(fit_revolution(angle, random.standard_normal(len(angle)), highest_order=80).orders))
+        found.append(
+            len(fit_revolution(angle, random.standard_normal(len(angle)), highest_order=80).orders)
+        )
     assert np.mean(found) <= 0.5
 
 
@@ -94,8 +103,12 @@ def test_directions_of_travel_ignore_jitter() -> None:
 
 def test_order_peaks_over_input_and_output_angle() -> None:
     random = np.random.default_rng(0)
-    angle = np.linspace(0.0, 240.0 * REVOLUTION, 200_000) + 0.05 * np.sin(np.linspace(0.0, 900.0, 200_000))
-    value = np.cos(2.0 * angle) + 0.3 * np.cos(angle / 120.0) + 0.1 * random.standard_normal(len(angle))
+    angle = np.linspace(0.0, 240.0 * REVOLUTION, 200_000) + 0.05 * np.sin(
+        np.linspace(0.0, 900.0, 200_000)
+    )
+    value = (
+        np.cos(2.0 * angle) + 0.3 * np.cos(angle / 120.0) + 0.1 * random.standard_normal(len(angle))
+    )
     assert order_peaks(angle, value, highest_order=10.0).peaks[0] == pytest.approx(2.0, abs=0.005)
     over_output = order_peaks(angle, value, ratio=120.0, highest_order=300.0)
     assert set(np.round(over_output.peaks[:2])) == {240.0, 1.0}

@@ -13,7 +13,13 @@ NEEDED = 1e-4
 
 
 def means(
-    speeds: tuple[float, ...], skew: float, *, wind_up: float = 2e-5, noise: float = 1e-6, length: int = 30, seed: int = 3
+    speeds: tuple[float, ...],
+    skew: float,
+    *,
+    wind_up: float = 2e-5,
+    noise: float = 1e-6,
+    length: int = 30,
+    seed: int = 3,
 ) -> RevolutionMeans:
     """Stretches of `length` input revolutions at each output speed [rad/s]: wind-up, skew, orders of the output."""
     rng = np.random.default_rng(seed)
@@ -21,7 +27,9 @@ def means(
     angle = np.cumsum(np.sign(speed)) * 2.0 * math.pi / 120.0
     offset = 0.3 + wind_up * np.sign(speed) + skew * speed
     offset += 3e-5 * np.cos(angle - 0.4) + 1e-5 * np.sin(3.0 * angle)
-    offset += rng.normal(0.0, noise, len(speed)) + np.repeat(rng.normal(0.0, noise, len(speeds)), length)
+    offset += rng.normal(0.0, noise, len(speed)) + np.repeat(
+        rng.normal(0.0, noise, len(speeds)), length
+    )
     return RevolutionMeans(speed, offset, angle, np.repeat(np.arange(len(speeds)), length))
 
 
@@ -29,7 +37,9 @@ SPEEDS = (0.3, 0.3, 0.8, 0.8, 1.5, 1.5, 2.5, 2.5, -0.3, -0.8, -1.5, -2.5, -0.3, 
 
 
 @pytest.mark.parametrize("skew", [0.0, 12e-6, -80e-6])
-def test_the_skew_of_the_encoders_is_recovered_beside_wind_up_and_output_orders(skew: float) -> None:
+def test_the_skew_of_the_encoders_is_recovered_beside_wind_up_and_output_orders(
+    skew: float,
+) -> None:
     found = encoder_skew(means(SPEEDS, skew), NEEDED)
     assert found.identifiable == "yes"
     assert found.low < skew < found.high
@@ -83,7 +93,9 @@ def torques(delay: float, *, noise: float = 1e-3, quantum: float = 6.37e-4, seed
     rng = np.random.default_rng(seed)
     t = np.arange(8000) * 1e-3
     waves = [(0.08, 3.1), (0.03, 11.7), (0.02, 23.9)]
-    truth = [sum(a * np.sin(2.0 * math.pi * f * (t - lag) + f) for a, f in waves) for lag in (0.0, delay)]
+    truth = [
+        sum(a * np.sin(2.0 * math.pi * f * (t - lag) + f) for a, f in waves) for lag in (0.0, delay)
+    ]
     drive = np.rint(truth[0] / quantum) * quantum
     port = 0.01 + 1.02 * truth[1] + rng.normal(0.0, noise, len(t))
     return drive, port, np.arange(0, 8000, 1000), quantum
@@ -100,9 +112,19 @@ def test_the_delay_of_the_torque_port_is_recovered(delay: float) -> None:
 
 def test_a_torque_that_does_not_vary_shows_no_delay() -> None:
     rng = np.random.default_rng(2)
-    flat = torque_skew(np.full(4000, 0.1), 0.1 + rng.normal(0, 1e-3, 4000), 1e-3, 1e-3, np.arange(0, 4000, 500))
+    flat = torque_skew(
+        np.full(4000, 0.1), 0.1 + rng.normal(0, 1e-3, 4000), 1e-3, 1e-3, np.arange(0, 4000, 500)
+    )
     assert (flat.identifiable, math.isnan(flat.value)) == ("no", True)
     drive, port, starts, quantum = torques(3e-4)
-    assert torque_skew(drive, rng.normal(0, 0.1, len(port)), 1e-3, 1e-3, starts, quantum).identifiable == "no"
-    assert torque_skew(drive[:40], port[:40], 1e-3, 1e-3, np.array([0]), quantum).identifiable == "no"
-    assert torque_skew(np.empty(0), np.empty(0), 1e-3, 1e-3, np.empty(0, np.int64)).identifiable == "no"
+    assert (
+        torque_skew(drive, rng.normal(0, 0.1, len(port)), 1e-3, 1e-3, starts, quantum).identifiable
+        == "no"
+    )
+    assert (
+        torque_skew(drive[:40], port[:40], 1e-3, 1e-3, np.array([0]), quantum).identifiable == "no"
+    )
+    assert (
+        torque_skew(np.empty(0), np.empty(0), 1e-3, 1e-3, np.empty(0, np.int64)).identifiable
+        == "no"
+    )

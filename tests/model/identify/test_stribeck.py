@@ -53,7 +53,9 @@ def test_the_jacobian_is_the_derivative_of_the_curve() -> None:
         up[k] *= 1 + 1e-6
         down[k] *= 1 - 1e-6
         slope = (stribeck_curve(speed, up) - stribeck_curve(speed, down)) / (2e-6 * TRUTH[k])
-        np.testing.assert_allclose(stribeck_jacobian(speed, TRUTH)[:, k], slope, rtol=1e-5, atol=1e-8)
+        np.testing.assert_allclose(
+            stribeck_jacobian(speed, TRUTH)[:, k], slope, rtol=1e-5, atol=1e-8
+        )
 
 
 def test_profile_intervals_cover_and_are_not_wide() -> None:
@@ -84,7 +86,9 @@ def test_fast_data_leave_the_stribeck_part_open() -> None:
     intervals = profile_intervals(fit_stribeck(*data), *data)
     slow = measured(1)
     pinned = profile_intervals(fit_stribeck(*slow), *slow)
-    width = np.where(np.isfinite(intervals[:, 1] - intervals[:, 0]), intervals[:, 1] - intervals[:, 0], np.inf)
+    width = np.where(
+        np.isfinite(intervals[:, 1] - intervals[:, 0]), intervals[:, 1] - intervals[:, 0], np.inf
+    )
     assert np.all(width[1:4] > 4.0 * (pinned[1:4, 1] - pinned[1:4, 0]))
 
 

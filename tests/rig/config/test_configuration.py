@@ -89,13 +89,23 @@ def test_the_template_explains_every_word_there_is() -> None:
 
 
 def test_what_stands_behind_a_hash_is_the_default(tmp_path: Path) -> None:
-    """Optional words show their default, except where a default cannot be written: a file, a date, a node that is asked."""
+    """Optional words show their default, except where a default cannot be written: a file, a date,
+    a node that is asked.
+    """
     plain, full = tomllib.loads(TEMPLATE), tomllib.loads(everything())
     without_default = {
-        "rated_torque_n_m", "velocity_unit_rad_s", "acceleration_unit_rad_s2", "torque_unit_n_m", "index_position",
-        "index_status", "operating_parameters", "open_level_volts",
-    }  # fmt: skip
-    configuration = load_configuration(written(tmp_path, TEMPLATE)).model_dump(mode="json", by_alias=True)
+        "rated_torque_n_m",
+        "velocity_unit_rad_s",
+        "acceleration_unit_rad_s2",
+        "torque_unit_n_m",
+        "index_position",
+        "index_status",
+        "operating_parameters",
+        "open_level_volts",
+    }
+    configuration = load_configuration(written(tmp_path, TEMPLATE)).model_dump(
+        mode="json", by_alias=True
+    )
     for table in ("rig", "bus", "drive", "real_time"):
         for word, value in full[table].items():
             if word not in plain[table] and word not in without_default:
@@ -112,28 +122,65 @@ def test_what_stands_behind_a_hash_is_the_default(tmp_path: Path) -> None:
         ("lines = 18000", "", "counter[0].lines", "is missing"),
         ("# modulus = 4294967296", "direction = 0 #", "motor_encoder.direction", "-1 or 1"),
         ('# position = "0x6004:0 U32"', 'position = "6004"', "counter[0].position", "0x6004:0 I32"),
-        ('# position = "0x6004:0 U32"', 'position = "0x6004:0 U7"', "counter[0].position", "no type"),
+        (
+            '# position = "0x6004:0 U32"',
+            'position = "0x6004:0 U7"',
+            "counter[0].position",
+            "no type",
+        ),
         ("volts_per_rated_torque = 1.0", "", "analog_module[0].input[0]", "volts_per_rated_torque"),
         ("sample_rate_hz = 500.0", 'sample_rate_hz = "500"', "rig.sample_rate_hz", "number"),
-        ("sample_rate_hz = 500.0", "sample_rate_hz = nan", "rig.sample_rate_hz", "less than or equal to"),
+        (
+            "sample_rate_hz = 500.0",
+            "sample_rate_hz = nan",
+            "rig.sample_rate_hz",
+            "less than or equal to",
+        ),
         ('format = "harmonic-rig-1"', 'format = "harmonic-rig-9"', "format", "harmonic-rig-1"),
         ("# computer_lost_ms = 250", "computer_lost_ms = 60", "drive", "twice"),
         ("# abort_connection_option = 3", "abort_connection_option = 0", "drive", "turn on"),
-        ("# input_speed_rpm = 3500.0", "input_speed_rpm = -1.0", "limits.input_speed_rpm", "greater than 0"),
-        ("# repeated_peak_torque_n_m = 167.0", "repeated_peak_torque_n_m = 167.0", "ratings", "source"),
-        ("node_id = 2\n", "node_id = 1\n", "the whole file", "node-ID 1 is given twice: drive and counter output_angle"),
+        (
+            "# input_speed_rpm = 3500.0",
+            "input_speed_rpm = -1.0",
+            "limits.input_speed_rpm",
+            "greater than 0",
+        ),
+        (
+            "# repeated_peak_torque_n_m = 167.0",
+            "repeated_peak_torque_n_m = 167.0",
+            "ratings",
+            "source",
+        ),
+        (
+            "node_id = 2\n",
+            "node_id = 1\n",
+            "the whole file",
+            "node-ID 1 is given twice: drive and counter output_angle",
+        ),
     ],
-)  # fmt: skip
-def test_a_wrong_value_is_named_with_path_and_reason(tmp_path: Path, old: str, new: str, path: str, reason: str) -> None:
+)
+def test_a_wrong_value_is_named_with_path_and_reason(
+    tmp_path: Path, old: str, new: str, path: str, reason: str
+) -> None:
     found = problems(tmp_path, replaced(old, new))
-    assert any(problem.path == path and reason in problem.reason for problem in found), [str(p) for p in found]
+    assert any(problem.path == path and reason in problem.reason for problem in found), [
+        str(p) for p in found
+    ]
     with pytest.raises(ConfigurationError, match=re.escape(path)):
         load_configuration(tmp_path / "rig.toml")
 
 
 def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
-    text = replaced("lines = 8192", "lines = 0").replace("lines = 18000", "lines = -3").replace("bit_rate", "bitrate")
-    assert {p.path for p in problems(tmp_path, text)} == {"motor_encoder.lines", "counter[0].lines", "bus.bitrate"}
+    text = (
+        replaced("lines = 8192", "lines = 0")
+        .replace("lines = 18000", "lines = -3")
+        .replace("bit_rate", "bitrate")
+    )
+    assert {p.path for p in problems(tmp_path, text)} == {
+        "motor_encoder.lines",
+        "counter[0].lines",
+        "bus.bitrate",
+    }
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe", b"[rig", b"a = 1\na = 2", b""])
@@ -182,7 +229,9 @@ def test_calibration_dates_have_an_order_and_a_certificate(tmp_path: Path) -> No
 
 
 def test_files_that_are_not_there_are_named(tmp_path: Path) -> None:
-    text = replaced('gear = "csf-25-120"', 'gear = "mine.toml"').replace('# eds = ""   ', 'eds = "d.eds" # ', 1)
+    text = replaced('gear = "csf-25-120"', 'gear = "mine.toml"').replace(
+        '# eds = ""   ', 'eds = "d.eds" # ', 1
+    )
     found = load_configuration(written(tmp_path, text))
     assert [p.path for p in missing_files(found, tmp_path)] == ["drive.eds", "rig.gear"]
 
@@ -211,7 +260,9 @@ def test_the_drivers_get_what_the_file_says(tmp_path: Path) -> None:
 
 
 def test_limits_and_ratings_reach_the_plan_in_si(tmp_path: Path) -> None:
-    text = TEMPLATE.replace("# input_speed_rpm = 3500.0", "input_speed_rpm = 600.0").replace("# source = ", "source = ")
+    text = TEMPLATE.replace("# input_speed_rpm = 3500.0", "input_speed_rpm = 600.0").replace(
+        "# source = ", "source = "
+    )
     text = text.replace("# repeated_peak_torque_n_m = 167.0", "repeated_peak_torque_n_m = 100.0")
     configured = configured_rig(written(tmp_path, text))
     assert configured.limits == {lim.INPUT_SPEED: pytest.approx(600.0 * RPM)}

@@ -32,15 +32,24 @@ def request(folder: Path, **changes: object) -> RunRequest:
 
 def wire_bench(*faults: Fault, **changes: object) -> WireBench:
     return WireBench(
-        GEAR, MOTOR, seed=4, cycle_ns=round(1e9 / RATE), clock=VirtualClock(START_NS), faults=faults,
+        GEAR,
+        MOTOR,
+        seed=4,
+        cycle_ns=round(1e9 / RATE),
+        clock=VirtualClock(START_NS),
+        faults=faults,
         **changes,  # type: ignore[arg-type]
-    )  # fmt: skip
+    )
 
 
-def on_the_wire(change: Change = lambda c: c, *faults: Fault, bench: WireBench | None = None) -> Bench:
+def on_the_wire(
+    change: Change = lambda c: c, *faults: Fault, bench: WireBench | None = None
+) -> Bench:
     bench = bench or wire_bench(*faults)
     config = change(wire_config(bench, MOTOR))
-    port = CanRig(config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated")
+    port = CanRig(
+        config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated"
+    )
     return Bench("wire", port, bench.clock)
 
 
@@ -58,7 +67,9 @@ def torque_input(config: CanRigConfig, **changes: object) -> CanRigConfig:
     return replace(config, modules=(replace(module, inputs=inputs),))
 
 
-def look(folder: Path, make: Callable[[], Bench], moves: bool = False, **changes: object) -> Examination:
+def look(
+    folder: Path, make: Callable[[], Bench], moves: bool = False, **changes: object
+) -> Examination:
     return examine(make, request(folder, **changes), moves=moves, why_not="not asked to")
 
 

@@ -32,7 +32,13 @@ def test_a_rig_that_is_fine_is_fine(tmp_path: Path) -> None:
     assert found.is_fine, failed(found)
     ratio = line(found, "motion", "ratio")
     assert ratio.value == pytest.approx(120.0, abs=0.02)
-    for name in ("input direction", "output direction", "torque direction", "torque scale", "cycles"):
+    for name in (
+        "input direction",
+        "output direction",
+        "torque direction",
+        "torque scale",
+        "cycles",
+    ):
         assert line(found, "motion", name).result == "ok", name
     # Nothing of the motion is kept where the runs go.
     assert not list(tmp_path.iterdir())
@@ -48,7 +54,9 @@ def test_a_rig_that_is_fine_is_fine(tmp_path: Path) -> None:
         (lambda c: counter(c, lines=17996), "ratio", False),
     ],
 )
-def test_a_wrong_channel_is_found_by_moving(tmp_path: Path, change: Change, name: str, trips: bool) -> None:
+def test_a_wrong_channel_is_found_by_moving(
+    tmp_path: Path, change: Change, name: str, trips: bool
+) -> None:
     found = look(tmp_path, lambda: on_the_wire(change), moves=True)
     assert line(found, "motion", name).result == "failed"
     assert not found.is_fine
@@ -89,7 +97,8 @@ def test_without_an_output_encoder_the_input_is_looked_at(tmp_path: Path) -> Non
 
 
 def test_a_drive_that_trips_in_motion_is_latched(tmp_path: Path) -> None:
-    # The stage in motion opens the rig anew: its cycle 300 lies in the turn, that of the stage at rest is never reached.
+    # The stage in motion opens the rig anew: its cycle 300 lies in the turn, that of the stage at
+    # rest is never reached.
     found = look(tmp_path, lambda: on_the_wire(lambda c: c, DriveFault(300)), moves=True)
     run = line(found, "motion", "run")
     assert run.result == "failed"
@@ -101,7 +110,11 @@ def test_a_drive_that_trips_in_motion_is_latched(tmp_path: Path) -> None:
 def test_the_operator_stops_it(tmp_path: Path, stage: str) -> None:
     stop = StopRequest()
     found = examine(
-        on_the_wire, request(tmp_path), moves=True, stop=stop, on_stage=lambda now: stop.stop() if now == stage else None
+        on_the_wire,
+        request(tmp_path),
+        moves=True,
+        stop=stop,
+        on_stage=lambda now: stop.stop() if now == stage else None,
     )
     assert found.was_stopped
     assert not found.is_fine

@@ -39,7 +39,9 @@ from tests.rig.doctor.rigs import (
 def test_what_a_rig_on_the_wire_tells_of_itself(tmp_path: Path) -> None:
     found = look(tmp_path, on_the_wire)
     assert found.is_fine, failed(found)
-    assert line(found, "node 1", "identity").evidence.startswith("Simulated servo amplifier, profile 402")
+    assert line(found, "node 1", "identity").evidence.startswith(
+        "Simulated servo amplifier, profile 402"
+    )
     assert "software 1.0" in line(found, "node 3", "firmware").evidence
     assert line(found, "node 2", "heartbeat").value == pytest.approx(100.0, abs=25.0)
     # Every object that is missing is named, with what follows from it; nothing is cut off.
@@ -78,14 +80,19 @@ def test_the_direct_rig_has_no_bus_and_is_examined_all_the_same(tmp_path: Path) 
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, Fault) else None,
 )
-def test_a_fault_is_found_and_keeps_the_rig_still(tmp_path: Path, fault: Fault, group: str, name: str, words: str) -> None:
+def test_a_fault_is_found_and_keeps_the_rig_still(
+    tmp_path: Path, fault: Fault, group: str, name: str, words: str
+) -> None:
     found = look(tmp_path, lambda: on_the_wire(lambda c: c, fault), moves=True)
     finding = line(found, group, name)
     assert finding.result == "failed"
     assert words in finding.evidence
     assert not found.is_fine
     skipped = line(found, "motion", "direction and ratio")
-    assert (skipped.result, skipped.evidence) == ("skipped", "not before the lines that failed are in order")
+    assert (skipped.result, skipped.evidence) == (
+        "skipped",
+        "not before the lines that failed are in order",
+    )
 
 
 @pytest.mark.parametrize(
@@ -96,7 +103,9 @@ def test_a_fault_is_found_and_keeps_the_rig_still(tmp_path: Path, fault: Fault, 
         (faults.SdoAborted(0, index=0x1016), "watch over the computer", "does not notice"),
     ],
 )
-def test_what_is_left_to_judgement_is_a_warning(tmp_path: Path, fault: Fault, name: str, words: str) -> None:
+def test_what_is_left_to_judgement_is_a_warning(
+    tmp_path: Path, fault: Fault, name: str, words: str
+) -> None:
     finding = line(look(tmp_path, lambda: on_the_wire(lambda c: c, fault)), "drive", name)
     assert finding.result == "warning"
     assert words in finding.evidence
@@ -106,7 +115,13 @@ def test_what_is_left_to_judgement_is_a_warning(tmp_path: Path, fault: Fault, na
 @pytest.mark.parametrize(
     ("change", "group", "name", "result", "words"),
     [
-        (lambda c: motor_encoder(c, lines=2048), "told by the devices", "counts-per-revolution", "failed", "32768"),
+        (
+            lambda c: motor_encoder(c, lines=2048),
+            "told by the devices",
+            "counts-per-revolution",
+            "failed",
+            "32768",
+        ),
         (lambda c: torque_input(c, zero_volts=0.4), "torque", "zero", "failed", "-25"),
         (lambda c: torque_input(c, zero_volts=0.06), "torque", "zero", "warning", "-4"),
     ],
@@ -133,7 +148,12 @@ def test_a_wrong_description_is_found(
     ],
 )
 def test_a_calibration_ends(due: str, result: str, words: str) -> None:
-    channel = encoder_channel(OUTPUT_ANGLE, lines=18000, multiplication=4, calibration=Calibration("certificate 7", "", due))
+    channel = encoder_channel(
+        OUTPUT_ANGLE,
+        lines=18000,
+        multiplication=4,
+        calibration=Calibration("certificate 7", "", due),
+    )
     (finding,) = surroundings.calibrations([channel], date(2026, 9, 21))
     assert finding.result == result
     assert words in finding.evidence
@@ -149,7 +169,11 @@ def test_a_node_that_says_nothing_is_named_and_who_is_there_instead(tmp_path: Pa
 
 
 def test_an_open_guard_fails(tmp_path: Path) -> None:
-    found = look(tmp_path, lambda: replace(on_the_wire(), real_time=True, guard=lambda: (0, False)), moves=True)
+    found = look(
+        tmp_path,
+        lambda: replace(on_the_wire(), real_time=True, guard=lambda: (0, False)),
+        moves=True,
+    )
     assert line(found, "safety", "guard").result == "failed"
     assert line(found, "motion", "direction and ratio").result == "skipped"
 
@@ -184,14 +208,20 @@ def test_the_readout_is_asked_once(
 def test_a_readout_that_fails_does_not_keep_the_rig_from_moving(tmp_path: Path) -> None:
     stop, there_is_none = StopRequest(), ReadoutConfig(str(tmp_path / "no-such-line"))
     found = examine(
-        on_the_wire, request(tmp_path), moves=True, readout_config=there_is_none, stop=stop,
+        on_the_wire,
+        request(tmp_path),
+        moves=True,
+        readout_config=there_is_none,
+        stop=stop,
         on_stage=lambda stage: stop.stop() if stage == "motion" else None,
-    )  # fmt: skip
+    )
     assert failed(found) == [("readout", "ND 287")]
     assert "standstill verified" in line(found, "motion", "run").evidence
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals are a matter of POSIX systems")
+@pytest.mark.skipif(
+    sys.platform == "win32", reason="pseudo-terminals are a matter of POSIX systems"
+)
 def test_the_line_of_a_pseudo_terminal_opens_as_often_as_it_is_asked(tmp_path: Path) -> None:
     controller, terminal = os.openpty()
     try:

@@ -21,9 +21,17 @@ TORQUE = Column.of(CHANNELS[2])
 
 
 def write(
-    folder: Path, number: int, protocol: str = "friction", *, serial: str = "A1", outcome: str = "PASS", rows: int = 20,
-    part: bool = False, changes: Mapping[str, Any] | None = None, **metadata: Any,
-) -> Path:  # fmt: skip
+    folder: Path,
+    number: int,
+    protocol: str = "friction",
+    *,
+    serial: str = "A1",
+    outcome: str = "PASS",
+    rows: int = 20,
+    part: bool = False,
+    changes: Mapping[str, Any] | None = None,
+    **metadata: Any,
+) -> Path:
     """A sealed run (a dead one with `part`); `changes` of the header, the rest of its metadata."""
     run_id = f"{number:05d}-{protocol}-{serial}"
     made = header(run_id)
@@ -41,18 +49,27 @@ def write(
     return writer.seal(outcome, "2025-11-21T04:41:00.000+00:00")
 
 
-def estimate(name: str, value: float, unit: str = "N m", own: float = 1e-4, scale: float = 0.0, **more: Any) -> Estimate:
+def estimate(
+    name: str, value: float, unit: str = "N m", own: float = 1e-4, scale: float = 0.0, **more: Any
+) -> Estimate:
     """An estimate with `own` standard uncertainty of type A and a relative one of the torque scale."""
     budget = [BudgetLine("points nearby", "A", own)]
     if scale:
         budget.append(BudgetLine("torque scale", "B", scale * abs(value), "certificate"))
-    return Estimate(name, value, unit, value - 2 * own, value + 2 * own, budget=tuple(budget), **more)
+    return Estimate(
+        name, value, unit, value - 2 * own, value + 2 * own, budget=tuple(budget), **more
+    )
 
 
 def analyse(
-    run: Path, *estimates: Estimate, kind: str = "friction", options: Mapping[str, Any] | None = None,
-    metrics: Mapping[str, float] | None = None, sha256: str = "", tare: Mapping[str, str] | None = None,
-) -> Analysis:  # fmt: skip
+    run: Path,
+    *estimates: Estimate,
+    kind: str = "friction",
+    options: Mapping[str, Any] | None = None,
+    metrics: Mapping[str, float] | None = None,
+    sha256: str = "",
+    tare: Mapping[str, str] | None = None,
+) -> Analysis:
     """Lay a result beside a run."""
     told = {"torque_is_of": "gear", "channel": "torque"} if options is None else options
     run_id = run.name.removesuffix(".h5")

@@ -1,4 +1,6 @@
-"""Control limits and the rules of the chart, against hand-worked numbers and against an unchanged gear many times over."""
+"""Control limits and the rules of the chart, against hand-worked numbers and against an unchanged
+gear many times over.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +38,9 @@ def test_limits_by_hand() -> None:
 
 
 @pytest.mark.parametrize("values", [LEVEL[:9], (), (1.0,) * 12, (*LEVEL[:9], float("nan"))])
-def test_no_limits_from_too_few_runs_or_from_runs_that_do_not_scatter(values: tuple[float, ...]) -> None:
+def test_no_limits_from_too_few_runs_or_from_runs_that_do_not_scatter(
+    values: tuple[float, ...],
+) -> None:
     assert control_limits(values, [""] * len(values)) is None
 
 
@@ -56,7 +60,7 @@ def test_no_limits_from_too_few_runs_or_from_runs_that_do_not_scatter(values: tu
         ((-1.8, 2.0), {1: ("MR",)}),
         ((-1.0, 3.2), {1: ("1", "MR")}),
     ],
-)  # fmt: skip
+)
 def test_every_rule_speaks_at_the_run_that_completes_it(
     values: tuple[float, ...], rules: dict[int, tuple[str, ...]]
 ) -> None:

@@ -39,7 +39,13 @@ def test_two_runs_alike_differ_in_number_and_time_only(pair: tuple[Path, Path]) 
     assert set(found.compared) == set(GROUPS)
     assert all(found.compared[group] for group in GROUPS if group != "results")
     assert len(found.same) + len(found.changes) == sum(found.compared.values())
-    assert {change.group for change in found.same} >= {"parameters", "limits", "gear", "calibrations", "versions"}
+    assert {change.group for change in found.same} >= {
+        "parameters",
+        "limits",
+        "gear",
+        "calibrations",
+        "versions",
+    }
 
 
 def test_a_run_does_not_differ_from_itself(pair: tuple[Path, Path]) -> None:
@@ -56,27 +62,73 @@ def calibrated(certificate: str, scale: float) -> tuple[Column, ...]:
 @pytest.mark.parametrize(
     ("group", "told", "expected"),
     [
-        ("parameters", {"parameters": {"speeds_rpm": [1.0, 2.5], "repeats": 3, "note": "τ"}}, {"repeats": ("2", "3")}),
-        ("parameters", {"parameters": {"speeds_rpm": [1.0, 2.5], "repeats": 2}}, {"note": ("τ", "")}),
-        ("limits", {"changes": {"limits": {"torque": {"value": 1.5, "unit": "N m", "tier": "gear"}}}},
-         {"torque": ("2", "1.5 N m (gear)")}),
-        ("conditions", {"conditions": {"lubricant": "SK-2", "hours": 12.5}, "operator": "Bo"},
-         {"lubricant": ("SK-1A", "SK-2"), "operator": ("Ada Grün", "Bo")}),
-        ("gear", {"gear_serial": "B2", "mounting": "flexspline-fixed"},
-         {"serial number": ("A1", "B2"), "mounting": ("circular-spline-fixed", "flexspline-fixed")}),
-        ("gear", {"gear": shipped_gear().with_values({"mesh_friction.coulomb": 71.0})},
-         {"mesh_friction.coulomb": ("70 N (assumed)", "71 N (assumed)")}),
-        ("versions", {"process": SIMULATED | {"program_version": "0.2.0"}}, {"program_version": ("0.1.0", "0.2.0")}),
-        ("acquisition", {"process": SIMULATED | {"seed": 4}, "origin": "imported", "sample_rate": 500.0},
-         {"seed": ("3", "4"), "origin": ("simulated", "imported"), "sample rate": ("1000", "500")}),
-        ("calibrations", {"changes": {"columns": calibrated("PTB-18", -3.2e-5)}},
-         {"torque scale": ("-3.1e-05 N m", "-3.2e-05 N m"),
-          "torque certificate": ("PTB-17, 2025-02-03, 2027-02-03", "PTB-18, 2026-01-01, 2028-01-01"),
-          "torque relative uncertainty of the scale": ("0.001", "0.002")}),
+        (
+            "parameters",
+            {"parameters": {"speeds_rpm": [1.0, 2.5], "repeats": 3, "note": "τ"}},
+            {"repeats": ("2", "3")},
+        ),
+        (
+            "parameters",
+            {"parameters": {"speeds_rpm": [1.0, 2.5], "repeats": 2}},
+            {"note": ("τ", "")},
+        ),
+        (
+            "limits",
+            {"changes": {"limits": {"torque": {"value": 1.5, "unit": "N m", "tier": "gear"}}}},
+            {"torque": ("2", "1.5 N m (gear)")},
+        ),
+        (
+            "conditions",
+            {"conditions": {"lubricant": "SK-2", "hours": 12.5}, "operator": "Bo"},
+            {"lubricant": ("SK-1A", "SK-2"), "operator": ("Ada Grün", "Bo")},
+        ),
+        (
+            "gear",
+            {"gear_serial": "B2", "mounting": "flexspline-fixed"},
+            {
+                "serial number": ("A1", "B2"),
+                "mounting": ("circular-spline-fixed", "flexspline-fixed"),
+            },
+        ),
+        (
+            "gear",
+            {"gear": shipped_gear().with_values({"mesh_friction.coulomb": 71.0})},
+            {"mesh_friction.coulomb": ("70 N (assumed)", "71 N (assumed)")},
+        ),
+        (
+            "versions",
+            {"process": SIMULATED | {"program_version": "0.2.0"}},
+            {"program_version": ("0.1.0", "0.2.0")},
+        ),
+        (
+            "acquisition",
+            {"process": SIMULATED | {"seed": 4}, "origin": "imported", "sample_rate": 500.0},
+            {
+                "seed": ("3", "4"),
+                "origin": ("simulated", "imported"),
+                "sample rate": ("1000", "500"),
+            },
+        ),
+        (
+            "calibrations",
+            {"changes": {"columns": calibrated("PTB-18", -3.2e-5)}},
+            {
+                "torque scale": ("-3.1e-05 N m", "-3.2e-05 N m"),
+                "torque certificate": (
+                    "PTB-17, 2025-02-03, 2027-02-03",
+                    "PTB-18, 2026-01-01, 2028-01-01",
+                ),
+                "torque relative uncertainty of the scale": ("0.001", "0.002"),
+            },
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_differs_is_told_in_its_group_and_nothing_else(
-    pair: tuple[Path, Path], tmp_path: Path, group: str, told: dict, expected: dict[str, tuple[str, str]]
+    pair: tuple[Path, Path],
+    tmp_path: Path,
+    group: str,
+    told: dict,
+    expected: dict[str, tuple[str, str]],
 ) -> None:
     found = difference(pair[0], write(tmp_path, 3, **told))
     assert texts(found, group) == expected
@@ -127,10 +179,14 @@ def test_what_both_share_is_noted_and_taken_out(runs: tuple[Path, Path]) -> None
 @pytest.mark.parametrize(
     "told",
     [
-        {"changes": {"columns": calibrated("PTB-18", -3.1e-5)}}, {"process": SIMULATED | {"seed": 4}}, {"origin": "imported"},
+        {"changes": {"columns": calibrated("PTB-18", -3.1e-5)}},
+        {"process": SIMULATED | {"seed": 4}},
+        {"origin": "imported"},
     ],
-)  # fmt: skip
-def test_another_calibration_another_rig_share_nothing(runs: tuple[Path, Path], tmp_path: Path, told: dict) -> None:
+)
+def test_another_calibration_another_rig_share_nothing(
+    runs: tuple[Path, Path], tmp_path: Path, told: dict
+) -> None:
     # A simulated rig of which no truth is kept is told by its seed.
     (tmp_path / "other").mkdir()
     changes = {"truth": None} | told.pop("changes", {})
@@ -144,7 +200,11 @@ def test_another_calibration_another_rig_share_nothing(runs: tuple[Path, Path], 
 
 def test_another_subject_is_another_quantity(runs: tuple[Path, Path]) -> None:
     analyse(runs[0], estimate(RUNNING, 0.08))
-    analyse(runs[1], estimate(RUNNING, 0.09), options={"torque_is_of": "motor + gear", "channel": "torque"})
+    analyse(
+        runs[1],
+        estimate(RUNNING, 0.09),
+        options={"torque_is_of": "motor + gear", "channel": "torque"},
+    )
     found = difference(*runs)
     assert result(found).significant is None
     assert "not the same quantity" in result(found).note
@@ -161,7 +221,9 @@ def test_a_number_that_cannot_be_told_is_never_significant(runs: tuple[Path, Pat
 
 def test_a_phase_is_compared_the_shorter_way_round(runs: tuple[Path, Path]) -> None:
     for run, phase in zip(runs, (3.1, -3.1), strict=True):
-        analyse(run, estimate("phase_2", phase, "rad", own=1e-3), kind="kinematic-error", options={})
+        analyse(
+            run, estimate("phase_2", phase, "rad", own=1e-3), kind="kinematic-error", options={}
+        )
     found = result(difference(*runs), "kinematic-error: phase_2")
     assert found.difference == pytest.approx(2.0 * (math.pi - 3.1))
     assert found.significant
@@ -187,7 +249,9 @@ def test_what_only_one_of_them_has(runs: tuple[Path, Path]) -> None:
     assert "rig fit" in result(found, "motion").note
 
 
-def test_an_estimate_without_an_uncertainty_is_compared_without_a_verdict(runs: tuple[Path, Path]) -> None:
+def test_an_estimate_without_an_uncertainty_is_compared_without_a_verdict(
+    runs: tuple[Path, Path],
+) -> None:
     stored = analyse(runs[0], estimate(RUNNING, 0.08))
     analyse(runs[1], estimate(RUNNING, 0.09))
     told = json.loads(stored.path.read_text(encoding="utf-8"))
@@ -195,7 +259,11 @@ def test_an_estimate_without_an_uncertainty_is_compared_without_a_verdict(runs: 
     stored.path.unlink()
     stored.path.write_text(json.dumps(told), encoding="utf-8")
     found = result(difference(*runs))
-    assert (found.significant, found.uncertainty, found.difference) == (None, None, pytest.approx(0.01))
+    assert (found.significant, found.uncertainty, found.difference) == (
+        None,
+        None,
+        pytest.approx(0.01),
+    )
 
 
 def test_the_difference_as_json_is_whole(runs: tuple[Path, Path]) -> None:

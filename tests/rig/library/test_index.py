@@ -59,16 +59,30 @@ def read_count(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 def test_the_index_says_what_the_files_say(several: Path) -> None:
     found = LibraryIndex(several).search()
     assert numbers(found) == [1, 2, 4, 7, 9]
-    assert [run.state for run in found] == ["sealed", "sealed", "sealed", "left behind", "unreadable"]
+    assert [run.state for run in found] == [
+        "sealed",
+        "sealed",
+        "sealed",
+        "left behind",
+        "unreadable",
+    ]
     for run, listed in zip(found, list_runs(several), strict=True):
         assert (run.path, run.rows, run.problem) == (listed.path, listed.rows, listed.problem)
         if listed.metadata is not None:
             m = listed.metadata
-            assert (run.run_id, run.protocol, run.gear_serial) == (m.run_id, m.experiment, m.gear_serial)
+            assert (run.run_id, run.protocol, run.gear_serial) == (
+                m.run_id,
+                m.experiment,
+                m.gear_serial,
+            )
             assert (run.outcome, run.origin, run.start) == (m.outcome, m.origin, m.start_time)
             assert run.duration == pytest.approx(listed.duration)
     assert "HDF5" in found[4].problem
-    assert (found[0].gear, found[0].backend, found[0].operator) == ("CSF-25-120-2UH", "sim", "Ada Grün")
+    assert (found[0].gear, found[0].backend, found[0].operator) == (
+        "CSF-25-120-2UH",
+        "sim",
+        "Ada Grün",
+    )
 
 
 def test_only_what_changed_is_read_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,12 +128,14 @@ def test_a_damaged_index_is_made_anew_and_that_is_said(folder: Path, damage: str
     before = [repr(run) for run in LibraryIndex(folder).search()]
     path = folder / INDEX_NAME
     good = path.read_bytes()
-    path.write_bytes({
-        "garbage": b"this is no database, only text of some length" * 100,
-        "cut": good[: len(good) // 2 + 7],
-        "pages": good[:4096] + bytes(len(good) - 4096),
-        "empty": b"",
-    }[damage])  # fmt: skip
+    path.write_bytes(
+        {
+            "garbage": b"this is no database, only text of some length" * 100,
+            "cut": good[: len(good) // 2 + 7],
+            "pages": good[:4096] + bytes(len(good) - 4096),
+            "empty": b"",
+        }[damage]
+    )
     found = LibraryIndex(folder)
     assert [repr(run) for run in found.search()] == before
     assert ("made anew" in found.rebuilt) == (damage != "empty")
@@ -140,7 +156,9 @@ def test_an_index_of_another_version_is_made_anew(folder: Path) -> None:
     assert LibraryIndex(folder).refresh() == 0
 
 
-def test_where_no_file_can_be_kept_the_index_lives_in_memory(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_where_no_file_can_be_kept_the_index_lives_in_memory(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # A folder of that name stands for a folder that may not be written: no permission stops an administrator.
     (folder / INDEX_NAME).mkdir()
     opened = read_count(monkeypatch)
@@ -151,13 +169,17 @@ def test_where_no_file_can_be_kept_the_index_lives_in_memory(folder: Path, monke
     assert len(opened) == 3
 
 
-def test_an_index_that_may_be_read_but_not_written_is_used(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_index_that_may_be_read_but_not_written_is_used(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     LibraryIndex(folder).refresh()
     write(folder, 10)
     true = sqlite3.connect
     path = folder / INDEX_NAME
     monkeypatch.setattr(
-        sqlite3, "connect", lambda _, timeout: true(f"file:{path}?mode=ro", uri=True, timeout=timeout)
+        sqlite3,
+        "connect",
+        lambda _, timeout: true(f"file:{path}?mode=ro", uri=True, timeout=timeout),
     )
     found = LibraryIndex(folder)
     assert found.refresh() == 1
@@ -166,7 +188,9 @@ def test_an_index_that_may_be_read_but_not_written_is_used(folder: Path, monkeyp
     assert found.refresh() == 0
 
 
-def test_another_process_that_writes_for_long_is_not_waited_for(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_process_that_writes_for_long_is_not_waited_for(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     LibraryIndex(folder).refresh()
     write(folder, 10)
     monkeypatch.setattr(index, "WAITING_TIME", 0.01)
@@ -183,10 +207,14 @@ def test_another_process_that_writes_for_long_is_not_waited_for(folder: Path, mo
 
 def test_another_process_and_threads_that_scan_at_once_find_the_same(folder: Path) -> None:
     code = f"from rig.library import LibraryIndex\nprint([r.number for r in LibraryIndex({str(folder)!r}).search()])"
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=ROOT)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=ROOT
+    )
     shared = LibraryIndex(folder)
     results: list[list[int]] = []
-    threads = [threading.Thread(target=lambda: results.append(numbers(shared.search()))) for _ in range(4)]
+    threads = [
+        threading.Thread(target=lambda: results.append(numbers(shared.search()))) for _ in range(4)
+    ]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -196,7 +224,9 @@ def test_another_process_and_threads_that_scan_at_once_find_the_same(folder: Pat
     assert LibraryIndex(folder).refresh() == 0
 
 
-def test_a_run_that_is_written_is_shown_as_such_then_left_behind_then_recovered(tmp_path: Path) -> None:
+def test_a_run_that_is_written_is_shown_as_such_then_left_behind_then_recovered(
+    tmp_path: Path,
+) -> None:
     place = claim_run(tmp_path, "friction", "A1")
     writer = RunWriter(place.path, header(place.run_id), chunk_rows=64)
     found = LibraryIndex(tmp_path)
@@ -208,13 +238,20 @@ def test_a_run_that_is_written_is_shown_as_such_then_left_behind_then_recovered(
         assert run.state == "being written"
         rows.append(run.rows)
     assert rows == [30, 60]
-    assert [run.state for run in LibraryIndex(tmp_path).search(outcome="being written")] == ["being written"]
+    assert [run.state for run in LibraryIndex(tmp_path).search(outcome="being written")] == [
+        "being written"
+    ]
     writer.abandon()
     (run,) = found.search()
     assert (run.state, run.number, run.outcome) == ("left behind", place.number, "")
     recover_run(writer.part)
     (run,) = found.search()
-    assert (run.state, run.number, run.outcome, run.rows) == ("sealed", place.number, "INTERRUPTED", 60)
+    assert (run.state, run.number, run.outcome, run.rows) == (
+        "sealed",
+        place.number,
+        "INTERRUPTED",
+        60,
+    )
 
 
 def test_a_run_that_has_only_just_begun_is_being_written_not_unreadable(
@@ -236,7 +273,11 @@ def test_numbers_are_never_used_again_whatever_the_index_forgot(tmp_path: Path) 
         write(tmp_path, place.number, outcome=outcome)
         numbers_given.append(place.number)
     found = LibraryIndex(tmp_path)
-    assert [(run.number, run.outcome) for run in found.search()] == [(1, "PASS"), (2, "ABORTED"), (3, "TRIPPED")]
+    assert [(run.number, run.outcome) for run in found.search()] == [
+        (1, "PASS"),
+        (2, "ABORTED"),
+        (3, "TRIPPED"),
+    ]
     for path in tmp_path.glob("00003*"):
         path.unlink()
     (tmp_path / INDEX_NAME).unlink()
@@ -269,7 +310,7 @@ def test_numbers_are_never_used_again_whatever_the_index_forgot(tmp_path: Path) 
         ({"since": "2026-01-03T09:00"}, [2, 4, 7]),
         ({"since": "2026-01-03", "protocol": "friction", "origin": "simulated"}, [7]),
     ],
-)  # fmt: skip
+)
 def test_search(several: Path, asked: dict[str, str], expected: list[int]) -> None:
     assert numbers(LibraryIndex(several).search(**asked)) == expected  # type: ignore[arg-type]
 

@@ -1,4 +1,6 @@
-"""`rig runs` with a search, `rig diff` and `rig passport` as people and programs call them; one real run, really fitted."""
+"""`rig runs` with a search, `rig diff` and `rig passport` as people and programs call them; one
+real run, really fitted.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,9 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one short starting-torque run of the simulated rig."""
     folder = tmp_path_factory.mktemp("real")
     values = {"positions": 1, "zero_time": 0.5, "rate": 0.05}
-    request = RunRequest("starting-torque", shipped_gear(), shipped_motor(), folder, values, gear_serial="G7", seed=1)
+    request = RunRequest(
+        "starting-torque", shipped_gear(), shipped_motor(), folder, values, gear_serial="G7", seed=1
+    )
     assert run_request(request).outcome == "PASS"
     return folder
 
@@ -59,12 +63,19 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize(
     ("words", "numbers"),
     [
-        ((), [1, 2, 3]), (("--gear", "A1"), [1, 2]), (("--protocol", "home"), [3]), (("--outcome", "aborted"), [3]),
-        (("--since", "2026-01-02"), [2, 3]), (("--until", "2026-01-01"), [1]), (("--text", "b2 home"), [3]),
+        ((), [1, 2, 3]),
+        (("--gear", "A1"), [1, 2]),
+        (("--protocol", "home"), [3]),
+        (("--outcome", "aborted"), [3]),
+        (("--since", "2026-01-02"), [2, 3]),
+        (("--until", "2026-01-01"), [1]),
+        (("--text", "b2 home"), [3]),
         (("--origin", "hardware"), []),
     ],
-)  # fmt: skip
-def test_runs_are_searched(rig: Rig, three: Path, words: tuple[str, ...], numbers: list[int]) -> None:
+)
+def test_runs_are_searched(
+    rig: Rig, three: Path, words: tuple[str, ...], numbers: list[int]
+) -> None:
     found = rig.json("runs", three, *words)
     assert [run["number"] for run in found["runs"]] == numbers
     assert all(run["state"] == "sealed" for run in found["runs"])
@@ -86,7 +97,12 @@ def test_diff_says_what_differs_and_ends_with_zero(rig: Rig, three: Path) -> Non
     assert (same["differs"], same["changes"]) == (False, [])
     assert len(same["same"]) == sum(same["compared"].values())
     assert rig("diff", first, second) == 0
-    for word in ("00001-friction-A1  against  00002-friction-A1", "parameters: 0 of", RUNNING, "yes"):
+    for word in (
+        "00001-friction-A1  against  00002-friction-A1",
+        "parameters: 0 of",
+        RUNNING,
+        "yes",
+    ):
         assert word in rig.out
     assert "speeds_rpm" not in rig.out
     assert rig("diff", first, first, "--all") == 0
@@ -103,10 +119,19 @@ def test_diff_of_a_run_that_is_none(rig: Rig, three: Path) -> None:
 def test_passport(rig: Rig, three: Path) -> None:
     found = rig.json("passport", "A1", "--output", three)
     assert [one["quantity"] for one in found["series"]] == [RUNNING]
-    assert [point["run"] for point in found["series"][0]["points"]] == ["00001-friction-A1", "00002-friction-A1"]
+    assert [point["run"] for point in found["series"][0]["points"]] == [
+        "00001-friction-A1",
+        "00002-friction-A1",
+    ]
     assert (found["mark"], found["analysed"]) == ("SIMULATED", [])
     assert rig("passport", "A1") == 0
-    for word in ("Gear A1", "SIMULATED", "No-load running torque at 1000 r/min", "no control limits yet", "Missing"):
+    for word in (
+        "Gear A1",
+        "SIMULATED",
+        "No-load running torque at 1000 r/min",
+        "no control limits yet",
+        "Missing",
+    ):
         assert word in rig.out
 
 
@@ -115,7 +140,10 @@ def test_a_broken_limit_is_told_by_its_rule(rig: Rig, three: Path) -> None:
         run = write(three, number, start_time=start(number))
         analyse(run, estimate(RUNNING, value))
     assert rig("passport", "A1", "--output", three, "--baseline", "3") == 0
-    for word in ("out of control", "00005-friction-A1: beyond a control limit (Western Electric rule 1)"):
+    for word in (
+        "out of control",
+        "00005-friction-A1: beyond a control limit (Western Electric rule 1)",
+    ):
         assert word in rig.out
 
 
@@ -128,7 +156,9 @@ def test_a_passport_fits_what_was_never_fitted_once(rig: Rig, real: Path, tmp_pa
     assert "--analyse" in {one["remedy"] for one in before["missing"]}
     found = rig.json("passport", "G7", "--output", folder, "--analyse")
     told = {one["run"]: one for one in found["analysed"]}
-    assert told["00001-starting_torque-G7"]["stored"] == "00001-starting_torque-G7.analysis/0001.json"
+    assert (
+        told["00001-starting_torque-G7"]["stored"] == "00001-starting_torque-G7.analysis/0001.json"
+    )
     assert told["00008-friction-G7"]["stored"] == ""
     assert told["00008-friction-G7"]["problem"]
     (one,) = found["series"]

@@ -39,7 +39,9 @@ def twelve(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def taken(source: Path, target: Path, most: int) -> Path:
-    """The first runs of a folder under second names, with its index, which then holds for them too and saves reading them."""
+    """The first runs of a folder under second names, with its index, which then holds for them too
+    and saves reading them.
+    """
     for run in runs_in(source)[:most]:
         for path in (run, run.with_name(run.name + ".sha256")):
             (target / path.name).hardlink_to(path)
@@ -83,7 +85,12 @@ def test_a_gear_that_does_not_change_is_in_control(history: Path) -> None:
     assert [point.run for point in one.points] == [run.run_id for run in found.runs]
     assert [point.start for point in one.points] == [start(day) for day in range(1, 13)]
     assert all(point.expanded_uncertainty == pytest.approx(0.4e-3) for point in one.points)
-    assert (one.state, one.unit, one.display_unit, one.origin) == ("in control", "N m", "mN m", "simulated")
+    assert (one.state, one.unit, one.display_unit, one.origin) == (
+        "in control",
+        "N m",
+        "mN m",
+        "simulated",
+    )
     assert one.control is not None
     assert one.control.centre == pytest.approx(1e-3 * np.mean(VALUES[:10]))
     assert one.control.runs == tuple(run.run_id for run in found.runs[:10])
@@ -167,8 +174,10 @@ def test_runs_that_were_not_brought_to_their_end_do_not_count(folder: Path) -> N
     write(folder, 23, part=True, start_time=start(23))
     found = passport(folder, "A1")
     assert {one.run: one.what.split(":")[0] for one in found.left_out} == {
-        "00020-friction-A1": "ended ABORTED", "00021-friction-A1": "ended TRIPPED", "00023-friction-A1": "left behind",
-    }  # fmt: skip
+        "00020-friction-A1": "ended ABORTED",
+        "00021-friction-A1": "ended TRIPPED",
+        "00023-friction-A1": "left behind",
+    }
     assert series(found).points[-1].run == "00022-friction-A1"
 
 
@@ -177,13 +186,18 @@ def test_origins_never_stand_in_one_series(folder: Path) -> None:
     imported = write(folder, 20, origin="imported", outcome="", start_time=start(20))
     analyse(imported, estimate(RUNNING, 0.07))
     found = passport(folder, "A1")
-    assert [(one.origin, len(one.points)) for one in found.series] == [("simulated", 3), ("imported", 1)]
+    assert [(one.origin, len(one.points)) for one in found.series] == [
+        ("simulated", 3),
+        ("imported", 1),
+    ]
     assert [one.title.split("(")[1] for one in found.series] == ["SIMULATED)", "IMPORTED)"]
     assert found.mark == "IMPORTED / SIMULATED"
     assert len({one.key for one in found.series}) == 2
 
 
-def test_what_is_not_from_hardware_stays_out_of_the_history_of_a_gear_that_was_on_a_rig(folder: Path) -> None:
+def test_what_is_not_from_hardware_stays_out_of_the_history_of_a_gear_that_was_on_a_rig(
+    folder: Path,
+) -> None:
     analysed(folder, VALUES[:3])
     real = write(folder, 20, origin="hardware", start_time=start(20))
     analyse(real, estimate(RUNNING, 0.07))
@@ -235,7 +249,11 @@ def test_the_newest_analysis_counts_and_one_of_another_file_does_not(folder: Pat
     assert [(p.run, p.value, p.analysis) for p in series(found).points] == [
         ("00001-friction-A1", 0.08, "00001-friction-A1.analysis/0002.json")
     ]
-    assert any("of another file of this name" in one.what for one in found.missing if one.run == "00002-friction-A1")
+    assert any(
+        "of another file of this name" in one.what
+        for one in found.missing
+        if one.run == "00002-friction-A1"
+    )
 
 
 def test_a_damaged_analysis_and_a_copied_run_are_named(folder: Path, tmp_path: Path) -> None:
@@ -250,7 +268,9 @@ def test_a_damaged_analysis_and_a_copied_run_are_named(folder: Path, tmp_path: P
         shutil.copy2(path, copies / path.name)
     found = passport([folder, copies], "A1")
     assert [point.run for point in series(found).points] == ["00002-friction-A1"]
-    assert any("cannot be read" in one.what for one in found.missing if one.run == "00001-friction-A1")
+    assert any(
+        "cannot be read" in one.what for one in found.missing if one.run == "00001-friction-A1"
+    )
     assert [one.what.startswith("is a copy of") for one in found.left_out] == [True]
 
 
@@ -271,7 +291,10 @@ def test_what_changed_since_the_run_before_stands_beside_the_point(folder: Path)
         analyse(run, estimate(RUNNING, 0.08), metrics={"housing_temperature": warmth})
     one = series(passport(folder, "A1", baseline=2))
     assert one.points[1].remarks == ()
-    assert one.points[2].remarks == ("lubricant: SK-1A → SK-2", "housing 3.8 K warmer than in the first runs")
+    assert one.points[2].remarks == (
+        "lubricant: SK-1A → SK-2",
+        "housing 3.8 K warmer than in the first runs",
+    )
     assert one.points[2].housing_temperature == 26.0
 
 
@@ -279,12 +302,29 @@ SPECTRUM = {"1": 6.0, "2": 16.0, "4": 4.5, "1/N": 6.1, "2+2/N": 1.6, "2-1/N": 0.
 
 
 def kinematic(folder: Path, number: int, growth: float = 1.0, **told: object) -> None:
-    run = write(folder, number, "kinematic-error", start_time=start(number), parameters={"speed_rpm": 30.3}, **told)
-    orders = [estimate(f"amplitude_{label}", growth * a * ARCSEC, "rad", 0.01 * ARCSEC) for label, a in SPECTRUM.items()]
-    accuracy = [
-        estimate(f"transmission_accuracy_{way}", growth * 0.9 * ARCMIN, "rad", 0.01 * ARCMIN) for way in ("forward", "reverse")
+    run = write(
+        folder,
+        number,
+        "kinematic-error",
+        start_time=start(number),
+        parameters={"speed_rpm": 30.3},
+        **told,
+    )
+    orders = [
+        estimate(f"amplitude_{label}", growth * a * ARCSEC, "rad", 0.01 * ARCSEC)
+        for label, a in SPECTRUM.items()
     ]
-    analyse(run, *accuracy, *orders, kind="kinematic-error", options={"ratio": 120.0, "highest_order": 12.0})
+    accuracy = [
+        estimate(f"transmission_accuracy_{way}", growth * 0.9 * ARCMIN, "rad", 0.01 * ARCMIN)
+        for way in ("forward", "reverse")
+    ]
+    analyse(
+        run,
+        *accuracy,
+        *orders,
+        kind="kinematic-error",
+        options={"ratio": 120.0, "highest_order": 12.0},
+    )
 
 
 def test_transmission_accuracy_and_the_largest_orders_are_followed(tmp_path: Path) -> None:
@@ -292,9 +332,15 @@ def test_transmission_accuracy_and_the_largest_orders_are_followed(tmp_path: Pat
         kinematic(tmp_path, number, 1.0 + 0.1 * number)
     found = passport(tmp_path, "A1")
     assert [one.quantity for one in found.series] == [
-        "transmission_accuracy_forward", "transmission_accuracy_reverse", "amplitude_1/N", "amplitude_1", "amplitude_2-1/N",
-        "amplitude_2", "amplitude_2+2/N", "amplitude_4",
-    ]  # fmt: skip
+        "transmission_accuracy_forward",
+        "transmission_accuracy_reverse",
+        "amplitude_1/N",
+        "amplitude_1",
+        "amplitude_2-1/N",
+        "amplitude_2",
+        "amplitude_2+2/N",
+        "amplitude_4",
+    ]
     (spectrum,) = found.spectra
     first, between, newest = spectrum.series
     assert first.x == pytest.approx([1 / 120, 1.0, 2 - 1 / 120, 2.0, 2 + 2 / 120, 3.0, 4.0])
@@ -309,15 +355,35 @@ def test_transmission_accuracy_and_the_largest_orders_are_followed(tmp_path: Pat
 def test_another_speed_of_the_traverse_is_another_series(tmp_path: Path) -> None:
     kinematic(tmp_path, 1)
     run = write(tmp_path, 2, "kinematic-error", start_time=start(2), parameters={"speed_rpm": 61.8})
-    analyse(run, estimate("transmission_accuracy_forward", 3e-4, "rad"), kind="kinematic-error",
-            options={"ratio": 120.0, "highest_order": 12.0})  # fmt: skip
-    titles = [one.title for one in passport(tmp_path, "A1").series if one.quantity == "transmission_accuracy_forward"]
-    assert titles == ["Transmission accuracy, forward (30.3 r/min)", "Transmission accuracy, forward (61.8 r/min)"]
+    analyse(
+        run,
+        estimate("transmission_accuracy_forward", 3e-4, "rad"),
+        kind="kinematic-error",
+        options={"ratio": 120.0, "highest_order": 12.0},
+    )
+    titles = [
+        one.title
+        for one in passport(tmp_path, "A1").series
+        if one.quantity == "transmission_accuracy_forward"
+    ]
+    assert titles == [
+        "Transmission accuracy, forward (30.3 r/min)",
+        "Transmission accuracy, forward (61.8 r/min)",
+    ]
 
 
 @pytest.mark.parametrize(
     ("label", "order"),
-    [("2", 2.0), ("1/N", 0.01), ("2+2/N", 2.02), ("2-1/N", 1.99), ("2.5", 2.5), ("x", None), ("2+x/N", None), ("", 0.0)],
+    [
+        ("2", 2.0),
+        ("1/N", 0.01),
+        ("2+2/N", 2.02),
+        ("2-1/N", 1.99),
+        ("2.5", 2.5),
+        ("x", None),
+        ("2+x/N", None),
+        ("", 0.0),
+    ],
 )
 def test_the_order_of_a_label(label: str, order: float | None) -> None:
     found = order_of(label, 100.0)
@@ -325,15 +391,25 @@ def test_the_order_of_a_label(label: str, order: float | None) -> None:
 
 
 def test_the_largest_orders_whatever_run_had_them() -> None:
-    assert order_labels([{"2": 3.0, "1": 1.0}, {"2": 3.0, "7": 2.0, "9": 0.1}], most=2) == ("2", "7")
+    assert order_labels([{"2": 3.0, "1": 1.0}, {"2": 3.0, "7": 2.0, "9": 0.1}], most=2) == (
+        "2",
+        "7",
+    )
     assert order_labels([]) == ()
 
 
 def test_starting_torque_is_followed_with_the_limit_it_was_judged_by(tmp_path: Path) -> None:
     run = write(tmp_path, 1, "starting-torque", parameters={"rate": 0.02})
-    stored = analyse(run, estimate("starting_torque", 0.07), kind="starting-torque", options={"torque_is_of": "motor + gear"})
+    stored = analyse(
+        run,
+        estimate("starting_torque", 0.07),
+        kind="starting-torque",
+        options={"torque_is_of": "motor + gear"},
+    )
     told = json.loads(stored.path.read_text(encoding="utf-8"))
-    told["result"]["verdicts"] = [{"limit": 0.1, "limit_source": "a recalled page", "limit_provenance": "recalled"}]
+    told["result"]["verdicts"] = [
+        {"limit": 0.1, "limit_source": "a recalled page", "limit_provenance": "recalled"}
+    ]
     stored.path.unlink()
     stored.path.write_text(json.dumps(told), encoding="utf-8")
     one = series(passport(tmp_path, "A1"), "starting_torque")
@@ -351,13 +427,20 @@ def test_every_figure_can_be_drawn_and_goes_through_json(folder: Path) -> None:
     assert len(told["plots"]) == len(found.plots) == len(found.series) + len(found.spectra)
     for plot, mapping in zip(found.plots, told["plots"], strict=True):
         assert isinstance(plot, Plot)
-        assert [s.label for s in plot_from_mapping(mapping).series] == [s.label for s in plot.series]
+        assert [s.label for s in plot_from_mapping(mapping).series] == [
+            s.label for s in plot.series
+        ]
         assert all(len(s.x) == len(s.y) for s in plot.series)
         assert "[" in plot.y_label
         assert "SIMULATED" in plot.note
     chart = series(found).plot
     labels = {s.label for s in chart.series}
-    assert {"centre line", "upper control limit", "lower control limit", "signals a change"} <= labels
+    assert {
+        "centre line",
+        "upper control limit",
+        "lower control limit",
+        "signals a change",
+    } <= labels
     assert told["series"][-1]["state"] == "out of control"
     assert set(told["rules"]) == set(found.rules)
     table = next(t for t in found.tables if t.name == f"passport-{RUNNING}")
@@ -380,6 +463,10 @@ def test_a_gear_that_is_not_there_and_a_folder_that_is_none(folder: Path, tmp_pa
 
 
 def test_every_cause_that_is_shared_is_a_line_of_some_budget() -> None:
-    sources = [path.read_text(encoding="utf-8") for floor in ("experiments", "model") for path in (ROOT / floor).rglob("*.py")]
+    sources = [
+        path.read_text(encoding="utf-8")
+        for floor in ("experiments", "model")
+        for path in (ROOT / floor).rglob("*.py")
+    ]
     for cause in CAUSES:
         assert any(f'"{cause}' in text for text in sources), cause

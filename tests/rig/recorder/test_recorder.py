@@ -95,7 +95,9 @@ def assert_holds(path: Path, cycles: np.ndarray) -> None:
         assert source.rows == len(cycles)
         np.testing.assert_array_equal(source.cycles(0, source.rows), cycles)
         np.testing.assert_array_equal(source.time_ns(0, source.rows), EPOCH_NS + cycles * CYCLE_NS)
-        np.testing.assert_array_equal(source.flags(0, source.rows), np.where(cycles % 97 == 0, 1, 0))
+        np.testing.assert_array_equal(
+            source.flags(0, source.rows), np.where(cycles % 97 == 0, 1, 0)
+        )
     with h5py.File(path) as file:
         for index, channel in enumerate(CHANNELS):
             np.testing.assert_array_equal(file[f"entry/data/{channel.name}"][:], expected[:, index])
@@ -105,7 +107,9 @@ def assert_holds(path: Path, cycles: np.ndarray) -> None:
 @pytest.mark.parametrize("threaded", [True, False])
 def test_every_row_arrives_value_by_value(tmp_path: Path, size: int, threaded: bool) -> None:
     writer = RunWriter(tmp_path / RUN, header(), chunk_rows=512)
-    recorder = ThreadedRecorder(writer, 1000.0) if threaded else InlineRecorder(writer, VirtualClock())
+    recorder = (
+        ThreadedRecorder(writer, 1000.0) if threaded else InlineRecorder(writer, VirtualClock())
+    )
     rows = 3 * size + 2000
     for first in range(0, rows, size):
         recorder.put(block(first, min(size, rows - first)))
@@ -113,11 +117,17 @@ def test_every_row_arrives_value_by_value(tmp_path: Path, size: int, threaded: b
     path = recorder.close("PASS", "2025-11-21T04:41:00.000+00:00")
     assert path == tmp_path / RUN
     assert_holds(path, np.arange(rows))
-    assert {finding.level for finding in verify_run(path) if finding.check in ("hash", "rows", "sequence", "time")} == {"ok"}
+    assert {
+        finding.level
+        for finding in verify_run(path)
+        if finding.check in ("hash", "rows", "sequence", "time")
+    } == {"ok"}
 
 
 def test_a_ring_that_wraps_keeps_the_order(tmp_path: Path) -> None:
-    recorder = ThreadedRecorder(RunWriter(tmp_path / RUN, header(), chunk_rows=64), 1.0, smallest_ring=50)
+    recorder = ThreadedRecorder(
+        RunWriter(tmp_path / RUN, header(), chunk_rows=64), 1.0, smallest_ring=50
+    )
     assert recorder.capacity == 50
     for first in range(0, 7 * 200, 7):
         if first % 49 == 0:
@@ -173,7 +183,9 @@ def test_a_block_larger_than_the_ring_is_an_overflow(tmp_path: Path) -> None:
     recorder.abandon()
 
 
-def test_a_full_disk_surfaces_in_the_next_put_and_what_was_flushed_is_readable(tmp_path: Path) -> None:
+def test_a_full_disk_surfaces_in_the_next_put_and_what_was_flushed_is_readable(
+    tmp_path: Path,
+) -> None:
     writer = FullDisk(tmp_path / RUN, room=300)
     recorder = ThreadedRecorder(writer, 1000.0)
     recorder.put(block(0, 300))
@@ -196,7 +208,10 @@ def test_a_full_disk_surfaces_in_the_next_put_and_what_was_flushed_is_readable(t
     close_recording(recording)
 
 
-@pytest.mark.parametrize("error", [OSError(errno.EIO, "Input/output error"), TypeError("a defect"), MemoryError("no room")])
+@pytest.mark.parametrize(
+    "error",
+    [OSError(errno.EIO, "Input/output error"), TypeError("a defect"), MemoryError("no room")],
+)
 def test_no_error_of_the_writer_thread_is_lost(
     tmp_path: Path, error: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -212,7 +227,9 @@ def test_no_error_of_the_writer_thread_is_lost(
     assert not (tmp_path / RUN).exists()
 
 
-def test_a_disk_that_does_not_answer_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_that_does_not_answer_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     writer = StalledWriter(tmp_path / RUN)
     recorder = ThreadedRecorder(writer, 1000.0)
     recorder.put(block(0, 10))
@@ -250,7 +267,9 @@ def test_closing_drains_rows_segments_and_events(tmp_path: Path) -> None:
 @pytest.mark.parametrize("threaded", [True, False])
 def test_missing_cycles_are_counted_and_noted(tmp_path: Path, threaded: bool) -> None:
     writer = RunWriter(tmp_path / RUN, header())
-    recorder = ThreadedRecorder(writer, 1000.0) if threaded else InlineRecorder(writer, VirtualClock())
+    recorder = (
+        ThreadedRecorder(writer, 1000.0) if threaded else InlineRecorder(writer, VirtualClock())
+    )
     for first, rows in ((5, 10), (15, 1), (20, 30), (57, 3)):
         recorder.put(block(first, rows))
     path = recorder.close("PASS")
@@ -259,7 +278,10 @@ def test_missing_cycles_are_counted_and_noted(tmp_path: Path, threaded: bool) ->
     recording = open_run(path)
     noted = [event.text for event in recording.events if event.code == "CYCLES_MISSING"]
     close_recording(recording)
-    assert noted == ["4 cycles are missing before cycle 20 (row 11)", "7 cycles are missing before cycle 57 (row 41)"]
+    assert noted == [
+        "4 cycles are missing before cycle 20 (row 11)",
+        "7 cycles are missing before cycle 57 (row 41)",
+    ]
     found = {finding.check: finding for finding in verify_run(path)}
     assert found["sequence"].level == found["rows"].level == "warning"
     assert "2 gaps in the cycle index, 11 cycles missing" in found["sequence"].text
@@ -282,11 +304,13 @@ def test_the_inline_recorder_flushes_by_the_clock_that_is_handed_in(tmp_path: Pa
     seen = []
     for first in range(0, 100, 10):
         recorder.put(block(first, 10))
-        seen.append((writer.flushes - writer.synchronisations, writer.synchronisations, writer.rows_stored))
+        seen.append(
+            (writer.flushes - writer.synchronisations, writer.synchronisations, writer.rows_stored)
+        )
         clock.advance_ns(250_000_000)
     # 0.5 s: flushed; 1 s: synchronised; and so on. The clock says so, not the number of rows.
     assert seen == [
-        (0, 0, 0), (0, 0, 0), (1, 0, 30), (1, 0, 30), (1, 1, 50), (1, 1, 50), (2, 1, 70), (2, 1, 70), (2, 2, 90), (2, 2, 90),
+        (0, 0, 0), (0, 0, 0), (1, 0, 30), (1, 0, 30), (1, 1, 50), (1, 1, 50), (2, 1, 70), (2, 1, 70), (2, 2, 90), (2, 2, 90),  # noqa: E501
     ]  # fmt: skip
     recorder.event(Event(EPOCH_NS, "info", "NOTE", "test", "flushes too"))
     assert writer.rows_stored == 100

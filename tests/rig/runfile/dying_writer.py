@@ -1,4 +1,6 @@
-"""A writer in a process of its own: acknowledges on stdout what it has flushed, goes on when told on stdin, and is killed."""
+"""A writer in a process of its own: acknowledges on stdout what it has flushed, goes on when told
+on stdin, and is killed.
+"""
 
 import sys
 from pathlib import Path
@@ -9,7 +11,12 @@ from tests.rig.runfile.making import block, header
 
 
 def main(folder: str, compress: str, chunk_rows: str) -> None:
-    writer = RunWriter(Path(folder) / "00001-friction-A1.h5", header(), compress=compress == "c", chunk_rows=int(chunk_rows))
+    writer = RunWriter(
+        Path(folder) / "00001-friction-A1.h5",
+        header(),
+        compress=compress == "c",
+        chunk_rows=int(chunk_rows),
+    )
     first = segments = 0
     print("ready", flush=True)
     for command in iter(lambda: sys.stdin.read(1), ""):
@@ -17,7 +24,9 @@ def main(folder: str, compress: str, chunk_rows: str) -> None:
             writer.append(block(first, 37))
             first += 37
         elif command == "g":
-            writer.segment(Segment(segments, "hold", max(first - 37, 0), -1 if segments % 2 else first))
+            writer.segment(
+                Segment(segments, "hold", max(first - 37, 0), -1 if segments % 2 else first)
+            )
             writer.event(Event(first, "info", "NOTE", "writer", f"row {first}"))
             segments += 1
         elif command in "fs":

@@ -1,4 +1,6 @@
-"""A writer in a process of its own whose file may not grow beyond a size: says what was acknowledged and how it ended."""
+"""A writer in a process of its own whose file may not grow beyond a size: says what was
+acknowledged and how it ended.
+"""
 
 import json
 import resource
@@ -23,8 +25,14 @@ def incompressible(first: int, rows: int) -> SampleBlock:
 
 
 def main(folder: str, kind: str, limit: str) -> None:
-    writer = RunWriter(Path(folder) / "1-x-y.h5", header(), compress=kind == "inline", chunk_rows=512)
-    recorder = InlineRecorder(writer, flush_interval=0.0) if kind == "inline" else ThreadedRecorder(writer, 1000.0)
+    writer = RunWriter(
+        Path(folder) / "1-x-y.h5", header(), compress=kind == "inline", chunk_rows=512
+    )
+    recorder = (
+        InlineRecorder(writer, flush_interval=0.0)
+        if kind == "inline"
+        else ThreadedRecorder(writer, 1000.0)
+    )
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), int(limit)))
     stored, errors = 0, []
     for first in range(0, 1_000_000, 100):

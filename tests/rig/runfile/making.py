@@ -18,7 +18,16 @@ CALIBRATION = Calibration("PTB-17", "2025-02-03", "2027-02-03", 1e-3, 2e-4, 5e-6
 CHANNELS = (
     encoder_channel("input_angle", lines=8192, multiplication=4),
     encoder_channel("output_angle", lines=18_000, multiplication=4, direction=-1, modulus=2**16),
-    Channel("torque", "N m", 3.1e-5, 0.0125, -1, calibration=CALIBRATION, model="EL3104", serial_number="7"),
+    Channel(
+        "torque",
+        "N m",
+        3.1e-5,
+        0.0125,
+        -1,
+        calibration=CALIBRATION,
+        model="EL3104",
+        serial_number="7",
+    ),
     Channel("statusword", "1", 1.0),
 )
 
@@ -26,21 +35,38 @@ CHANNELS = (
 def header(run_id: str = "00001-friction-A1", **changes: object) -> RunHeader:
     """A header with something in every field."""
     metadata = RunMetadata(
-        run_id, "friction", "simulated", title="no-load running torque", start_time="2025-11-21T04:40:00.000+00:00",
-        operator="Ada Grün", gear=shipped_gear(), gear_serial="A1", ratio=120.0, sample_rate=1000.0, time_base="virtual",
-        parameters={"speeds_rpm": [1.0, 2.5], "repeats": 2, "note": "τ"}, conditions={"lubricant": "SK-1A", "hours": 12.5},
+        run_id,
+        "friction",
+        "simulated",
+        title="no-load running torque",
+        start_time="2025-11-21T04:40:00.000+00:00",
+        operator="Ada Grün",
+        gear=shipped_gear(),
+        gear_serial="A1",
+        ratio=120.0,
+        sample_rate=1000.0,
+        time_base="virtual",
+        parameters={"speeds_rpm": [1.0, 2.5], "repeats": 2, "note": "τ"},
+        conditions={"lubricant": "SK-1A", "hours": 12.5},
         process={"backend": "sim", "seed": 3, "program_version": "0.1.0", "git_commit": "abc"},
-    )  # fmt: skip
+    )
     fields: dict[str, object] = {
-        "limits": {"torque": 2.0}, "devices": {"drive": {"vendor": "x"}}, "truth": {"coulomb": 70.0}, "epoch_ns": EPOCH_NS,
-    }  # fmt: skip
-    return RunHeader(metadata, tuple(Column.of(channel) for channel in CHANNELS), **(fields | changes))  # type: ignore[arg-type]
+        "limits": {"torque": 2.0},
+        "devices": {"drive": {"vendor": "x"}},
+        "truth": {"coulomb": 70.0},
+        "epoch_ns": EPOCH_NS,
+    }
+    return RunHeader(
+        metadata, tuple(Column.of(channel) for channel in CHANNELS), **(fields | changes)
+    )  # type: ignore[arg-type]
 
 
 def counts_of(cycles: np.ndarray) -> np.ndarray:
     """The counts that belong to cycle indices: any row can be checked by itself."""
     k = np.asarray(cycles, dtype=np.int64)
-    return np.stack([k * 137 - 5, -(k * 17) // 3, (k * 7919) % 4093 - 2000, (k * 31) % 1024], axis=1)
+    return np.stack(
+        [k * 137 - 5, -(k * 17) // 3, (k * 7919) % 4093 - 2000, (k * 31) % 1024], axis=1
+    )
 
 
 def block(first: int, rows: int) -> SampleBlock:
@@ -50,9 +76,18 @@ def block(first: int, rows: int) -> SampleBlock:
     return SampleBlock(first, cycles * CYCLE_NS, counts_of(cycles), flags)
 
 
-def write_run(folder: Path, rows: int = 2500, *, compress: bool = True, outcome: str = "PASS", **changes: object) -> Path:
+def write_run(
+    folder: Path,
+    rows: int = 2500,
+    *,
+    compress: bool = True,
+    outcome: str = "PASS",
+    **changes: object,
+) -> Path:
     """A sealed run of `rows` cycles with two segments and two events."""
-    writer = RunWriter(folder / "00001-friction-A1.h5", header(**changes), compress=compress, chunk_rows=1024)
+    writer = RunWriter(
+        folder / "00001-friction-A1.h5", header(**changes), compress=compress, chunk_rows=1024
+    )
     for first in range(0, rows, 100):
         writer.append(block(first, min(100, rows - first)))
     if rows >= 20:

@@ -19,13 +19,22 @@ from rig.runfile.write import RunWriter
 from tests.rig.runfile.making import block, header, write_run
 
 FUZZ = settings(
-    max_examples=120, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=120,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
 
 
 def everything(recording: Recording) -> str:
     """All that a reader can see of a run, for comparing."""
-    parts = [recording.metadata, recording.signals, recording.segments, recording.events, recording.flags().tolist()]
+    parts = [
+        recording.metadata,
+        recording.signals,
+        recording.segments,
+        recording.events,
+        recording.flags().tolist(),
+    ]
     parts += [recording.source.time_ns(0, recording.rows).tolist()]
     parts += [recording.stored(name).tolist() for name in recording.signals]
     return repr(parts)
@@ -97,7 +106,9 @@ def test_garbage_is_refused(tmp_path: Path, garbage: bytes, signature: bool) -> 
 
 @settings(FUZZ, max_examples=60)
 @given(data=st.data())
-def test_recovery_of_damaged_parts_never_crashes(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+def test_recovery_of_damaged_parts_never_crashes(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
     raw = part_bytes()
     changed = bytearray(raw[: data.draw(st.integers(0, len(raw)))])
     if changed:
@@ -149,11 +160,15 @@ def test_another_major_version_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("item", "reason"),
     [
-        ("entry/data/torque", "torque"), ("entry/data/time", "time"), ("entry/segments", "table"),
-        ("entry/events", "table"), ("entry/instrument/torque", "instrument/torque"), ("entry/process", "process"),
+        ("entry/data/torque", "torque"),
+        ("entry/data/time", "time"),
+        ("entry/segments", "table"),
+        ("entry/events", "table"),
+        ("entry/instrument/torque", "instrument/torque"),
+        ("entry/process", "process"),
         ("entry/sample", "sample"),
     ],
-)  # fmt: skip
+)
 def test_a_file_with_parts_missing_is_refused(tmp_path: Path, item: str, reason: str) -> None:
     path = write_run(tmp_path, 30)
     path.chmod(0o644)

@@ -24,8 +24,17 @@ ROOT = Path(__file__).parents[3]
 def test_a_disk_that_fills_up(tmp_path: Path, kind: str, limit: int) -> None:
     from tests.rig.runfile.filling_writer import incompressible
 
-    command = [sys.executable, "-m", "tests.rig.runfile.filling_writer", str(tmp_path), kind, str(limit)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False, cwd=ROOT)
+    command = [
+        sys.executable,
+        "-m",
+        "tests.rig.runfile.filling_writer",
+        str(tmp_path),
+        kind,
+        str(limit),
+    ]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=100, check=False, cwd=ROOT
+    )
     assert (done.returncode, done.stderr) == (0, "")
     said = json.loads(done.stdout)
     assert len(said["errors"]) == 3

@@ -1,4 +1,6 @@
-"""Other people's programs open a run: xarray shows SI over a named time, h5py counts with axes, labels and the factor."""
+"""Other people's programs open a run: xarray shows SI over a named time, h5py counts with axes,
+labels and the factor.
+"""
 
 from pathlib import Path
 
@@ -18,7 +20,9 @@ def test_xarray_shows_si_over_time(tmp_path: Path) -> None:
         assert dataset["torque"].dims == ("time",)
         for index, channel in enumerate(CHANNELS):
             expected = channel.to_si(counts_of(np.arange(2500))[:, index])
-            np.testing.assert_allclose(dataset[channel.name].values, expected, rtol=1e-14, atol=1e-18)
+            np.testing.assert_allclose(
+                dataset[channel.name].values, expected, rtol=1e-14, atol=1e-18
+            )
             assert dataset[channel.name].attrs["units"] == channel.unit
         stamps = dataset["time"].values.astype("datetime64[ns]").astype(np.int64)
         np.testing.assert_array_equal(stamps, EPOCH_NS + np.arange(2500) * CYCLE_NS)
@@ -32,7 +36,11 @@ def test_h5py_shows_counts_with_axes_labels_and_factor(tmp_path: Path) -> None:
     with h5py.File(write_run(tmp_path)) as file:
         entry = file[file.attrs["default"].decode()]
         data = entry[entry.attrs["default"].decode()]
-        assert [group.attrs["NX_class"] for group in (file, entry, data)] == [b"NXroot", b"NXentry", b"NXdata"]
+        assert [group.attrs["NX_class"] for group in (file, entry, data)] == [
+            b"NXroot",
+            b"NXentry",
+            b"NXdata",
+        ]
         assert data.attrs["signal"] == b"input_angle"
         assert list(data.attrs["axes"]) == [b"time"]
         assert list(data.attrs["auxiliary_signals"]) == [b"output_angle", b"torque", b"statusword"]
@@ -44,7 +52,11 @@ def test_h5py_shows_counts_with_axes_labels_and_factor(tmp_path: Path) -> None:
             assert dataset.dims[0][0] == data["time"]
             assert dataset.attrs["scale_factor"] == channel.direction * channel.scale
             assert dataset.attrs["add_offset"] == channel.offset
-            assert (dataset.compression, dataset.compression_opts, dataset.shuffle) == ("gzip", 1, True)
+            assert (dataset.compression, dataset.compression_opts, dataset.shuffle) == (
+                "gzip",
+                1,
+                True,
+            )
         assert data["time"].is_scale
 
 
@@ -73,7 +85,9 @@ def test_the_descriptive_groups_are_plain(tmp_path: Path) -> None:
         assert file["entry/user/name"].asstr()[()] == "Ada Grün"
         assert file["entry/process/origin_mark"][()] == b"SIMULATED"
         assert file["entry/process/rows_written"][()] == 2500
-        assert file["entry/sample/gear_parameters_toml"][()].startswith(b"# Parameters of a harmonic drive")
+        assert file["entry/sample/gear_parameters_toml"][()].startswith(
+            b"# Parameters of a harmonic drive"
+        )
         assert file["entry/instrument/input_angle/counts_per_revolution"][()] == 32768
         assert file["entry/instrument/torque/calibration/certificate"][()] == b"PTB-17"
         assert file["entry/segments"]["label"].tolist() == [b"hold", b"hold"]

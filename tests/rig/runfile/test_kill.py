@@ -1,4 +1,6 @@
-"""The writer is killed, with SIGKILL, at many moments: every row that it had acknowledged is read back, value by value."""
+"""The writer is killed, with SIGKILL, at many moments: every row that it had acknowledged is read
+back, value by value.
+"""
 
 import os
 import signal
@@ -23,9 +25,19 @@ class Writer:
     """The writer's process, driven by single letters."""
 
     def __init__(self, folder: Path, *, compress: bool, chunk_rows: int = 128) -> None:
-        command = [sys.executable, "-m", "tests.rig.runfile.dying_writer", str(folder), "c" if compress else "u"]
+        command = [
+            sys.executable,
+            "-m",
+            "tests.rig.runfile.dying_writer",
+            str(folder),
+            "c" if compress else "u",
+        ]
         self.process = subprocess.Popen(
-            [*command, str(chunk_rows)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT
+            [*command, str(chunk_rows)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=ROOT,
         )
         assert self.process.stdout is not None
         assert self.process.stdin is not None
@@ -55,12 +67,23 @@ def check_rows(path: Path, at_least: int) -> int:
     assert rows >= at_least
     found = np.stack([recording.stored(channel.name) for channel in CHANNELS], axis=1)
     np.testing.assert_array_equal(found, counts_of(np.arange(rows)))
-    np.testing.assert_array_equal(recording.source.time_ns(0, rows), EPOCH_NS + np.arange(rows) * CYCLE_NS)
+    np.testing.assert_array_equal(
+        recording.source.time_ns(0, rows), EPOCH_NS + np.arange(rows) * CYCLE_NS
+    )
     close_recording(recording)
     return rows
 
 
-MOMENTS = ["f", "af", "aaaaf", "agafaaag", "aaaagfaaaa", "agfagfagfaaaaaaaaaa", "agsagsags", "aaaafgaaafgaaafgaaaaaaaaaaaaaaaa"]
+MOMENTS = [
+    "f",
+    "af",
+    "aaaaf",
+    "agafaaag",
+    "aaaagfaaaa",
+    "agfagfagfaaaaaaaaaa",
+    "agsagsags",
+    "aaaafgaaafgaaafgaaaaaaaaaaaaaaaa",
+]
 
 
 @pytest.mark.parametrize(("moment", "letters"), list(enumerate(MOMENTS)))
@@ -80,7 +103,9 @@ def test_acknowledged_rows_survive_a_kill(tmp_path: Path, moment: int, letters: 
     assert not [f for f in verify_run(recovered.path) if f.level == "error"]
 
 
-@pytest.mark.parametrize(("compress", "acknowledged_before"), [(True, 3), (False, 40), (True, 90), (False, 7)])
+@pytest.mark.parametrize(
+    ("compress", "acknowledged_before"), [(True, 3), (False, 40), (True, 90), (False, 7)]
+)
 def test_a_kill_in_full_flight(tmp_path: Path, compress: bool, acknowledged_before: int) -> None:
     writer = Writer(tmp_path, compress=compress, chunk_rows=64)
     writer.tell("w")
@@ -102,7 +127,9 @@ def test_a_growing_run_is_read_by_another_process_and_not_recovered(tmp_path: Pa
         (more,) = writer.tell("aaaaaf")
         grown = follow(recording)
         assert grown.rows == more > rows
-        np.testing.assert_array_equal(grown.stored("output_angle"), counts_of(np.arange(more))[:, 1])
+        np.testing.assert_array_equal(
+            grown.stored("output_angle"), counts_of(np.arange(more))[:, 1]
+        )
         close_recording(recording)
         assert writer.tell("af") == [more + 37]
     finally:

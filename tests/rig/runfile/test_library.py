@@ -1,4 +1,6 @@
-"""Run numbers are never given out twice, not even to processes that ask at the same moment or after files were deleted."""
+"""Run numbers are never given out twice, not even to processes that ask at the same moment or after
+files were deleted.
+"""
 
 import subprocess
 import sys
@@ -16,14 +18,21 @@ ROOT = Path(__file__).parents[3]
 
 def test_numbers_go_up_and_are_never_used_again(tmp_path: Path) -> None:
     first = claim_run(tmp_path / "new" / "folder", "friction", "A1")
-    assert (first.number, first.path.name, first.run_id) == (1, "00001-friction-A1.h5", "00001-friction-A1")
+    assert (first.number, first.path.name, first.run_id) == (
+        1,
+        "00001-friction-A1.h5",
+        "00001-friction-A1",
+    )
     first.path.touch()
     assert claim_run(first.path.parent, "friction", "A1").number == 2
     first.path.unlink()
     assert claim_run(first.path.parent, "home", "A1").number == 3
 
 
-@pytest.mark.parametrize("name", ["00041-friction-A1.h5.part", "00041-friction-A1.analysis", "00041-x.h5", "00041-y.h5.sha256"])
+@pytest.mark.parametrize(
+    "name",
+    ["00041-friction-A1.h5.part", "00041-friction-A1.analysis", "00041-x.h5", "00041-y.h5.sha256"],
+)
 def test_whatever_bears_a_number_keeps_it(tmp_path: Path, name: str) -> None:
     (tmp_path / name).touch()
     assert claim_run(tmp_path, "friction", "A1").number == 42
@@ -32,11 +41,16 @@ def test_whatever_bears_a_number_keeps_it(tmp_path: Path, name: str) -> None:
 @pytest.mark.parametrize(
     ("protocol", "serial", "name"),
     [
-        ("friction", "SN 12/34", "00001-friction-SN_12_34.h5"), ("", "", "00001-run-unknown.h5"),
-        ("a", "../../etc/passwd", "00001-a-etc_passwd.h5"), ("a", "\n\0ü", "00001-a-unknown.h5"), ("a", "x" * 300, None),
+        ("friction", "SN 12/34", "00001-friction-SN_12_34.h5"),
+        ("", "", "00001-run-unknown.h5"),
+        ("a", "../../etc/passwd", "00001-a-etc_passwd.h5"),
+        ("a", "\n\0ü", "00001-a-unknown.h5"),
+        ("a", "x" * 300, None),
     ],
-)  # fmt: skip
-def test_names_stay_in_the_folder(tmp_path: Path, protocol: str, serial: str, name: str | None) -> None:
+)
+def test_names_stay_in_the_folder(
+    tmp_path: Path, protocol: str, serial: str, name: str | None
+) -> None:
     path = claim_run(tmp_path, protocol, serial).path
     assert path.parent == tmp_path
     assert name is None or path.name == name
@@ -45,9 +59,13 @@ def test_names_stay_in_the_folder(tmp_path: Path, protocol: str, serial: str, na
 
 
 def test_two_processes_never_get_the_same_number(tmp_path: Path) -> None:
-    code = f"from rig.library import claim_run\nfor _ in range(60): print(claim_run({str(tmp_path)!r}, 'p', 's').number)"
+    code = (
+        "from rig.library import claim_run\nfor _ in range(60): "
+        f"print(claim_run({str(tmp_path)!r}, 'p', 's').number)"
+    )
     processes = [
-        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=ROOT) for _ in range(3)
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=ROOT)
+        for _ in range(3)
     ]
     numbers = [int(line) for process in processes for line in process.communicate()[0].split()]
     assert sorted(numbers) == list(range(1, 181))
@@ -72,6 +90,11 @@ def test_the_list_shows_good_bad_and_unfinished_runs(tmp_path: Path) -> None:
     good, bad, growing = list_runs(tmp_path)
     writer.abandon()
     assert good.metadata is not None
-    assert (good.metadata.outcome, good.rows, good.duration, good.unfinished) == ("PASS", 200, pytest.approx(0.199), False)
+    assert (good.metadata.outcome, good.rows, good.duration, good.unfinished) == (
+        "PASS",
+        200,
+        pytest.approx(0.199),
+        False,
+    )
     assert (bad.metadata, "not an HDF5 file" in bad.problem) == (None, True)
     assert (growing.rows, growing.unfinished) == (11, True)

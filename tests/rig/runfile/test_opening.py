@@ -22,7 +22,9 @@ ROWS, CHUNK = 700, 64
 @pytest.fixture(params=[True, False], ids=["compressed", "plain"])
 def part(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """A file of many chunks as a writer leaves it that is at work or was killed."""
-    writer = RunWriter(tmp_path / "00001-friction-A1.h5", header(), compress=request.param, chunk_rows=CHUNK)
+    writer = RunWriter(
+        tmp_path / "00001-friction-A1.h5", header(), compress=request.param, chunk_rows=CHUNK
+    )
     for first in range(0, ROWS, 50):
         writer.append(block(first, 50))
         writer.flush()
@@ -35,7 +37,9 @@ def assert_rows_are_right(source: FileSource, start: int = 0, stop: int = ROWS) 
     np.testing.assert_array_equal(source.cycles(start, stop), cycles)
     np.testing.assert_array_equal(source.time_ns(start, stop), EPOCH_NS + cycles * CYCLE_NS)
     for column, expected in zip(source.columns, counts_of(cycles).T, strict=True):
-        np.testing.assert_array_equal(source.stored(column.name, start, stop), expected, err_msg=column.name)
+        np.testing.assert_array_equal(
+            source.stored(column.name, start, stop), expected, err_msg=column.name
+        )
 
 
 def test_every_reader_is_given_the_rows_that_stand_there(part: Path) -> None:

@@ -30,7 +30,10 @@ def dead_part(folder: Path, rows: int = 300, **options: bool) -> Path:
 def test_columns_of_unequal_length_are_cut_to_the_shortest_and_it_says_so(tmp_path: Path) -> None:
     part = dead_part(tmp_path)
     clean = tmp_path / "clean.h5"
-    with h5py.File(part, "r", libver="latest", swmr=True) as source, h5py.File(clean, "w", libver="v110") as target:
+    with (
+        h5py.File(part, "r", libver="latest", swmr=True) as source,
+        h5py.File(clean, "w", libver="v110") as target,
+    ):
         for name in source:
             source.copy(name, target)
         for name, value in source.attrs.items():
@@ -55,7 +58,9 @@ def test_an_open_segment_ends_with_the_last_row(tmp_path: Path) -> None:
     assert any("segment 2" in note for note in recovered.notes)
 
 
-def test_a_complete_run_that_was_not_sealed_keeps_its_outcome(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_complete_run_that_was_not_sealed_keeps_its_outcome(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def disk_full(*_: object) -> Path:
         raise RunFileError("no room")
 
@@ -78,7 +83,9 @@ def test_a_sealing_that_was_cut_off_between_two_names_is_finished(tmp_path: Path
     assert open_run(path, verify=True).rows == 2500
 
 
-def test_recovery_that_fails_leaves_the_part_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_recovery_that_fails_leaves_the_part_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     part = dead_part(tmp_path)
     before = part.read_bytes()
 

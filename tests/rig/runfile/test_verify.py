@@ -35,9 +35,15 @@ def reseal(path: Path) -> None:
 def test_a_good_run(tmp_path: Path) -> None:
     found = levels(write_run(tmp_path))
     assert found == {
-        "hash": "ok", "readable": "ok", "rows": "ok", "sequence": "ok", "time": "ok", "flags": "warning", "segments": "ok",
+        "hash": "ok",
+        "readable": "ok",
+        "rows": "ok",
+        "sequence": "ok",
+        "time": "ok",
+        "flags": "warning",
+        "segments": "ok",
         "calibration": "ok",
-    }  # fmt: skip
+    }
     (flags,) = [f.text for f in verify_run(tmp_path / "00001-friction-A1.h5") if f.check == "flags"]
     assert flags == "26 of 2500 cycles flagged (incomplete 26)"
 
@@ -68,7 +74,10 @@ def test_time_that_stands_still(tmp_path: Path, row: int) -> None:
         times = file["entry/data/time"]
         times[row] = times[row - 1]
     (finding,) = [f for f in verify_run(path) if f.check == "time"]
-    assert (finding.level, finding.text) == ("error", f"time does not increase at 1 rows, first at row {row}")
+    assert (finding.level, finding.text) == (
+        "error",
+        f"time does not increase at 1 rows, first at row {row}",
+    )
 
 
 def test_gaps_between_cycles(tmp_path: Path) -> None:
@@ -76,7 +85,10 @@ def test_gaps_between_cycles(tmp_path: Path) -> None:
     for first, rows in ((3, 50), (60, 40), (100, 10)):
         writer.append(block(first, rows))
     findings = {f.check: f for f in verify_run(writer.seal("PASS"))}
-    assert (findings["sequence"].level, findings["sequence"].text) == ("warning", "1 gaps in the cycle index, 7 cycles missing")
+    assert (findings["sequence"].level, findings["sequence"].text) == (
+        "warning",
+        "1 gaps in the cycle index, 7 cycles missing",
+    )
     assert findings["rows"].level == "warning"
 
 
@@ -84,16 +96,25 @@ def test_a_gap_at_the_edge_of_a_block_of_the_check(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "1-x-y.h5", header())
     for first, rows in ((0, 65536), (65540, 100)):
         cycles = np.arange(first, first + rows)
-        writer.append(SampleBlock(first, cycles, np.zeros((rows, 4), np.int64), np.zeros(rows, np.uint16)))
+        writer.append(
+            SampleBlock(first, cycles, np.zeros((rows, 4), np.int64), np.zeros(rows, np.uint16))
+        )
     findings = {f.check: f for f in verify_run(writer.seal("PASS"))}
     assert findings["sequence"].text == "1 gaps in the cycle index, 4 cycles missing"
     assert findings["time"].level == "ok"
 
 
-@pytest.mark.parametrize(("due", "level"), [("2025-11-20", "warning"), ("2025-11-21", "ok"), ("soon", "warning"), ("", "ok")])
+@pytest.mark.parametrize(
+    ("due", "level"),
+    [("2025-11-20", "warning"), ("2025-11-21", "ok"), ("soon", "warning"), ("", "ok")],
+)
 def test_calibrations_that_were_overdue(tmp_path: Path, due: str, level: str) -> None:
     made = header()
-    columns = (*made.columns[:2], replace(made.columns[2], calibration=Calibration("c", "2024-01-01", due)), made.columns[3])
+    columns = (
+        *made.columns[:2],
+        replace(made.columns[2], calibration=Calibration("c", "2024-01-01", due)),
+        made.columns[3],
+    )
     writer = RunWriter(tmp_path / "1-x-y.h5", replace(made, columns=columns))
     writer.append(block(0, 10))
     writer.segment(Segment(0, "hold", 0, 10))

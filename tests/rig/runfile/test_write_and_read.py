@@ -1,4 +1,6 @@
-"""What is written is read back: rows value by value, metadata, segments, events; in every way of cutting into blocks."""
+"""What is written is read back: rows value by value, metadata, segments, events; in every way of
+cutting into blocks.
+"""
 
 import os
 import stat
@@ -14,9 +16,25 @@ from drivers.samples import CycleFlag, SampleBlock
 from experiments.recording import Event, Segment
 from model.gear_file import shipped_gear
 from rig.errors import RunFileError
-from rig.runfile.read import FileSource, close_recording, follow, open_run, read_channels, read_run_header
+from rig.runfile.read import (
+    FileSource,
+    close_recording,
+    follow,
+    open_run,
+    read_channels,
+    read_run_header,
+)
 from rig.runfile.write import RunWriter
-from tests.rig.runfile.making import CALIBRATION, CHANNELS, CYCLE_NS, EPOCH_NS, block, counts_of, header, write_run
+from tests.rig.runfile.making import (
+    CALIBRATION,
+    CHANNELS,
+    CYCLE_NS,
+    EPOCH_NS,
+    block,
+    counts_of,
+    header,
+    write_run,
+)
 
 
 @pytest.mark.parametrize("compress", [True, False])
@@ -26,11 +44,18 @@ def test_every_value_comes_back(tmp_path: Path, compress: bool) -> None:
     assert recording.rows == 2500
     for index, channel in enumerate(CHANNELS):
         np.testing.assert_array_equal(recording.stored(channel.name), counts_of(cycles)[:, index])
-        np.testing.assert_array_equal(recording.si(channel.name), channel.to_si(counts_of(cycles)[:, index]))
-    np.testing.assert_array_equal(recording.flags(), np.where(cycles % 97 == 0, CycleFlag.INCOMPLETE, 0))
+        np.testing.assert_array_equal(
+            recording.si(channel.name), channel.to_si(counts_of(cycles)[:, index])
+        )
+    np.testing.assert_array_equal(
+        recording.flags(), np.where(cycles % 97 == 0, CycleFlag.INCOMPLETE, 0)
+    )
     np.testing.assert_array_equal(recording.source.time_ns(0, 2500), EPOCH_NS + cycles * CYCLE_NS)
     np.testing.assert_allclose(recording.time(), cycles * 1e-3, rtol=0, atol=1e-12)
-    assert recording.stored("torque", recording.segments[1]).tolist() == counts_of(np.arange(1250, 2500))[:, 2].tolist()
+    assert (
+        recording.stored("torque", recording.segments[1]).tolist()
+        == counts_of(np.arange(1250, 2500))[:, 2].tolist()
+    )
     close_recording(recording)
 
 
@@ -38,8 +63,24 @@ def test_metadata_comes_back(tmp_path: Path) -> None:
     path = write_run(tmp_path)
     m = open_run(path).metadata
     wanted = header().metadata
-    for name in ("run_id", "experiment", "origin", "title", "start_time", "operator", "gear", "gear_serial", "ratio",
-                 "mounting", "output_sense", "gear_mounted", "sample_rate", "time_base", "parameters", "conditions"):  # fmt: skip
+    for name in (
+        "run_id",
+        "experiment",
+        "origin",
+        "title",
+        "start_time",
+        "operator",
+        "gear",
+        "gear_serial",
+        "ratio",
+        "mounting",
+        "output_sense",
+        "gear_mounted",
+        "sample_rate",
+        "time_base",
+        "parameters",
+        "conditions",
+    ):
         assert getattr(m, name) == getattr(wanted, name), name
     assert (m.outcome, m.end_time) == ("PASS", "2025-11-21T04:41:00.000+00:00")
     assert m.gear == shipped_gear()
@@ -50,20 +91,30 @@ def test_metadata_comes_back(tmp_path: Path) -> None:
 def test_channels_come_back_for_replay(tmp_path: Path) -> None:
     path = write_run(tmp_path)
     found = read_channels(path)
-    assert [(c.name, c.scale, c.offset, c.direction, c.modulus, c.lines, c.multiplication, c.unit) for c in found] == [
-        (c.name, c.scale, c.offset, c.direction, c.modulus, c.lines, c.multiplication, c.unit) for c in CHANNELS
+    assert [
+        (c.name, c.scale, c.offset, c.direction, c.modulus, c.lines, c.multiplication, c.unit)
+        for c in found
+    ] == [
+        (c.name, c.scale, c.offset, c.direction, c.modulus, c.lines, c.multiplication, c.unit)
+        for c in CHANNELS
     ]
     assert found[2].calibration == CALIBRATION
     assert (found[2].model, found[2].serial_number) == ("EL3104", "7")
     stored = read_run_header(path)
     assert (stored.limits, stored.devices, stored.truth, stored.epoch_ns) == (
-        {"torque": 2.0}, {"drive": {"vendor": "x"}}, {"coulomb": 70.0}, EPOCH_NS,
-    )  # fmt: skip
+        {"torque": 2.0},
+        {"drive": {"vendor": "x"}},
+        {"coulomb": 70.0},
+        EPOCH_NS,
+    )
 
 
 def test_segments_and_events_come_back(tmp_path: Path) -> None:
     recording = open_run(write_run(tmp_path))
-    assert recording.segments == (Segment(0, "hold", 0, 1250, 3.25, 1, 0), Segment(1, "hold", 1250, 2500, -3.25, -1, 1))
+    assert recording.segments == (
+        Segment(0, "hold", 0, 1250, 3.25, 1, 0),
+        Segment(1, "hold", 1250, 2500, -3.25, -1, 1),
+    )
     assert recording.events[0] == Event(EPOCH_NS + 5, "info", "NOTE", "operator", "Öl nachgefüllt")
     assert recording.events[1].text == "x" * 480
     with h5py.File(recording.source.path) as file:  # type: ignore[attr-defined]
@@ -87,8 +138,14 @@ def test_a_changed_run_is_refused_when_verified(tmp_path: Path) -> None:
         open_run(path, verify=True)
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(sizes=st.lists(st.integers(0, 700), min_size=1, max_size=12), flush=st.integers(1, 4), compress=st.booleans())
+@settings(
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(
+    sizes=st.lists(st.integers(0, 700), min_size=1, max_size=12),
+    flush=st.integers(1, 4),
+    compress=st.booleans(),
+)
 def test_how_a_run_is_cut_into_blocks_does_not_matter(
     tmp_path_factory: pytest.TempPathFactory, sizes: list[int], flush: int, compress: bool
 ) -> None:
@@ -206,8 +263,12 @@ def test_reading_takes_constant_memory(tmp_path: Path) -> None:
     recording = open_run(write_run(tmp_path, 200_000))
     list(recording.blocks(size=4096))
     tracemalloc.start()
-    total = sum(float(recording.si("input_angle", rows).sum()) for rows in recording.blocks(size=4096))
+    total = sum(
+        float(recording.si("input_angle", rows).sum()) for rows in recording.blocks(size=4096)
+    )
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert total == pytest.approx(float(CHANNELS[0].to_si(counts_of(np.arange(200_000))[:, 0]).sum()), rel=1e-9)
+    assert total == pytest.approx(
+        float(CHANNELS[0].to_si(counts_of(np.arange(200_000))[:, 0]).sum()), rel=1e-9
+    )
     assert peak < 200_000 * 8 / 4

@@ -1,9 +1,9 @@
 """Runs for the window to be the parent of: `python children.py KIND FOLDER`. They speak the lines of `rig.run.remote`.
 
-    trip      a simulated rig whose drive runs away in the middle of a hold: the supervisor trips, for real
-    ask       asks the operator a question, notes what it is told, and ends by itself
-    unsafe    ends without verified standstill
-    mute      ends at once without a report
+trip      a simulated rig whose drive runs away in the middle of a hold: the supervisor trips, for real
+ask       asks the operator a question, notes what it is told, and ends by itself
+unsafe    ends without verified standstill
+mute      ends at once without a report
 """
 
 from __future__ import annotations
@@ -22,10 +22,24 @@ def tell(kind: str, **fields: Any) -> None:
 
 
 def progress(step: int, what: str, left: float = 3.0) -> None:
-    margins = {"input_speed": {"peak": 10.0, "limit": 40.0, "margin": 0.75},
-               "motor_torque": {"peak": 0.9, "limit": 0.95, "margin": 0.05}}  # fmt: skip
-    tell("progress", step=step, steps=4, what=what, elapsed=step * 1.0, left=left, speed=1.0, events=0, nearest="input_speed",
-         margin=0.75, margins=margins, file="")  # fmt: skip
+    margins = {
+        "input_speed": {"peak": 10.0, "limit": 40.0, "margin": 0.75},
+        "motor_torque": {"peak": 0.9, "limit": 0.95, "margin": 0.05},
+    }
+    tell(
+        "progress",
+        step=step,
+        steps=4,
+        what=what,
+        elapsed=step * 1.0,
+        left=left,
+        speed=1.0,
+        events=0,
+        nearest="input_speed",
+        margin=0.75,
+        margins=margins,
+        file="",
+    )
 
 
 def event(level: str, code: str, source: str, text: str) -> None:
@@ -33,10 +47,26 @@ def event(level: str, code: str, source: str, text: str) -> None:
 
 
 def report(outcome: str, safe: bool, message: str = "", trip: Any = None) -> None:
-    made_safe = {"action": "controlled stop", "stages": [], "safe": safe, "verified_by": ["statusword"] if safe else [],
-                 "problem": "" if safe else "the output still turns"}  # fmt: skip
-    tell("report", run="00007-ask-SN", outcome=outcome, path="", rows=0, message=message, trip=trip, make_safe=made_safe,
-         warnings=[], metrics={}, margins={})  # fmt: skip
+    made_safe = {
+        "action": "controlled stop",
+        "stages": [],
+        "safe": safe,
+        "verified_by": ["statusword"] if safe else [],
+        "problem": "" if safe else "the output still turns",
+    }
+    tell(
+        "report",
+        run="00007-ask-SN",
+        outcome=outcome,
+        path="",
+        rows=0,
+        message=message,
+        trip=trip,
+        make_safe=made_safe,
+        warnings=[],
+        metrics={},
+        margins={},
+    )
 
 
 def ask() -> None:
@@ -54,9 +84,23 @@ def ask() -> None:
 
 def unsafe() -> None:
     progress(2, "hold 300 r/min")
-    event("error", "over_speed", "session", "TRIPPED over_speed: the input turns too fast, row 100.")
-    event("error", "make-safe-failed", "make-safe", "STANDSTILL NOT VERIFIED after quick stop: the output still turns.")
-    trip = {"cause": "over_speed", "row": 100, "value": 400.0, "limit": 320.0, "unit": "rad/s", "action": "quick stop"}
+    event(
+        "error", "over_speed", "session", "TRIPPED over_speed: the input turns too fast, row 100."
+    )
+    event(
+        "error",
+        "make-safe-failed",
+        "make-safe",
+        "STANDSTILL NOT VERIFIED after quick stop: the output still turns.",
+    )
+    trip = {
+        "cause": "over_speed",
+        "row": 100,
+        "value": 400.0,
+        "limit": 320.0,
+        "unit": "rad/s",
+        "action": "quick stop",
+    }
     report("TRIPPED", safe=False, message="the output still turns", trip=trip)
 
 
@@ -76,14 +120,38 @@ def trip(folder: Path) -> None:
     from sim_backend import faults
 
     gear, motor, stop = shipped_gear(), shipped_motor(), StopRequest()
-    rig = drilled_rig("sim", gear, motor, Happening(500, lambda at: faults.RunAway(at, speed=250.0, cycles=400)), stop, seed=0)
+    rig = drilled_rig(
+        "sim",
+        gear,
+        motor,
+        Happening(500, lambda at: faults.RunAway(at, speed=250.0, cycles=400)),
+        stop,
+        seed=0,
+    )
     planned = plan_run(EXPERIMENT, DrillParameters(), gear, motor)
     remote = RemoteOperator(stop, lambda line: print(line, flush=True), WallClock())
     remote.listen_in_background(lines_of(sys.stdin.fileno()))
-    order = RunOrder(planned, rig, rig.clock, "drill", folder, operator="A. Example", gear_serial="SN-1", block_cycles=20,
-                     latch=TripLatch(folder))  # fmt: skip
-    remote.report(execute(order, begin_inline_run, stop=stop, ask=remote.ask, on_progress=remote.on_progress,
-                          on_event=remote.on_event))  # fmt: skip
+    order = RunOrder(
+        planned,
+        rig,
+        rig.clock,
+        "drill",
+        folder,
+        operator="A. Example",
+        gear_serial="SN-1",
+        block_cycles=20,
+        latch=TripLatch(folder),
+    )
+    remote.report(
+        execute(
+            order,
+            begin_inline_run,
+            stop=stop,
+            ask=remote.ask,
+            on_progress=remote.on_progress,
+            on_event=remote.on_event,
+        )
+    )
 
 
 if __name__ == "__main__":

@@ -39,8 +39,16 @@ CHILDREN = Path(__file__).with_name("children.py")
 LONGEST = 40_000
 """ms that a test waits for something before it fails; nothing takes a fifth of it on an idle computer."""
 
-QUICK = {"points": 6, "lowest_rpm": 300.0, "highest_rpm": 1500.0, "up_and_down": False, "bracket_every": 1000,
-         "measure_time": 0.3, "settle_time": 0.2, "zero_time": 0.5}  # fmt: skip
+QUICK = {
+    "points": 6,
+    "lowest_rpm": 300.0,
+    "highest_rpm": 1500.0,
+    "up_and_down": False,
+    "bracket_every": 1000,
+    "measure_time": 0.3,
+    "settle_time": 0.2,
+    "zero_time": 0.5,
+}
 TODAY = date(2025, 11, 25)
 
 MakePrepared = Callable[..., PreparedRun]
@@ -66,8 +74,12 @@ def session(tmp_path: Path, qapp: Any) -> Iterator[WindowSession]:
 
 
 @pytest.fixture
-def window(session: WindowSession, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> Iterator[MainWindow]:
-    """A window on its Run page, the other pages left empty. At the end its run is let go, and has to make itself safe."""
+def window(
+    session: WindowSession, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[MainWindow]:
+    """A window on its Run page, the other pages left empty. At the end its run is let go, and has
+    to make itself safe.
+    """
     monkeypatch.setattr("rig.window.main._page", lambda module, name, session: QWidget())
     made = MainWindow(session)
     qtbot.addWidget(made, before_close_func=_end_run)
@@ -93,10 +105,24 @@ def prepared(session: WindowSession) -> MakePrepared:
 
     def make(protocol: str, values: dict[str, Any] | None = None, *flags: str) -> PreparedRun:
         request = RunRequest(
-            protocol, shipped_gear(), shipped_motor(), session.folder, values or {}, gear_serial="SN-0815",
+            protocol,
+            shipped_gear(),
+            shipped_motor(),
+            session.folder,
+            values or {},
+            gear_serial="SN-0815",
             operator="A. Example",
-        )  # fmt: skip
-        arguments = ["run", protocol, "--backend", "sim", "--gear", "SN-0815", "--operator", "A. Example"]
+        )
+        arguments = [
+            "run",
+            protocol,
+            "--backend",
+            "sim",
+            "--gear",
+            "SN-0815",
+            "--operator",
+            "A. Example",
+        ]
         arguments += ["--output", str(session.folder), *flags, "--events", "--stdin-control"]
         return PreparedRun(request, plan_request(request), arguments)
 
@@ -113,8 +139,16 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with two short friction runs of one gear on the simulated rig; the second one is analysed."""
     folder = tmp_path_factory.mktemp("simulated")
     for seed in (1, 2):
-        request = RunRequest("friction", shipped_gear(), shipped_motor(), folder, QUICK, gear_serial="SN-0815",
-                             operator="A. Example", seed=seed)  # fmt: skip
+        request = RunRequest(
+            "friction",
+            shipped_gear(),
+            shipped_motor(),
+            folder,
+            QUICK,
+            gear_serial="SN-0815",
+            operator="A. Example",
+            seed=seed,
+        )
         assert run_request(request).outcome == "PASS"
     store(fit_files(sorted(folder.glob("*.h5"))[1:])[0], "2025-11-21T05:00:00+00:00")
     return folder

@@ -29,10 +29,23 @@ def destroy(widget: QWidget) -> None:
 def indexed(number: int, **changes: object) -> IndexedRun:
     """A line of the index."""
     made = IndexedRun(
-        Path(f"{number:05d}-friction-SN.h5"), f"{number:05d}-friction-SN", number, "sealed", "friction", f"SN-{number % 7}",
-        "CSF-25-120", "A. Example", f"2025-11-{1 + number % 28:02d}T10:00:00+00:00", 61.0, "PASS", "simulated", "sim", 61_000,
-        "", "",
-    )  # fmt: skip
+        Path(f"{number:05d}-friction-SN.h5"),
+        f"{number:05d}-friction-SN",
+        number,
+        "sealed",
+        "friction",
+        f"SN-{number % 7}",
+        "CSF-25-120",
+        "A. Example",
+        f"2025-11-{1 + number % 28:02d}T10:00:00+00:00",
+        61.0,
+        "PASS",
+        "simulated",
+        "sim",
+        61_000,
+        "",
+        "",
+    )
     return replace(made, **changes)  # type: ignore[arg-type]
 
 
@@ -42,8 +55,12 @@ def several(folder: Path) -> None:
         (("A1", "20", "PASS"), ("B2", "21", "FAIL"), ("B2", "25", "TRIPPED")), 1
     ):
         made = header(f"{number:05d}-friction-{serial}")
-        metadata = replace(made.metadata, gear_serial=serial, start_time=f"2025-11-{day}T12:00:00.000+00:00")
-        writer = RunWriter(folder / f"{number:05d}-friction-{serial}.h5", replace(made, metadata=metadata))
+        metadata = replace(
+            made.metadata, gear_serial=serial, start_time=f"2025-11-{day}T12:00:00.000+00:00"
+        )
+        writer = RunWriter(
+            folder / f"{number:05d}-friction-{serial}.h5", replace(made, metadata=metadata)
+        )
         writer.append(block(0, 100))
         writer.seal(outcome, f"2025-11-{day}T12:01:00.000+00:00")
 

@@ -1,4 +1,5 @@
-"""What a frame of the Run page costs, without a clock: rows come evenly, curves are as long as the screen asks for, and only what
+"""What a frame of the Run page costs, without a clock: rows come evenly, curves are as long as the
+screen asks for, and only what
 has changed is painted."""
 
 from __future__ import annotations
@@ -53,8 +54,12 @@ def rows(start: int, count: int, spike: float = 0.0) -> Block:
     angle = SPEED * time
     torque = 0.07 + 0.01 * np.cos(2.0 * angle)
     torque[count // 2] += spike
-    si = {"input_angle": angle, "output_angle": -(angle / RATIO + 1e-4 * np.sin(2.0 * angle)), "torque": torque,
-          "target_speed": np.full(count, SPEED)}  # fmt: skip
+    si = {
+        "input_angle": angle,
+        "output_angle": -(angle / RATIO + 1e-4 * np.sin(2.0 * angle)),
+        "torque": torque,
+        "target_speed": np.full(count, SPEED),
+    }
     return Block(start, time, si, np.ones(count, dtype=bool))
 
 
@@ -62,9 +67,22 @@ def context() -> LiveContext:
     """A run that has begun; the views are given its rows by hand."""
     names = ("input_angle", "output_angle", "torque", "target_speed")
     block = rows(0, 10)
-    source = ArraySource({name: block.si[name] for name in names}, (1e9 * block.time).astype(np.int64), np.zeros(10, np.uint16))
-    metadata = RunMetadata("00001-k", "kinematic-error", "simulated", gear=shipped_gear(), ratio=RATIO, sample_rate=RATE)
-    return LiveContext(Recording(metadata, {name: Signal(name, "rad") for name in names}, (), (), source))
+    source = ArraySource(
+        {name: block.si[name] for name in names},
+        (1e9 * block.time).astype(np.int64),
+        np.zeros(10, np.uint16),
+    )
+    metadata = RunMetadata(
+        "00001-k",
+        "kinematic-error",
+        "simulated",
+        gear=shipped_gear(),
+        ratio=RATIO,
+        sample_rate=RATE,
+    )
+    return LiveContext(
+        Recording(metadata, {name: Signal(name, "rad") for name in names}, (), (), source)
+    )
 
 
 def count_paintings(widget: Any) -> list[int]:
@@ -149,13 +167,19 @@ def test_no_row_is_lost_doubled_or_kept_for_long(bursts: list[tuple[int, list[in
     clock.now += LONGEST + BEAT
     got += pacer.due()
     assert pacer.waiting == 0, "nothing waits longer than that"
-    assert [block.start for block in got] == list(np.cumsum([0, *(len(block) for block in got)])[:-1])
+    assert [block.start for block in got] == list(
+        np.cumsum([0, *(len(block) for block in got)])[:-1]
+    )
     if put:
-        np.testing.assert_array_equal(np.concatenate([block.time for block in got]), np.arange(put) / RATE)
+        np.testing.assert_array_equal(
+            np.concatenate([block.time for block in got]), np.arange(put) / RATE
+        )
     assert sum(map(len, got)) == put
 
 
-def test_a_burst_that_is_read_in_parts_is_one_burst_and_the_file_is_left_alone_until_the_next() -> None:
+def test_a_burst_that_is_read_in_parts_is_one_burst_and_the_file_is_left_alone_until_the_next() -> (
+    None
+):
     clock = HandClock()
     pacer = Pacer(clock)
     for burst in range(20):
@@ -211,7 +235,9 @@ def test_a_value_axis_is_made_anew_only_when_something_would_leave_it(
     assert plot.item.viewRange()[1] == pytest.approx([2.42, 3.58])
 
 
-def test_a_look_by_hand_stays_until_the_latest_is_asked_for(session: WindowSession, show: Callable[..., LabPlot]) -> None:
+def test_a_look_by_hand_stays_until_the_latest_is_asked_for(
+    session: WindowSession, show: Callable[..., LabPlot]
+) -> None:
     plot = show(LabPlot(session, "Torque", "t [s]", "torque [N m]"))
     curve, time_axis, axis = plot.curve("measured", dense=True), TimeAxis(plot), ValueAxis(plot)
 
@@ -255,13 +281,23 @@ def test_the_picture_of_an_axis_is_made_when_it_changes_and_not_with_every_frame
     assert all(axis.times_made >= count + 2 for axis, count in zip(axes, before, strict=True))
 
 
-def test_a_kept_axis_looks_as_one_that_is_painted(session: WindowSession, show: Callable[..., LabPlot]) -> None:
+def test_a_kept_axis_looks_as_one_that_is_painted(
+    session: WindowSession, show: Callable[..., LabPlot]
+) -> None:
     plot = show(LabPlot(session, "Torque", "t [s]", "torque [N m]", mark="SIMULATED"))
     plot.item.setRange(xRange=(0.0, 10.0), yRange=(0.0, 1.0), padding=0.0)
 
     def pixels() -> np.ndarray:
-        image = plot.canvas.grab().toImage().convertToFormat(plot.canvas.grab().toImage().Format.Format_RGB32)
-        return np.frombuffer(image.constBits(), np.uint8).reshape(image.height(), image.width(), 4)[..., :3].astype(int)
+        image = (
+            plot.canvas.grab()
+            .toImage()
+            .convertToFormat(plot.canvas.grab().toImage().Format.Format_RGB32)
+        )
+        return (
+            np.frombuffer(image.constBits(), np.uint8)
+            .reshape(image.height(), image.width(), 4)[..., :3]
+            .astype(int)
+        )
 
     kept = pixels()
     for side in ("left", "bottom"):
@@ -269,7 +305,9 @@ def test_a_kept_axis_looks_as_one_that_is_painted(session: WindowSession, show: 
         axis.paint = lambda p, opt, widget, axis=axis: type(axis).paint(axis, p, opt, None)
     plot.canvas.viewport().update()
     painted = pixels()
-    assert np.abs(kept - painted).max() <= 3, "blended once more, and nowhere else, larger or cut off"
+    assert np.abs(kept - painted).max() <= 3, (
+        "blended once more, and nowhere else, larger or cut off"
+    )
     assert len(np.unique(kept.reshape(-1, 3), axis=0)) > 10
 
 
@@ -281,7 +319,12 @@ def test_a_curve_has_no_more_points_than_a_screen_can_show_and_keeps_its_peaks(
     session: WindowSession, qtbot: QtBot, recent: bool
 ) -> None:
     run = context()
-    views: list[LiveView] = [SpeedView(session, run), torque_view(session, run), WaveView(session, run), OutputView(session, run)]
+    views: list[LiveView] = [
+        SpeedView(session, run),
+        torque_view(session, run),
+        WaveView(session, run),
+        OutputView(session, run),
+    ]
     for view in views:
         qtbot.addWidget(view.plot)
     count = 8192
@@ -299,9 +342,15 @@ def test_a_curve_has_no_more_points_than_a_screen_can_show_and_keeps_its_peaks(
     np.testing.assert_allclose(speed, SPEED / RPM, rtol=1e-6)
 
 
-def test_only_a_plot_that_changed_is_painted(session: WindowSession, qtbot: QtBot, show: Callable[..., LabPlot]) -> None:
+def test_only_a_plot_that_changed_is_painted(
+    session: WindowSession, qtbot: QtBot, show: Callable[..., LabPlot]
+) -> None:
     run = context()
-    torque, error, over_output = torque_view(session, run), WaveView(session, run), OutputView(session, run)
+    torque, error, over_output = (
+        torque_view(session, run),
+        WaveView(session, run),
+        OutputView(session, run),
+    )
     views: list[LiveView] = [torque, error, over_output]
     for view in views:
         show(view.plot)
@@ -336,7 +385,9 @@ def test_only_a_plot_that_changed_is_painted(session: WindowSession, qtbot: QtBo
     assert len(drawn[torque.plot]) > before, "the latest seconds are another curve"
 
 
-def test_the_mean_of_the_revolutions_is_drawn_when_one_is_whole(session: WindowSession, qtbot: QtBot) -> None:
+def test_the_mean_of_the_revolutions_is_drawn_when_one_is_whole(
+    session: WindowSession, qtbot: QtBot
+) -> None:
     view = WaveView(session, context())
     qtbot.addWidget(view.plot)
     means: list[int] = []
@@ -350,7 +401,9 @@ def test_the_mean_of_the_revolutions_is_drawn_when_one_is_whole(session: WindowS
     current = view.plot.curves[0].item
     assert np.isfinite(current.getOriginalDataset()[1]).any()
     still = rows(6 * turn, 33)
-    view.take(Block(still.start, still.time, {**still.si, "target_speed": np.zeros(33)}, still.good))
+    view.take(
+        Block(still.start, still.time, {**still.si, "target_speed": np.zeros(33)}, still.good)
+    )
     view.draw(False)
     assert not np.isfinite(current.getOriginalDataset()[1]).any()
 
@@ -382,7 +435,9 @@ def test_half_a_revolution_does_not_count() -> None:
     assert revolutions.count[1] == 0
 
 
-def test_a_state_that_is_told_again_does_not_set_the_style_again(qtbot: QtBot, session: WindowSession) -> None:
+def test_a_state_that_is_told_again_does_not_set_the_style_again(
+    qtbot: QtBot, session: WindowSession
+) -> None:
     banner = Banner()
     qtbot.addWidget(banner)
     styles: list[str] = []
@@ -410,7 +465,9 @@ def test_work_on_segments_holds_up_no_frame_and_is_handed_over_in_order() -> Non
 
     for number in range(MOST_WAITING):
         assert not work.is_full
-        work.put(partial(worked_out, number), lambda made: kept.append((*made, threading.get_ident())))
+        work.put(
+            partial(worked_out, number), lambda made: kept.append((*made, threading.get_ident()))
+        )
     assert work.is_full
     assert work.deliver() == 0, "the first is not done, and nobody waits for it"
     gate.set()

@@ -19,7 +19,13 @@ from experiments.result import Plot, Series
 from rig.errors import ConfigurationError
 from rig.main import app
 from rig.window.collector import collector_in_this_thread
-from rig.window.main import PAGES, MainWindow, _defects_told, open_window, refuse_a_screen_that_qt_cannot_use
+from rig.window.main import (
+    PAGES,
+    MainWindow,
+    _defects_told,
+    open_window,
+    refuse_a_screen_that_qt_cannot_use,
+)
 from rig.window.palette import palette_of
 from rig.window.plots import LabPlot
 from rig.window.session import REMEMBERED_FILE, WindowSession
@@ -30,11 +36,15 @@ def test_pages_by_keyboard(window: MainWindow, qtbot: QtBot) -> None:
     window.activateWindow()
     qtbot.waitUntil(window.isActiveWindow)
     for index in (2, 0, 1):
-        qtbot.keyClick(window, getattr(Qt.Key, f"Key_{index + 1}"), Qt.KeyboardModifier.ControlModifier)
+        qtbot.keyClick(
+            window, getattr(Qt.Key, f"Key_{index + 1}"), Qt.KeyboardModifier.ControlModifier
+        )
         assert window.stack.currentIndex() == index, PAGES[index]
 
 
-def test_light_and_dark_reach_every_plot_and_are_remembered(window: MainWindow, session: WindowSession) -> None:
+def test_light_and_dark_reach_every_plot_and_are_remembered(
+    window: MainWindow, session: WindowSession
+) -> None:
     plot = LabPlot(session, "t", "x [s]", "y [N m]", mark="SIMULATED")
     plot.curve("measured").item.setData([0.0, 1.0], [0.0, 1.0])
     assert session.theme == "light"
@@ -69,10 +79,14 @@ def test_a_figure_of_a_result_is_drawn_with_its_units(session: WindowSession, qt
     qtbot.addWidget(plot)
     x, y = np.array([1.0, 10.0, 100.0]), np.array([60.0, 50.0, 90.0])
     series = (
-        Series("measured", x, y, "points", y - 1.0, y + 1.0), Series("fit", x, y, "line", y - 2.0, y + 2.0, 1),
-        Series("amplitude", x, y, "bars", group=2), Series("steps", x, y, "steps", group=3),
-    )  # fmt: skip
-    plot.show_data(Plot("friction", "Friction", "input speed [r/min]", "torque [mN m]", series, x_scale="log"))
+        Series("measured", x, y, "points", y - 1.0, y + 1.0),
+        Series("fit", x, y, "line", y - 2.0, y + 2.0, 1),
+        Series("amplitude", x, y, "bars", group=2),
+        Series("steps", x, y, "steps", group=3),
+    )
+    plot.show_data(
+        Plot("friction", "Friction", "input speed [r/min]", "torque [mN m]", series, x_scale="log")
+    )
     assert [curve.name for curve in plot.curves] == ["measured", "fit", "amplitude", "steps"]
     assert plot.item.getAxis("left").labelText == "torque [mN m]"
     assert not plot.item.getAxis("left").autoSIPrefix
@@ -91,7 +105,9 @@ def test_a_defect_is_told_and_the_window_stays(session: WindowSession, qtbot: Qt
 
 def test_the_window_opens_and_closes(tmp_path: Path, qtbot: QtBot) -> None:
     def close_it() -> None:
-        (shown,) = [w for w in QApplication.topLevelWidgets() if isinstance(w, MainWindow) and w.isVisible()]
+        (shown,) = [
+            w for w in QApplication.topLevelWidgets() if isinstance(w, MainWindow) and w.isVisible()
+        ]
         assert shown.stack.currentIndex() == 2
         shown.close()
 
@@ -103,8 +119,10 @@ def test_every_page_is_there(session: WindowSession, qtbot: QtBot) -> None:
     window = MainWindow(session)
     qtbot.addWidget(window)
     assert [type(page).__name__ for page in (window.prepare, window.run, window.review)] == [
-        "PreparePage", "RunPage", "ReviewPage",
-    ]  # fmt: skip
+        "PreparePage",
+        "RunPage",
+        "ReviewPage",
+    ]
     assert window.run.may_close()
 
 
@@ -140,7 +158,9 @@ def test_the_theme_that_was_asked_for(qapp: object) -> None:
     assert theme_named("system") in ("light", "dark")
 
 
-@pytest.mark.parametrize("arguments", [["--theme", "pink"], ["--page", "four"], ["--config", "nowhere.toml"]])
+@pytest.mark.parametrize(
+    "arguments", [["--theme", "pink"], ["--page", "four"], ["--config", "nowhere.toml"]]
+)
 def test_arguments_of_the_window_are_checked(arguments: list[str]) -> None:
     done = CliRunner().invoke(app, ["live", *arguments])
     assert done.exit_code != 0
@@ -154,7 +174,9 @@ def test_a_run_never_loads_qt(tmp_path: Path) -> None:
         "import rig.main, rig.commands.running, rig.run.start, rig.run.realtime, rig.run.remote, rig.runfile.write\n"
         "print([name for name in ('PySide6', 'pyqtgraph', 'matplotlib', 'rig.window') if name in sys.modules])\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True
+    )
     assert done.stdout.strip() == "[]"
 
 
@@ -167,7 +189,9 @@ def test_enter_presses_the_button_that_has_the_focus(window: MainWindow, qtbot: 
     assert window.stack.currentIndex() == 2
 
 
-def test_enter_that_answers_a_question_presses_nothing_else(window: MainWindow, qtbot: QtBot) -> None:
+def test_enter_that_answers_a_question_presses_nothing_else(
+    window: MainWindow, qtbot: QtBot
+) -> None:
     window.activateWindow()
     pressed: list[str] = []
     buttons = window.findChildren(QPushButton)
@@ -183,7 +207,9 @@ def test_enter_that_answers_a_question_presses_nothing_else(window: MainWindow, 
     assert pressed == []
 
 
-def test_a_missing_library_of_x11_is_named_instead_of_an_abort(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_library_of_x11_is_named_instead_of_an_abort(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("QT_QPA_PLATFORM", "xcb")
     refuse_a_screen_that_qt_cannot_use("linux", tmp_path)
     (tmp_path / "libqxcb.so").write_text("no library")

@@ -1,8 +1,9 @@
 """A thousand painted frames take no reference away from None.
 
-A binding that gives back one reference too many at each paint ends the interpreter after some minutes of a run ("deallocating
-None"); PySide6 6.12.0 with pyqtgraph on Python 3.11 does. References that are kept instead do no harm. Python 3.12 and later
-cannot die of it, and count nothing.
+A binding that gives back one reference too many at each paint ends the interpreter after some
+minutes of a run ("deallocating None"); PySide6 6.12.0 with pyqtgraph on Python 3.11 does.
+References that are kept instead do no harm. Python 3.12 and later cannot die of it, and count
+nothing.
 """
 
 from __future__ import annotations

@@ -17,7 +17,13 @@ from rig.result_data import result_from_mapping, table_to_mapping
 from rig.results import json_text
 from rig.window.overlay import Overlaid, common_figures, mark_of, overlay, short_names
 from rig.window.plots_axis import LabAxis, log_ticks, plain
-from rig.window.plots_result import PlotGallery, ResultPlot, dash_of, distinct_titles, without_what_logs_lose
+from rig.window.plots_result import (
+    PlotGallery,
+    ResultPlot,
+    dash_of,
+    distinct_titles,
+    without_what_logs_lose,
+)
 from rig.window.session import WindowSession
 from tests.rig.handmade import friction_plot, friction_result, kinematic_result
 
@@ -25,7 +31,12 @@ X = np.array([1.0, 10.0, 100.0])
 
 
 def plot_of(*series: Series, **changes: str) -> Plot:
-    words = {"name": "p", "title": "Torque over speed", "x_label": "input speed [r/min]", "y_label": "torque [mN m]"}
+    words = {
+        "name": "p",
+        "title": "Torque over speed",
+        "x_label": "input speed [r/min]",
+        "y_label": "torque [mN m]",
+    }
     return Plot(series=series, **(words | changes))  # type: ignore[arg-type]
 
 
@@ -37,12 +48,18 @@ def drawn(session: WindowSession, qtbot: QtBot) -> ResultPlot:
     return made
 
 
-def test_lines_points_steps_and_bars_are_drawn_with_units_legend_and_mark(drawn: ResultPlot) -> None:
-    drawn.show_data(plot_of(
-        Series("fit", X, X, "line"), Series("band", X, X, "band", 0.9 * X, 1.1 * X, 1),
-        Series("held", X, X, "steps", group=2), Series("measured", X, X, "points", X - 0.5, X + 0.5, 3),
-        Series("orders", X, X, "bars", X - 0.1, X + 0.1, 4),
-    ))  # fmt: skip
+def test_lines_points_steps_and_bars_are_drawn_with_units_legend_and_mark(
+    drawn: ResultPlot,
+) -> None:
+    drawn.show_data(
+        plot_of(
+            Series("fit", X, X, "line"),
+            Series("band", X, X, "band", 0.9 * X, 1.1 * X, 1),
+            Series("held", X, X, "steps", group=2),
+            Series("measured", X, X, "points", X - 0.5, X + 0.5, 3),
+            Series("orders", X, X, "bars", X - 0.1, X + 0.1, 4),
+        )
+    )
     assert [curve.name for curve in drawn.curves] == ["fit", "band", "held", "measured", "orders"]
     assert [curve.style for curve in drawn.curves][:4] == ["line", "line", "steps", "points"]
     assert drawn.curves[2].item.opts["stepMode"] == "left"
@@ -80,7 +97,9 @@ def test_bars_of_two_series_stand_beside_each_other(drawn: ResultPlot) -> None:
 
 def test_what_a_logarithmic_axis_loses_is_said(drawn: ResultPlot) -> None:
     drawn.show_data(plot_of(Series("fit", np.array([-1.0, 0.0, 10.0]), X), x_scale="log"))
-    assert drawn.remarks == ("2 values of “fit” are not positive and have no place on a logarithmic axis.",)
+    assert drawn.remarks == (
+        "2 values of “fit” are not positive and have no place on a logarithmic axis.",
+    )
     assert len(drawn.curves[0].item.getOriginalDataset()[0]) == 1
     kept, remarks = without_what_logs_lose(plot_of(Series("fit", X, X)))
     assert remarks == ()
@@ -111,7 +130,9 @@ def test_a_figure_without_data_says_so(drawn: ResultPlot) -> None:
     drawn.show_data(plot_of(Series("fit", np.empty(0), np.empty(0))))
     assert any(getattr(item, "toPlainText", lambda: "")() == "no data" for item in drawn.item.items)
     drawn.show_data(plot_of(Series("fit", X, X)))
-    assert not any(getattr(item, "toPlainText", lambda: "")() == "no data" for item in drawn.item.items)
+    assert not any(
+        getattr(item, "toPlainText", lambda: "")() == "no data" for item in drawn.item.items
+    )
 
 
 @pytest.mark.parametrize("result", [friction_result(), kinematic_result()], ids=lambda r: r.kind)
@@ -132,7 +153,14 @@ def test_ticks_of_logarithmic_axes_are_plain_numbers() -> None:
     assert [round(10**t) for t in numbered] == [1, 2, 5, 10, 20, 50, 100]
     assert len(bare) == 12
     assert [round(10**t) for t in log_ticks(0.0, 4.0)[0]] == [1, 10, 100, 1000, 10000]
-    assert [round(10**t, 6) for t in log_ticks(math.log10(20.0), math.log10(30.0))[0]] == [20, 22, 24, 26, 28, 30]
+    assert [round(10**t, 6) for t in log_ticks(math.log10(20.0), math.log10(30.0))[0]] == [
+        20,
+        22,
+        24,
+        26,
+        28,
+        30,
+    ]
     assert [plain(v) for v in (0.001, 100.0, 1e6)] == ["0.001", "100", "1e6"]
 
 
@@ -144,10 +172,15 @@ def test_the_axis_numbers_only_its_numbered_ticks(qtbot: QtBot) -> None:
     assert set(axis.logTickStrings(bare, 1.0, bare_level)) == {""}
 
 
-def test_the_gallery_goes_by_keyboard_and_keeps_its_place(session: WindowSession, qtbot: QtBot) -> None:
+def test_the_gallery_goes_by_keyboard_and_keeps_its_place(
+    session: WindowSession, qtbot: QtBot
+) -> None:
     gallery = PlotGallery(session)
     qtbot.addWidget(gallery)
-    plots = (replace(friction_plot(), note="a note"), replace(friction_plot(), name="second", title="Second"))
+    plots = (
+        replace(friction_plot(), note="a note"),
+        replace(friction_plot(), name="second", title="Second"),
+    )
     gallery.show_plots(plots, "REPLAY")
     assert gallery.note.text() == "A note. Figure 9, 17 of the paper."
     qtbot.keyClick(gallery.titles, Qt.Key.Key_Down)
@@ -162,8 +195,10 @@ def test_the_gallery_goes_by_keyboard_and_keeps_its_place(session: WindowSession
 def test_two_figures_of_one_title_are_told_apart() -> None:
     one = plot_of(Series("fit", X, X))
     assert distinct_titles((one, replace(one, name="q"), replace(one, title="Other"))) == [
-        "Torque over speed (p)", "Torque over speed (q)", "Other",
-    ]  # fmt: skip
+        "Torque over speed (p)",
+        "Torque over speed (q)",
+        "Other",
+    ]
 
 
 def test_a_result_survives_json_whole() -> None:
@@ -175,8 +210,11 @@ def test_a_result_survives_json_whole() -> None:
     assert back.verdicts == result.verdicts
     assert back.verdicts[0].estimate is back.estimates["running_torque"]
     assert (back.metrics, back.warnings, back.tables, back.options) == (
-        result.metrics, result.warnings, result.tables, result.options,
-    )  # fmt: skip
+        result.metrics,
+        result.warnings,
+        result.tables,
+        result.options,
+    )
     for mine, theirs in zip(back.plots[0].series, result.plots[0].series, strict=True):
         np.testing.assert_allclose(mine.y, theirs.y, rtol=1e-8)
         assert (mine.low is None) == (theirs.low is None)
@@ -184,8 +222,12 @@ def test_a_result_survives_json_whole() -> None:
 
 def test_what_json_cannot_hold_comes_back_as_nan() -> None:
     plot = plot_of(Series("fit", X, np.array([1.0, math.nan, math.inf])))
-    told = json.loads(json_text({"run": "r", "kind": "k", "parameters": {}, "plots": [as_mapping(plot)]}))
-    np.testing.assert_array_equal(result_from_mapping(told).plots[0].series[0].y, [1.0, math.nan, math.nan])
+    told = json.loads(
+        json_text({"run": "r", "kind": "k", "parameters": {}, "plots": [as_mapping(plot)]})
+    )
+    np.testing.assert_array_equal(
+        result_from_mapping(told).plots[0].series[0].y, [1.0, math.nan, math.nan]
+    )
 
 
 def overlaid(name: str, place: int, *plots: Plot, mark: str = "SIMULATED") -> Overlaid:
@@ -206,23 +248,36 @@ def test_an_overlay_has_a_colour_per_run_and_every_curve_of_it() -> None:
 def test_an_overlay_leaves_out_other_axes_and_says_so() -> None:
     odd = replace(friction_plot(), y_label="Torque of motor + gear [N m]")
     other = replace(friction_plot(), name="else")
-    made = overlay([overlaid("1", 0, odd), overlaid("2", 1, friction_plot()), overlaid("3", 2, friction_plot()),
-                    overlaid("4", 3, other)], "friction")  # fmt: skip
+    made = overlay(
+        [
+            overlaid("1", 0, odd),
+            overlaid("2", 1, friction_plot()),
+            overlaid("3", 2, friction_plot()),
+            overlaid("4", 3, other),
+        ],
+        "friction",
+    )
     assert made is not None
     assert made.runs == ("2", "3")
-    assert made.left_out == ("4 has no such figure.", "1 is drawn over other axes (Torque of motor + gear [N m]).")
+    assert made.left_out == (
+        "4 has no such figure.",
+        "1 is drawn over other axes (Torque of motor + gear [N m]).",
+    )
     assert overlay([overlaid("1", 0, odd)], "nothing") is None
 
 
 def test_figures_that_two_runs_have_can_be_overlaid() -> None:
     other = replace(friction_plot(), name="else", title="Else")
-    assert common_figures([overlaid("1", 0, friction_plot(), other), overlaid("2", 1, friction_plot())]) == {
-        "friction": friction_plot().title
-    }
+    assert common_figures(
+        [overlaid("1", 0, friction_plot(), other), overlaid("2", 1, friction_plot())]
+    ) == {"friction": friction_plot().title}
 
 
 def test_names_in_a_legend_tell_runs_apart() -> None:
-    assert short_names({"a": (3, "SN-1"), "b": (4, "SN-1")}) == {"a": "00003 SN-1", "b": "00004 SN-1"}
+    assert short_names({"a": (3, "SN-1"), "b": (4, "SN-1")}) == {
+        "a": "00003 SN-1",
+        "b": "00004 SN-1",
+    }
     assert short_names({"a": (3, "SN-1"), "b": (3, "SN-1")}) == {"a": "a", "b": "b"}
 
 

@@ -1,4 +1,6 @@
-"""The Prepare page as a person uses it: fill in wrong and right, confirm, sign, start; by keyboard; at both screen sizes."""
+"""The Prepare page as a person uses it: fill in wrong and right, confirm, sign, start; by keyboard;
+at both screen sizes.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,15 @@ from typing import Any
 import pytest
 import typer
 from PySide6.QtCore import Qt, QThreadPool
-from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QScrollArea, QWidget
+from PySide6.QtWidgets import (
+    QApplication,
+    QComboBox,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QScrollArea,
+    QWidget,
+)
 from pytestqt.qtbot import QtBot
 
 from rig.commands.ordering import request_of
@@ -32,9 +42,14 @@ from rig.window.session import WindowSession
 LONGEST = 20_000
 """ms until a test gives up; nothing takes a tenth of it on an idle computer."""
 CARD = {
-    "serial": "SN-0815", "part": "csf-25-120", "mounting": "circular-spline-fixed", "lubricant": "Harmonic Grease SK-1A",
-    "hours": "12", "load_inertia_kg_m2": "0.08", "load_inertia_uncertainty_kg_m2": "0.002",
-}  # fmt: skip
+    "serial": "SN-0815",
+    "part": "csf-25-120",
+    "mounting": "circular-spline-fixed",
+    "lubricant": "Harmonic Grease SK-1A",
+    "hours": "12",
+    "load_inertia_kg_m2": "0.08",
+    "load_inertia_uncertainty_kg_m2": "0.002",
+}
 
 Settle = Callable[[PreparePage], None]
 
@@ -57,7 +72,9 @@ def page(session: WindowSession, qtbot: QtBot, settle: Settle) -> PreparePage:
     return shown(session, qtbot, settle)
 
 
-def shown(session: WindowSession, qtbot: QtBot, settle: Settle, size: tuple[int, int] = (1366, 700)) -> PreparePage:
+def shown(
+    session: WindowSession, qtbot: QtBot, settle: Settle, size: tuple[int, int] = (1366, 700)
+) -> PreparePage:
     made = PreparePage(session)
     qtbot.addWidget(made)
     made.resize(*size)
@@ -67,7 +84,12 @@ def shown(session: WindowSession, qtbot: QtBot, settle: Settle, size: tuple[int,
 
 
 def stored_card(folder: Path) -> None:
-    save_card(folder, with_confirmation(with_changes(None, CARD, "A. Example", now_text()), "A. Example", now_text()))
+    save_card(
+        folder,
+        with_confirmation(
+            with_changes(None, CARD, "A. Example", now_text()), "A. Example", now_text()
+        ),
+    )
 
 
 def type_into(qtbot: QtBot, editor: QWidget, text: str) -> None:
@@ -95,7 +117,9 @@ def parsed(arguments: list[str]) -> tuple[dict[str, Any], str, dict[str, Any]]:
         return dict(context.params), *read_protocol(context.args)
 
 
-def test_a_gear_is_told_confirmed_and_remembered(page: PreparePage, session: WindowSession, qtbot: QtBot, settle: Settle) -> None:
+def test_a_gear_is_told_confirmed_and_remembered(
+    page: PreparePage, session: WindowSession, qtbot: QtBot, settle: Settle
+) -> None:
     assert page.gear.facts is None
     assert not page.start_button.isEnabled()
     assert not page.gear.confirm_button.isEnabled()
@@ -149,7 +173,9 @@ def test_a_known_gear_is_not_forgotten_by_an_empty_form_and_changes_elsewhere_ar
     assert card.confirmation is not None
     assert card.confirmation.by == "A. Example"
     assert page.gear.form.values()["lubricant"] == CARD["lubricant"]
-    save_card(session.folder, with_changes(card, {"lubricant": "another grease"}, "D. Fourth", now_text()))
+    save_card(
+        session.folder, with_changes(card, {"lubricant": "another grease"}, "D. Fourth", now_text())
+    )
     page.hide()
     page.show()
     settle(page)
@@ -158,8 +184,12 @@ def test_a_known_gear_is_not_forgotten_by_an_empty_form_and_changes_elsewhere_ar
     assert "lubricant by D. Fourth" in page.gear.status.text()
 
 
-WRONG = {"highest_rpm": ("0", "out of range"), "points": ("3.5", "a whole number"), "settle_time": ("soon", "a number"),
-         "speeds_rpm": ("100 -3", "> 0")}  # fmt: skip
+WRONG = {
+    "highest_rpm": ("0", "out of range"),
+    "points": ("3.5", "a whole number"),
+    "settle_time": ("soon", "a number"),
+    "speeds_rpm": ("100 -3", "> 0"),
+}
 """What is typed into a field of the friction protocol, and a word of the refusal."""
 
 
@@ -185,7 +215,9 @@ def test_a_wrong_parameter_is_marked_at_its_field_in_the_model_s_words(
     assert page.outlook.preview is not None
 
 
-def test_refusals_of_the_whole_plan_name_step_value_and_limit(page: PreparePage, qtbot: QtBot, settle: Settle) -> None:
+def test_refusals_of_the_whole_plan_name_step_value_and_limit(
+    page: PreparePage, qtbot: QtBot, settle: Settle
+) -> None:
     page.protocol.choose("friction")
     # Impossible together: marked at the field that the plan names.
     type_into(qtbot, page.protocol.form.rows["lowest_rpm"].editor, "4000")
@@ -232,29 +264,45 @@ def test_start_hands_over_a_run_whose_arguments_the_command_understands(
     # What the child will plan is what was shown.
     child = plan_request(
         request_of(
-            protocol, values, parameters=options["parameters"], mounting=options["mounting"], output=options["output"],
-            sample_rate=options["sample_rate"], backend=options["backend"], gear_serial=options["gear_serial"],
+            protocol,
+            values,
+            parameters=options["parameters"],
+            mounting=options["mounting"],
+            output=options["output"],
+            sample_rate=options["sample_rate"],
+            backend=options["backend"],
+            gear_serial=options["gear_serial"],
         )
-    )  # fmt: skip
+    )
     assert child.as_json() == prepared.planned.as_json()
     assert child.gear.inertia.output == 0.08
     assert prepared.request.conditions["lubricant"] == "Harmonic Grease SK-1A"
     assert prepared.prediction is not None
-    assert prepared.notes[0].startswith("checklist signed by --A. Example: gear card, parameters, plan")
+    assert prepared.notes[0].startswith(
+        "checklist signed by --A. Example: gear card, parameters, plan"
+    )
     assert any(note.startswith("accepted by --A. Example: ratings: ") for note in prepared.notes)
     # The next run is another run: it is signed anew.
     assert not page.checklist.is_signed
     assert not page.start_button.isEnabled()
 
 
-def test_a_latched_trip_and_unsigned_items_stand_in_the_way(session: WindowSession, qtbot: QtBot, settle: Settle) -> None:
+def test_a_latched_trip_and_unsigned_items_stand_in_the_way(
+    session: WindowSession, qtbot: QtBot, settle: Settle
+) -> None:
     stored_card(session.folder)
     session.remember("gear", "SN-0815")
     latch = TripLatch(session.folder).path
-    latch.write_text('{"cause": "over-torque", "run": "00007", "time": "2026-01-01", "standstill_verified": true}')
+    latch.write_text(
+        '{"cause": "over-torque", "run": "00007", "time": "2026-01-01", "standstill_verified": true}'
+    )
     page = shown(session, qtbot, settle)
     assert any("over-torque" in reason for reason in page.obstacles)
-    box = next(b for b, c in zip(page.checklist.boxes, page.checklist.checks, strict=True) if c.name == "trip latch")
+    box = next(
+        b
+        for b, c in zip(page.checklist.boxes, page.checklist.checks, strict=True)
+        if c.name == "trip latch"
+    )
     assert not box.isEnabled()
     assert page.acknowledge_button.isVisible()
     assert not page.acknowledge_button.isEnabled()
@@ -265,7 +313,9 @@ def test_a_latched_trip_and_unsigned_items_stand_in_the_way(session: WindowSessi
     assert not page.acknowledge_button.isVisible()
 
 
-def test_a_trip_is_acknowledged_by_name_with_what_was_found(session: WindowSession, qtbot: QtBot) -> None:
+def test_a_trip_is_acknowledged_by_name_with_what_was_found(
+    session: WindowSession, qtbot: QtBot
+) -> None:
     latch = TripLatch(session.folder)
     latch.leave(LatchedTrip("speed", "00007-friction-SN_0815", "2026-01-01", "too fast", False))
     dialog = AcknowledgeDialog(session.folder, "A. Example")
@@ -282,7 +332,9 @@ def test_a_trip_is_acknowledged_by_name_with_what_was_found(session: WindowSessi
     assert "no trip is latched here" in dialog.problem.text()
 
 
-def test_without_a_gear_no_card_is_asked_for(page: PreparePage, qtbot: QtBot, settle: Settle) -> None:
+def test_without_a_gear_no_card_is_asked_for(
+    page: PreparePage, qtbot: QtBot, settle: Settle
+) -> None:
     type_into(qtbot, page.operator, "A. Example")
     page.protocol.choose("motor-tare")
     settle(page)
@@ -296,9 +348,14 @@ def test_without_a_gear_no_card_is_asked_for(page: PreparePage, qtbot: QtBot, se
     assert page.start_button.isEnabled()
 
 
-def test_hardware_asks_for_the_rig_s_answer_and_a_typed_confirmation(tmp_path: Path, qtbot: QtBot, settle: Settle) -> None:
+def test_hardware_asks_for_the_rig_s_answer_and_a_typed_confirmation(
+    tmp_path: Path, qtbot: QtBot, settle: Settle
+) -> None:
     configuration = tmp_path / "rig.toml"
-    configuration.write_text((resources.files("rig.config") / "template.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    configuration.write_text(
+        (resources.files("rig.config") / "template.toml").read_text(encoding="utf-8"),
+        encoding="utf-8",
+    )
     session = WindowSession(tmp_path / "runs", "hardware", configuration)
     stored_card(session.folder)
     session.remember("gear", "SN-0815")
@@ -317,7 +374,9 @@ def test_hardware_asks_for_the_rig_s_answer_and_a_typed_confirmation(tmp_path: P
     type_into(qtbot, page.confirmation, "SN-0815")
     settle(page)
     assert "it will turn" in page.doctor_button.text()
-    page.show_doctor({"checks": [{"name": "nodes", "result": "failed", "evidence": "node 1 is silent"}]}, 6, "")
+    page.show_doctor(
+        {"checks": [{"name": "nodes", "result": "failed", "evidence": "node 1 is silent"}]}, 6, ""
+    )
     assert page.obstacles[0] == "nodes: node 1 is silent"
     page.show_doctor({"checks": [{"name": "nodes", "result": "ok", "evidence": "3 of 3"}]}, 0, "")
     click(qtbot, page.sign_button)
@@ -325,7 +384,11 @@ def test_hardware_asks_for_the_rig_s_answer_and_a_typed_confirmation(tmp_path: P
         click(qtbot, page.start_button)
     assert caught.args is not None
     options, *_ = parsed(caught.args[0].arguments)
-    assert (options["backend"], options["confirm"], options["config"]) == ("hardware", "SN-0815", configuration)
+    assert (options["backend"], options["confirm"], options["config"]) == (
+        "hardware",
+        "SN-0815",
+        configuration,
+    )
     assert page.confirmation.text() == ""
     settle(page)
     assert "the rig has not been asked" in page.obstacles
@@ -334,7 +397,10 @@ def test_hardware_asks_for_the_rig_s_answer_and_a_typed_confirmation(tmp_path: P
 def test_a_tick_belongs_to_its_evidence(qtbot: QtBot) -> None:
     items = Checklist()
     qtbot.addWidget(items)
-    one, two = Check("zero", "ok", "1.2 mN m"), Check("disk", "warning", "little left", "Free some.")
+    one, two = (
+        Check("zero", "ok", "1.2 mN m"),
+        Check("disk", "warning", "little left", "Free some."),
+    )
     items.set_checks([one, two])
     assert not items.is_signed
     items.tick_all()
@@ -352,7 +418,9 @@ def test_what_the_doctor_says_or_does_not_say() -> None:
         {"group": "a", "name": "bus", "result": "skipped", "evidence": "none"},
         {"name": "zero", "result": "warning", "evidence": "9 mN m", "remedy": "Trim it."},
     ]
-    assert checks_from({"ok": True, "checks": rows}, 0, "") == (Check("zero", "warning", "9 mN m", "Trim it."),)
+    assert checks_from({"ok": True, "checks": rows}, 0, "") == (
+        Check("zero", "warning", "9 mN m", "Trim it."),
+    )
     assert checks_from(None, 2, "Error: No such command 'doctor'.")[0].result == "warning"
     assert checks_from(None, 6, "first\nthe bus is gone") == (
         Check("rig doctor", "failed", "the bus is gone", "Run `rig doctor` in a terminal."),
@@ -372,21 +440,39 @@ def test_a_side_process_gives_its_json_and_is_ended_with_its_window(qtbot: QtBot
     assert not process.is_running
 
 
-def test_training_lists_the_drills_and_tells_the_verdict(qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_training_lists_the_drills_and_tells_the_verdict(
+    qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     started: list[list[str]] = []
-    monkeypatch.setattr(SideProcess, "start", lambda self, words: bool(started.append(list(words)) or True))
+    monkeypatch.setattr(
+        SideProcess, "start", lambda self, words: bool(started.append(list(words)) or True)
+    )
     dialog = TrainingDialog()
     qtbot.addWidget(dialog)
     dialog.show()
     assert dialog.drills.count() > 20
     type_into(qtbot, dialog.search, "E-stop")
-    visible = [dialog.drills.item(row) for row in range(dialog.drills.count()) if not dialog.drills.item(row).isHidden()]
+    visible = [
+        dialog.drills.item(row)
+        for row in range(dialog.drills.count())
+        if not dialog.drills.item(row).isHidden()
+    ]
     assert 0 < len(visible) < 5
     dialog.drills.setCurrentItem(visible[0])
     click(qtbot, dialog.run_button)
     assert started == [["drill", "--fault", visible[0].text(), "--json"]]
-    row = {"fault": "E-stop", "detected": "sto", "cycles": 2, "action": "servo off", "safe": True, "verified": True,
-           "outcome": "TRIPPED", "expected": "TRIPPED", "file_readable": True, "passed": True}  # fmt: skip
+    row = {
+        "fault": "E-stop",
+        "detected": "sto",
+        "cycles": 2,
+        "action": "servo off",
+        "safe": True,
+        "verified": True,
+        "outcome": "TRIPPED",
+        "expected": "TRIPPED",
+        "file_readable": True,
+        "passed": True,
+    }
     dialog.show_verdict({"faults": [row]}, 0, "")
     assert dialog.verdict.text() == verdict_text(row)
     assert "ended as it must" in dialog.verdict.text()
@@ -421,7 +507,12 @@ def refuse_cut_off(page: PreparePage) -> None:
         if area.isVisible():
             assert area.widget().width() <= area.viewport().width()
     for label in page.findChildren(QLabel):
-        if label.isVisible() and label.text() and not label.wordWrap() and label.textFormat() is not Qt.TextFormat.RichText:
+        if (
+            label.isVisible()
+            and label.text()
+            and not label.wordWrap()
+            and label.textFormat() is not Qt.TextFormat.RichText
+        ):
             assert label.width() >= label.sizeHint().width(), label.text()
     assert page.start_button.mapTo(page, page.start_button.rect().bottomRight()).y() < page.height()
 
@@ -430,9 +521,15 @@ def test_the_keyboard_reaches_everything(page: PreparePage, qtbot: QtBot, settle
     shortcuts = []
     for widget in (*page.findChildren(QPushButton), *page.findChildren(QLabel)):
         text = widget.text().replace("&&", "")
-        if widget.isVisible() and "&" in text and (isinstance(widget, QPushButton) or widget.buddy() is not None):
+        if (
+            widget.isVisible()
+            and "&" in text
+            and (isinstance(widget, QPushButton) or widget.buddy() is not None)
+        ):
             shortcuts.append(text[text.index("&") + 1].lower())
-    shortcuts += [page.plots.tabText(i).partition("&")[2][0].lower() for i in range(page.plots.count())]
+    shortcuts += [
+        page.plots.tabText(i).partition("&")[2][0].lower() for i in range(page.plots.count())
+    ]
     assert len(shortcuts) >= 11
     assert len(set(shortcuts)) == len(shortcuts), shortcuts
     page.operator.setFocus()
@@ -443,7 +540,14 @@ def test_the_keyboard_reaches_everything(page: PreparePage, qtbot: QtBot, settle
             break
         reached.append(found)
         qtbot.keyClick(found, Qt.Key.Key_Tab)
-    wanted = [*(row.editor for row in page.gear.form.rows.values()), *(row.editor for row in page.protocol.form.rows.values())]
+    wanted = [
+        *(row.editor for row in page.gear.form.rows.values()),
+        *(row.editor for row in page.protocol.form.rows.values()),
+    ]
     assert set(wanted) <= set(reached)
-    assert reached.index(page.gear.choice) < reached.index(wanted[0]) < reached.index(page.protocol.choice)
+    assert (
+        reached.index(page.gear.choice)
+        < reached.index(wanted[0])
+        < reached.index(page.protocol.choice)
+    )
     assert page.training_button in reached

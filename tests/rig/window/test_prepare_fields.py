@@ -1,4 +1,6 @@
-"""What a person types on the Prepare page: commas, units, very long names; names that are offered; drills that are searched."""
+"""What a person types on the Prepare page: commas, units, very long names; names that are offered;
+drills that are searched.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +22,18 @@ from rig.window.session import WindowSession
 LONG = "SN 0815/ä that somebody pasted out of a spreadsheet with everything that stood in its row, 1234567890"
 
 
-@pytest.mark.parametrize(("text", "as_printed"), [
-    ("kg m2", "kg m²"), ("rad/s2", "rad/s²"), ("um", "µm"), (">= 0 and <= 1e+06", "≥ 0 and ≤ 1\u202f000\u202f000"),
-    ("> 0 and <= 0.5 N m", "> 0 and ≤ 0.5 N m"), ("1e-05", "1e-05"), ("maximum", "maximum"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "as_printed"),
+    [
+        ("kg m2", "kg m²"),
+        ("rad/s2", "rad/s²"),
+        ("um", "µm"),
+        (">= 0 and <= 1e+06", "≥ 0 and ≤ 1\u202f000\u202f000"),
+        ("> 0 and <= 0.5 N m", "> 0 and ≤ 0.5 N m"),
+        ("1e-05", "1e-05"),
+        ("maximum", "maximum"),
+    ],
+)
 def test_units_and_ranges_are_printed_as_people_write_them(text: str, as_printed: str) -> None:
     assert printed(text) == as_printed
 
@@ -34,9 +44,11 @@ def test_what_is_no_number_is_refused_in_plain_words(session: WindowSession, qtb
     row = gear.form.rows["load_inertia_kg_m2"]
     assert row.unit.text() == "kg m²"
     for typed, said in (
-        ("0,12", "Write decimals with a point: 0.12"), ("abc", "'abc' is not a number"),
-        ("-5", "is out of range: -5.0 kg m², allowed > 0 and ≤ 1000 kg m²"), ("0.12", ""),
-    ):  # fmt: skip
+        ("0,12", "Write decimals with a point: 0.12"),
+        ("abc", "'abc' is not a number"),
+        ("-5", "is out of range: -5.0 kg m², allowed > 0 and ≤ 1000 kg m²"),
+        ("0.12", ""),
+    ):
         row.editor.setText(typed)  # type: ignore[union-attr]
         assert row.problem == said
 
@@ -44,7 +56,8 @@ def test_what_is_no_number_is_refused_in_plain_words(session: WindowSession, qtb
 def test_in_a_list_a_comma_is_not_guessed_at(session: WindowSession, qtbot: QtBot) -> None:
     model = catalogue.load("velocity-steps").parameters
     form = ParameterForm(
-        parameter_fields(model), lambda name, value: make_parameters(model, {name: value}, "velocity-steps")
+        parameter_fields(model),
+        lambda name, value: make_parameters(model, {name: value}, "velocity-steps"),
     )
     qtbot.addWidget(form)
     row = form.rows["speeds_rpm"]
@@ -54,7 +67,9 @@ def test_in_a_list_a_comma_is_not_guessed_at(session: WindowSession, qtbot: QtBo
     assert form.is_valid
 
 
-def test_a_gear_card_says_what_its_confirmation_waits_for(session: WindowSession, qtbot: QtBot) -> None:
+def test_a_gear_card_says_what_its_confirmation_waits_for(
+    session: WindowSession, qtbot: QtBot
+) -> None:
     gear = GearSection(session)
     qtbot.addWidget(gear)
     gear.set_operator("")
@@ -107,9 +122,13 @@ def test_a_whole_name_is_offered_nothing_more(page: PreparePage, qtbot: QtBot) -
     QThreadPool.globalInstance().waitForDone()
 
 
-def test_a_drill_that_the_search_has_hidden_is_not_run(qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_drill_that_the_search_has_hidden_is_not_run(
+    qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
     started: list[list[str]] = []
-    monkeypatch.setattr(SideProcess, "start", lambda self, words: bool(started.append(list(words)) or True))
+    monkeypatch.setattr(
+        SideProcess, "start", lambda self, words: bool(started.append(list(words)) or True)
+    )
     dialog = TrainingDialog()
     qtbot.addWidget(dialog)
     dialog.search.setText("guard")

@@ -1,4 +1,6 @@
-"""One run on the Review page: opened, fitted, held against a parameter set; its signals, events, conditions and files."""
+"""One run on the Review page: opened, fitted, held against a parameter set; its signals, events,
+conditions and files.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ def test_a_stored_analysis_shows_verdict_interval_and_catalogue(
     assert results.table.texts("quantity")[0] == "Coulomb friction"
     assert "no" in results.table.texts("identifiable")
     assert "yes" in results.table.texts("identifiable")
-    catalogue = dict(zip(results.table.texts("quantity"), results.table.texts("limit or catalogue"), strict=True))
+    catalogue = dict(
+        zip(results.table.texts("quantity"), results.table.texts("limit or catalogue"), strict=True)
+    )
     assert catalogue["running torque 500 r/min"].startswith("catalogue 100 mN m (recalled: ")
     assert "20 C" in catalogue["running torque 500 r/min"]
     assert catalogue["Coulomb friction"] == ""
@@ -65,14 +69,19 @@ def test_a_run_is_fitted_beside_the_window_and_its_figures_are_marked(
     assert details.files.table.texts("kind of fit") == ["friction"]
     assert details.results.table.rowCount() == 9
     details.tabs.setCurrentWidget(details.figures)
-    assert [plot.name for plot in details.gallery.plots][:2] == ["friction-curve", "friction-curve-low"]
+    assert [plot.name for plot in details.gallery.plots][:2] == [
+        "friction-curve",
+        "friction-curve-low",
+    ]
     for row in range(len(details.gallery.plots)):
         details.gallery.titles.setCurrentRow(row)
         assert details.gallery.plot.mark == "SIMULATED"
         assert "[" in details.gallery.plot.item.getAxis("left").labelText
 
 
-def test_a_fit_is_given_up(opened: Callable[..., ReviewPage], friction: list[Path], qtbot: QtBot) -> None:
+def test_a_fit_is_given_up(
+    opened: Callable[..., ReviewPage], friction: list[Path], qtbot: QtBot
+) -> None:
     page = opened()
     page.show_run(friction[0])
     page.details.bar.fit.click()
@@ -140,7 +149,9 @@ def test_signals_are_stacked_by_unit_zoomed_and_read(
     qtbot.waitUntil(lambda: drawn(view.curves["torque"])[1] > 33.0, timeout=LONGEST)
     assert len(torque.getOriginalDataset()[0]) < 5000
     view.jump(10.0, width=1.0)
-    qtbot.waitUntil(lambda: np.allclose(drawn(view.curves["torque"]), (9.5, 10.5), atol=0.1), timeout=LONGEST)
+    qtbot.waitUntil(
+        lambda: np.allclose(drawn(view.curves["torque"]), (9.5, 10.5), atol=0.1), timeout=LONGEST
+    )
     recording = page.details.recording
     assert recording is not None
     x, y = torque.getOriginalDataset()
@@ -165,7 +176,9 @@ def test_thinned_signals_keep_every_peak(friction: list[Path]) -> None:
     assert (shape.values.min(), shape.values.max()) == (torque.min(), torque.max())
 
 
-def test_events_are_filtered_and_lead_to_the_signals(opened: Callable[..., ReviewPage], session: WindowSession) -> None:
+def test_events_are_filtered_and_lead_to_the_signals(
+    opened: Callable[..., ReviewPage], session: WindowSession
+) -> None:
     path = write_run(session.folder, 2500)
     page = opened()
     page.show_run(path)

@@ -20,7 +20,9 @@ from tests.rig.runfile.making import block, header, write_run
 from tests.rig.window.reviewing import LONGEST, destroy, drawn, indexed, several, shown
 
 
-def test_the_library_is_searched_filtered_and_sorted(opened: Callable[..., ReviewPage], session: WindowSession) -> None:
+def test_the_library_is_searched_filtered_and_sorted(
+    opened: Callable[..., ReviewPage], session: WindowSession
+) -> None:
     several(session.folder)
     page = opened()
     filters = page.library.filters
@@ -42,11 +44,17 @@ def test_the_library_is_searched_filtered_and_sorted(opened: Callable[..., Revie
     assert shown(page) == ["1", "2", "3"]
 
 
-def test_the_library_is_filtered_by_days(opened: Callable[..., ReviewPage], session: WindowSession) -> None:
+def test_the_library_is_filtered_by_days(
+    opened: Callable[..., ReviewPage], session: WindowSession
+) -> None:
     several(session.folder)
     page = opened()
     period = page.library.filters.period
-    for chosen, found in (("today", ["3"]), ("last 7 days", ["3", "2", "1"]), ("this year", ["3", "2", "1"])):
+    for chosen, found in (
+        ("today", ["3"]),
+        ("last 7 days", ["3", "2", "1"]),
+        ("this year", ["3", "2", "1"]),
+    ):
         period.setCurrentText(chosen)
         assert shown(page) == found, chosen
     period.setCurrentIndex(period.count() - 1)
@@ -55,7 +63,9 @@ def test_the_library_is_filtered_by_days(opened: Callable[..., ReviewPage], sess
     assert shown(page) == ["2", "1"]
 
 
-def test_the_library_goes_by_keyboard(opened: Callable[..., ReviewPage], session: WindowSession, qtbot: QtBot) -> None:
+def test_the_library_goes_by_keyboard(
+    opened: Callable[..., ReviewPage], session: WindowSession, qtbot: QtBot
+) -> None:
     several(session.folder)
     page = opened()
     page.activateWindow()
@@ -116,7 +126,9 @@ def test_a_damaged_file_is_listed_and_says_what_is_wrong(
 def test_a_run_being_written_is_shown_grows_and_is_followed_to_its_seal(
     opened: Callable[..., ReviewPage], session: WindowSession, qtbot: QtBot
 ) -> None:
-    writer = RunWriter(session.folder / "00001-friction-A1.h5", header(), compress=False, chunk_rows=64)
+    writer = RunWriter(
+        session.folder / "00001-friction-A1.h5", header(), compress=False, chunk_rows=64
+    )
     writer.append(block(0, 100))
     writer.flush()
     page = opened()
@@ -169,7 +181,10 @@ def test_everything_fits_both_screens_in_both_themes(
             assert corner.x() < width
             assert corner.y() < height
         for button in page.library.buttons.values():
-            assert button.width() >= button.fontMetrics().horizontalAdvance(button.text().replace("&", "")) + 10
+            assert (
+                button.width()
+                >= button.fontMetrics().horizontalAdvance(button.text().replace("&", "")) + 10
+            )
     destroy(window)
 
 

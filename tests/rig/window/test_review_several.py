@@ -67,7 +67,9 @@ def test_two_runs_differ_in_their_seed_and_not_in_their_gear(
 
 
 @pytest.mark.usefixtures("in_process")
-def test_a_report_is_written_and_opened(opened: Callable[..., ReviewPage], friction: list[Path], qtbot: QtBot) -> None:
+def test_a_report_is_written_and_opened(
+    opened: Callable[..., ReviewPage], friction: list[Path], qtbot: QtBot
+) -> None:
     told: list[QUrl] = []
     page = opened(opener=told.append)
     page.library.select(friction[0])
@@ -79,7 +81,9 @@ def test_a_report_is_written_and_opened(opened: Callable[..., ReviewPage], frict
 
 
 @pytest.mark.usefixtures("in_process")
-def test_a_report_for_paper_is_a_pdf(opened: Callable[..., ReviewPage], friction: list[Path], qtbot: QtBot) -> None:
+def test_a_report_for_paper_is_a_pdf(
+    opened: Callable[..., ReviewPage], friction: list[Path], qtbot: QtBot
+) -> None:
     told: list[QUrl] = []
     page = opened(opener=told.append)
     page.show_run(friction[0])
@@ -110,7 +114,9 @@ def test_the_passport_of_a_gear_has_charts_after_its_runs_were_fitted(
     qtbot.waitUntil(lambda: not view.is_busy and view.passport is not None, timeout=LONGEST)
     assert set(view.state.texts("runs")) == {"2"}
     assert set(view.state.texts("state")) == {"no control limits yet"}
-    row = view.state.texts("what").index(next(t for t in view.state.texts("what") if "500 r/min" in t))
+    row = view.state.texts("what").index(
+        next(t for t in view.state.texts("what") if "500 r/min" in t)
+    )
     assert view.state.texts("catalogue limit")[row] in ("–", "100 (recalled)")
     assert view.charts.plot.mark == "SIMULATED"
     assert view.charts.plot.curves
@@ -143,8 +149,12 @@ def test_a_report_is_made_with_the_tare_of_the_newest_fit(
     monkeypatch.setattr(BackgroundCommand, "start", lambda self: asked.append(self._arguments[2:]))
     analysis = read_analyses(friction[1])[0]
     tare = friction[0]
-    changed = replace(analysis, content={**analysis.content, "tare": {"run": tare.name.removesuffix(".h5")}})
-    monkeypatch.setattr("rig.window.review.read_analyses", lambda path: (changed,) if path == friction[1] else ())
+    changed = replace(
+        analysis, content={**analysis.content, "tare": {"run": tare.name.removesuffix(".h5")}}
+    )
+    monkeypatch.setattr(
+        "rig.window.review.read_analyses", lambda path: (changed,) if path == friction[1] else ()
+    )
     page = opened()
     page.make_report([friction[1]])
     assert asked[0][:4] == ["report", str(friction[1]), "--tare", str(tare)]
@@ -161,7 +171,9 @@ def test_what_was_identified_is_saved_as_a_parameter_set(
     qtbot.mouseClick(page.details.bar.save, Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: not page.details.is_busy, timeout=LONGEST)
     assert load_gear(target) == shipped_gear()
-    assert page.details.bar.says.text().endswith("(friction of motor and gear together stays out: choose a tare).")
+    assert page.details.bar.says.text().endswith(
+        "(friction of motor and gear together stays out: choose a tare)."
+    )
     save_gear(shipped_gear().with_values({"inertia.output": 0.2}), target)
     page.details._take_saved(target, 0, "")
     assert "found.toml, with 1 identified value." in page.details.bar.says.text()
@@ -170,10 +182,15 @@ def test_what_was_identified_is_saved_as_a_parameter_set(
 
 def test_friction_without_a_tare_waits_for_a_fit_once_there_is_one(friction: list[Path]) -> None:
     runs = [
-        indexed(number, path=path, gear_serial="SN-0815", protocol="friction") for number, path in enumerate(friction, 1)
+        indexed(number, path=path, gear_serial="SN-0815", protocol="friction")
+        for number, path in enumerate(friction, 1)
     ]
     assert [order.run for order in missing_fits(runs, "SN-0815")] == [friction[0]]
-    broken_off = indexed(3, path=Path("tare-1.h5"), protocol="motor-tare", gear_serial="unknown", outcome="ABORTED")
+    broken_off = indexed(
+        3, path=Path("tare-1.h5"), protocol="motor-tare", gear_serial="unknown", outcome="ABORTED"
+    )
     whole = indexed(4, path=Path("tare-2.h5"), protocol="motor-tare", gear_serial="unknown")
     found = missing_fits([*runs, whole, broken_off], "SN-0815")
-    assert [(order.run, order.tare) for order in found] == [(path, Path("tare-2.h5")) for path in friction]
+    assert [(order.run, order.tare) for order in found] == [
+        (path, Path("tare-2.h5")) for path in friction
+    ]

@@ -28,9 +28,25 @@ from rig.window.session import WindowSession
 from tests.rig.window.conftest import LONGEST, MakePrepared, child
 
 SIZES = ((1366, 768), (1920, 1080))
-SHORT = {"speeds_rpm": (200.0, 600.0), "up_and_down": False, "measure_time": 0.3, "settle_time": 0.2, "zero_time": 0.5}
-FLAGS = ("--speeds-rpm", "200", "600", "--no-up-and-down", "--measure-time", "0.3", "--settle-time", "0.2", "--zero-time",
-         "0.5")  # fmt: skip
+SHORT = {
+    "speeds_rpm": (200.0, 600.0),
+    "up_and_down": False,
+    "measure_time": 0.3,
+    "settle_time": 0.2,
+    "zero_time": 0.5,
+}
+FLAGS = (
+    "--speeds-rpm",
+    "200",
+    "600",
+    "--no-up-and-down",
+    "--measure-time",
+    "0.3",
+    "--settle-time",
+    "0.2",
+    "--zero-time",
+    "0.5",
+)
 
 
 def outcome_in(path: Path) -> str:
@@ -62,12 +78,19 @@ def test_a_full_friction_run(window: MainWindow, prepared: MakePrepared, qtbot: 
     assert page.banner.word == "FINISHED: PASS"
     assert not page.buttons.stop.isEnabled()
     # Whether the short making safe is seen depends on the beat of the progress.
-    assert [word for word in dict.fromkeys(states) if word != "stopping"] == ["armed", "running", "finished: pass"]
+    assert [word for word in dict.fromkeys(states) if word != "stopping"] == [
+        "armed",
+        "running",
+        "finished: pass",
+    ]
     # Every row of the run was drawn, every hold became a point, and nothing looks like hardware.
     assert page.plots.rows_read == page.report["rows"] > 5000
     # What was drawn is what is in the sealed file: the fastest speed, and no time but that of the run.
     x, y = page.plots.plots[0].curves[1].item.getData()
-    assert (x.min(), x.max()) == (pytest.approx(0.0, abs=0.1), pytest.approx(1e-3 * page.report["rows"], rel=0.02))
+    assert (x.min(), x.max()) == (
+        pytest.approx(0.0, abs=0.1),
+        pytest.approx(1e-3 * page.report["rows"], rel=0.02),
+    )
     assert 600.0 < np.abs(y).max() < 2500.0
     points = next(view for view in page.plots.views if isinstance(view, TorquePoints))
     segments = page.plots.live.recording.labelled("hold", "bracket") if page.plots.live else ()
@@ -104,7 +127,9 @@ def test_the_end_of_a_run_leads_to_results_review_and_report(
     assert "SIMULATED" in page.read_text(encoding="utf-8")
 
 
-def test_stop_by_the_space_bar_and_a_note_before(window: MainWindow, prepared: MakePrepared, qtbot: QtBot) -> None:
+def test_stop_by_the_space_bar_and_a_note_before(
+    window: MainWindow, prepared: MakePrepared, qtbot: QtBot
+) -> None:
     start_long_run(window, prepared, qtbot)
     page = window.run
     # In the field the space bar writes; nowhere else.
@@ -153,7 +178,9 @@ def test_a_trip_names_cause_and_remedy(window: MainWindow, qtbot: QtBot) -> None
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals")
-def test_a_crash_of_the_acquisition_is_told_loudly(window: MainWindow, prepared: MakePrepared, qtbot: QtBot) -> None:
+def test_a_crash_of_the_acquisition_is_told_loudly(
+    window: MainWindow, prepared: MakePrepared, qtbot: QtBot
+) -> None:
     start_long_run(window, prepared, qtbot)
     page = window.run
     qtbot.waitUntil(lambda: page.plots.rows_read > 0, timeout=LONGEST)
@@ -174,7 +201,9 @@ def test_a_crash_of_the_acquisition_is_told_loudly(window: MainWindow, prepared:
     assert page.may_close()
 
 
-def test_closing_during_a_run_asks_and_makes_safe(window: MainWindow, prepared: MakePrepared, qtbot: QtBot) -> None:
+def test_closing_during_a_run_asks_and_makes_safe(
+    window: MainWindow, prepared: MakePrepared, qtbot: QtBot
+) -> None:
     start_long_run(window, prepared, qtbot)
     page = window.run
     assert not window.close()
@@ -205,13 +234,19 @@ def test_the_death_of_the_window_is_a_stop(tmp_path: Path, qtbot: QtBot) -> None
         "for line in run.stdout:\n"
         "    if b'progress' in line: os.kill(os.getpid(), signal.SIGKILL)\n"
     )
-    done = subprocess.run([sys.executable, "-c", parent, str(tmp_path)], stderr=subprocess.DEVNULL, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", parent, str(tmp_path)], stderr=subprocess.DEVNULL, check=False
+    )
     assert done.returncode == -signal.SIGKILL
-    qtbot.waitUntil(lambda: any(tmp_path.glob("*.h5.sha256")) and any(tmp_path.glob("*.h5")), timeout=LONGEST)
+    qtbot.waitUntil(
+        lambda: any(tmp_path.glob("*.h5.sha256")) and any(tmp_path.glob("*.h5")), timeout=LONGEST
+    )
     assert outcome_in(next(tmp_path.glob("*.h5"))) == "ABORTED"
 
 
-def test_a_sealed_run_beside_the_growing_one_reads_the_same(session: WindowSession, qtbot: QtBot) -> None:
+def test_a_sealed_run_beside_the_growing_one_reads_the_same(
+    session: WindowSession, qtbot: QtBot
+) -> None:
     """One process that still holds a run open as growing and opens it sealed must not be handed the wrong chunks."""
     held: list[Recording] = []
 
@@ -219,7 +254,9 @@ def test_a_sealed_run_beside_the_growing_one_reads_the_same(session: WindowSessi
         if not held and progress.file:
             held.append(open_run(progress.file, digest=False))
 
-    run = RunProcess(["run", "home", "--output", str(session.folder), "--events", "--stdin-control"])
+    run = RunProcess(
+        ["run", "home", "--output", str(session.folder), "--events", "--stdin-control"]
+    )
     run.progress.connect(hold)
     with qtbot.waitSignal(run.finished, timeout=LONGEST):
         run.start()
@@ -251,7 +288,9 @@ def test_a_question_of_the_run(window: MainWindow, qtbot: QtBot) -> None:
     assert page.banner.word == "FINISHED: PASS"
 
 
-def test_standstill_that_was_not_verified_is_the_loudest_thing(window: MainWindow, qtbot: QtBot) -> None:
+def test_standstill_that_was_not_verified_is_the_loudest_thing(
+    window: MainWindow, qtbot: QtBot
+) -> None:
     page = window.run
     page._start_process = lambda _: child("unsafe")
     page.start_command([])
@@ -278,12 +317,21 @@ def button_of(box: Any, text: str) -> QAbstractButton:
 
 
 def check_layout(window: MainWindow) -> None:
-    """Nothing is cut off and nothing overlaps: every visible label has the room that it asks for, within the window. To be waited
+    """Nothing is cut off and nothing overlaps: every visible label has the room that it asks for,
+    within the window. To be waited
     for: a layout follows its texts with the next turn of the event loop."""
     page = window.run
     rooms: list[tuple[QWidget, Any]] = []
-    for widget in (page.banner, page.buttons.stop, page.buttons.abort, page.plots, page.margins.parentWidget(), page.events,
-                   page.outcome, page.prompt):  # fmt: skip
+    for widget in (
+        page.banner,
+        page.buttons.stop,
+        page.buttons.abort,
+        page.plots,
+        page.margins.parentWidget(),
+        page.events,
+        page.outcome,
+        page.prompt,
+    ):
         if widget is None or not widget.isVisible():
             continue
         corner = widget.mapTo(window, widget.rect().topLeft())
@@ -292,9 +340,16 @@ def check_layout(window: MainWindow) -> None:
         assert not any(room.intersects(other) for _, other in rooms), widget
         rooms.append((widget, room))
     for label in page.findChildren(QLabel):
-        if label.isVisible() and label.text() and not label.wordWrap() and label.textFormat() is not Qt.TextFormat.RichText:
+        if (
+            label.isVisible()
+            and label.text()
+            and not label.wordWrap()
+            and label.textFormat() is not Qt.TextFormat.RichText
+        ):
             assert label.width() >= label.sizeHint().width() - 1, label.text()
             assert label.height() >= label.sizeHint().height() - 1, label.text()
     for plot in page.plots.plots:
         for side in ("left", "bottom"):
-            assert plot.item.getAxis(side).labelText.rstrip().endswith("]"), plot.item.getAxis(side).labelText
+            assert plot.item.getAxis(side).labelText.rstrip().endswith("]"), plot.item.getAxis(
+                side
+            ).labelText

@@ -1,4 +1,6 @@
-"""The Run page on every rig: the simulated devices on the wire, a replayed run, and hardware as far as a hub can stand for it."""
+"""The Run page on every rig: the simulated devices on the wire, a replayed run, and hardware as far
+as a hub can stand for it.
+"""
 
 from __future__ import annotations
 
@@ -19,20 +21,60 @@ from tests.rig.served_rig import served_rig
 from tests.rig.window.conftest import LONGEST
 
 RATE = 100.0
-QUICK = {"speeds_rpm": (300.0,), "up_and_down": False, "measure_time": 0.3, "settle_time": 0.2, "zero_time": 0.5}
-FLAGS = ["--speeds-rpm", "300", "--no-up-and-down", "--measure-time", "0.3", "--settle-time", "0.2", "--zero-time", "0.5"]
+QUICK = {
+    "speeds_rpm": (300.0,),
+    "up_and_down": False,
+    "measure_time": 0.3,
+    "settle_time": 0.2,
+    "zero_time": 0.5,
+}
+FLAGS = [
+    "--speeds-rpm",
+    "300",
+    "--no-up-and-down",
+    "--measure-time",
+    "0.3",
+    "--settle-time",
+    "0.2",
+    "--zero-time",
+    "0.5",
+]
 LONG = {**QUICK, "measure_time": 60.0}
 LONG_FLAGS = [flag.replace("0.3", "60") for flag in FLAGS]
 
 
-def prepared(session: WindowSession, backend: str, values: dict[str, Any], flags: list[str], **more: Any) -> PreparedRun:
+def prepared(
+    session: WindowSession, backend: str, values: dict[str, Any], flags: list[str], **more: Any
+) -> PreparedRun:
     request = RunRequest(
-        "friction", shipped_gear(), shipped_motor(), session.folder, values, backend=backend, gear_serial="SN-0815",
-        operator="A. Example", **more,
-    )  # fmt: skip
-    arguments = ["run", "friction", "--backend", backend, "--gear", "SN-0815", "--operator", "A. Example", "--output",
-                 str(session.folder), *flags]  # fmt: skip
-    for name, option in (("confirmation", "--confirm"), ("configuration", "--config"), ("sample_rate", "--sample-rate")):
+        "friction",
+        shipped_gear(),
+        shipped_motor(),
+        session.folder,
+        values,
+        backend=backend,
+        gear_serial="SN-0815",
+        operator="A. Example",
+        **more,
+    )
+    arguments = [
+        "run",
+        "friction",
+        "--backend",
+        backend,
+        "--gear",
+        "SN-0815",
+        "--operator",
+        "A. Example",
+        "--output",
+        str(session.folder),
+        *flags,
+    ]
+    for name, option in (
+        ("confirmation", "--confirm"),
+        ("configuration", "--config"),
+        ("sample_rate", "--sample-rate"),
+    ):
         arguments += [option, str(more[name])] if name in more else []
     return PreparedRun(request, plan_request(request), [*arguments, "--events", "--stdin-control"])
 
@@ -62,7 +104,11 @@ def test_through_the_drivers_of_hardware_in_real_time(
     window: MainWindow, session: WindowSession, qtbot: QtBot, tmp_path: Path
 ) -> None:
     with served_rig(RATE) as served:
-        more = {"confirmation": "SN-0815", "configuration": served.configuration(tmp_path), "sample_rate": RATE}
+        more = {
+            "confirmation": "SN-0815",
+            "configuration": served.configuration(tmp_path),
+            "sample_rate": RATE,
+        }
         window.start(prepared(session, "hardware", LONG, LONG_FLAGS, **more))
         qtbot.waitUntil(lambda: window.run.state.state is State.RUNNING, timeout=LONGEST)
         qtbot.waitUntil(lambda: window.run.plots.rows_read > 100, timeout=LONGEST)

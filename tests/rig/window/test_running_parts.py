@@ -1,4 +1,6 @@
-"""What the Run page is made of, without a process: envelopes lose no peak, revolutions find a known error, states in order."""
+"""What the Run page is made of, without a process: envelopes lose no peak, revolutions find a known
+error, states in order.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ from rig.window.palette import DARK, LIGHT, Palette
 from rig.window.run_state import LOST, STOOD, RunState, State
 
 
-def fed(pieces: list[int], made: Envelope | RollingEnvelope, values: np.ndarray, period: float = 1e-3) -> np.ndarray:
+def fed(
+    pieces: list[int], made: Envelope | RollingEnvelope, values: np.ndarray, period: float = 1e-3
+) -> np.ndarray:
     """Values handed on in pieces of these lengths, over and over; returns the times."""
     time, start, k = np.arange(len(values)) * period, 0, 0
     while start < len(values):
@@ -37,10 +41,14 @@ def fed(pieces: list[int], made: Envelope | RollingEnvelope, values: np.ndarray,
 
 @settings(max_examples=40, deadline=None)
 @given(
-    rows=st.integers(1, 9000), pieces=st.lists(st.integers(1, 3000), min_size=1, max_size=5), seed=st.integers(0, 99),
+    rows=st.integers(1, 9000),
+    pieces=st.lists(st.integers(1, 3000), min_size=1, max_size=5),
+    seed=st.integers(0, 99),
     bins=st.sampled_from([8, 64, 1024]),
-)  # fmt: skip
-def test_an_envelope_keeps_every_extreme_in_little_memory(rows: int, pieces: list[int], seed: int, bins: int) -> None:
+)
+def test_an_envelope_keeps_every_extreme_in_little_memory(
+    rows: int, pieces: list[int], seed: int, bins: int
+) -> None:
     values = np.random.default_rng(seed).normal(size=rows)
     made = Envelope(bins)
     fed(pieces, made, values)
@@ -75,7 +83,12 @@ def test_a_speed_is_the_same_however_the_rows_come() -> None:
         sliding, parts = SlidingSpeed(1e-3), []
         for start in range(0, 5000, step):
             rows = slice(start, start + step)
-            block = Block(start, time[rows], {"input_angle": angle[rows]}, np.ones(len(time[rows]), dtype=bool))
+            block = Block(
+                start,
+                time[rows],
+                {"input_angle": angle[rows]},
+                np.ones(len(time[rows]), dtype=bool),
+            )
             parts.append(sliding.of(block, "input_angle")[1])
         found.append(np.concatenate(parts))
     assert len(found[0]) == len(found[1]) == len(found[2]) == 4980
@@ -125,9 +138,15 @@ def test_states_of_a_run_in_order() -> None:
     assert not RunState().active
     armed = RunState().armed()
     running = armed.went_on(progress)
-    assert (armed.state, running.state, running.what) == (State.ARMED, State.RUNNING, "hold 30 r/min")
+    assert (armed.state, running.state, running.what) == (
+        State.ARMED,
+        State.RUNNING,
+        "hold 30 r/min",
+    )
     pressed = running.pressed("STOP")
-    assert pressed.went_on(progress).state is State.STOPPING, "progress after STOP does not look like running"
+    assert pressed.went_on(progress).state is State.STOPPING, (
+        "progress after STOP does not look like running"
+    )
     assert running.went_on(safe).state is State.STOPPING
     ended = pressed.told(event("made-safe", "make-safe", "info")).reported(
         {"outcome": "ABORTED", "make_safe": {"safe": True}}
@@ -146,14 +165,21 @@ def test_every_trip_names_its_cause_and_its_remedy(cause: str) -> None:
     later = tripped.told(event("over_speed", text="TRIPPED over_speed: later")).pressed("STOP")
     assert later.cause == cause, "the first cause stays"
     assert later.state is State.TRIPPED
-    report = {"outcome": "TRIPPED", "make_safe": {"safe": True}, "trip": {"cause": cause}, "message": "m"}
+    report = {
+        "outcome": "TRIPPED",
+        "make_safe": {"safe": True},
+        "trip": {"cause": cause},
+        "message": "m",
+    }
     assert later.reported(report).remedy == TRIPS[cause].remedy
 
 
 def test_an_end_without_a_report() -> None:
     moved = RunState().armed().went_on(Progress(1, 3, "hold", 1.0, 2.0, 3.0, 0))
     assert RunState().armed().gone(False, "no such motor").state is State.REFUSED
-    assert RunState().armed().gone(False, "", killed=True).state is State.LOST, "killed: nobody knows"
+    assert RunState().armed().gone(False, "", killed=True).state is State.LOST, (
+        "killed: nobody knows"
+    )
     lost = moved.gone(False, "boom")
     assert (lost.state, lost.safe, lost.remedy) == (State.LOST, None, LOST)
     assert "boom" in lost.what
@@ -202,19 +228,30 @@ def test_text_and_curves_stand_out_in_both_themes(palette: Palette) -> None:
 def test_margins_and_results_carry_their_units() -> None:
     assert worded("input_speed")[1] == "r/min"
     assert worded("housing_temperature") == ("housing temperature", "°C", 1.0)
-    assert all(worded(name)[1] for name in ("travel", "following_error", "missed_cycles", "stale_data", "torsion_torque"))
+    assert all(
+        worded(name)[1]
+        for name in ("travel", "following_error", "missed_cycles", "stale_data", "torsion_torque")
+    )
     assert [number(v) for v in (3016.2, 0.07242, 22.1)] == ["3016", "0.0724", "22.1"]
-    told = ('{"parameters": {"starting_torque": {"value": 0.0649, "unit": "N m", "low": 0.063, "high": 0.067, '
-            '"expanded_uncertainty": 0.0025, "identifiability": "weakly"}}}')  # fmt: skip
-    assert result_lines(told, "starting-torque") == ["starting torque 64.9 ± 2.5 mN m (weakly identifiable)"]
+    told = (
+        '{"parameters": {"starting_torque": {"value": 0.0649, "unit": "N m", "low": 0.063, "high": 0.067, '
+        '"expanded_uncertainty": 0.0025, "identifiability": "weakly"}}}'
+    )
+    assert result_lines(told, "starting-torque") == [
+        "starting torque 64.9 ± 2.5 mN m (weakly identifiable)"
+    ]
     assert result_lines("no JSON", "home") == []
 
 
 def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Path) -> None:
     """Rows and segments as a writer brings them; let go before it is renamed, as where an open file cannot be."""
-    metadata = RunMetadata("00001-home", "home", "simulated", sample_rate=1000.0, ratio=100.0, gear_mounted=False)
+    metadata = RunMetadata(
+        "00001-home", "home", "simulated", sample_rate=1000.0, ratio=100.0, gear_mounted=False
+    )
     columns = (Column("input_angle", "rad", scale=1e-3), Column("torque", "N m", scale=1e-4))
-    writer = RunWriter(tmp_path / "00001-home.h5", RunHeader(metadata, columns), compress=False, chunk_rows=64)
+    writer = RunWriter(
+        tmp_path / "00001-home.h5", RunHeader(metadata, columns), compress=False, chunk_rows=64
+    )
     angle = np.arange(1000)
     seen: list[Block] = []
 
@@ -246,5 +283,9 @@ def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Pat
     live.read(1.0, seen.append)
     live.close()
     assert [block.start for block in seen] == [0, 300, 400]
-    np.testing.assert_allclose(np.concatenate([block.si["torque"] for block in seen]), -1e-4 * angle)
-    np.testing.assert_allclose(np.concatenate([block.time for block in seen]), 1e-3 * angle, atol=1e-12)
+    np.testing.assert_allclose(
+        np.concatenate([block.si["torque"] for block in seen]), -1e-4 * angle
+    )
+    np.testing.assert_allclose(
+        np.concatenate([block.time for block in seen]), 1e-3 * angle, atol=1e-12
+    )

@@ -15,8 +15,17 @@ from tests.rig.window.reviewing import indexed
 
 def told(**changes: object) -> str:
     """What `rig fit --json` prints of a friction run."""
-    estimate = {"value": 0.0734795, "unit": "N m", "low": 0.0733, "high": 0.0736, "expanded_uncertainty": 0.0021}
-    found = {"kind": "friction", "parameters": {"running_torque_500_rpm": estimate, "coulomb": {**estimate, "unit": "N"}}}
+    estimate = {
+        "value": 0.0734795,
+        "unit": "N m",
+        "low": 0.0733,
+        "high": 0.0736,
+        "expanded_uncertainty": 0.0021,
+    }
+    found = {
+        "kind": "friction",
+        "parameters": {"running_torque_500_rpm": estimate, "coulomb": {**estimate, "unit": "N"}},
+    }
     return json.dumps([{**found, **changes}])
 
 
@@ -27,21 +36,46 @@ def test_the_end_of_a_run_names_results_in_words_and_whose_torque_it_is() -> Non
     assert remarks(told()) == []
     (whose,) = remarks(told(options={"torque_is_of": "motor + gear"}))
     assert "no tare was subtracted. Review fits it" in whose
-    assert "Review" not in remarks(told(kind="starting-torque", options={"torque_is_of": "motor + gear"}))[0]
+    assert (
+        "Review"
+        not in remarks(told(kind="starting-torque", options={"torque_is_of": "motor + gear"}))[0]
+    )
     (judged,) = remarks(told(verdicts=[{"outcome": "no verified limit"}]))
     assert "not judged" in judged
     assert remarks(told(verdicts=[{"outcome": "no verified limit"}, {"outcome": "FAIL"}])) == []
 
 
-@pytest.mark.parametrize(("change", "row"), [
-    (Change("parameters", "highest_rpm", "3000", "1500"), ("parameters", "highest", "3000 r/min", "1500 r/min", "", "", "")),
-    (Change("parameters", "repeats", "", "2"), ("parameters", "repeats", "–", "2", "", "", "")),
-    (Change("conditions", "output_radial_runout_um", "12", "9"),
-     ("conditions", "output radial run-out", "12 µm", "9 µm", "", "", "")),
-    (Change("results", "friction: offset", "38 ± 88 µN m", "-", 2.47e-5, 1.2e-4, "N m", False, ""),
-     ("results", "offset", "38 ± 88 µN m", "-", "0.02 ± 0.12 mN m", "within U", "")),
-])  # fmt: skip
-def test_a_difference_is_told_in_the_units_of_a_laboratory(change: Change, row: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(
+    ("change", "row"),
+    [
+        (
+            Change("parameters", "highest_rpm", "3000", "1500"),
+            ("parameters", "highest", "3000 r/min", "1500 r/min", "", "", ""),
+        ),
+        (Change("parameters", "repeats", "", "2"), ("parameters", "repeats", "–", "2", "", "", "")),
+        (
+            Change("conditions", "output_radial_runout_um", "12", "9"),
+            ("conditions", "output radial run-out", "12 µm", "9 µm", "", "", ""),
+        ),
+        (
+            Change(
+                "results",
+                "friction: offset",
+                "38 ± 88 µN m",
+                "-",
+                2.47e-5,
+                1.2e-4,
+                "N m",
+                False,
+                "",
+            ),
+            ("results", "offset", "38 ± 88 µN m", "-", "0.02 ± 0.12 mN m", "within U", ""),
+        ),
+    ],
+)
+def test_a_difference_is_told_in_the_units_of_a_laboratory(
+    change: Change, row: tuple[str, ...]
+) -> None:
     assert change_row(change, several_kinds=False) == row
 
 

@@ -1,4 +1,6 @@
-"""canopen as an independent master of the simulated slaves, in one thread: what it sends is answered before `send` returns."""
+"""canopen as an independent master of the simulated slaves, in one thread: what it sends is
+answered before `send` returns.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ class Master(canopen.Network):
         super().__init__()
         self.slave, self.sent, self.now_ns = slave, sent, 0
         self.frames: list[tuple[int, bytes]] = []
-        text = electronic_data_sheet(slave.dictionary, product="simulated", vendor="nobody", vendor_number=0)
+        text = electronic_data_sheet(
+            slave.dictionary, product="simulated", vendor="nobody", vendor_number=0
+        )
         self.remote = canopen.RemoteNode(slave.node_id, canopen.import_od(eds(text), slave.node_id))
         self.add_node(self.remote)
 

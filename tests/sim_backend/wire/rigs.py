@@ -38,14 +38,21 @@ def wire_config(cycle_ns: int = 1_000_000) -> CanRigConfig:
         for name, sub in ((names.HOUSING_TEMPERATURE, 3), (names.AMBIENT_TEMPERATURE, 4))
     )
     counter = CounterConfig(
-        2, position=ObjectRef(0x6004, 0, I32, "position"), index_position=ObjectRef(0x2000, 1, I32, "index position"),
-        index_status=ObjectRef(0x2000, 2, U8, "index seen"), largest_speed=largest / 20.0,
-    )  # fmt: skip
+        2,
+        position=ObjectRef(0x6004, 0, I32, "position"),
+        index_position=ObjectRef(0x2000, 1, I32, "index position"),
+        index_status=ObjectRef(0x2000, 2, U8, "index seen"),
+        largest_speed=largest / 20.0,
+    )
     return CanRigConfig(
-        cycle_ns, DriveConfig(1, rated_torque=MOTOR.rated_torque, velocity_unit=SPEED_COUNT, quick_stop_option=6),
-        MotorEncoder(8192, 4, largest_speed=largest), (counter,),
+        cycle_ns,
+        DriveConfig(
+            1, rated_torque=MOTOR.rated_torque, velocity_unit=SPEED_COUNT, quick_stop_option=6
+        ),
+        MotorEncoder(8192, 4, largest_speed=largest),
+        (counter,),
         (AnalogModuleConfig(3, (torque_input(MOTOR.rated_torque), *thermometers)),),
-    )  # fmt: skip
+    )
 
 
 @dataclass
@@ -60,17 +67,29 @@ class WireRig:
 
 @contextmanager
 def wire_rig(
-    imperfections: Imperfections | None = None, seed: int = 7, faults: tuple[Fault, ...] = (), *, is_open: bool = True,
+    imperfections: Imperfections | None = None,
+    seed: int = 7,
+    faults: tuple[Fault, ...] = (),
+    *,
+    is_open: bool = True,
     tap: Callable[[BenchBus], None] | None = None,
-) -> Iterator[WireRig]:  # fmt: skip
+) -> Iterator[WireRig]:
     """An opened rig on the wire with the gear of `tests.sim_backend.rigs`; closed in the end."""
     clock = VirtualClock()
-    bench = WireBench(individual_gear(GEAR, 3), MOTOR, imperfections, seed, clock=clock, faults=faults)
+    bench = WireBench(
+        individual_gear(GEAR, 3), MOTOR, imperfections, seed, clock=clock, faults=faults
+    )
     bus = bench.bus()
     if tap is not None:
         tap(bus)
     port = CanRig(
-        wire_config(), clock, lambda: bus, pump=bench.pump, time_base="hardware", origin="simulated", truth=bench.truth
+        wire_config(),
+        clock,
+        lambda: bus,
+        pump=bench.pump,
+        time_base="hardware",
+        origin="simulated",
+        truth=bench.truth,
     )
     try:
         if is_open:
@@ -83,7 +102,9 @@ def wire_rig(
 
 def turn(port: CanRig, speed_rpm: float, cycles: int, guard: Guard | None = None) -> SampleBlock:
     """A block at one speed set-point."""
-    return port.exchange(Command(Mode.SPEED, np.full(cycles, speed_rpm * RPM)), cycles, guard or Guard())
+    return port.exchange(
+        Command(Mode.SPEED, np.full(cycles, speed_rpm * RPM)), cycles, guard or Guard()
+    )
 
 
 def off(port: CanRig, cycles: int) -> SampleBlock:

@@ -73,7 +73,9 @@ def ask(slave: Slave, sent: Sent, request: bytes) -> bytes:
 
 def read(slave: Slave, index: int, sub: int = 0) -> int:
     """An expedited upload from inside."""
-    return int.from_bytes(slave.dictionary.upload(index, sub), "little", signed=index in (0x6064, 0x60BA))
+    return int.from_bytes(
+        slave.dictionary.upload(index, sub), "little", signed=index in (0x6064, 0x60BA)
+    )
 
 
 def write(slave: Slave, sent: Sent, index: int, sub: int, value: int, size: int) -> int:

@@ -17,10 +17,21 @@ from sim_backend.wire.eds import electronic_data_sheet
 from tests.sim_backend.rigs import GEAR, MOTOR
 from tests.sim_backend.wire.master import MAKERS, abort_of, master
 
-READ_ONLY, NO_OBJECT, NO_SUB, NOT_NOW, NO_DATA = 0x06010002, 0x06020000, 0x06090011, 0x08000022, 0x08000024
+READ_ONLY, NO_OBJECT, NO_SUB, NOT_NOW, NO_DATA = (
+    0x06010002,
+    0x06020000,
+    0x06090011,
+    0x08000022,
+    0x08000024,
+)
 TOO_LONG, TOO_SHORT, BAD_VALUE, TOO_HIGH, TOO_LOW, BAD_COMMAND = (
-    0x06070012, 0x06070013, 0x06090030, 0x06090031, 0x06090032, 0x05040001,
-)  # fmt: skip
+    0x06070012,
+    0x06070013,
+    0x06090030,
+    0x06090031,
+    0x06090032,
+    0x05040001,
+)
 TIED = {0x1019, *range(0x1600, 0x1800), *range(0x1A00, 0x1C00)}
 """Objects that change only while the PDO does not exist, or while there is no cycle period."""
 
@@ -41,7 +52,10 @@ def test_every_object_of_the_eds_is_what_sdo_answers(name: str) -> None:
     """Value, length, access, limits and wrong sub-indices of every entry."""
     remote = master(name).remote
     for variable in variables(remote):
-        where, key = f"0x{variable.index:04X}:{variable.subindex}", (variable.index, variable.subindex)
+        where, key = (
+            f"0x{variable.index:04X}:{variable.subindex}",
+            (variable.index, variable.subindex),
+        )
         if variable.index == 0x1003 and variable.subindex:
             assert abort_of(lambda key=key: remote.sdo.upload(*key)) == NO_DATA, where
             continue
@@ -50,7 +64,9 @@ def test_every_object_of_the_eds_is_what_sdo_answers(name: str) -> None:
         assert found == variable.default or key == (0x60B9, 0), where
         assert abort_of(lambda key=key: remote.sdo.upload(key[0], 0xEE)) == NO_SUB, where
         if "w" not in variable.access_type:
-            assert abort_of(lambda key=key, data=data: remote.sdo.download(*key, data)) == READ_ONLY, where
+            assert (
+                abort_of(lambda key=key, data=data: remote.sdo.download(*key, data)) == READ_ONLY
+            ), where
             continue
 
         def written(data: bytes, key: tuple[int, int] = key) -> int:
@@ -61,8 +77,13 @@ def test_every_object_of_the_eds_is_what_sdo_answers(name: str) -> None:
         assert written(data + bytes(8)) == TOO_LONG, where
         assert len(data) == 1 or written(data[:-1]) == TOO_SHORT, where
         for limit, step, code in ((variable.min, -1, TOO_LOW), (variable.max, 1, TOO_HIGH)):
-            if limit is not None and not (limit == 0 and step < 0 and variable.data_type in (0x05, 0x06, 0x07)):
-                assert written((limit + step).to_bytes(len(data), "little", signed=limit + step < 0)) == code, where
+            if limit is not None and not (
+                limit == 0 and step < 0 and variable.data_type in (0x05, 0x06, 0x07)
+            ):
+                assert (
+                    written((limit + step).to_bytes(len(data), "little", signed=limit + step < 0))
+                    == code
+                ), where
 
 
 @pytest.mark.parametrize("name", MAKERS)
@@ -73,8 +94,9 @@ def test_the_eds_has_no_defects_and_serves_every_node_id(name: str, node_id: int
     described = parse_eds(text, node_id)
     assert described.defects == ()
     assert (described.entries[0x1800, 1].default, described.entries[0x1014, 0].default) in (
-        (0x4000_0180 + node_id, 0x80 + node_id), (0xC000_0180 + node_id, 0x80 + node_id),
-    )  # fmt: skip
+        (0x4000_0180 + node_id, 0x80 + node_id),
+        (0xC000_0180 + node_id, 0x80 + node_id),
+    )
 
 
 @pytest.mark.parametrize("name", MAKERS)
@@ -85,7 +107,7 @@ def test_what_it_does_not_have_is_refused_by_its_name(name: str) -> None:
         assert abort_of(lambda index=index: remote.sdo.download(index, 1, b"save")) == NO_OBJECT
 
 
-# SDO --------------------------------------------------------------------------------------------------------------------
+# SDO ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("size", [None, 4])
@@ -106,28 +128,42 @@ def test_block_transfer_is_refused_and_leaves_everything_as_it_was() -> None:
             file.read()
 
     assert abort_of(upload) == BAD_COMMAND
-    assert abort_of(lambda: remote.sdo.open(0x60FF, 0, "wb", size=4, block_transfer=True)) == BAD_COMMAND
+    assert (
+        abort_of(lambda: remote.sdo.open(0x60FF, 0, "wb", size=4, block_transfer=True))
+        == BAD_COMMAND
+    )
     assert remote.sdo[0x60FF].raw == 7
 
 
-@pytest.mark.parametrize(("requests", "answer"), [
-    (["40 08 10 00", "70"], "80 08 10 00 00 00 03 05"), (["60"], "80 00 00 00 01 00 04 05"),
-    (["00"], "80 00 00 00 01 00 04 05"), (["E0 FF 60"], "80 00 00 00 01 00 04 05"),
-    (["40 08 10 00", "80 08 10 00", "60"], "80 00 00 00 01 00 04 05"),
-    (["40 08 10 00", "40 00 10 00"], "43 00 10 00 92 01 02 00"), (["22 40 60 00 06"], "60 40 60 00 00 00 00 00"),
-    (["21 FF 60 00 05"], "80 FF 60 00 12 00 07 06"), (["21 00 10 00 04"], "80 00 10 00 02 00 01 06"),
-    (["21 FF 60 00 04", "0B 01 02"], "80 FF 60 00 10 00 07 06"), (["2F FF 60 00 01"], "80 FF 60 00 13 00 07 06"),
-    (["80 08 10 00"], ""), (["A0 08 10 00 7F"], "80 08 10 00 01 00 04 05"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("requests", "answer"),
+    [
+        (["40 08 10 00", "70"], "80 08 10 00 00 00 03 05"),
+        (["60"], "80 00 00 00 01 00 04 05"),
+        (["00"], "80 00 00 00 01 00 04 05"),
+        (["E0 FF 60"], "80 00 00 00 01 00 04 05"),
+        (["40 08 10 00", "80 08 10 00", "60"], "80 00 00 00 01 00 04 05"),
+        (["40 08 10 00", "40 00 10 00"], "43 00 10 00 92 01 02 00"),
+        (["22 40 60 00 06"], "60 40 60 00 00 00 00 00"),
+        (["21 FF 60 00 05"], "80 FF 60 00 12 00 07 06"),
+        (["21 00 10 00 04"], "80 00 10 00 02 00 01 06"),
+        (["21 FF 60 00 04", "0B 01 02"], "80 FF 60 00 10 00 07 06"),
+        (["2F FF 60 00 01"], "80 FF 60 00 13 00 07 06"),
+        (["80 08 10 00"], ""),
+        (["A0 08 10 00 7F"], "80 08 10 00 01 00 04 05"),
+    ],
+)
 def test_transfers_that_go_wrong(requests: list[str], answer: str) -> None:
     m = master("drive")
     for request in requests:
         m.frames.clear()
         m.send_message(0x601, bytes.fromhex(request).ljust(8, b"\0"))
-    assert [data.hex(" ").upper() for cob_id, data in m.frames if cob_id == 0x581] == ([answer] if answer else [])
+    assert [data.hex(" ").upper() for cob_id, data in m.frames if cob_id == 0x581] == (
+        [answer] if answer else []
+    )
 
 
-# NMT, heartbeat, resets -------------------------------------------------------------------------------------------------
+# NMT, heartbeat, resets ---------------------------------------------------------------------------
 
 
 def test_every_nmt_command_shows_in_the_heartbeat_and_the_period_changes_at_once() -> None:
@@ -158,7 +194,7 @@ def test_resets_boot_and_bring_the_pdos_back(command: str, keeps: bool) -> None:
     assert (remote.sdo[0x6083].raw == 555) == keeps
 
 
-# Process data -----------------------------------------------------------------------------------------------------------
+# Process data -------------------------------------------------------------------------------------
 
 
 def remap(remote: canopen.RemoteNode, kind: int, **timers: int) -> None:
@@ -174,7 +210,9 @@ def remap(remote: canopen.RemoteNode, kind: int, **timers: int) -> None:
     pdo.save()
 
 
-@pytest.mark.parametrize(("kind", "frames"), [(0, 1), (1, 480), (3, 160), (240, 2), (254, 1), (255, 1)])
+@pytest.mark.parametrize(
+    ("kind", "frames"), [(0, 1), (1, 480), (3, 160), (240, 2), (254, 1), (255, 1)]
+)
 def test_transmission_types_of_a_pdo_that_was_mapped_anew(kind: int, frames: int) -> None:
     m = master("drive")
     remap(m.remote, kind)
@@ -202,7 +240,10 @@ def test_a_pdo_that_exists_or_an_identifier_that_is_not_allowed_is_refused() -> 
     sdo = master("drive").remote.sdo
     assert abort_of(lambda: sdo.download(0x1A00, 0, b"\0")) == NOT_NOW
     for word in (0x181, 0x60000181, 0x40000080, 0x40000601, 0x40000182):
-        assert abort_of(lambda word=word: sdo.download(0x1800, 1, struct.pack("<I", word))) == BAD_VALUE, hex(word)
+        assert (
+            abort_of(lambda word=word: sdo.download(0x1800, 1, struct.pack("<I", word)))
+            == BAD_VALUE
+        ), hex(word)
     for kind in (241, 251, 252, 253):
         assert abort_of(lambda kind=kind: sdo.download(0x1800, 2, bytes([kind]))) == BAD_VALUE
 
@@ -223,7 +264,7 @@ def test_a_sync_of_another_identifier_is_followed() -> None:
         heard.clear()
 
 
-# Emergencies and the drive ----------------------------------------------------------------------------------------------
+# Emergencies and the drive ------------------------------------------------------------------------
 
 
 def test_emergencies_their_history_and_the_error_register() -> None:

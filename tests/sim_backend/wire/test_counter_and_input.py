@@ -82,7 +82,9 @@ def test_a_reversed_encoder_keeps_its_place() -> None:
     assert shown == [100, 110, 100, 90, 100, 110]
 
 
-@pytest.mark.parametrize(("value", "shown"), [(-40_000, -32768), (40_000, 32767), (-123, -123), (32767, 32767)])
+@pytest.mark.parametrize(
+    ("value", "shown"), [(-40_000, -32768), (40_000, 32767), (-123, -123), (32767, 32767)]
+)
 def test_a_converter_stands_at_its_end(value: int, shown: int) -> None:
     made, _ = analog()
     made.take((value, 0, 0, 0))

@@ -14,7 +14,13 @@ from tests.sim_backend.rigs import MOTOR
 from tests.sim_backend.wire.slaves import MS, Sent, drive, read, start, sync, write
 
 S = DriveState
-PATH = {S.SWITCH_ON_DISABLED: (), S.READY: (6,), S.SWITCHED_ON: (6, 7), S.ENABLED: (6, 7, 15), S.QUICK_STOP: (6, 7, 15, 2)}
+PATH = {
+    S.SWITCH_ON_DISABLED: (),
+    S.READY: (6,),
+    S.SWITCHED_ON: (6, 7),
+    S.ENABLED: (6, 7, 15),
+    S.QUICK_STOP: (6, 7, 15, 2),
+}
 # State, controlword, next state: the standard's table of transitions (quick stop option code 6).
 TABLE = (
     (S.SWITCH_ON_DISABLED, 0x06, S.READY), (S.SWITCH_ON_DISABLED, 0x07, S.SWITCH_ON_DISABLED),
@@ -67,10 +73,16 @@ def test_a_controlword_acts_at_its_sync_and_shows_at_the_next() -> None:
     assert seen[1][0] is S.ENABLED
 
 
-@pytest.mark.parametrize(("option", "demand", "ends"), [
-    (0, Mode.OFF, S.SWITCH_ON_DISABLED), (1, Mode.SPEED, S.SWITCH_ON_DISABLED), (2, Mode.QUICK_STOP, S.SWITCH_ON_DISABLED),
-    (5, Mode.SPEED, S.QUICK_STOP), (6, Mode.QUICK_STOP, S.QUICK_STOP),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("option", "demand", "ends"),
+    [
+        (0, Mode.OFF, S.SWITCH_ON_DISABLED),
+        (1, Mode.SPEED, S.SWITCH_ON_DISABLED),
+        (2, Mode.QUICK_STOP, S.SWITCH_ON_DISABLED),
+        (5, Mode.SPEED, S.QUICK_STOP),
+        (6, Mode.QUICK_STOP, S.QUICK_STOP),
+    ],
+)
 def test_quick_stop_option_codes(option: int, demand: Mode, ends: DriveState) -> None:
     made, sent = brought(S.ENABLED, option)
     write(made, sent, 0x6040, 0, 2, 2)
@@ -117,10 +129,18 @@ def test_a_fault_of_the_power_stage_coasts() -> None:
     assert (state(made), made.demand()) == (S.FAULT, (Mode.OFF, 0.0))
 
 
-@pytest.mark.parametrize(("option", "after"), [
-    (0, S.ENABLED), (1, S.FAULT_REACTION), (2, S.SWITCH_ON_DISABLED), (3, S.QUICK_STOP),
-])  # fmt: skip
-def test_abort_connection_option_when_the_heartbeat_stays_away(option: int, after: DriveState) -> None:
+@pytest.mark.parametrize(
+    ("option", "after"),
+    [
+        (0, S.ENABLED),
+        (1, S.FAULT_REACTION),
+        (2, S.SWITCH_ON_DISABLED),
+        (3, S.QUICK_STOP),
+    ],
+)
+def test_abort_connection_option_when_the_heartbeat_stays_away(
+    option: int, after: DriveState
+) -> None:
     made, sent = brought(S.ENABLED)
     write(made, sent, 0x6007, 0, option, 2)
     write(made, sent, 0x1016, 1, 0x7F << 16 | 100, 4)
@@ -131,7 +151,12 @@ def test_abort_connection_option_when_the_heartbeat_stays_away(option: int, afte
 
 
 def test_stopping_the_node_is_a_lost_connection_and_pre_operational_is_not() -> None:
-    for command, after in ((0x80, S.ENABLED), (0x02, S.QUICK_STOP), (0x82, S.QUICK_STOP), (0x81, S.SWITCH_ON_DISABLED)):
+    for command, after in (
+        (0x80, S.ENABLED),
+        (0x02, S.QUICK_STOP),
+        (0x82, S.QUICK_STOP),
+        (0x81, S.SWITCH_ON_DISABLED),
+    ):
         made, sent = brought(S.ENABLED)
         write(made, sent, 0x6007, 0, 3, 2)
         start(made)
@@ -156,7 +181,13 @@ def test_limits_in_their_units() -> None:
     made, sent = drive()
     assert read(made, 0x6072) == 350 * 10
     assert read(made, 0x6080) == round(MOTOR.maximum_speed / RPM)
-    for index, value, size in ((0x6072, 500, 2), (0x6080, 1500, 4), (0x6083, 10, 4), (0x6084, 20, 4), (0x6085, 30, 4)):
+    for index, value, size in (
+        (0x6072, 500, 2),
+        (0x6080, 1500, 4),
+        (0x6083, 10, 4),
+        (0x6084, 20, 4),
+        (0x6085, 30, 4),
+    ):
         write(made, sent, index, 0, value, size)
     expected = DriveLimits(0.5 * MOTOR.rated_torque, 1500 * RPM, 10 * RPM, 20 * RPM, 30 * RPM)
     assert made.limits().torque == pytest.approx(expected.torque)
@@ -164,10 +195,16 @@ def test_limits_in_their_units() -> None:
     assert made.limits().quick_stop_deceleration == pytest.approx(expected.quick_stop_deceleration)
 
 
-@pytest.mark.parametrize(("mode", "expected"), [
-    (9, (Mode.SPEED, -2.5 * RPM)), (3, (Mode.SPEED, -2.5 * RPM)), (10, (Mode.TORQUE, 0.1 * MOTOR.rated_torque)),
-    (4, (Mode.TORQUE, 0.1 * MOTOR.rated_torque)), (0, (Mode.SPEED, 0.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("mode", "expected"),
+    [
+        (9, (Mode.SPEED, -2.5 * RPM)),
+        (3, (Mode.SPEED, -2.5 * RPM)),
+        (10, (Mode.TORQUE, 0.1 * MOTOR.rated_torque)),
+        (4, (Mode.TORQUE, 0.1 * MOTOR.rated_torque)),
+        (0, (Mode.SPEED, 0.0)),
+    ],
+)
 def test_modes_and_set_points(mode: int, expected: tuple[Mode, float]) -> None:
     made, sent = brought(S.ENABLED)
     write(made, sent, 0x6060, 0, mode, 1)

@@ -17,14 +17,18 @@ MAKERS = {"drive": drive, "counter": counter, "analog": analog}
 
 def loaded(name: str):
     slave, _ = MAKERS[name]()
-    text = electronic_data_sheet(slave.dictionary, product=name, vendor="simulated", vendor_number=0)
+    text = electronic_data_sheet(
+        slave.dictionary, product=name, vendor="simulated", vendor_number=0
+    )
     return slave, eds.import_eds(io.StringIO(text), slave.node_id)
 
 
 def variables(dictionary) -> dict[tuple[int, int], objectdictionary.ODVariable]:
     found = {}
     for index, entry in ((i, e) for i, e in dictionary.items() if i >= 0x1000):
-        for variable in [entry] if isinstance(entry, objectdictionary.ODVariable) else entry.values():
+        for variable in (
+            [entry] if isinstance(entry, objectdictionary.ODVariable) else entry.values()
+        ):
             found[index, variable.subindex] = variable
     return found
 

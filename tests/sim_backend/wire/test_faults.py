@@ -51,19 +51,27 @@ def ridden(made: WireRig, cycles: int = 60) -> SampleBlock:
     while sum(len(b) for b in blocks) < cycles:
         blocks.append(turn(made.port, 300.0, cycles - sum(len(b) for b in blocks)))
     return SampleBlock(
-        0, np.concatenate([b.time_ns for b in blocks]), np.concatenate([b.counts for b in blocks]),
-        np.concatenate([b.flags for b in blocks]), next((b.broken for b in blocks if b.broken), None),
-    )  # fmt: skip
+        0,
+        np.concatenate([b.time_ns for b in blocks]),
+        np.concatenate([b.counts for b in blocks]),
+        np.concatenate([b.flags for b in blocks]),
+        next((b.broken for b in blocks if b.broken), None),
+    )
 
 
-@pytest.mark.parametrize(("fault", "rows", "flag"), [
-    (TpdoLost(AT, cycles=3), {30, 31, 32}, CycleFlag.INCOMPLETE),
-    (TpdoLost(AT, cycles=1, node_id=ANALOG_INPUT_NODE, number=1), {30}, CycleFlag.INCOMPLETE),
-    (TpdoLate(AT, cycles=1), {30}, CycleFlag.INCOMPLETE),
-    (TpdoShort(AT, cycles=2, node_id=DRIVE_NODE, number=1), {30, 31}, CycleFlag.SHORT),
-    (SyncLost(AT, cycles=2), {30, 31}, CycleFlag.INCOMPLETE),
-])  # fmt: skip
-def test_frames_are_marked_in_their_cycle_and_the_counts_go_on(fault: Fault, rows: set[int], flag: CycleFlag) -> None:
+@pytest.mark.parametrize(
+    ("fault", "rows", "flag"),
+    [
+        (TpdoLost(AT, cycles=3), {30, 31, 32}, CycleFlag.INCOMPLETE),
+        (TpdoLost(AT, cycles=1, node_id=ANALOG_INPUT_NODE, number=1), {30}, CycleFlag.INCOMPLETE),
+        (TpdoLate(AT, cycles=1), {30}, CycleFlag.INCOMPLETE),
+        (TpdoShort(AT, cycles=2, node_id=DRIVE_NODE, number=1), {30, 31}, CycleFlag.SHORT),
+        (SyncLost(AT, cycles=2), {30, 31}, CycleFlag.INCOMPLETE),
+    ],
+)
+def test_frames_are_marked_in_their_cycle_and_the_counts_go_on(
+    fault: Fault, rows: set[int], flag: CycleFlag
+) -> None:
     with wire_rig() as good:
         expected = ridden(good)
     with wire_rig(faults=(fault,)) as made:
@@ -71,7 +79,9 @@ def test_frames_are_marked_in_their_cycle_and_the_counts_go_on(fault: Fault, row
     assert set(np.flatnonzero(block.flags & flag)) == rows
     clean = np.flatnonzero(block.flags == 0)
     assert len(clean) > 40
-    assert np.array_equal(block.counts[clean], expected.counts[clean]), "the same cycles carry the same counts"
+    assert np.array_equal(block.counts[clean], expected.counts[clean]), (
+        "the same cycles carry the same counts"
+    )
 
 
 def test_doubled_frames_are_noticed() -> None:
@@ -124,7 +134,10 @@ def test_the_drive_stops_by_itself_when_the_computer_is_silent() -> None:
                 continue
         assert made.bench.cycle > 900, "the plant goes on without SYNC"
         assert abs(made.bench.plant.input_speed) < 0.1 * RPM
-        assert made.bench.drive.drive_state in (DriveState.QUICK_STOP, DriveState.SWITCH_ON_DISABLED)
+        assert made.bench.drive.drive_state in (
+            DriveState.QUICK_STOP,
+            DriveState.SWITCH_ON_DISABLED,
+        )
 
 
 def test_safe_torque_off_is_seen_and_the_motor_coasts() -> None:
@@ -153,14 +166,20 @@ def test_counts_that_lie() -> None:
     with wire_rig() as good:
         expected = ridden(good)
     found = {}
-    for fault in (EncoderReversed(AT), OutputSlips(AT, counts_per_cycle=2.0), EncoderWrapped(AT, modulus=1000)):
+    for fault in (
+        EncoderReversed(AT),
+        OutputSlips(AT, counts_per_cycle=2.0),
+        EncoderWrapped(AT, modulus=1000),
+    ):
         with wire_rig(faults=(fault,)) as made:
             block = ridden(made)
             found[type(fault)] = column(made, block, names.OUTPUT_ANGLE)
     true = expected.counts[:, 1]
     for counts in found.values():
         assert np.array_equal(counts[:AT], true[:AT])
-    assert found[EncoderReversed][-1] - true[AT - 1] == pytest.approx(-(true[-1] - true[AT - 1]), abs=2)
+    assert found[EncoderReversed][-1] - true[AT - 1] == pytest.approx(
+        -(true[-1] - true[AT - 1]), abs=2
+    )
     assert np.array_equal(found[OutputSlips][AT:] - true[AT:], 2 * np.arange(1, 31))
     assert np.array_equal((found[EncoderWrapped][AT:] - true[AT:]) % 1000, np.zeros(30))
 

@@ -29,7 +29,9 @@ def guarded(contact: GuardContact | None = None) -> tuple[CanRig, WireBench]:
     bench = WireBench(GEAR, MOTOR, None, 3)
     config = wire_config(bench, MOTOR, has_guard=True)
     config = config if contact is None else replace(config, guard=contact)
-    port = CanRig(config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated")
+    port = CanRig(
+        config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated"
+    )
     port.open()
     return port, bench
 
@@ -65,7 +67,10 @@ def test_it_may_be_opened_with_the_servo_off_and_not_with_the_servo_on() -> None
     supervisor = Supervisor(port.channels, port.cycle_ns, limits, None)
     supervisor.begin(np.zeros(len(port.channels), dtype=np.int64))
     causes = [
-        {bound.cause for bound in supervisor.guard(Turn(Command(Mode.OFF), 1, enabled=enabled)).bounds}
+        {
+            bound.cause
+            for bound in supervisor.guard(Turn(Command(Mode.OFF), 1, enabled=enabled)).bounds
+        }
         for enabled in (False, True)
     ]
     assert [GUARD_OPEN in found for found in causes] == [False, True]

@@ -28,14 +28,28 @@ WAIT = 10.0
 """Seconds after which something that must come has not come."""
 
 
-@pytest.mark.parametrize(("message", "frame"), [
-    ("send 201 2 0F 00", (0x201, b"\x0f\0")), ("send 80 0", (0x80, b"")), ("send 80 0 ", (0x80, b"")),
-    ("send 7FF 8 1 2 3 4 5 6 7 8", (0x7FF, bytes(range(1, 9)))),
-    ("send 800 0", None), ("send 00000201 0", None), ("send 12345678 0", None), ("send 201 3 0F 00", None),
-    ("send 201 1 0F 00", None), ("send 201 1 100", None),
-    ("send 201 9 1 2 3 4 5 6 7 8 9", None), ("send x 0", None), ("send 201 -1", None),
-    ("send", None), ("", None), ("echo", None), ("sendpdu", None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("message", "frame"),
+    [
+        ("send 201 2 0F 00", (0x201, b"\x0f\0")),
+        ("send 80 0", (0x80, b"")),
+        ("send 80 0 ", (0x80, b"")),
+        ("send 7FF 8 1 2 3 4 5 6 7 8", (0x7FF, bytes(range(1, 9)))),
+        ("send 800 0", None),
+        ("send 00000201 0", None),
+        ("send 12345678 0", None),
+        ("send 201 3 0F 00", None),
+        ("send 201 1 0F 00", None),
+        ("send 201 1 100", None),
+        ("send 201 9 1 2 3 4 5 6 7 8 9", None),
+        ("send x 0", None),
+        ("send 201 -1", None),
+        ("send", None),
+        ("", None),
+        ("echo", None),
+        ("sendpdu", None),
+    ],
+)
 def test_send_messages(message: str, frame: tuple[int, bytes] | None) -> None:
     assert parse_send(message) == frame
 
@@ -69,7 +83,9 @@ class Served:
     """The bench in a thread of its own."""
 
     def __init__(self, *, readout=None, faults=()) -> None:
-        self.bench = make_bench(individual_gear(GEAR, 3), MOTOR, None, 7, time="sync", faults=faults)
+        self.bench = make_bench(
+            individual_gear(GEAR, 3), MOTOR, None, 7, time="sync", faults=faults
+        )
         self._ready, self._readout = threading.Event(), readout
         self._thread = threading.Thread(target=lambda: asyncio.run(self._main()), daemon=True)
         self.addresses = Addresses("", 0, "")
@@ -91,7 +107,11 @@ class Served:
 
     def bus(self) -> can.BusABC:
         return can.Bus(
-            interface="socketcand", host=self.addresses.host, port=self.addresses.port, channel="can0", tcp_tune=True
+            interface="socketcand",
+            host=self.addresses.host,
+            port=self.addresses.port,
+            channel="can0",
+            tcp_tune=True,
         )
 
     def stop(self) -> None:
@@ -120,7 +140,11 @@ def expect(bus: can.BusABC, cob_id: int) -> can.Message:
 def test_canopen_reads_the_identity_and_gets_process_data(served: Served) -> None:
     network = canopen.Network()
     network.connect(
-        interface="socketcand", host=served.addresses.host, port=served.addresses.port, channel="can0", tcp_tune=True
+        interface="socketcand",
+        host=served.addresses.host,
+        port=served.addresses.port,
+        channel="can0",
+        tcp_tune=True,
     )
     try:
         node = network.add_node(1, canopen.ObjectDictionary())

@@ -12,7 +12,12 @@ from drivers.clock import VirtualClock
 from drivers.errors import BusLostError, DecodeError, StaleDataError
 from drivers.nd287 import Readout as ReadoutDriver
 from drivers.nd287 import ReadoutConfig, parse_line
-from sim_backend.wire.faults import ReadoutEncoderFault, ReadoutGarbage, ReadoutHalfLine, ReadoutSilent
+from sim_backend.wire.faults import (
+    ReadoutEncoderFault,
+    ReadoutGarbage,
+    ReadoutHalfLine,
+    ReadoutSilent,
+)
 from sim_backend.wire.readout import Readout
 from tests.sim_backend.wire.rigs import turn, wire_rig
 
@@ -35,14 +40,23 @@ def test_the_measured_value_line(device: Readout, line: bytes) -> None:
     assert len(line.rstrip(b"\r\n")) == 15
 
 
-@pytest.mark.parametrize(("request_", "answer"), [
-    (b"\x1bA0000\r", b"\x02ND-287    \r\n646118-01 \r\nV1-01     \r\n"),
-    (b"\x1bA0100\r", b"\x02+  10.50000\r\n"),
-    (b"\x1bA0200\r", b"\x02+001050000\r\n"),
-    (b"\x1bT0100\r", b"\x06"), (b"\x1bF0000\r", b"\x06"), (b"\x1bS0000\r", b"\x06"),
-    (b"\x1bX0000\r", b"\x15"), (b"\x1bA9999\r", b"\x15"), (b"\x1bT12\r", b"\x15"), (b"\x1bT00000000000", b"\x15"),
-    (b"\x05", b"\r\n"), (b"hello\r\n", b""),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("request_", "answer"),
+    [
+        (b"\x1bA0000\r", b"\x02ND-287    \r\n646118-01 \r\nV1-01     \r\n"),
+        (b"\x1bA0100\r", b"\x02+  10.50000\r\n"),
+        (b"\x1bA0200\r", b"\x02+001050000\r\n"),
+        (b"\x1bT0100\r", b"\x06"),
+        (b"\x1bF0000\r", b"\x06"),
+        (b"\x1bS0000\r", b"\x06"),
+        (b"\x1bX0000\r", b"\x15"),
+        (b"\x1bA9999\r", b"\x15"),
+        (b"\x1bT12\r", b"\x15"),
+        (b"\x1bT00000000000", b"\x15"),
+        (b"\x05", b"\r\n"),
+        (b"hello\r\n", b""),
+    ],
+)
 def test_commands(request_: bytes, answer: bytes) -> None:
     device = Readout(lambda: 10.5 * DEGREE)
     assert device.receive(request_) == answer
@@ -57,7 +71,9 @@ def test_commands_in_pieces_and_held_answers() -> None:
 
 
 @given(st.binary(max_size=60), st.floats(-1e4, 1e4), st.sampled_from(["deg", "dms", "rad"]))
-def test_any_bytes_are_survived_and_every_line_is_read_back(noise: bytes, angle: float, unit: str) -> None:
+def test_any_bytes_are_survived_and_every_line_is_read_back(
+    noise: bytes, angle: float, unit: str
+) -> None:
     device = Readout(lambda: angle, unit=unit)
     device.receive(noise)
     device.receive(b"\r\x11")
@@ -71,14 +87,21 @@ def test_the_driver_reads_the_output_encoder_over_the_line() -> None:
         block = turn(made.port, 600.0, 200)
         driver = ReadoutDriver(made.bench.serial(), made.clock, ReadoutConfig("simulated"))
         index = [c.name for c in made.port.channels].index("output_angle")
-        expected = math.fmod(made.port.channels[index].scale * int(block.counts[-1, index]), 2 * math.pi)
+        expected = math.fmod(
+            made.port.channels[index].scale * int(block.counts[-1, index]), 2 * math.pi
+        )
         assert driver.read().value == pytest.approx(expected, abs=1e-5 * DEGREE)
         assert driver.identification()[0] == "ND-287"
 
 
-@pytest.mark.parametrize(("fault", "error"), [
-    (ReadoutGarbage(0), DecodeError), (ReadoutHalfLine(0), DecodeError), (ReadoutSilent(0), StaleDataError),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("fault", "error"),
+    [
+        (ReadoutGarbage(0), DecodeError),
+        (ReadoutHalfLine(0), DecodeError),
+        (ReadoutSilent(0), StaleDataError),
+    ],
+)
 def test_faults_of_the_line_are_seen_by_the_driver(fault, error: type[Exception]) -> None:
     with wire_rig(faults=(fault,), is_open=False) as made:
         driver = ReadoutDriver(made.bench.serial(), VirtualClock(), ReadoutConfig("simulated"))

@@ -12,7 +12,14 @@ from drivers.errors import DriverError
 from drivers.port import Bound, Command, DriveLimits, Guard, Mode, RigPort
 from drivers.samples import CycleFlag
 from model.units import RPM
-from sim_backend.faults import CountJump, Fault, IncompleteCycles, OutputLoad, StuckEncoder, TorquePortSaturated
+from sim_backend.faults import (
+    CountJump,
+    Fault,
+    IncompleteCycles,
+    OutputLoad,
+    StuckEncoder,
+    TorquePortSaturated,
+)
 from sim_backend.imperfections import Imperfections
 from sim_backend.wire.bench import FIRST_STAMP_NS
 from tests.sim_backend.rigs import NO_GUARD, rig
@@ -29,7 +36,13 @@ STORY: tuple[tuple[Mode, float, int], ...] = (
     (Mode.OFF, 0.0, 60),
     (Mode.SPEED, 3000.0 * RPM, 200),
 )
-LIMITS = DriveLimits(torque=0.9, speed=4000.0 * RPM, acceleration=2000.0, deceleration=2500.0, quick_stop_deceleration=3000.0)
+LIMITS = DriveLimits(
+    torque=0.9,
+    speed=4000.0 * RPM,
+    acceleration=2000.0,
+    deceleration=2500.0,
+    quick_stop_deceleration=3000.0,
+)
 ACTIVE = (Mode.SPEED, Mode.TORQUE)
 
 
@@ -46,17 +59,26 @@ def told(
     for mode, value, cycles in STORY:
         left = cycles
         while left:
-            blocks.append(port.exchange(command(mode, value, min(left, block_length)), min(left, block_length), guard))
+            blocks.append(
+                port.exchange(
+                    command(mode, value, min(left, block_length)), min(left, block_length), guard
+                )
+            )
             left -= len(blocks[-1])
             if blocks[-1].broken is not None:
                 break
     return (
-        np.concatenate([b.counts for b in blocks]), np.concatenate([b.time_ns for b in blocks]),
+        np.concatenate([b.counts for b in blocks]),
+        np.concatenate([b.time_ns for b in blocks]),
         np.concatenate([b.flags for b in blocks]),
-    )  # fmt: skip
+    )
 
 
-def direct(imperfections: Imperfections | None = None, faults: tuple[Fault, ...] = (), guard: Guard = NO_GUARD):
+def direct(
+    imperfections: Imperfections | None = None,
+    faults: tuple[Fault, ...] = (),
+    guard: Guard = NO_GUARD,
+):
     port = rig(imperfections, faults=faults, clock=VirtualClock(FIRST_STAMP_NS))
     return told(port, guard=guard), [c.name for c in port.channels]
 
@@ -84,7 +106,18 @@ def test_the_story_has_the_same_counts_stamps_and_flags(block_length: int) -> No
 
 
 def test_a_guard_breaks_at_the_same_cycle() -> None:
-    guard = Guard((Bound("has turned", {names.INPUT_ANGLE: 1.0}, high=9000.0, low=-9000.0, lag=37, is_trip=False),))
+    guard = Guard(
+        (
+            Bound(
+                "has turned",
+                {names.INPUT_ANGLE: 1.0},
+                high=9000.0,
+                low=-9000.0,
+                lag=37,
+                is_trip=False,
+            ),
+        )
+    )
     sim, columns = direct(guard=guard)
     with wire_rig() as made:
         wire = told(made.port, guard=guard)
@@ -94,9 +127,11 @@ def test_a_guard_breaks_at_the_same_cycle() -> None:
 
 def test_faults_of_plant_and_signals_give_the_same_counts() -> None:
     faults = (
-        OutputLoad(100, 3.0, cycles=77), StuckEncoder(200, cycles=20), CountJump(300, counts=17),
+        OutputLoad(100, 3.0, cycles=77),
+        StuckEncoder(200, cycles=20),
+        CountJump(300, counts=17),
         TorquePortSaturated(350, cycles=10),
-    )  # fmt: skip
+    )
     sim, columns = direct(faults=faults)
     with wire_rig(faults=faults) as made:
         wire = told(made.port)
@@ -127,10 +162,16 @@ def test_two_runs_of_one_seed_are_one_and_another_seed_is_another() -> None:
 
 
 def test_a_converter_without_steps_is_refused() -> None:
-    with pytest.raises(DriverError, match="without steps"), wire_rig(Imperfections().with_only("quantisation")):
+    with (
+        pytest.raises(DriverError, match="without steps"),
+        wire_rig(Imperfections().with_only("quantisation")),
+    ):
         pass
 
 
 def test_a_fault_that_only_marks_is_refused() -> None:
-    with pytest.raises(DriverError, match="only marks cycles"), wire_rig(faults=(IncompleteCycles(3),)):
+    with (
+        pytest.raises(DriverError, match="only marks cycles"),
+        wire_rig(faults=(IncompleteCycles(3),)),
+    ):
         pass

@@ -19,7 +19,10 @@ PAIRS = (
     ("40 18 10 00", "4F 18 10 00 04 00 00 00"),
     ("40 41 60 00", "4B 41 60 00 50 02 00 00"),
     ("2B 17 10 00 64 00", "60 17 10 00 00 00 00 00"),  # 100 ms
-    ("22 17 10 00 64 00", "60 17 10 00 00 00 00 00"),  # expedited without a size: the object's own length
+    (
+        "22 17 10 00 64 00",
+        "60 17 10 00 00 00 00 00",
+    ),  # expedited without a size: the object's own length
     ("40 34 12 00", "80 34 12 00 00 00 02 06"),  # no object
     ("40 18 10 09", "80 18 10 09 11 00 09 06"),  # no sub-index
     ("2F 41 60 00 01", "80 41 60 00 02 00 01 06"),  # read only
@@ -37,7 +40,7 @@ PAIRS = (
     ("2F 03 10 00 00", "60 03 10 00 00 00 00 00"),
     ("2F 19 10 00 01", "80 19 10 00 30 00 09 06"),
     ("23 05 10 00 80 00 00 40", "80 05 10 00 30 00 09 06"),  # it produces no SYNC
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize(("request_", "response"), PAIRS)
@@ -49,7 +52,9 @@ def test_one_request_one_response(request_: str, response: str) -> None:
 def test_a_long_text_comes_in_segments() -> None:
     slave, sent = drive()
     name = b"Simulated servo amplifier"
-    assert ask(slave, sent, b"\x40\x08\x10\x00") == b"\x41\x08\x10\x00" + struct.pack("<I", len(name))
+    assert ask(slave, sent, b"\x40\x08\x10\x00") == b"\x41\x08\x10\x00" + struct.pack(
+        "<I", len(name)
+    )
     assert ask(slave, sent, b"\x60") == b"\x00Simulat"
     assert ask(slave, sent, b"\x70") == b"\x10ed serv"
     assert ask(slave, sent, b"\x60") == b"\x00o ampli"
@@ -66,7 +71,9 @@ def test_a_wrong_toggle_aborts_and_names_the_object() -> None:
 
 def test_a_download_in_segments() -> None:
     slave, sent = drive()
-    assert ask(slave, sent, b"\x21\x17\x10\x00\x02\0\0\0") == bytes.fromhex("60 17 10 00 00 00 00 00")
+    assert ask(slave, sent, b"\x21\x17\x10\x00\x02\0\0\0") == bytes.fromhex(
+        "60 17 10 00 00 00 00 00"
+    )
     assert ask(slave, sent, bytes([0x01 | 5 << 1]) + b"\xf4\x01") == b"\x20" + bytes(7)
     assert slave.dictionary.number(0x1017) == 500
 
@@ -74,7 +81,9 @@ def test_a_download_in_segments() -> None:
 def test_a_download_of_another_length_than_announced_is_refused() -> None:
     slave, sent = drive()
     ask(slave, sent, b"\x21\x17\x10\x00\x02\0\0\0")
-    assert ask(slave, sent, bytes([0x01 | 6 << 1]) + b"\xf4") == bytes.fromhex("80 17 10 00 10 00 07 06")
+    assert ask(slave, sent, bytes([0x01 | 6 << 1]) + b"\xf4") == bytes.fromhex(
+        "80 17 10 00 10 00 07 06"
+    )
 
 
 def test_an_abort_of_the_client_is_not_answered_and_ends_the_transfer() -> None:

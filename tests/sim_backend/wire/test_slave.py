@@ -122,7 +122,9 @@ def test_emergencies_are_kept_latest_first_and_cleared_by_zero() -> None:
     assert write(slave, sent, 0x1003, 0, 0, 1) == 0
     assert ask(slave, sent, b"\x40\x03\x10\x01") == bytes.fromhex("80 03 10 01 24 00 00 08")
     slave.recover(0x1001)
-    assert sent.taken()[-1] == (0x081, struct.pack("<HB5x", 0, 0x21)), "other errors remain in the register"
+    assert sent.taken()[-1] == (0x081, struct.pack("<HB5x", 0, 0x21)), (
+        "other errors remain in the register"
+    )
     slave.recover()
     assert sent.taken() == [(0x081, bytes(8))]
 
@@ -145,7 +147,11 @@ def test_an_emergency_message_can_be_switched_off_and_moved() -> None:
 
 def remap(slave, sent: Sent, words: list[int], number: int = 1, kind: int = 1) -> list[int]:
     """The standard's procedure; the abort codes of its steps."""
-    comm, mapping, cob_id = 0x1800 + number - 1, 0x1A00 + number - 1, slave.dictionary.number(0x1800 + number - 1, 1)
+    comm, mapping, cob_id = (
+        0x1800 + number - 1,
+        0x1A00 + number - 1,
+        slave.dictionary.number(0x1800 + number - 1, 1),
+    )
     codes = [write(slave, sent, comm, 1, cob_id | INVALID, 4), write(slave, sent, mapping, 0, 0, 1)]
     codes += [write(slave, sent, mapping, i, word, 4) for i, word in enumerate(words, 1)]
     codes += [write(slave, sent, mapping, 0, len(words), 1), write(slave, sent, comm, 2, kind, 1)]
@@ -165,7 +171,7 @@ def test_the_mapping_changes_by_the_standards_procedure() -> None:
 OFF = ((0x1800, 1, INVALID | NO_RTR | 0x182, 4), (0x1A00, 0, 0, 1))
 REFUSED = (
     ("while it exists", [(0x1A00, 0, 0, 1)], 0x08000022),
-    ("slots while the count is not zero", [(0x1800, 1, INVALID | NO_RTR | 0x182, 4), (0x1A00, 1, 0x60040020, 4)], 0x08000022),
+    ("slots while the count is not zero", [(0x1800, 1, INVALID | NO_RTR | 0x182, 4), (0x1A00, 1, 0x60040020, 4)], 0x08000022),  # noqa: E501
     ("an object that is not there", [*OFF, (0x1A00, 1, 0x70000008, 4)], 0x06020000),
     ("an object that may not be mapped", [*OFF, (0x1A00, 1, 0x60010020, 4)], 0x06040041),
     ("another length", [*OFF, (0x1A00, 1, 0x60040010, 4)], 0x06040041),
@@ -182,7 +188,9 @@ REFUSED = (
 
 
 @pytest.mark.parametrize(("what", "writes", "code"), REFUSED, ids=[r[0] for r in REFUSED])
-def test_refusals_of_the_mapping(what: str, writes: list[tuple[int, int, int, int]], code: int) -> None:
+def test_refusals_of_the_mapping(
+    what: str, writes: list[tuple[int, int, int, int]], code: int
+) -> None:
     slave, sent = counter()
     codes = [write(slave, sent, *step) for step in writes]
     assert codes == [0] * (len(writes) - 1) + [code]
@@ -228,7 +236,9 @@ def test_the_event_timer_and_the_inhibit_time() -> None:
     for sub, value, size in ((2, 255, 1), (3, 50, 2), (5, 20, 2), (1, NO_RTR | 0x181, 4)):
         assert write(slave, sent, 0x1800, sub, value, size) == 0
     start(slave, 0)
-    assert [cob for cob, _ in sent.taken() if cob == 0x181] == [0x181], "once when it becomes operational"
+    assert [cob for cob, _ in sent.taken() if cob == 0x181] == [0x181], (
+        "once when it becomes operational"
+    )
     at = []
     for now in range(0, 100 * MS, MS):
         slave.tick(now)
@@ -277,7 +287,12 @@ def test_dummy_objects_fill_gaps_of_an_rpdo() -> None:
     write(slave, sent, 0x1401, 1, INVALID | 0x301, 4)
     write(slave, sent, 0x1601, 0, 0, 1)
     assert write(slave, sent, 0x1601, 1, 0x00050010, 4) == 0x06040041, "UNSIGNED8 has 8 bits"
-    for step in ((0x1601, 1, 0x00050008, 4), (0x1601, 2, 0x60710010, 4), (0x1601, 0, 2, 1), (0x1401, 1, 0x301, 4)):
+    for step in (
+        (0x1601, 1, 0x00050008, 4),
+        (0x1601, 2, 0x60710010, 4),
+        (0x1601, 0, 2, 1),
+        (0x1401, 1, 0x301, 4),
+    ):
         assert write(slave, sent, *step) == 0
     start(slave)
     slave.receive(0x301, b"\xee" + struct.pack("<h", -55), 0)
