@@ -68,9 +68,9 @@ class Stage:
         from model.gear_file import shipped_gear
         from model.motor import shipped_motor
         from rig.commands.running import read_flags
-        from rig.preview.preview import preview_plan
+        from rig.present.preview.plan import preview_plan
         from rig.run.start import RunRequest, plan_request
-        from rig.window.prepared import PreparedRun
+        from rig.window.work.prepared import PreparedRun
 
         values = read_flags(protocol, parameter_fields(catalogue.load(protocol).parameters), flags)
         request = RunRequest(
@@ -326,8 +326,8 @@ def _some_runs() -> Path:
     from experiments.parameters import parameter_fields
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
+    from rig.analysis.fit import fit_files, store
     from rig.commands.running import read_flags
-    from rig.fit import fit_files, store
     from rig.run.start import RunRequest, run_request
 
     folder = Path(tempfile.mkdtemp())
@@ -357,7 +357,7 @@ def _some_runs() -> Path:
 
 def _play(stage: Stage, kind: str, *arguments: str, end: bool = True) -> None:
     """Be the parent of a run that the tests play."""
-    from rig.window.child import RunProcess
+    from rig.window.work.child import RunProcess
 
     run = stage.window.run
     script = HERE.parent / "tests" / "rig" / "window" / "children.py"
@@ -406,8 +406,8 @@ def picture(
     import pyqtgraph as pg
 
     from rig.window.main import MainWindow
-    from rig.window.session import WindowSession
-    from rig.window.theme import apply_theme
+    from rig.window.shell.session import WindowSession
+    from rig.window.shell.theme import apply_theme
 
     pg.setConfigOptions(antialias=True)
     apply_theme(application, theme)
@@ -485,7 +485,7 @@ def main() -> int:
     os.environ["QT_SCALE_FACTOR"] = chosen.scale
     from PySide6.QtWidgets import QApplication
 
-    from rig.window.collector import collector_in_this_thread
+    from rig.window.shell.collector import collector_in_this_thread
 
     application = QApplication([])
     with collector_in_this_thread():

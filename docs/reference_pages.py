@@ -93,7 +93,7 @@ def subcommands(command: Any) -> list[tuple[str, Any]]:
 
 def configuration() -> Iterable[str]:
     """Every word of rig.toml with its kind, default and meaning."""
-    from rig.config.schema import RigConfiguration
+    from rig.bench.config.schema import RigConfiguration
 
     yield "# Words of rig.toml"
     yield ""
@@ -134,7 +134,7 @@ def exit_codes() -> Iterable[str]:
 
 def limits() -> Iterable[str]:
     """What is limited and watched, what a trip does, what it may come from."""
-    from rig import limits as lim
+    from rig.bench import limits as lim
     from rig.run import trips
 
     yield "# Limits and trips"

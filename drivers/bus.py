@@ -10,7 +10,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Final, Literal, Protocol
+from typing import Any, Final, Literal, Protocol, cast
 
 import can
 
@@ -124,8 +124,11 @@ def open_raw_bus(config: BusConfig) -> RawBus:
 
             return SocketcandBus(str(config.channel), **extra)  # type: ignore[arg-type, return-value]
         return can.Bus(
-            interface=config.interface, channel=config.channel, bitrate=config.bitrate, **extra
-        )  # type: ignore[arg-type, return-value]
+            interface=config.interface,
+            channel=config.channel,
+            bitrate=config.bitrate,
+            **cast("dict[str, Any]", extra),
+        )
     except (
         can.CanError,
         OSError,

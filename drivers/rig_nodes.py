@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 from drivers import channel as names
 from drivers import cia402_tables as obj
@@ -14,7 +15,7 @@ from drivers.cia301 import ObjectRef
 from drivers.cia401 import AnalogModule, AnalogModuleConfig
 from drivers.cia402 import DriveConfig, ServoAmplifier
 from drivers.cia406 import Counter, CounterConfig
-from drivers.columns import Column, Validity
+from drivers.columns import Column, Kind, Validity
 from drivers.device import Identity, Missing, RemoteDevice
 from drivers.errors import BusLostError, DriverError
 from drivers.frames import Field, FrameLayout
@@ -429,10 +430,10 @@ class RigNodes:
         )
         return Column(
             source.channel,
-            source.kind,
+            cast("Kind", source.kind),
             own,
             of=column_of.get(source.of, -1),
-            seen_fields=seen,  # type: ignore[arg-type]
+            seen_fields=seen,
             largest_step=source.largest_step,
             closed=source.closed,
             analog=source.analog,  # type: ignore[arg-type]

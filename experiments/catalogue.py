@@ -28,46 +28,48 @@ class Entry:
 ENTRIES: tuple[Entry, ...] = (
     Entry(
         "kinematic-error",
-        "experiments.kinematic_error",
+        "experiments.protocols.kinematic_error.protocol",
         "kinematic error over whole output revolutions at low speed, both directions (figures 12, 13, 16)",
     ),
     Entry(
         "friction",
-        "experiments.friction",
+        "experiments.protocols.friction.protocol",
         "no-load running torque at constant speeds, both directions, up and down (figures 9, 17)",
     ),
     Entry(
         "velocity-steps",
-        "experiments.velocity_steps",
+        "experiments.protocols.velocity_steps.protocol",
         "speed steps, simulated output against measured output per speed (figure 19)",
     ),
     Entry(
         "motor-tare",
-        "experiments.motor_tare",
+        "experiments.protocols.motor_tare",
         "friction and cogging of the bare motor, gear removed",
     ),
-    Entry("warm-up", "experiments.warm_up", "turn until the running torque is steady"),
+    Entry("warm-up", "experiments.protocols.warm_up", "turn until the running torque is steady"),
     Entry(
         "starting-torque",
-        "experiments.starting_torque",
+        "experiments.protocols.starting_torque",
         "slow torque ramps at several wave-generator positions, ended by first motion",
     ),
-    Entry("home", "experiments.home", "index marks of both encoders, slowly, from one side"),
+    Entry(
+        "home", "experiments.protocols.home", "index marks of both encoders, slowly, from one side"
+    ),
     Entry(
         "motion",
-        "experiments.motion",
+        "experiments.recordings.motion",
         "inertia and friction from any motion (inverse dynamics)",
         has_plan=False,
     ),
     Entry(
         "revolution",
-        "experiments.revolution",
+        "experiments.recordings.revolution",
         "Fourier series of a channel per revolution, both ways",
         has_plan=False,
     ),
     Entry(
         "order-spectrum",
-        "experiments.order_spectrum",
+        "experiments.recordings.order_spectrum",
         "order spectrum of a channel over an angle",
         has_plan=False,
     ),

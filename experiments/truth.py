@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.errors import AnalysisError
-from experiments.friction_plots import FIT_TABLE
+from experiments.protocols.friction.plots import FIT_TABLE
 from experiments.result import Result, Table
 from model.friction import bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive

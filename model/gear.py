@@ -18,7 +18,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 from model.errors import ParameterError
 
@@ -580,8 +580,8 @@ class HarmonicDrive:
             section, _, name = path.partition(".")
             part = getattr(self, section, None)
             if not isinstance(part, Section) or name not in {
-                q.name for q in dataclasses.fields(part)
-            }:  # type: ignore[arg-type]
+                q.name for q in dataclasses.fields(cast("Any", part))
+            }:
                 raise ParameterError(
                     "no such parameter", where=path, remedy="See `rig model` for the names."
                 )

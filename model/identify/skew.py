@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import IdentificationError
 from model.identify.checks import Array
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Estimate, Identifiable
 from model.identify.least_squares import LinearFit, solve, student_quantile
 from model.units import REVOLUTION
 
@@ -260,9 +261,9 @@ def _judged(found: Estimate, verdict: str, notes: list[str]) -> Estimate:
         found.unit,
         found.low,
         found.high,
-        verdict,
+        cast("Identifiable", verdict),
         "; ".join(notes),
-        found.budget,  # type: ignore[arg-type]
+        found.budget,
     )
 
 

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
     from experiments.result import Result
     from model.gear import HarmonicDrive
-    from rig.adopt import Comparison
-    from rig.fit import Fit
+    from rig.analysis.adopt import Comparison
+    from rig.analysis.fit import Fit
 
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
@@ -83,8 +83,8 @@ def fit(
     and for any recording motion (inertia and friction), revolution (Fourier series per revolution),
     order-spectrum. The exit code is the verdict: 0 PASS or nothing to judge, 1 FAIL, 3 MARGINAL.
     """
+    from rig.analysis.fit import fit_files
     from rig.exits import code_of_outcome
-    from rig.fit import fit_files
 
     kind, runs = split_kind(words)
     fits = fit_files(
@@ -98,13 +98,13 @@ def fit(
     notes = _keep(fits) if keep else []
     if parameters_out is not None:
         from model.gear_file import save_gear
-        from rig.adopt import adopt
+        from rig.analysis.adopt import adopt
 
         adopted = adopt(fits[-1].gear, [f.result for f in fits])
         save_gear(adopted.gear, parameters_out)
         notes.append(f"{parameters_out}: {len(adopted.changed)} identified values written")
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text(_as_object(fits, plots=plots)))
     else:
@@ -129,8 +129,8 @@ def compare(
     json: Json = False,
 ) -> None:
     """Hold a parameter set against a run: what it predicts, what was measured, and how far apart they are."""
-    from rig.adopt import compare_with
-    from rig.fit import fit_files, score
+    from rig.analysis.adopt import compare_with
+    from rig.analysis.fit import fit_files, score
 
     gear = _gear(parameters)
     assert gear is not None
@@ -145,7 +145,7 @@ def compare(
     rows = compare_with(gear, found.result)
     scored = score(found)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         made = {
             "run": found.result.run,
@@ -219,8 +219,8 @@ def _keep(fits: tuple[Fit, ...]) -> list[str]:
     """Append every fit to the store beside its run; a folder that cannot be written is said, not fatal."""
     from datetime import datetime
 
+    from rig.analysis.fit import store
     from rig.errors import RunFileError
-    from rig.fit import store
 
     notes = []
     for found in fits:
@@ -239,7 +239,7 @@ def _keep(fits: tuple[Fit, ...]) -> list[str]:
 def _as_object(fits: tuple[Fit, ...], *, plots: bool = False) -> dict[str, Any]:
     if len(fits) == 1:
         return _with_drawings(fits[0].result, wanted=plots)
-    from rig.adopt import pooled
+    from rig.analysis.adopt import pooled
 
     spread = pooled([f.result for f in fits])
     return {
@@ -251,7 +251,7 @@ def _as_object(fits: tuple[Fit, ...], *, plots: bool = False) -> dict[str, Any]:
 def _with_drawings(result: Result, *, wanted: bool) -> dict[str, Any]:
     if not wanted:
         return result.as_json()
-    from rig.result_data import plot_to_mapping, table_to_mapping
+    from rig.analysis.result_data import plot_to_mapping, table_to_mapping
 
     tables = [table_to_mapping(table) for table in result.tables]
     return {
@@ -264,9 +264,9 @@ def _with_drawings(result: Result, *, wanted: bool) -> dict[str, Any]:
 def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
     from rich.text import Text
 
+    from rig.analysis.wording import number, readable
     from rig.commands.result_tables import console, print_result
-    from rig.report.figures import WATERMARKS
-    from rig.report.wording import number, readable
+    from rig.present.figure import WATERMARKS
 
     out = console()
     for found in fits:
@@ -279,7 +279,7 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
             f"{found.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}",
         )
     if len(fits) > 1:
-        from rig.adopt import pooled
+        from rig.analysis.adopt import pooled
 
         spread = pooled([f.result for f in fits])
         if spread:
@@ -300,8 +300,8 @@ def _print_comparison(
     from rich.table import Table
     from rich.text import Text
 
+    from rig.analysis.wording import display_unit, number
     from rig.commands.result_tables import console, print_metrics, print_warnings
-    from rig.report.wording import display_unit, number
 
     out = console()
     out.print()
@@ -337,7 +337,7 @@ def _print_comparison(
 
 def _name_of(gear: HarmonicDrive, path: str) -> str:
     """A value of the set as people call it: its description and symbol."""
-    from rig.report.wording import readable
+    from rig.analysis.wording import readable
 
     for value in gear.values():
         if value.path == path:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from rig.config import Problem
-    from rig.config.apply import ConfiguredRig
+    from rig.bench.config.apply import ConfiguredRig
+    from rig.bench.config.load import Problem
 
 config = typer.Typer(
     name="config",
@@ -26,7 +26,7 @@ def initialise(file: File = Path("rig.toml")) -> None:
     """Write a description with every word explained, to be filled in. A file that exists is left alone."""
     from rig.errors import ConfigurationError
 
-    text = resources.files("rig.config").joinpath("template.toml").read_text(encoding="utf-8")
+    text = resources.files("rig.bench.config").joinpath("template.toml").read_text(encoding="utf-8")
     try:
         with file.open("x", encoding="utf-8") as out:
             out.write(text)
@@ -55,9 +55,9 @@ def check(
     code 2 when something is.
     """
     from rig import exits
-    from rig.config import RigConfiguration, inspect_configuration
-    from rig.config.apply import configured_rig
-    from rig.config.load import missing_files
+    from rig.bench.config.apply import configured_rig
+    from rig.bench.config.load import inspect_configuration, missing_files
+    from rig.bench.config.schema import RigConfiguration
 
     found = inspect_configuration(file)
     problems: tuple[Problem, ...]
@@ -70,7 +70,7 @@ def check(
     else:
         problems = found
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text(_as_json(file, problems, warnings, configured)))
     else:

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rig.demo import Demonstration
-    from rig.demo_work import Finished, Step
+    from rig.trial.demo.chain import Demonstration
+    from rig.trial.demo.work import Finished, Step
 
 
 @contextlib.contextmanager
@@ -25,7 +25,7 @@ def progress(quiet: bool) -> Iterator[Callable[[Step | Finished], None]]:
 
 
 def _line(message: Step | Finished) -> None:
-    from rig.demo_work import Finished
+    from rig.trial.demo.work import Finished
 
     if isinstance(message, Finished):
         done = "run and fitted" if message.result is not None else "ended"
@@ -45,7 +45,7 @@ def _bars() -> Iterator[Callable[[Step | Finished], None]]:
         TimeRemainingColumn,
     )
 
-    from rig.demo_work import ORDER, Finished
+    from rig.trial.demo.work import ORDER, Finished
 
     columns = (
         TextColumn("{task.description:<16}"),
@@ -74,8 +74,8 @@ def print_demonstration(made: Demonstration) -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from rig.analysis.wording import number, readable, show
     from rig.commands.result_tables import VERDICT_STYLE, console, print_warnings, verdict_sentence
-    from rig.report.wording import number, readable, show
 
     out = console()
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)

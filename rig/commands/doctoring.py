@@ -11,8 +11,8 @@ from rig.commands.running import MountedHow
 
 if TYPE_CHECKING:
     from drivers.nd287 import ReadoutConfig
-    from rig.doctor.examine import Examination
     from rig.run.start import RunRequest
+    from rig.trial.doctor.examine import Examination
 
 STYLE = {"ok": "green", "warning": "yellow", "failed": "bold red", "skipped": "dim"}
 MARK = {"ok": "ok", "warning": "WARNING", "failed": "FAILED", "skipped": "not looked at"}
@@ -71,13 +71,13 @@ def doctor(
     one that was described. Motion on hardware is armed as a run is.
     """
     from rig import exits
-    from rig.backends import HARDWARE
+    from rig.bench.backends.registry import HARDWARE
     from rig.commands.ordering import confirmed, request_of
-    from rig.doctor.examine import examine, plan_of
     from rig.run.arming import refuse_unarmed
     from rig.run.latch import TripLatch
     from rig.run.start import arming_of, bench_for
     from rig.run.stop import StopRequest, pressed_by_signals
+    from rig.trial.doctor.examine import examine, plan_of
 
     _refuse_a_replay(backend)
     request = request_of(
@@ -113,7 +113,7 @@ def doctor(
             on_stage=lambda stage: None if json else typer.echo(f"{stage} ...", err=True),
         )
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text(found.as_json()))
     else:
@@ -124,7 +124,7 @@ def doctor(
 
 
 def _refuse_a_replay(backend: str) -> None:
-    from rig.backends import REPLAY
+    from rig.bench.backends.registry import REPLAY
     from rig.errors import ConfigurationError
 
     if backend.startswith(REPLAY):
@@ -138,8 +138,8 @@ def _refuse_a_replay(backend: str) -> None:
 
 
 def _readout(request: RunRequest) -> ReadoutConfig | None:
-    from rig.backends.hardware import readout_config
-    from rig.config import load_configuration
+    from rig.bench.backends.hardware import readout_config
+    from rig.bench.config.load import load_configuration
 
     return (
         None

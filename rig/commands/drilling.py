@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from rig.drill.suite import DrillRow
+    from rig.trial.drill.suite import DrillRow
 
 
 def drill(
@@ -48,8 +48,8 @@ def drill(
 
     Refuses any hardware. Exit code 0 when every drill ended as it must, 6 otherwise.
     """
-    from rig.drill.suite import chosen, random_drills, random_offset, run_drills
     from rig.exits import DONE, ERROR
+    from rig.trial.drill.suite import chosen, random_drills, random_offset, run_drills
 
     drills = random_drills(random, seed, backend) if random else chosen(fault or (), backend)
     if list_:
@@ -66,7 +66,7 @@ def drill(
                 err=True,
             )
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text({"faults": [row.as_json() for row in rows]}))
     else:
@@ -98,7 +98,7 @@ def acknowledge(
     now = datetime.now(UTC).isoformat(timespec="seconds")
     trip = TripLatch(output).acknowledge(operator, now, remark)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text({"acknowledged": {**asdict(trip), "by": operator.strip(), "at": now}}))
         return
@@ -156,8 +156,8 @@ def _print_table(rows: list[DrillRow]) -> None:
 
 
 def _write(path: Path, rows: list[DrillRow]) -> None:
-    from rig.drill.table import markdown
     from rig.errors import RigError
+    from rig.trial.drill.table import markdown
 
     try:
         path.write_text(markdown(rows), encoding="utf-8")

@@ -14,8 +14,8 @@ from rich.text import Text
 
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
-from rig.library import IndexedRun
-from rig.run_words import acquisition_facts, duration_text
+from rig.library.index import IndexedRun
+from rig.present.run_words import acquisition_facts, duration_text
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.verify import Finding
 

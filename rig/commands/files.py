@@ -63,7 +63,7 @@ def runs(
 
     What the files say is kept in an index beside them, which is only a cache: a large folder is searched at once.
     """
-    from rig.library import LibraryIndex
+    from rig.library.index import LibraryIndex
     from rig.run.progress import reading_bar
 
     with reading_bar("Reading the runs", quiet=json) as on_progress:
@@ -78,7 +78,7 @@ def runs(
             origin=origin,
         )
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(
             json_text(
@@ -112,7 +112,7 @@ def show(run: RunArgument, json: JsonFlag = False) -> None:
     recording = open_run(run)
     try:
         if json:
-            from rig.results import json_text
+            from rig.analysis.store import json_text
 
             typer.echo(json_text(recording_as_json(recording, run)))
         else:
@@ -150,7 +150,7 @@ def export(
     finally:
         close_recording(recording)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(
             json_text(
@@ -250,8 +250,8 @@ def import_(
     or says what it lacks.
     """
     from rig.errors import ConfigurationError
-    from rig.library import claim_run
-    from rig.runfile.foreign import (
+    from rig.library.folder import claim_run
+    from rig.runfile.importing.convert import (
         ImportOptions,
         import_csv,
         import_mat,
@@ -297,7 +297,7 @@ def import_(
         file, options, lambda: claim_run(output, protocol or "import", gear or file.stem).path
     )
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(
             json_text(
@@ -326,7 +326,7 @@ def recover(
 
     recovered = [recover_run(path) for path in part]
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         found = [
             {"run": str(r.path), "rows": r.rows, "outcome": r.outcome, "notes": r.notes}
@@ -353,7 +353,7 @@ def verify(
     checked = {str(path): verify_run(path) for path in run}
     failed = any(finding.level == "error" for findings in checked.values() for finding in findings)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         found = [
             {

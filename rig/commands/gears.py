@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from rig.gear_card import GearCard
+    from rig.gears.card import GearCard
 
 gear = typer.Typer(
     name="gear",
@@ -38,11 +38,11 @@ HelpFlag = Annotated[
 @gear.command("list")
 def list_(output: Folder = Path("runs"), json: Json = False) -> None:
     """List the cards of a folder of runs."""
-    from rig.gear_card import known, list_cards
+    from rig.gears.card import known, list_cards
 
     listed = list_cards(output)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         cards = [
             one.card.as_json() if one.card else {"path": str(one.path), "problem": one.problem}
@@ -78,7 +78,7 @@ def show(serial: Serial, output: Folder = Path("runs"), json: Json = False) -> N
     """Show what is known of a gear, and who changed and confirmed it."""
     card = _card(output, serial)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text(card.as_json()))
         return
@@ -117,7 +117,7 @@ def set_(
         raise typer.Exit
     from experiments.parameters import parameter_fields
     from rig.commands.running import read_flags
-    from rig.gear_card import (
+    from rig.gears.card import (
         GearFacts,
         card_for,
         now_text,
@@ -141,7 +141,7 @@ def set_(
         card = with_confirmation(card, by, now_text())
     save_card(output, card)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text(card.as_json()))
         return
@@ -151,12 +151,12 @@ def set_(
 @gear.command("confirm")
 def confirm_(serial: Serial, by: By, output: Folder = Path("runs"), json: Json = False) -> None:
     """Confirm by name that a gear is mounted as its card says."""
-    from rig.gear_card import now_text, save_card, with_confirmation
+    from rig.gears.card import now_text, save_card, with_confirmation
 
     card = with_confirmation(_card(output, serial), by, now_text())
     save_card(output, card)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text(card.as_json()))
         return
@@ -165,7 +165,7 @@ def confirm_(serial: Serial, by: By, output: Folder = Path("runs"), json: Json =
 
 def _card(folder: Path, serial: str) -> GearCard:
     from rig.errors import ConfigurationError
-    from rig.gear_card import card_for, list_cards
+    from rig.gears.card import card_for, list_cards
 
     card = card_for(folder, serial)
     if card is None:
@@ -194,7 +194,7 @@ def _print(card: GearCard) -> None:
     from rich.table import Table
 
     from experiments.parameters import parameter_fields
-    from rig.gear_card import GearFacts, in_words, known
+    from rig.gears.card import GearFacts, in_words, known
 
     console = Console(highlight=False)
     told = known(card.facts)
@@ -229,7 +229,7 @@ def _print_flags() -> None:
     from rich.table import Table
 
     from experiments.parameters import parameter_fields
-    from rig.gear_card import CHOICES, GearFacts
+    from rig.gears.card import CHOICES, GearFacts
 
     table = Table("flag", "unit", "allowed", "what", title="Facts of a gear", title_justify="left")
     for field in parameter_fields(GearFacts):

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from rig.library import IndexedRun
-    from rig.passport import Analysed
+    from rig.analysis.passport.analyse import Analysed
+    from rig.library.index import IndexedRun
 
 JsonFlag = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
@@ -29,11 +29,11 @@ def diff(
     Results are the newest analyses beside the runs; a difference is significant where it is larger than
     U_c = sqrt(U1^2 + U2^2), k = 2. The exit code is 0 whether they differ or not; --json says `differs`.
     """
-    from rig.difference import difference
+    from rig.analysis.difference import difference
 
     found = difference(first, second)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         told = found.as_json()
         if everything:
@@ -84,13 +84,13 @@ def passport(
     origin, mounting, speed and subject (gear, or motor and gear). What is missing is named. The
     exit code is 0 also where a limit is broken.
     """
-    from rig.passport import passport as passport_of
+    from rig.analysis.passport.build import passport as passport_of
 
     where = output or [Path("runs")]
     analysed = _analyse(where, serial, tare, origin, quiet=json) if analyse else ()
     made = passport_of(where, serial, origin=origin, baseline=baseline)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         told = made.as_json()
         told["analysed"] = [
@@ -114,7 +114,7 @@ def _analyse(
 ) -> tuple[Analysed, ...]:
     from datetime import datetime
 
-    from rig.passport import analyse_runs
+    from rig.analysis.passport.analyse import analyse_runs
 
     def tell(run: IndexedRun) -> None:
         if not quiet:

@@ -8,9 +8,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from rig.difference import Change, Difference
-from rig.passport import Analysed, Passport, PassportSeries
-from rig.report.wording import number
+from rig.analysis.difference import Change, Difference
+from rig.analysis.passport.analyse import Analysed
+from rig.analysis.passport.content import Passport, PassportSeries
+from rig.analysis.wording import number
 
 _STATE_COLOURS = {"in control": "green", "to be watched": "yellow", "out of control": "bold red"}
 

@@ -50,7 +50,7 @@ def _table(title: str, *headings: str) -> Any:
 
 
 def _text(value: float, digits: int = DIGITS) -> str:
-    from rig.report.wording import number
+    from rig.analysis.wording import number
 
     return number(float(value), digits)
 

@@ -26,7 +26,7 @@ def model(
     gear = load_gear(parameters) if parameters else shipped_gear()
     summary = derived_quantities(gear)
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text(summary.as_json()))
         return

@@ -38,19 +38,19 @@ def request_of(
     """
     from model.gear_file import load_gear, shipped_gear
     from model.motor import shipped_motor
-    from rig.backends import HARDWARE
+    from rig.bench.backends.registry import HARDWARE
     from rig.run.dry_run import DEFAULT_SAMPLE_RATE
     from rig.run.start import MOUNTINGS, RunRequest
 
     if config is None and backend == HARDWARE:
-        from rig.config.load import DEFAULT_PATH
+        from rig.bench.config.load import DEFAULT_PATH
 
         config = DEFAULT_PATH
     gear, motor = shipped_gear(), shipped_motor()
     limits: Mapping[str, float] = {}
     rate, folder = DEFAULT_SAMPLE_RATE, Path("runs")
     if config is not None:
-        from rig.config.apply import configured_rig
+        from rig.bench.config.apply import configured_rig
 
         configured = configured_rig(config)
         gear, motor, limits = configured.gear, configured.motor, configured.limits
@@ -86,7 +86,8 @@ def carded(request: RunRequest, mounting: str | None, parameters_given: bool) ->
     Raises `ConfigurationError` where the flags and the card contradict each other about the mounting.
     """
     from rig.errors import ConfigurationError
-    from rig.gear_card import card_for, with_card
+    from rig.gears.card import card_for
+    from rig.run.gear import with_card
 
     card = card_for(request.output, request.gear_serial)
     if card is None:
@@ -111,7 +112,7 @@ def confirmed(request: RunRequest, planned: PlannedRun, asks: bool) -> RunReques
     Asked is whoever sits at the terminal, once the plan and its margins have been shown; without a
     terminal the run stays unconfirmed, and arming refuses it.
     """
-    from rig.backends import HARDWARE
+    from rig.bench.backends.registry import HARDWARE
 
     if request.backend != HARDWARE or request.confirmation or not asks or not sys.stdin.isatty():
         return request

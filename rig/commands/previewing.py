@@ -19,7 +19,7 @@ from rig.commands.running import (
 )
 
 if TYPE_CHECKING:
-    from rig.preview.preview import PlanPreview
+    from rig.present.preview.plan import PlanPreview
 
 
 @with_protocol_flags
@@ -61,8 +61,8 @@ def preview(
         raise typer.Exit
     from rig.commands.ordering import request_of
     from rig.errors import ConfigurationError
-    from rig.gear_card import card_for
-    from rig.preview.preview import preview_plan
+    from rig.gears.card import card_for
+    from rig.present.preview.plan import preview_plan
     from rig.run.start import plan_request
 
     protocol, values = read_protocol(context.args)
@@ -86,7 +86,7 @@ def preview(
     found = preview_plan(plan_request(request))
     written = _write_figures(found, figures, request.backend) if figures is not None else []
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text({**found.as_json(), "figures": [str(path) for path in written]}))
         return
@@ -95,8 +95,8 @@ def preview(
 
 def _write_figures(found: PlanPreview, folder: Path, backend: str) -> list[Path]:
     from rig.errors import RigError
-    from rig.preview.figures import figures_of
-    from rig.report.figures import draw_png
+    from rig.present.figure import draw_png
+    from rig.present.preview.figures import figures_of
 
     written = []
     try:
@@ -118,7 +118,7 @@ def _print(found: PlanPreview, written: list[Path]) -> None:
     from rich.table import Table
 
     from model.units import RPM
-    from rig.preview.preview import percent
+    from rig.present.preview.plan import percent
     from rig.run.progress import in_words
 
     console = Console(highlight=False)

@@ -75,7 +75,7 @@ def report(
     passport). Only runs from hardware have room for a signature; all others are marked on every
     page.
     """
-    from rig.report.build import report_on_files, report_on_gear
+    from rig.present.build import report_on_files, report_on_gear
 
     if bool(runs) == bool(gear):
         raise typer.BadParameter("name either runs or --gear SERIAL", param_hint="RUN... or --gear")
@@ -101,7 +101,7 @@ def report(
         lines += one.lines
         written += one.paths
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text({"files": [str(path) for path in written], "lines": lines}))
         return
@@ -143,9 +143,9 @@ def demo(
     from datetime import datetime
 
     from rig.commands.demo_tables import print_demonstration, progress
-    from rig.demo import demonstrate
-    from rig.demo_work import DemoOrder
     from rig.exits import ABORTED, explain
+    from rig.trial.demo.chain import demonstrate
+    from rig.trial.demo.work import DemoOrder
 
     order = DemoOrder(output, seed, datetime.now().astimezone().isoformat(timespec="seconds"))
     try:
@@ -157,7 +157,7 @@ def demo(
         typer.echo(sentence, err=True)
         raise typer.Exit(code) from None
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text(made.as_json()))
     else:

@@ -31,7 +31,7 @@ def print_result(out: Console, result: Result, heading: str = "") -> None:
     """One analysed run on the terminal."""
     from rich.text import Text
 
-    from rig.report.wording import readable
+    from rig.analysis.wording import readable
 
     out.print()
     out.print(Text(heading or f"{result.kind} of run {result.run}", style="bold"))
@@ -56,7 +56,7 @@ def print_metrics(out: Console, result: Result) -> None:
     """The figures of merit of a result."""
     from rich.text import Text
 
-    from rig.report.wording import metric, readable
+    from rig.analysis.wording import metric, readable
 
     if not result.metrics:
         return
@@ -68,7 +68,7 @@ def print_metrics(out: Console, result: Result) -> None:
 
 def verdict_sentence(verdict: Any) -> str:
     """What was found against which limit."""
-    from rig.report.wording import display_unit, number, show
+    from rig.analysis.wording import display_unit, number, show
 
     estimate = verdict.estimate
     shown = show(estimate)
@@ -91,7 +91,7 @@ def estimate_table(result: Result) -> Any:
     from rich.table import Table
     from rich.text import Text
 
-    from rig.report.wording import readable, show
+    from rig.analysis.wording import readable, show
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("quantity")

@@ -108,7 +108,7 @@ def plan(
         )
     )
     if json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text(planned.as_json()))
         return
@@ -210,7 +210,7 @@ def run(
     if events:
         pass
     elif json:
-        from rig.results import json_text
+        from rig.analysis.store import json_text
 
         typer.echo(json_text(report.as_json()))
     else:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 if TYPE_CHECKING:
-    from rig.backends.serving import Served
+    from rig.bench.backends.serving import Served
 
 sim = typer.Typer(
     name="sim",
@@ -100,8 +100,8 @@ def serve(
     """
     from model.gear_file import load_gear, shipped_gear
     from model.motor import shipped_motor
-    from rig.backends.bench import BenchRequest
-    from rig.backends.serving import serve_rig
+    from rig.bench.backends.assembly import BenchRequest
+    from rig.bench.backends.serving import serve_rig
     from rig.errors import ConfigurationError
     from rig.run.start import MOUNTINGS
 
@@ -143,8 +143,8 @@ def _faults(texts: list[str]) -> list[Any]:
     """The faults that `NAME@SYNC` name. Raises `ConfigurationError` for one that there is not."""
     if not texts:
         return []
-    from rig.drill.catalogue import DRILLS
     from rig.errors import ConfigurationError
+    from rig.trial.drill.catalogue import DRILLS
 
     made = []
     for text in texts:

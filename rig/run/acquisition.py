@@ -84,8 +84,8 @@ def skews_of(part: Path) -> tuple[dict[str, Any], list[str]]:
     """Skew between the channels of a run file that is still open, as the file keeps it, and what
     has to be said of it.
     """
-    from experiments.quality import skew_remark
-    from experiments.skew import skews
+    from experiments.evidence import skew_remark
+    from experiments.recordings.skew import skews
     from rig.runfile.read import close_recording, open_run
 
     recording = open_run(part, digest=False)

@@ -20,8 +20,8 @@ from drivers.channel import (
     Channel,
 )
 from drivers.port import Bound
-from rig import limits as lim
-from rig.limits import Limits
+from rig.bench import limits as lim
+from rig.bench.limits import Limits
 from rig.run.trips import (
     DRIVE_FAULT,
     GUARD_OPEN,

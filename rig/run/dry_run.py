@@ -17,9 +17,9 @@ from experiments.contract import Experiment
 from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
-from rig import limits as lim
+from rig.bench import limits as lim
+from rig.bench.limits import Limit, Limits, Load, derive_limits, load_of
 from rig.errors import LimitError
-from rig.limits import Limit, Limits, Load, derive_limits, load_of
 from rig.run.forecast import StepForecast, walk
 
 DEFAULT_SAMPLE_RATE = 1000.0

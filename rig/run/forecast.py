@@ -10,7 +10,7 @@ from typing import Any
 from experiments import steps as s
 from experiments.errors import PlanError
 from model.units import REVOLUTION
-from rig.limits import Load
+from rig.bench.limits import Load
 from rig.run.engine import ENABLE_WINDOW, SHORTEST_APPROACH, STAND_TIME, describe
 from rig.run.trajectory import cruise_speed, cycles_of, ramp, ramp_travel, stopping_distance
 

@@ -19,8 +19,8 @@ from drivers.channel import (
 )
 from drivers.port import Bound
 from drivers.samples import SampleBlock
-from rig import limits as lim
-from rig.limits import Limits
+from rig.bench import limits as lim
+from rig.bench.limits import Limits
 from rig.run.bounds import Geometry, Watch
 
 OUTPUT_SPEED = "output_speed"

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from drivers.port import RigDescription
 from experiments.recording import Origin, RunMetadata
-from rig.library import claim_run
+from rig.library.folder import claim_run
 from rig.run.dry_run import vars_of
 from rig.run.order import RunOrder
 from rig.run.recorder import InlineRecorder, ThreadedRecorder

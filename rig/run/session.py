@@ -29,7 +29,7 @@ from drivers.samples import SampleBlock
 from experiments.errors import ExperimentError
 from experiments.recording import Event
 from model.errors import ModelError
-from rig import limits as lim
+from rig.bench import limits as lim
 from rig.errors import LimitError, RigError
 from rig.run.acquisition import AcquisitionLog
 from rig.run.bounds import Geometry

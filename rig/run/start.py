@@ -14,7 +14,8 @@ from experiments.parameters import make_parameters, parameter_fields
 from experiments.recording import Event
 from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
-from rig.backends import HARDWARE, Bench, BenchRequest, make_port
+from rig.bench.backends.assembly import Bench, BenchRequest
+from rig.bench.backends.registry import HARDWARE, make_port
 from rig.errors import ConfigurationError
 from rig.run.arming import Arming, guard_check, refuse_unarmed
 from rig.run.computer import claim_real_time

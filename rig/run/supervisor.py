@@ -29,8 +29,8 @@ from drivers.drive_state import drive_state
 from drivers.port import STALE_DATA, Bound, Guard, Mode
 from drivers.samples import Break, CycleFlag, SampleBlock
 from model.units import RPM
-from rig import limits as lim
-from rig.limits import Limits
+from rig.bench import limits as lim
+from rig.bench.limits import Limits
 from rig.run.bounds import BoundMaker, Geometry, Watch
 from rig.run.index_review import NO_MARKS, IndexReview, IndexState
 from rig.run.margins import DIFFERENCE, FOLLOWING, MISSED, MarginWatch, Peaks

@@ -33,11 +33,11 @@ from PySide6.QtWidgets import (
 )
 
 from rig.errors import ConfigurationError
-from rig.window.collector import collector_in_this_thread
-from rig.window.prepared import PreparedRun
-from rig.window.running import RunPage
-from rig.window.session import WindowSession
-from rig.window.theme import apply_theme, theme_named
+from rig.window.run.page import RunPage
+from rig.window.shell.collector import collector_in_this_thread
+from rig.window.shell.session import WindowSession
+from rig.window.shell.theme import apply_theme, theme_named
+from rig.window.work.prepared import PreparedRun
 
 PAGES = ("prepare", "run", "review")
 """The pages in the order of the navigation; Ctrl+1, Ctrl+2, Ctrl+3."""
@@ -56,9 +56,9 @@ class MainWindow(QMainWindow):
         self.setWindowTitle("harmonic-rig")
         self.setMinimumSize(*SMALLEST)
         self.stack = QStackedWidget()
-        self.prepare = _page("rig.window.prepare", "PreparePage", session)
+        self.prepare = _page("rig.window.prepare.page", "PreparePage", session)
         self.run = RunPage(session)
-        self.review = _page("rig.window.review", "ReviewPage", session)
+        self.review = _page("rig.window.review.page", "ReviewPage", session)
         self._buttons = QButtonGroup(self)
         whole = QWidget()
         column = QVBoxLayout(whole)

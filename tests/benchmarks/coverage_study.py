@@ -38,7 +38,7 @@ def one_seed(seed: int) -> list[Row]:
     from experiments.truth import truth_of, truth_rows
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
-    from rig.fit import fit_files
+    from rig.analysis.fit import fit_files
     from rig.run.start import RunRequest, run_request
 
     found: list[Row] = []

@@ -79,8 +79,8 @@ def served(folder: Path, rate: float, reaction: float, priority: int) -> Iterato
 
 def request_for(description: Path, rate: float, folder: Path) -> RunRequest:
     """The armed request of the study."""
-    from rig.backends import HARDWARE
-    from rig.config.apply import configured_rig
+    from rig.bench.backends.registry import HARDWARE
+    from rig.bench.config.apply import configured_rig
 
     rig = configured_rig(description)
     return RunRequest(

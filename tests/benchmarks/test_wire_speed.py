@@ -17,7 +17,8 @@ from drivers.frames import CycleStore
 from drivers.port import Command, DriveLimits, Guard, Mode
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.backends import Bench, BenchRequest, make_port
+from rig.bench.backends.assembly import Bench, BenchRequest
+from rig.bench.backends.registry import make_port
 from tests.benchmarks.conftest import Note
 
 CYCLES = 1000

@@ -36,7 +36,7 @@ import numpy as np
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication
 
-    from rig.window.running import RunPage
+    from rig.window.run.page import RunPage
 
 BLOCK_SECONDS = 0.02
 SETTLING = 5.0
@@ -268,8 +268,8 @@ def watch(
     from PySide6.QtCore import QTimer
 
     from rig.window.main import MainWindow
-    from rig.window.session import WindowSession
-    from rig.window.theme import apply_theme
+    from rig.window.shell.session import WindowSession
+    from rig.window.shell.theme import apply_theme
 
     pg.setConfigOptions(antialias=True)
     apply_theme(application, "light")
@@ -384,7 +384,7 @@ def main() -> int:
         return 0
     from PySide6.QtWidgets import QApplication
 
-    from rig.window.collector import collector_in_this_thread
+    from rig.window.shell.collector import collector_in_this_thread
 
     application = QApplication([])
     with collector_in_this_thread():

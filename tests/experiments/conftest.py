@@ -6,8 +6,10 @@ import dataclasses
 
 import pytest
 
-from experiments import friction, kinematic_error, motor_tare
 from experiments.contract import Evidence
+from experiments.protocols import motor_tare
+from experiments.protocols.friction import protocol as friction
+from experiments.protocols.kinematic_error import protocol as kinematic_error
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import Harmonic, HarmonicDrive

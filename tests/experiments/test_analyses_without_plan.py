@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import scipy
 
-from experiments import motion, order_spectrum, revolution
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.recording import ArraySource, Recording, RunMetadata, Signal
+from experiments.recordings import motion, order_spectrum, revolution
 from model.gear import HarmonicDrive
 from model.units import ARCSEC
 

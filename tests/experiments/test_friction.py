@@ -9,15 +9,16 @@ import dataclasses
 import numpy as np
 import pytest
 
-from experiments import friction, motor_tare
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.friction_points import measure_friction, reproducibility
+from experiments.protocols import motor_tare
+from experiments.protocols.friction import protocol as friction
+from experiments.protocols.friction.points import measure_friction, reproducibility
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from experiments.steps import ServoOff
-from experiments.tare import read_tare
-from experiments.zero import torque_zero
+from experiments.torque.tare import read_tare
+from experiments.torque.zero import torque_zero
 from model.friction import friction_torque
 from model.gear import HarmonicDrive, Origin
 from model.identify.stribeck import NAMES

@@ -8,12 +8,12 @@ import math
 import numpy as np
 import pytest
 
-from experiments import kinematic_error
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
+from experiments.planning.speeds import first_resonances
+from experiments.protocols.kinematic_error import protocol as kinematic_error
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
-from experiments.speeds import first_resonances
 from model.gear import Harmonic, HarmonicDrive, Origin
 from model.identify.estimate import BudgetLine, Estimate
 from model.kinematic_error import peak_to_peak

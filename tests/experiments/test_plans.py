@@ -11,11 +11,14 @@ from annotated_types import Ge, Gt, Le, Lt
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from experiments import catalogue, friction, kinematic_error, velocity_steps
+from experiments import catalogue
 from experiments.errors import PlanError
 from experiments.parameters import ParameterField, parameter_fields
-from experiments.plan_parts import LABELS, ZERO_AFTER, ZERO_BEFORE
-from experiments.speeds import alias_leak, incommensurate, lattice_distance
+from experiments.planning.parts import LABELS, ZERO_AFTER, ZERO_BEFORE
+from experiments.planning.speeds import alias_leak, incommensurate, lattice_distance
+from experiments.protocols.friction import protocol as friction
+from experiments.protocols.kinematic_error import protocol as kinematic_error
+from experiments.protocols.velocity_steps import protocol as velocity_steps
 from experiments.steps import (
     FindIndex,
     HoldRevolutions,

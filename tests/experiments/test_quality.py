@@ -11,12 +11,15 @@ import pytest
 from numpy.typing import NDArray
 
 from drivers.samples import CycleFlag
-from experiments import friction, motion, motor_tare, velocity_steps
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.quality import BAD_CYCLE, check_recording, require_time_base, time_base_remark
+from experiments.evidence import BAD_CYCLE, check_recording, require_time_base, time_base_remark
+from experiments.protocols import motor_tare
+from experiments.protocols.friction import protocol as friction
+from experiments.protocols.velocity_steps import protocol as velocity_steps
 from experiments.recording import ArraySource, Recording, RunMetadata, Segment, Signal
-from experiments.skew import skews, viscous_windup
+from experiments.recordings import motion
+from experiments.recordings.skew import skews, viscous_windup
 from model.gear import HarmonicDrive
 
 PERIOD_NS = 1_000_000

@@ -10,16 +10,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments import kinematic_error
+from experiments.angle.phase_reference import phase_reference
+from experiments.angle.traverses import stretches
 from experiments.budget import budget_table, torque_scale_uncertainty
-from experiments.channels import chosen_channel
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.phase_reference import phase_reference
-from experiments.quality import check_recording, require_time_base
+from experiments.evidence import check_recording, require_time_base
+from experiments.protocols.kinematic_error import protocol as kinematic_error
 from experiments.recording import ArraySource, Recording, RunMetadata, Signal
+from experiments.recordings.channels import chosen_channel
 from experiments.result import Result, judge_upper
-from experiments.stretches import stretches
 from experiments.truth import truth_of, truth_rows, truth_table
 from model.gear import HarmonicDrive
 from model.identify.estimate import BudgetLine, Estimate

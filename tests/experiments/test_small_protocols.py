@@ -7,9 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from experiments import home, starting_torque, warm_up
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
+from experiments.protocols import home, starting_torque, warm_up
 from experiments.recording import ArraySource, Recording
 from model.friction import friction_torque
 from model.gear import HarmonicDrive, Origin

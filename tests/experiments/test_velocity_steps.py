@@ -10,9 +10,9 @@ import math
 import numpy as np
 import pytest
 
-from experiments import velocity_steps
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
+from experiments.protocols.velocity_steps import protocol as velocity_steps
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import Harmonic, HarmonicDrive, Origin

@@ -12,7 +12,7 @@ from experiments.result import Plot, Result, Series, Table, judge_upper
 from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine, Estimate
 from model.units import ARCMIN, RPM
-from rig.fit import Fit
+from rig.analysis.fit import Fit
 
 
 def estimate(name: str, value: float, unit: str, u: float, **more: Any) -> Estimate:

@@ -5,7 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from rig.runfile.foreign import Imported, ImportOptions, import_csv, import_mat, parse_channel
+from rig.runfile.importing.convert import (
+    Imported,
+    ImportOptions,
+    import_csv,
+    import_mat,
+    parse_channel,
+)
 from rig.runfile.read import close_recording, open_run
 
 TIME = np.arange(6) * 0.002

@@ -16,7 +16,7 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from sim_backend.wire.serve import Addresses, make_bench, serve
 
-TEMPLATE = resources.files("rig.config").joinpath("template.toml").read_text(encoding="utf-8")
+TEMPLATE = resources.files("rig.bench.config").joinpath("template.toml").read_text(encoding="utf-8")
 
 
 @dataclass

@@ -9,7 +9,7 @@ from typing import Any
 
 from experiments.result import Result
 from model.identify.estimate import BudgetLine, Estimate
-from rig.results import Analysis, Basis, append_analysis
+from rig.analysis.store import Analysis, Basis, append_analysis
 from rig.runfile.layout import Column
 from rig.runfile.seal import recorded_sha256
 from rig.runfile.write import RunWriter

@@ -14,8 +14,9 @@ from pathlib import Path
 import pytest
 
 from rig.errors import RunFileError
-from rig.library import IndexedRun, LibraryIndex, claim_run, index, list_runs
-from rig.library.index import INDEX_NAME, SCHEMA
+from rig.library import index
+from rig.library.folder import claim_run, list_runs
+from rig.library.index import INDEX_NAME, SCHEMA, IndexedRun, LibraryIndex
 from rig.runfile.recover import recover_run
 from rig.runfile.write import RunWriter
 from tests.rig.library.stored import start, write
@@ -206,7 +207,10 @@ def test_another_process_that_writes_for_long_is_not_waited_for(
 
 
 def test_another_process_and_threads_that_scan_at_once_find_the_same(folder: Path) -> None:
-    code = f"from rig.library import LibraryIndex\nprint([r.number for r in LibraryIndex({str(folder)!r}).search()])"
+    code = (
+        "from rig.library.index import LibraryIndex\n"
+        f"print([r.number for r in LibraryIndex({str(folder)!r}).search()])"
+    )
     process = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, cwd=ROOT
     )

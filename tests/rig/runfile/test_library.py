@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rig.errors import RunFileError
-from rig.library import claim_run, list_runs, run_files
+from rig.library.folder import claim_run, list_runs, run_files
 from rig.runfile.write import RunWriter
 from tests.rig.runfile.making import block, header, write_run
 
@@ -60,7 +60,7 @@ def test_names_stay_in_the_folder(
 
 def test_two_processes_never_get_the_same_number(tmp_path: Path) -> None:
     code = (
-        "from rig.library import claim_run\nfor _ in range(60): "
+        "from rig.library.folder import claim_run\nfor _ in range(60): "
         f"print(claim_run({str(tmp_path)!r}, 'p', 's').number)"
     )
     processes = [

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rig.errors import RunFileError
-from rig.library import LibraryIndex
+from rig.library.index import LibraryIndex
 from rig.library.living import is_being_written
 from rig.runfile.opening import open_for_reading
 from rig.runfile.read import FileSource, close_recording, follow, open_run

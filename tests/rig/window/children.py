@@ -108,8 +108,6 @@ def trip(folder: Path) -> None:
     from drivers.clock import WallClock
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
-    from rig.drill.protocol import EXPERIMENT, DrillParameters
-    from rig.drill.rigs import Happening, drilled_rig
     from rig.run.dry_run import plan_run
     from rig.run.latch import TripLatch
     from rig.run.opening import begin_inline_run
@@ -117,6 +115,8 @@ def trip(folder: Path) -> None:
     from rig.run.remote import RemoteOperator, lines_of
     from rig.run.session import execute
     from rig.run.stop import StopRequest
+    from rig.trial.drill.protocol import EXPERIMENT, DrillParameters
+    from rig.trial.drill.rigs import Happening, drilled_rig
     from sim_backend import faults
 
     gear, motor, stop = shipped_gear(), shipped_motor(), StopRequest()

@@ -24,15 +24,15 @@ from pytestqt.qtbot import QtBot
 import rig.main
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.fit import fit_files, store
+from rig.analysis.fit import fit_files, store
 from rig.run.start import RunRequest, plan_request, run_request
-from rig.window.background import BackgroundCommand
-from rig.window.child import RunProcess
 from rig.window.main import MainWindow
-from rig.window.prepared import PreparedRun
-from rig.window.review import ReviewPage
-from rig.window.session import WindowSession
-from rig.window.theme import apply_theme
+from rig.window.review.page import ReviewPage
+from rig.window.shell.session import WindowSession
+from rig.window.shell.theme import apply_theme
+from rig.window.work.background import BackgroundCommand
+from rig.window.work.child import RunProcess
+from rig.window.work.prepared import PreparedRun
 from tests.rig.window.reviewing import destroy
 
 CHILDREN = Path(__file__).with_name("children.py")
@@ -56,7 +56,7 @@ MakePrepared = Callable[..., PreparedRun]
 
 @pytest.fixture(autouse=True)
 def collector_in_the_main_thread() -> Iterator[None]:
-    """No other thread takes a window apart: what a test leaves is collected here, as `rig.window.collector` does it."""
+    """No other thread takes a window apart: what a test leaves is collected here, as by `shell.collector`."""
     gc.disable()
     yield
     gc.collect(0)

@@ -8,11 +8,11 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication, QEvent
 from PySide6.QtWidgets import QWidget
 
-from rig.library import IndexedRun
+from rig.library.index import IndexedRun
 from rig.runfile.write import RunWriter
-from rig.window.library_table_model import COLUMNS
-from rig.window.plots import Curve
-from rig.window.review import ReviewPage
+from rig.window.plot.plots import Curve
+from rig.window.review.page import ReviewPage
+from rig.window.review.table_model import COLUMNS
 from tests.rig.runfile.making import block, header
 
 LONGEST = 40_000

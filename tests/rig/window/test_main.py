@@ -18,7 +18,6 @@ from typer.testing import CliRunner
 from experiments.result import Plot, Series
 from rig.errors import ConfigurationError
 from rig.main import app
-from rig.window.collector import collector_in_this_thread
 from rig.window.main import (
     PAGES,
     MainWindow,
@@ -26,10 +25,11 @@ from rig.window.main import (
     open_window,
     refuse_a_screen_that_qt_cannot_use,
 )
-from rig.window.palette import palette_of
-from rig.window.plots import LabPlot
-from rig.window.session import REMEMBERED_FILE, WindowSession
-from rig.window.theme import theme_named
+from rig.window.plot.plots import LabPlot
+from rig.window.shell.collector import collector_in_this_thread
+from rig.window.shell.palette import palette_of
+from rig.window.shell.session import REMEMBERED_FILE, WindowSession
+from rig.window.shell.theme import theme_named
 
 
 def test_pages_by_keyboard(window: MainWindow, qtbot: QtBot) -> None:

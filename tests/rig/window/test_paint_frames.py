@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from pytestqt.qtbot import QtBot
 
-from rig.window.plots import LabPlot
-from rig.window.session import WindowSession
+from rig.window.plot.plots import LabPlot
+from rig.window.shell.session import WindowSession
 
 FRAMES = 1000
 MOST_LOST = 50

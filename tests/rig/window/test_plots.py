@@ -12,19 +12,19 @@ from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
 from experiments.result import Plot, Result, Series
-from rig.result_data import plot_to_mapping as as_mapping
-from rig.result_data import result_from_mapping, table_to_mapping
-from rig.results import json_text
-from rig.window.overlay import Overlaid, common_figures, mark_of, overlay, short_names
-from rig.window.plots_axis import LabAxis, log_ticks, plain
-from rig.window.plots_result import (
+from rig.analysis.result_data import plot_to_mapping as as_mapping
+from rig.analysis.result_data import result_from_mapping, table_to_mapping
+from rig.analysis.store import json_text
+from rig.window.plot.axis import LabAxis, log_ticks, plain
+from rig.window.plot.overlay import Overlaid, common_figures, mark_of, overlay, short_names
+from rig.window.plot.result_plot import (
     PlotGallery,
     ResultPlot,
     dash_of,
     distinct_titles,
     without_what_logs_lose,
 )
-from rig.window.session import WindowSession
+from rig.window.shell.session import WindowSession
 from tests.rig.handmade import friction_plot, friction_result, kinematic_result
 
 X = np.array([1.0, 10.0, 100.0])

@@ -25,19 +25,19 @@ from pytestqt.qtbot import QtBot
 
 from rig.commands.ordering import request_of
 from rig.commands.running import read_protocol
-from rig.gear_card import card_for, now_text, save_card, with_changes, with_confirmation
+from rig.gears.card import card_for, now_text, save_card, with_changes, with_confirmation
 from rig.main import app
 from rig.run.latch import HISTORY_NAME, LatchedTrip, TripLatch
 from rig.run.preflight import Check
 from rig.run.start import plan_request
-from rig.window.checklist import Checklist
-from rig.window.checklist_doctor import checks_from
-from rig.window.prepare import PreparePage
-from rig.window.prepare_latch import AcknowledgeDialog
-from rig.window.prepare_process import SideProcess
-from rig.window.prepare_training import TrainingDialog, verdict_text
-from rig.window.prepared import PreparedRun
-from rig.window.session import WindowSession
+from rig.window.prepare.checklist import Checklist
+from rig.window.prepare.checklist_doctor import checks_from
+from rig.window.prepare.latch import AcknowledgeDialog
+from rig.window.prepare.page import PreparePage
+from rig.window.prepare.process import SideProcess
+from rig.window.prepare.training import TrainingDialog, verdict_text
+from rig.window.shell.session import WindowSession
+from rig.window.work.prepared import PreparedRun
 
 LONGEST = 20_000
 """ms until a test gives up; nothing takes a tenth of it on an idle computer."""
@@ -57,7 +57,7 @@ Settle = Callable[[PreparePage], None]
 @pytest.fixture
 def settle(qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> Iterator[Settle]:
     """Waits until a page has worked out what it was told last; at the end, until no thread works any more."""
-    monkeypatch.setattr("rig.window.prepare.TYPING_PAUSE", 15)
+    monkeypatch.setattr("rig.window.prepare.page.TYPING_PAUSE", 15)
 
     def wait(page: PreparePage) -> None:
         qtbot.waitUntil(lambda: not page.is_stale, timeout=LONGEST)
@@ -353,7 +353,7 @@ def test_hardware_asks_for_the_rig_s_answer_and_a_typed_confirmation(
 ) -> None:
     configuration = tmp_path / "rig.toml"
     configuration.write_text(
-        (resources.files("rig.config") / "template.toml").read_text(encoding="utf-8"),
+        (resources.files("rig.bench.config") / "template.toml").read_text(encoding="utf-8"),
         encoding="utf-8",
     )
     session = WindowSession(tmp_path / "runs", "hardware", configuration)

@@ -11,13 +11,13 @@ from pytestqt.qtbot import QtBot
 
 from experiments import catalogue
 from experiments.parameters import make_parameters, parameter_fields
-from rig.gear_card import GearFacts, now_text, save_card, with_changes, with_confirmation
-from rig.window.form import ParameterForm, printed
-from rig.window.prepare import PreparePage
-from rig.window.prepare_gear import GearSection
-from rig.window.prepare_process import SideProcess
-from rig.window.prepare_training import TrainingDialog
-from rig.window.session import WindowSession
+from rig.gears.card import GearFacts, now_text, save_card, with_changes, with_confirmation
+from rig.window.prepare.form import ParameterForm, printed
+from rig.window.prepare.gear import GearSection
+from rig.window.prepare.page import PreparePage
+from rig.window.prepare.process import SideProcess
+from rig.window.prepare.training import TrainingDialog
+from rig.window.shell.session import WindowSession
 
 LONG = "SN 0815/ä that somebody pasted out of a spreadsheet with everything that stood in its row, 1234567890"
 

@@ -13,10 +13,10 @@ from PySide6.QtCore import QPointF, Qt, QUrl
 from pytestqt.qtbot import QtBot
 
 from model.gear_file import save_gear, shipped_gear
-from rig.results import read_analyses
-from rig.window.review import ReviewPage
-from rig.window.review_signals_data import shapes_of
-from rig.window.session import WindowSession
+from rig.analysis.store import read_analyses
+from rig.window.review.page import ReviewPage
+from rig.window.review.signals_data import shapes_of
+from rig.window.shell.session import WindowSession
 from tests.rig.runfile.making import write_run
 from tests.rig.window.reviewing import LONGEST, drawn
 

@@ -9,13 +9,13 @@ import pytest
 from PySide6.QtCore import QDate, Qt
 from pytestqt.qtbot import QtBot
 
-from rig.library import ListedRun, read_listed
+from rig.library.folder import ListedRun, read_listed
 from rig.runfile.write import RunWriter
-from rig.window.library_table_model import LibraryFilter, LibraryModel, Wanted
-from rig.window.library_table_source import LibrarySource
 from rig.window.main import MainWindow
-from rig.window.review import ReviewPage
-from rig.window.session import WindowSession
+from rig.window.review.page import ReviewPage
+from rig.window.review.table_model import LibraryFilter, LibraryModel, Wanted
+from rig.window.review.table_source import LibrarySource
+from rig.window.shell.session import WindowSession
 from tests.rig.runfile.making import block, header, write_run
 from tests.rig.window.reviewing import LONGEST, destroy, drawn, indexed, several, shown
 

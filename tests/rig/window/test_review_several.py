@@ -11,12 +11,12 @@ from PySide6.QtCore import Qt, QUrl
 from pytestqt.qtbot import QtBot
 
 from model.gear_file import load_gear, save_gear, shipped_gear
-from rig.fit import fit_files
-from rig.results import read_analyses
-from rig.window.background import BackgroundCommand
-from rig.window.review import ReviewPage, report_path
-from rig.window.review_fit import FitOrder, ResultCache
-from rig.window.review_passport import missing_fits
+from rig.analysis.fit import fit_files
+from rig.analysis.store import read_analyses
+from rig.window.review.fit import FitOrder, ResultCache
+from rig.window.review.page import ReviewPage, report_path
+from rig.window.review.passport import missing_fits
+from rig.window.work.background import BackgroundCommand
 from tests.rig.window.reviewing import LONGEST, indexed
 
 
@@ -153,7 +153,8 @@ def test_a_report_is_made_with_the_tare_of_the_newest_fit(
         analysis, content={**analysis.content, "tare": {"run": tare.name.removesuffix(".h5")}}
     )
     monkeypatch.setattr(
-        "rig.window.review.read_analyses", lambda path: (changed,) if path == friction[1] else ()
+        "rig.window.review.page.read_analyses",
+        lambda path: (changed,) if path == friction[1] else (),
     )
     page = opened()
     page.make_report([friction[1]])

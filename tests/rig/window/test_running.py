@@ -20,11 +20,11 @@ from rig.run.latch import LATCH_NAME
 from rig.run.order import Progress
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run
-from rig.window.child import RunProcess
 from rig.window.main import MainWindow
-from rig.window.points_view import StartingPoints, TorquePoints
-from rig.window.run_state import LOST, State
-from rig.window.session import WindowSession
+from rig.window.run.points_view import StartingPoints, TorquePoints
+from rig.window.run.state import LOST, State
+from rig.window.shell.session import WindowSession
+from rig.window.work.child import RunProcess
 from tests.rig.window.conftest import LONGEST, MakePrepared, child
 
 SIZES = ((1366, 768), (1920, 1080))

@@ -14,9 +14,9 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.run.start import RunRequest, plan_request
 from rig.window.main import MainWindow
-from rig.window.prepared import PreparedRun
-from rig.window.run_state import State
-from rig.window.session import WindowSession
+from rig.window.run.state import State
+from rig.window.shell.session import WindowSession
+from rig.window.work.prepared import PreparedRun
 from tests.rig.served_rig import served_rig
 from tests.rig.window.conftest import LONGEST
 

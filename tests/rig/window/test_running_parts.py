@@ -18,13 +18,13 @@ from rig.run.trips import TRIPS
 from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column
 from rig.runfile.write import RunWriter
-from rig.window.banner import LOOKS, look_of
-from rig.window.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows
-from rig.window.live_file import Block, Envelope, LiveFile, RollingEnvelope, SlidingSpeed
-from rig.window.margins_view import number, worded
-from rig.window.outcome_view import result_lines
-from rig.window.palette import DARK, LIGHT, Palette
-from rig.window.run_state import LOST, STOOD, RunState, State
+from rig.window.run.banner import LOOKS, look_of
+from rig.window.run.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows
+from rig.window.run.margins_view import number, worded
+from rig.window.run.outcome_view import result_lines
+from rig.window.run.state import LOST, STOOD, RunState, State
+from rig.window.shell.palette import DARK, LIGHT, Palette
+from rig.window.work.live_file import Block, Envelope, LiveFile, RollingEnvelope, SlidingSpeed
 
 
 def fed(

@@ -6,10 +6,10 @@ import json
 
 import pytest
 
-from rig.difference import Change
-from rig.window.library_table_model import gear_words
-from rig.window.outcome_view import remarks, result_lines
-from rig.window.review_difference import change_row
+from rig.analysis.difference import Change
+from rig.window.review.difference import change_row
+from rig.window.review.table_model import gear_words
+from rig.window.run.outcome_view import remarks, result_lines
 from tests.rig.window.reviewing import indexed
 
 

@@ -10,8 +10,8 @@ from drivers.cia301 import U8, U32, ObjectRef
 from drivers.cyclic import CanRig
 from drivers.port import Bound, Command, Guard, Mode
 from drivers.rig_nodes import GuardContact
-from rig import limits as lim
-from rig.backends.simulated import wire_config
+from rig.bench import limits as lim
+from rig.bench.backends.simulated import wire_config
 from rig.run.phases import Turn
 from rig.run.supervisor import Supervisor
 from rig.run.trips import GUARD_OPEN

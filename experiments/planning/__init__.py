@@ -1,0 +1,1 @@
+"""What plans are made of beside steps: shared parameters, shared parts, and the choice of speeds."""

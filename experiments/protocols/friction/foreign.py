@@ -1,0 +1,68 @@
+"""Friction over speed from an angle and a motor current alone: the Stribeck curve in the channel's own unit."""
+
+from __future__ import annotations
+
+import math
+
+from experiments.errors import analysing
+from experiments.protocols.friction.plots import point_table
+from experiments.protocols.friction.points import MeasuredFriction
+from experiments.recording import Recording
+from experiments.result import Result
+from model.identify.estimate import Estimate
+from model.identify.running_torque import pair_directions
+from model.identify.stribeck import NAMES, fit_stribeck, profile_intervals
+
+KIND = "friction"
+
+
+def friction_in_foreign_unit(recording: Recording, measured: MeasuredFriction) -> Result:
+    """Friction over speed in the channel's own unit (a motor current): the Stribeck curve without
+    levers and bearing.
+    """
+    unit = measured.unit
+    with analysing(recording.metadata.run_id):
+        points = pair_directions([h.torque for h in measured.holds])
+        fit = fit_stribeck(points.speed, points.friction, points.standard_error)
+        intervals = profile_intervals(fit, points.speed, points.friction, points.standard_error)
+    units = {
+        "coulomb": unit,
+        "static": unit,
+        "stribeck_velocity": "rad/s",
+        "shape": "1",
+        "viscous": f"{unit} s/rad",
+    }
+    estimates: dict[str, Estimate] = {}
+    for k, name in enumerate(NAMES):
+        low, high = (float(x) for x in intervals[k])
+        closed = math.isfinite(low) and math.isfinite(high)
+        note = (
+            ""
+            if closed
+            else "the profile of the likelihood does not close: the data do not bound it"
+        )
+        low, high = (
+            (low if math.isfinite(low) else 0.0),
+            (high if math.isfinite(high) else math.inf),
+        )
+        estimates[name] = Estimate(
+            name, float(fit.values[k]), units[name], low, high, "yes" if closed else "no", note
+        )
+    text = f'The channel "{measured.channel}" is in {unit}, not N m: friction is that of the whole axis, in {unit}.'
+    return Result(
+        recording.metadata.run_id,
+        KIND,
+        estimates,
+        {
+            "points": float(len(points.speed)),
+            "chi_square": fit.chi_square,
+            "freedom": float(fit.freedom),
+        },
+        (*measured.warnings, *points.warnings, text),
+        tables=(point_table(measured.holds, measured.bracket, None, unit),),
+        options={
+            "torque_is_of": "motor + gear",
+            "channel": measured.channel,
+            "torque_balance": "none",
+        },
+    )

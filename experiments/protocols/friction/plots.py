@@ -1,0 +1,222 @@
+"""Figures 9 and 17 and the table of points, as data: running torque over speed, measured and
+fitted, both directions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.result import Plot, Series, Table
+from experiments.torque.running_torque import Hold
+from model.friction import friction_torque
+from model.gear import HarmonicDrive
+from model.identify.friction import FrictionFit
+from model.identify.running_torque import FrictionPoints, Tare
+from model.units import RPM
+
+FloatArray = NDArray[np.float64]
+ENLARGED_BELOW_RPM = 100.0
+MILLI = 1e-3
+
+
+def friction_plots(
+    fit: FrictionFit, holds: list[Hold], bracket: list[Hold], tare: Tare | None
+) -> tuple[Plot, ...]:
+    """Every figure of a friction run."""
+    plots = [
+        _figure_9(
+            fit, "friction-curve", "No-load running torque over speed", fit.speed.max() / RPM
+        ),
+        _figure_9(fit, "friction-curve-low", "Enlargement of the low speeds", ENLARGED_BELOW_RPM),
+        _figure_17(fit, holds, tare),
+        _residuals(fit),
+    ]
+    if bracket:
+        plots.append(_bracket(bracket))
+    return tuple(plots)
+
+
+def _label(fit: FrictionFit) -> str:
+    return f"friction torque of {'the gear' if fit.subject == 'gear' else 'motor + gear'} [mN m]"
+
+
+def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Plot:
+    """Half-differences of the directions and the fitted curve, up to a speed."""
+    kept = fit.speed / RPM <= highest_rpm * 1.001
+    line = fit.curve_speed / RPM <= highest_rpm * 1.001
+    x, y, u = (
+        fit.speed[kept] / RPM,
+        fit.torque[kept] / MILLI,
+        1.96 * fit.standard_error[kept] / MILLI,
+    )
+    series = (
+        Series("measured, half-difference", x, y, "points", y - u, y + u, 0),
+        Series(
+            "fitted, equations 18-20",
+            fit.curve_speed[line] / RPM,
+            fit.curve_torque[line] / MILLI,
+            "line",
+            group=1,
+        ),
+    )
+    note = f"torque balance: {fit.torque_balance}"
+    return Plot(name, title, "input speed [r/min]", _label(fit), series, figure="9", note=note)
+
+
+def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
+    """Measured and fitted torque, forward and reverse, over signed speed."""
+    series = []
+    for direction, name in ((1.0, "forward"), (-1.0, "reverse")):
+        chosen = sorted(
+            (h.torque for h in holds if h.torque.direction == direction), key=lambda t: t.speed
+        )
+        if not chosen:
+            continue
+        speed = np.array([t.speed for t in chosen])
+        torque = np.array([t.torque for t in chosen])
+        if tare is not None:
+            torque = torque - direction * tare.at(np.abs(speed))[0]
+        u = np.array([1.96 * t.standard_error for t in chosen])
+        group = 0 if direction > 0 else 1
+        y = torque / MILLI
+        series.append(
+            Series(
+                f"measured, {name}", speed / RPM, y, "points", y - u / MILLI, y + u / MILLI, group
+            )
+        )
+        x, curve = direction * fit.curve_speed, direction * fit.curve_torque
+        series.append(Series(f"fitted, {name}", x / RPM, curve / MILLI, "line", group=group))
+    return Plot(
+        "friction-directions",
+        "Friction torque, measured and fitted",
+        "input speed [r/min]",
+        _label(fit),
+        tuple(series),
+        figure="17",
+    )
+
+
+def _residuals(fit: FrictionFit) -> Plot:
+    y, u = (fit.torque - fit.fitted) / MILLI, 1.96 * fit.standard_error / MILLI
+    series = (Series("measured minus fitted", fit.speed / RPM, y, "points", y - u, y + u),)
+    return Plot(
+        "friction-residuals",
+        "What the fit leaves",
+        "input speed [r/min]",
+        "residual [mN m]",
+        series,
+        x_scale="log",
+    )
+
+
+def _bracket(bracket: list[Hold]) -> Plot:
+    """The reference speed over the run: what heat did to the torque in between."""
+    series = []
+    for direction, name in ((1.0, "forward"), (-1.0, "reverse")):
+        chosen = [h.torque for h in bracket if h.torque.direction == direction]
+        if chosen:
+            x = np.array([t.time / 60.0 for t in chosen])
+            y = np.array([direction * t.torque / MILLI for t in chosen])
+            series.append(Series(name, x, y, "points", group=0 if direction > 0 else 1))
+    speed = abs(bracket[0].torque.speed) / RPM
+    return Plot(
+        "friction-bracket",
+        f"Reference speed of {speed:.0f} r/min during the sweep",
+        "time [min]",
+        "torque of motor + gear [mN m]",
+        tuple(series),
+    )
+
+
+def friction_prediction_plot(
+    gear: HarmonicDrive,
+    points: FrictionPoints,
+    torque: FloatArray,
+    predicted: FloatArray,
+    subject: str,
+) -> Plot:
+    """A given parameter set against the measured friction."""
+    speed = np.geomspace(points.speed.min(), points.speed.max(), 300)
+    u = 1.96 * points.standard_error / MILLI
+    y = torque / MILLI
+    series = (
+        Series("measured, half-difference", points.speed / RPM, y, "points", y - u, y + u, 0),
+        Series(gear.name, speed / RPM, friction_torque(gear, speed) / MILLI, "line", group=1),
+        Series("residual", points.speed / RPM, (torque - predicted) / MILLI, "points", group=2),
+    )
+    return Plot(
+        "friction-prediction",
+        f"Friction of {gear.name} against the run",
+        "input speed [r/min]",
+        f"friction torque of {subject} [mN m]",
+        series,
+        x_scale="log",
+        figure="17",
+    )
+
+
+def point_table(
+    holds: list[Hold], bracket: list[Hold], tare: Tare | None, unit: str = "N m"
+) -> Table:
+    """Every point of the run in the order in which it was measured."""
+    rows: list[tuple[float | int | str, ...]] = []
+    for hold in sorted((*holds, *bracket), key=lambda h: h.torque.time):
+        t = hold.torque
+        motor = (
+            float(tare.at(np.array([abs(t.speed)]))[0][0]) * t.direction
+            if tare is not None
+            else 0.0
+        )
+        rows.append(
+            (
+                hold.segment.label,
+                hold.segment.repeat,
+                t.speed / RPM,
+                t.torque,
+                t.standard_error,
+                motor,
+                t.revolutions,
+                t.time,
+                "" if np.isnan(t.temperature) else t.temperature,
+            )
+        )
+    columns = (
+        "segment",
+        "sweep",
+        "speed [r/min]",
+        f"torque [{unit}]",
+        f"standard error [{unit}]",
+        f"motor tare [{unit}]",
+        "revolutions",
+        "time [s]",
+        "housing [degC]",
+    )
+    return Table(
+        "points",
+        "Running torque per point",
+        columns,
+        tuple(rows),
+        "torque as measured, servo-off zero subtracted",
+    )
+
+
+FIT_TABLE = "fitted-points"
+
+
+def fit_table(fit: FrictionFit) -> Table:
+    """What was fitted: friction of each pair of directions, tare subtracted, brought to mean place and warmth."""
+    rows = tuple(
+        (float(v) / RPM, float(t), float(u), float(f), float(t - f))
+        for v, t, u, f in zip(fit.speed, fit.torque, fit.standard_error, fit.fitted, strict=True)
+    )
+    columns = (
+        "speed [r/min]",
+        "friction [N m]",
+        "standard error [N m]",
+        "fitted [N m]",
+        "residual [N m]",
+    )
+    return Table(
+        FIT_TABLE, "Friction points and fit", columns, rows, "half-difference of the directions"
+    )

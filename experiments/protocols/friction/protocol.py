@@ -1,0 +1,485 @@
+"""No-load running torque over speed: constant speeds, both directions, up and down, bracketed by a reference speed.
+
+(18) F_fb, (19) F_fm, (20) T_f(v), in the torque balance that the parameter set names
+
+Half-difference of the directions is friction, half-sum is offset and asymmetry. The torque port
+shows motor + gear: a valid motor tare is subtracted with its uncertainty, without one everything is
+labelled "motor + gear". Figures 9 and 17.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from experiments.budget import budget_table, torque_scale_uncertainty
+from experiments.contract import Evidence, Experiment
+from experiments.errors import AnalysisError, PlanError, analysing
+from experiments.evidence import known_settings
+from experiments.parameters import Help, Unit
+from experiments.planning.parts import (
+    between_zeros,
+    checked,
+    longest,
+    ramp,
+    stop,
+    whole_revolutions,
+    window_of,
+)
+from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
+from experiments.planning.speeds import (
+    clear_of_resonances,
+    incommensurate,
+    log_speeds,
+    near_resonance,
+    refuse_speed,
+    resonance_speeds,
+)
+from experiments.protocols.friction.estimates import (
+    genetic_metrics,
+    offset_estimate,
+    running_torques,
+    type_b,
+    with_warmth,
+)
+from experiments.protocols.friction.foreign import friction_in_foreign_unit
+from experiments.protocols.friction.plots import (
+    fit_table,
+    friction_plots,
+    friction_prediction_plot,
+    point_table,
+)
+from experiments.protocols.friction.points import (
+    Correction,
+    MeasuredFriction,
+    corrected,
+    measure_friction,
+    reproducibility,
+    weighed,
+)
+from experiments.recording import Recording
+from experiments.result import Result, Verdict, judge_upper
+from experiments.steps import (
+    HoldRevolutions,
+    HoldTime,
+    Mark,
+    MoveRevolutions,
+    SegmentLabel,
+    Settle,
+    Step,
+)
+from model.friction import bearing_lever, bearing_magnitude, friction_torque, mesh_lever
+from model.gear import HarmonicDrive, Origin
+from model.identify.estimate import Estimate
+from model.identify.friction import FrictionFit, check_identifiable, fit_friction
+from model.identify.running_torque import FrictionPoints, pair_directions
+from model.identify.stribeck import NAMES
+from model.units import DEGREE, RPM
+
+NAME = "friction"
+
+GOLDEN_STEP = 0.6180339887498949
+"""Output revolutions between the start positions of successive speeds: neighbouring speeds lie far
+apart on the output, any
+number of positions is spread evenly, and none repeats."""
+
+WIND_UP = 10.0 * DEGREE
+"""Input angle within which friction winds the gear up after a reversal (hysteresis of 1 arcmin is 2
+degrees at the input).
+"""
+
+
+Curve = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What a friction run can be told."""
+
+    lowest_rpm: Annotated[
+        float,
+        Gt(0.0),
+        Le(6000.0),
+        Unit("r/min"),
+        Help("lowest input speed; below a tenth of the Stribeck velocity"),
+    ] = 1.0
+    highest_rpm: Annotated[
+        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")
+    ] = 3000.0
+    points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
+    speeds_rpm: Annotated[
+        tuple[float, ...],
+        Gt(0.0),
+        Le(10000.0),
+        Unit("r/min"),
+        Help("speeds to run instead of the list above"),
+    ] = ()
+    up_and_down: Annotated[bool, Help("go up the list and down again")] = True
+    repeats: Repeats = 1
+    bracket_rpm: Annotated[
+        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("reference speed that brackets the sweep")
+    ] = 600.0
+    bracket_every: Annotated[
+        int, Ge(1), Le(1000), Unit(""), Help("speeds between two brackets")
+    ] = 5
+    measure_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
+    ] = 1.0
+    settle_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
+    ] = 0.6
+    settle_tolerance: Annotated[
+        float, Gt(0.0), Le(1.0), Unit("N m"), Help("agreement of consecutive torque windows")
+    ] = 0.002
+    resonance_band: Annotated[
+        float,
+        Ge(0.0),
+        Le(0.5),
+        Unit("1"),
+        Help("share of a resonance speed that is steered clear of"),
+    ] = 0.08
+    move_rpm: Annotated[
+        float,
+        Gt(0.0),
+        Le(6000.0),
+        Unit("r/min"),
+        Help("speed of the moves that spread the start positions"),
+    ] = 1500.0
+    acceleration: Acceleration = 800.0
+    zero_time: ZeroTime = 3.0
+    sync_rate: SyncRate = 1000.0
+
+
+def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
+    """Torque zero; at every speed a new start position, both directions, settle, whole revolutions; torque zero."""
+    checked(parameters, Parameters, NAME)
+    speeds = sweep_speeds(parameters, gear)
+    for name in ("bracket_rpm", "move_rpm"):
+        refuse_speed(getattr(parameters, name), gear, f"{NAME}.{name}")
+    return between_zeros(_sweeps(parameters, gear, speeds), parameters.zero_time)
+
+
+def sweep_speeds(p: Parameters, gear: HarmonicDrive, name: str = NAME) -> tuple[float, ...]:
+    """The input speeds [rad/s], ascending: as given or log-spaced, then moved off SYNC ratios and resonances.
+
+    `name` of the protocol stands in refusals.
+    """
+    if not p.speeds_rpm and p.highest_rpm < p.lowest_rpm:
+        raise PlanError(
+            "the highest speed is below the lowest",
+            where=f"{name}.highest_rpm",
+            value=f"{p.highest_rpm:g} r/min",
+            limit=f">= {p.lowest_rpm:g} r/min",
+        )
+    wanted = (
+        sorted(p.speeds_rpm) if p.speeds_rpm else log_speeds(p.lowest_rpm, p.highest_rpm, p.points)
+    )
+    for rpm in wanted:
+        refuse_speed(rpm, gear, f"{name}.speeds_rpm" if p.speeds_rpm else f"{name}.highest_rpm")
+    low, high = wanted[0] * RPM, wanted[-1] * RPM
+    resonances = resonance_speeds(gear)
+    moved = (
+        clear_of_resonances(rpm * RPM, resonances, p.resonance_band, low, high) for rpm in wanted
+    )
+    ceiling = gear.ratings.maximum_input_speed
+    return tuple(incommensurate(w, p.sync_rate, p.measure_time, ceiling=ceiling) for w in moved)
+
+
+def _sweeps(p: Parameters, gear: HarmonicDrive, speeds: tuple[float, ...]) -> Iterator[Step]:
+    resonances = resonance_speeds(gear)
+    for speed in speeds:
+        order = near_resonance(speed, resonances, p.resonance_band)
+        if order is not None:
+            text = (
+                f"{speed / RPM:.4g} r/min lies where order {order:g} meets the first torsional mode"
+            )
+            yield Mark("near-resonance", text)
+    position = 0
+    for sweep in range(p.repeats * (2 if p.up_and_down else 1)):
+        ordered = speeds if sweep % 2 == 0 or not p.up_and_down else speeds[::-1]
+        yield from _bracket(p, sweep)
+        for index, speed in enumerate(ordered):
+            yield _start_position(p, gear, position)
+            position += 1
+            for direction in (1, -1):
+                yield from constant_speed(p, direction * speed, "hold", sweep)
+            if (index + 1) % p.bracket_every == 0 or index + 1 == len(ordered):
+                yield from _bracket(p, sweep)
+
+
+def _bracket(p: Parameters, sweep: int) -> Iterator[Step]:
+    reference = incommensurate(p.bracket_rpm * RPM, p.sync_rate, p.measure_time)
+    for direction in (1, -1):
+        yield from constant_speed(p, direction * reference, "bracket", sweep)
+
+
+def _start_position(p: Parameters, gear: HarmonicDrive, position: int) -> Step:
+    """A move by a golden part of the output revolution, forward or back so that the output stays within one."""
+    here, there = ((GOLDEN_STEP * k) % 1.0 for k in (position, position + 1))
+    turns = (there - here) * gear.ratio
+    speed = p.move_rpm * RPM
+    return MoveRevolutions(
+        turns, speed, p.acceleration, longest(abs(turns), speed) + 5.0, SegmentLabel("position")
+    )
+
+
+def constant_speed(p: Parameters, setpoint: float, label: str, repeat: int) -> Iterator[Step]:
+    """One point: ramp, settle, whole revolutions at a constant signed speed [rad/s], stop."""
+    direction, speed = (1 if setpoint > 0.0 else -1), abs(setpoint)
+    yield ramp(setpoint, p.acceleration, direction)
+    settle = SegmentLabel("settle", setpoint, direction, repeat)
+    window = window_of(speed, p.settle_time)
+    if window > 2.0 * p.settle_time:
+        # A revolution takes longer than any transient: waiting for equal whole turns would double the run for nothing.
+        yield HoldTime(max(2.0 * p.settle_time, WIND_UP / speed), settle)
+    else:
+        yield Settle(window, p.settle_tolerance, 6.0 * window, settle)
+    turns = whole_revolutions(speed, p.measure_time)
+    yield HoldRevolutions(
+        turns, longest(turns, speed), SegmentLabel(label, setpoint, direction, repeat)
+    )
+    yield stop(p.acceleration)
+
+
+SETTINGS = ("channel", "balance", "bracket_limit", "bracket_refusal", "genetic", "seed")
+
+
+def analyse(recording: Recording, evidence: Evidence) -> Result:
+    """Friction parameters with profile intervals, running torque at the catalogue's speeds, offset and asymmetry.
+
+    Settings: channel ("torque"), balance ("energy" or "published", the gear's own), bracket_limit
+    (0.03; above it a warning), bracket_refusal (0.25; above it refused), genetic (True: the paper's
+    search beside it), seed of that search (0).
+    """
+    known_settings(evidence.settings, SETTINGS, NAME)
+    measured = measure_friction(recording, evidence)
+    if measured.unit != "N m":
+        return friction_in_foreign_unit(recording, measured)
+    settings = evidence.settings
+    with analysing(recording.metadata.run_id):
+        fit, brought, correction = _fit(recording, evidence, measured)
+        check_identifiable(fit, limit=float(settings.get("bracket_refusal", 0.25)))
+        metrics = dict(fit.metrics)
+        if settings.get("genetic", True):
+            metrics |= genetic_metrics(fit, evidence.gear, int(settings.get("seed", 0)))
+    metrics["torque_zero_drift"] = measured.zero.drift
+    metrics["reproducibility"] = reproducibility(brought.bracket)
+    metrics |= correction.metrics() | _warmth(measured)
+    estimates = (
+        with_warmth(dict(fit.estimates), torque_scale_uncertainty(recording, measured.channel)[0])
+        | offset_estimate(fit, measured.zero)
+        | running_torques(recording, fit, evidence.gear, measured)
+    )
+    run = recording.metadata.run_id
+    return Result(
+        run,
+        NAME,
+        estimates,
+        metrics,
+        (*measured.warnings, *fit.warnings),
+        _verdicts(fit, estimates, evidence.gear),
+        friction_plots(fit, brought.holds, measured.bracket, measured.tare),
+        (
+            fit_table(fit),
+            point_table(measured.holds, measured.bracket, measured.tare),
+            budget_table(estimates.values()),
+        ),
+        {
+            "torque_is_of": fit.subject,
+            "torque_balance": fit.torque_balance,
+            "channel": measured.channel,
+            "low_speed_branch": evidence.gear.options.low_speed_branch,
+            "points_brought_to": correction.words(),
+        },
+    )
+
+
+def _fit(
+    recording: Recording, evidence: Evidence, measured: MeasuredFriction
+) -> tuple[FrictionFit, MeasuredFriction, Correction]:
+    """The fit of the points, brought to mean place and warmth as the fit itself shows them (two rounds)."""
+    settings = evidence.settings
+
+    def fit_of(points: MeasuredFriction, correction: Correction, *, profile: bool) -> FrictionFit:
+        uncertainty = type_b(recording, evidence.gear, measured, correction)
+        return fit_friction(
+            weighed(points.holds, reproducibility(points.bracket), evidence.gear),
+            evidence.gear,
+            tare=points.tare,
+            bracket=[h.torque for h in measured.bracket],
+            uncertainty=uncertainty,
+            balance=settings.get("balance"),
+            bracket_limit=float(settings.get("bracket_limit", 0.03)),
+            profile=profile,
+        )
+
+    points, correction = measured, Correction()
+    for _ in range(2):
+        fit = fit_of(points, correction, profile=False)
+        points, correction = corrected(measured, *_curves_of(fit, evidence.gear))
+    return fit_of(points, correction, profile=True), points, correction
+
+
+def _curves_of(fit: FrictionFit, gear: HarmonicDrive) -> tuple[Curve, Curve]:
+    """The fitted friction torque over speed, and its dry part: Stribeck curve and the bearing's
+    torque at rest [N m].
+    """
+
+    def whole(speed: np.ndarray) -> np.ndarray:
+        return np.interp(np.log(speed), np.log(fit.curve_speed), fit.curve_torque)
+
+    def dry(speed: np.ndarray) -> np.ndarray:
+        coulomb, static, velocity, shape, _ = fit.stribeck.values
+        mesh = coulomb + (static - coulomb) * np.exp(-((speed / velocity) ** shape))
+        still = bearing_magnitude(gear.bearing, 0.0, low_speed_branch=gear.options.low_speed_branch)
+        return (
+            mesh_lever(gear, fit.torque_balance) * mesh
+            + bearing_lever(gear, fit.torque_balance) * still
+        )
+
+    return whole, dry
+
+
+def _warmth(measured: MeasuredFriction) -> dict[str, float]:
+    """Mean and span of the housing temperature of the points [degC], where it was recorded."""
+    warmth = measured.warmth
+    if not np.isfinite(warmth).all():
+        return {}
+    return {
+        "housing_temperature": float(warmth.mean()),
+        "housing_temperature_span": float(np.ptp(warmth)),
+    }
+
+
+def _verdicts(
+    fit: FrictionFit, estimates: dict[str, Estimate], gear: HarmonicDrive
+) -> tuple[Verdict, ...]:
+    """The largest running torque at the catalogue's speeds against the catalogue's value, if it is the gear's alone."""
+    judged = [e for name, e in estimates.items() if name.startswith("running_torque_")]
+    if fit.subject != "gear" or not judged:
+        return ()
+    worst = max(judged, key=lambda e: e.value)
+    limit = gear.value("ratings.running_torque")
+    definition = (
+        "torque that keeps the input turning at a constant speed, nothing on the "
+        "output; largest of the speeds run"
+    )
+    rpm = worst.name.removeprefix("running_torque_").removesuffix("_rpm")
+    name = f"no-load running torque at {rpm} r/min"
+    return (
+        judge_upper(
+            name, definition, worst, limit.value, limit.origin.provenance, limit.origin.source
+        ),
+    )
+
+
+def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:
+    """Score the friction of a given parameter set on a run: MSE as in (22), and skill against two null models.
+
+    Null models: the mean torque, and a straight line over speed; both are fitted to the run, the parameter set is not.
+    """
+    known_settings(evidence.settings, SETTINGS, NAME)
+    measured = measure_friction(recording, evidence)
+    if measured.unit != "N m":
+        raise AnalysisError(
+            "a parameter set gives torques; this recording has none",
+            where=recording.metadata.run_id,
+            value=f"{measured.channel} in {measured.unit}",
+            limit="N m",
+        )
+    with analysing(recording.metadata.run_id):
+        points = pair_directions([h.torque for h in measured.holds])
+    torque = points.friction - (
+        measured.tare.at(points.speed)[0] if measured.tare is not None else 0.0
+    )
+    predicted = friction_torque(gear, points.speed)
+    metrics = _scores(points, torque, predicted)
+    subject = "gear" if measured.tare is not None else "motor + gear"
+    warnings = [*measured.warnings, *points.warnings]
+    if subject != "gear":
+        warnings.append(
+            "Without a valid tare a gear's parameter set is compared with motor and gear together."
+        )
+    return Result(
+        recording.metadata.run_id,
+        NAME,
+        {},
+        metrics,
+        tuple(warnings),
+        plots=(friction_prediction_plot(gear, points, torque, predicted, subject),),
+        options={
+            "torque_is_of": subject,
+            "torque_balance": gear.options.torque_balance,
+            "parameter_set": gear.name,
+            "fitted": "nothing",
+        },
+    )
+
+
+def _scores(points: FrictionPoints, torque: np.ndarray, predicted: np.ndarray) -> dict[str, float]:
+    """MSE as in (22), rms, and skill 1 - rms/rms_null against the mean and a straight line."""
+    residual = torque - predicted
+    rms = float(np.sqrt(np.mean(residual**2)))
+    spread = float(np.std(torque))
+    line = (
+        np.polyfit(points.speed, torque, 1)
+        if len(torque) > 2
+        else np.array([0.0, float(torque.mean())])
+    )
+    straight = float(np.sqrt(np.mean((torque - np.polyval(line, points.speed)) ** 2)))
+    return {
+        "mse": 100.0 * (rms / spread) ** 2 if spread > 0.0 else math.nan,
+        "residual_rms": rms,
+        "relative_rms": float(np.sqrt(np.mean((residual / torque) ** 2))),
+        "mean_residual": float(residual.mean()),
+        "skill_against_mean": 1.0 - rms / spread if spread > 0.0 else math.nan,
+        "skill_against_straight_line": 1.0 - rms / straight if straight > 0.0 else math.nan,
+        "points": float(len(torque)),
+    }
+
+
+def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
+    """The gear with the identified mesh friction and its uncertainty, in the torque balance of the fit.
+
+    Friction of motor + gear does not belong in a gear's parameter set: without a valid tare the
+    gear comes back as it was.
+    """
+    if result.kind != NAME:
+        raise AnalysisError(
+            "is the result of another protocol", where=result.run, value=result.kind, limit=NAME
+        )
+    if result.options.get("torque_is_of") != "gear":
+        return gear
+    changed = gear.with_values(
+        {f"mesh_friction.{name}": result.estimates[name].value for name in NAMES}
+    )
+    origins = dict(changed.origins)
+    for name in NAMES:
+        estimate = result.estimates[name]
+        u = estimate.standard_uncertainty
+        source = f"run {result.run}" + (f"; {estimate.note}" if estimate.note else "")
+        origins[f"mesh_friction.{name}"] = Origin(
+            "identified", source, u if math.isfinite(u) else None
+        )
+    balance = result.options["torque_balance"]
+    options = dataclasses.replace(changed.options, torque_balance=balance)
+    return dataclasses.replace(changed, options=options, origins=origins)
+
+
+EXPERIMENT = Experiment(
+    NAME,
+    "Friction",
+    "no-load running torque at constant speeds, both directions, up and down",
+    Parameters,
+    plan,
+    analyse,
+    needs=("input_angle", "torque"),
+    compare=compare,
+    identified=identified,
+)

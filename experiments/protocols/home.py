@@ -1,0 +1,163 @@
+"""Home: the index marks of both encoders, slowly and from one side, so that phases survive the power being off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Le
+
+from experiments.angle.phase_reference import INPUT_SEEN, OUTPUT_SEEN
+from experiments.contract import Evidence, Experiment
+from experiments.errors import AnalysisError
+from experiments.evidence import check_recording, known_settings
+from experiments.parameters import Help, Unit
+from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
+from experiments.planning.shared_parameters import Acceleration, Mounted, SlowSpeed, ZeroTime
+from experiments.planning.speeds import refuse_speed
+from experiments.recording import Recording, Segment, Signal
+from experiments.result import Result, Table
+from experiments.steps import FindIndex, SegmentLabel, Step
+from model.gear import HarmonicDrive
+from model.identify.estimate import BudgetLine, Estimate
+from model.identify.least_squares import student_quantile
+from model.units import DEGREE, REVOLUTION, RPM
+
+NAME = "home"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What a homing run can be told."""
+
+    input_speed_rpm: SlowSpeed = 6.0
+    output_speed_rpm: SlowSpeed = 60.0
+    input_passes: Annotated[
+        int, Ge(1), Le(50), Unit(""), Help("how often the input mark is passed, always forward")
+    ] = 3
+    output_passes: Annotated[
+        int,
+        Ge(1),
+        Le(10),
+        Unit(""),
+        Help("how often the output mark is passed; each takes one output revolution"),
+    ] = 1
+    mounting: Mounted = "circular-spline-fixed"
+    acceleration: Acceleration = 50.0
+    zero_time: ZeroTime = 3.0
+
+
+def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
+    """Torque zero; the input mark, then the output mark, each passed forward only; torque zero."""
+    checked(parameters, Parameters, NAME)
+    for name in ("input_speed_rpm", "output_speed_rpm"):
+        refuse_speed(getattr(parameters, name), gear, f"{NAME}.{name}")
+    turn = output_travel(gear, parameters.mounting, 1.0, NAME)
+    return between_zeros(_marks(parameters, turn), parameters.zero_time)
+
+
+def _marks(p: Parameters, output_turn: float) -> Iterator[Step]:
+    """Every pass goes on from where the last one ended: a whole revolution ahead the mark comes
+    again, from the same side.
+    """
+    searches = (
+        ("input", p.input_speed_rpm, 1.0, p.input_passes),
+        ("output", p.output_speed_rpm, output_turn, p.output_passes),
+    )
+    for which, rpm, turns, passes in searches:
+        speed = rpm * RPM
+        for repeat in range(passes):
+            yield ramp(speed, p.acceleration, 1)
+            label = SegmentLabel(f"home-{which}", speed, 1, repeat)
+            yield FindIndex(which, speed, longest(1.05 * turns, speed), label)
+            yield stop(p.acceleration)
+
+
+def analyse(recording: Recording, evidence: Evidence) -> Result:
+    """Where the index marks lie within the revolution of their encoder, and how well they repeat.
+
+    Every pass is forward, so that the mark is met from one side; the spread of the passes is the type A part.
+    """
+    known_settings(evidence.settings, (), NAME)
+    recording.require("homing", "input_angle", "input_index", "index_seen")
+    checked_ = check_recording(recording, "homing", evidence.maximum_missed_share)
+    estimates: dict[str, Estimate] = {}
+    rows: list[tuple[float | int | str, ...]] = []
+    warnings = list(checked_.warnings)
+    for which, bit in (("input", INPUT_SEEN), ("output", OUTPUT_SEEN)):
+        if not recording.has(f"{which}_index"):
+            warnings.append(
+                f"There is no {which}_index channel: the {which} mark was not looked for."
+            )
+            continue
+        marks = [
+            m
+            for s in recording.labelled(f"home-{which}")
+            if (m := _mark(recording, s, which, bit)) is not None
+        ]
+        rows += [(which, k + 1, mark % REVOLUTION / DEGREE) for k, mark in enumerate(marks)]
+        if not marks:
+            warnings.append(
+                f"The {which} index mark was not seen: phases cannot be carried to another run."
+            )
+            continue
+        estimates[f"{which}_index"] = _circular_mean(
+            f"{which}_index", marks, recording.signals[f"{which}_index"]
+        )
+    if not estimates:
+        raise AnalysisError(
+            "no index mark was seen",
+            where=recording.metadata.run_id,
+            remedy="Check the index lines of both encoders.",
+        )
+    table = Table(
+        "index-marks",
+        "Index marks within the revolution",
+        ("encoder", "pass", "angle [deg]"),
+        tuple(rows),
+    )
+    metrics = {f"{name}_spread": e.high - e.low for name, e in estimates.items()}
+    return Result(
+        recording.metadata.run_id, NAME, estimates, metrics, tuple(warnings), tables=(table,)
+    )
+
+
+def _mark(recording: Recording, segment: Segment, which: str, bit: int) -> float | None:
+    """The latched angle [rad] at the end of one pass, or None where no mark has been seen."""
+    if segment.stop <= segment.start:
+        return None
+    last = slice(segment.stop - 1, segment.stop)
+    if not int(recording.stored("index_seen", last)[0]) & bit:
+        return None
+    return float(recording.si(f"{which}_index", last)[0])
+
+
+def _circular_mean(name: str, marks: list[float], signal: Signal) -> Estimate:
+    """Mean of angles on the circle [rad], with the spread of the passes and the size of one count."""
+    angles = np.array(marks)
+    mean = float(np.angle(np.mean(np.exp(1j * angles)))) % REVOLUTION
+    away = np.angle(np.exp(1j * (angles - mean)))
+    quantum = signal.quantum / math.sqrt(12.0)
+    spread = float(away.std(ddof=1)) / math.sqrt(len(marks)) if len(marks) > 1 else 0.0
+    half = student_quantile(len(marks) - 1) * spread if len(marks) > 1 else 0.0
+    half = math.hypot(half, 2.0 * quantum)
+    note = "" if len(marks) > 1 else "one pass only: repeatability is not known"
+    budget = (
+        BudgetLine("passes", "A", spread),
+        BudgetLine("one count of the encoder", "B", quantum),
+    )
+    return Estimate(name, mean, "rad", mean - half, mean + half, "yes", note, budget)
+
+
+EXPERIMENT = Experiment(
+    NAME,
+    "Index marks",
+    "index marks of both encoders, slowly, from one side",
+    Parameters,
+    plan,
+    analyse,
+    needs=("input_angle", "input_index", "index_seen"),
+)

@@ -1,0 +1,1 @@
+"""Kinematic error: `protocol` plans and analyses, `plots` draws."""

@@ -1,0 +1,294 @@
+"""Figures 12, 13 and 16 and the table of orders, as data: kinematic error over the input, its
+spectrum, torque beside it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.angle.phase_reference import PhaseReference
+from experiments.evidence import usable
+from experiments.recording import Recording
+from experiments.result import Plot, Series, Table
+from model.gear import HarmonicDrive
+from model.identify.directions import CombinedKinematicError, PhaseRelation
+from model.identify.kinematic_error import KinematicErrorFit
+from model.kinematic_error import series_value
+from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
+
+FloatArray = NDArray[np.float64]
+RAW_REVOLUTIONS = 4.0
+"""Input revolutions of raw samples that figure 12 shows."""
+RAW_POINTS = 4000
+
+
+def kinematic_error_plots(
+    fits: list[KinematicErrorFit],
+    combined: CombinedKinematicError | None,
+    relation: PhaseRelation | None,
+    recording: Recording,
+    reference: PhaseReference,
+) -> tuple[Plot, ...]:
+    """Every figure of a kinematic-error run."""
+    plots = [
+        _over_input(fits[0], recording, reference),
+        _averaged(fits),
+        _spectrum(fits, combined),
+        _over_output(fits),
+    ]
+    if relation is not None:
+        plots += _figure_16(relation)
+    return tuple(plots)
+
+
+def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseReference) -> Plot:
+    """Figure 12: some input revolutions of raw samples and the fitted curve through them."""
+    start = fit.regression.sums.first_angle
+    way = fit.direction
+    angles, values = [], []
+    segment_rows = _rows_from(recording, start + reference.input_angle, way)
+    for rows in recording.blocks(segment_rows, size=1 << 15):
+        good = usable(recording, rows)
+        angle = recording.si("input_angle", rows)[good] - reference.input_angle
+        inside = way * (angle - start) <= RAW_REVOLUTIONS * REVOLUTION
+        angles.append(angle[inside])
+        values.append(recording.output_angle(rows)[good][inside] - angle[inside] / fit.ratio)
+        if not inside.all():
+            break
+    angle, raw = np.concatenate(angles), np.concatenate(values)
+    pick = slice(None, None, max(1, len(angle) // RAW_POINTS))
+    fitted_at = np.linspace(start, start + way * RAW_REVOLUTIONS * REVOLUTION, 1500)
+    fitted = _value(fit, fitted_at)
+    middle = float(np.mean(raw - _value(fit, angle))) if len(angle) else 0.0
+    series = (
+        Series(
+            "measured",
+            np.abs(angle[pick] - start) / REVOLUTION,
+            (raw[pick] - middle) / ARCMIN,
+            "points",
+            group=0,
+        ),
+        Series(
+            "fitted, equation 16",
+            np.abs(fitted_at - start) / REVOLUTION,
+            fitted / ARCMIN,
+            "line",
+            group=1,
+        ),
+    )
+    return Plot(
+        "kinematic-error",
+        "Kinematic error over the input",
+        "input revolutions",
+        "kinematic error [arcmin]",
+        series,
+        figure="12",
+    )
+
+
+def _rows_from(recording: Recording, angle: float, way: float) -> slice:
+    """Rows from where a traverse that begins at `angle` was entered: found by the segments, else by
+    the angle itself.
+    """
+    for segment in recording.labelled("traverse", "traverse (cut)"):
+        first = float(recording.si("input_angle", slice(segment.start, segment.start + 1))[0])
+        if segment.direction * way > 0 and abs(first - angle) < 0.1 * REVOLUTION:
+            return slice(segment.start, segment.stop)
+    for rows in recording.blocks():
+        here = recording.si("input_angle", rows)
+        hit = np.flatnonzero(way * (here - angle) >= 0.0)
+        if len(hit):
+            return slice(rows.start + int(hit[0]), recording.rows)
+    return slice(0, recording.rows)
+
+
+def _value(fit: KinematicErrorFit, angle: FloatArray) -> FloatArray:
+    """The fitted series without constant and trend at these input angles."""
+    total = np.zeros_like(angle)
+    for order in fit.orders:
+        total += order.cosine.value * np.cos(order.order * angle) + order.sine.value * np.sin(
+            order.order * angle
+        )
+    return total
+
+
+def _averaged(fits: list[KinematicErrorFit]) -> Plot:
+    """Figure 13: the error averaged over all revolutions per input angle, and the fit, each direction."""
+    series = []
+    for k, fit in enumerate(_one_each_way(fits)):
+        way = "forward" if fit.direction > 0 else "reverse"
+        x = fit.input_angle / DEGREE
+        series.append(Series(f"measured, {way}", x, fit.measured_curve / ARCMIN, "points", group=k))
+        series.append(Series(f"fitted, {way}", x, fit.fitted_curve / ARCMIN, "line", group=k))
+    note = ", ".join(
+        f"MSE (22) {'forward' if f.direction > 0 else 'reverse'} {f.metrics['mse_curve']:.2g}"
+        for f in _one_each_way(fits)
+    )
+    return Plot(
+        "kinematic-error-fit",
+        "Kinematic error, averaged per input angle",
+        "input angle [deg]",
+        "kinematic error [arcmin]",
+        tuple(series),
+        figure="13",
+        note=note,
+    )
+
+
+def _spectrum(fits: list[KinematicErrorFit], combined: CombinedKinematicError | None) -> Plot:
+    """The amplitudes of all orders of the basis."""
+    if combined is not None:
+        orders = np.array(combined.orders)
+        amplitude = np.hypot(combined.cosine, combined.sine)
+        label = "mean of both directions"
+    else:
+        orders = np.array([o.order for o in fits[0].orders])
+        amplitude = np.array([o.amplitude.value for o in fits[0].orders])
+        label = "one direction"
+    bars = Series(label, orders, amplitude / ARCSEC, "bars")
+    return Plot(
+        "kinematic-error-orders",
+        "Orders of the kinematic error",
+        "order per input revolution",
+        "amplitude [arcsec]",
+        (bars,),
+        y_scale="log",
+        figure="13",
+    )
+
+
+def _over_output(fits: list[KinematicErrorFit]) -> Plot:
+    """The fitted curve over one output revolution, whose peak-to-peak is the transmission accuracy."""
+    series = []
+    for k, fit in enumerate(_one_each_way(fits)):
+        x = fit.output_curve_angle / (REVOLUTION * fit.ratio) * 360.0
+        pick = slice(None, None, max(1, len(x) // 12000))
+        way = "forward" if fit.direction > 0 else "reverse"
+        series.append(Series(way, x[pick], fit.output_curve[pick] / ARCMIN, group=k))
+    return Plot(
+        "transmission-accuracy",
+        "Fitted error over one output revolution",
+        "output angle [deg]",
+        "kinematic error [arcmin]",
+        tuple(series),
+        note="its peak-to-peak is the transmission accuracy",
+    )
+
+
+def _figure_16(relation: PhaseRelation) -> list[Plot]:
+    """Figure 16: friction torque and kinematic error over one input revolution with their extremes,
+    alone and together.
+    """
+    x = relation.input_angle / DEGREE
+    both = (
+        (
+            "friction torque",
+            relation.friction_torque,
+            1e-3,
+            "friction torque [mN m]",
+            "figure-16-torque",
+        ),
+        (
+            "kinematic error",
+            relation.kinematic_error,
+            ARCMIN,
+            "kinematic error [arcmin]",
+            "figure-16-error",
+        ),
+    )
+    plots, together = [], []
+    for k, (name, curve, unit, label, key) in enumerate(both):
+        extremes = _extremes(curve)
+        series = (
+            Series(name, x, curve / unit, "line", group=k),
+            Series("extremes", x[extremes], curve[extremes] / unit, "points", group=k),
+        )
+        title = f"{name[0].upper()}{name[1:]} over the input revolution"
+        plots.append(Plot(key, title, "input angle [deg]", label, series, figure="16"))
+        size = 0.5 * float(np.ptp(curve))
+        if size > 0.0:
+            together.append(Series(name, x, curve / size, "line", group=k))
+            together.append(
+                Series(
+                    f"extremes of the {name}",
+                    x[extremes],
+                    curve[extremes] / size,
+                    "points",
+                    group=k,
+                )
+            )
+    overlay = Plot(
+        "figure-16",
+        "Do friction torque and kinematic error have their extremes together?",
+        "input angle [deg]",
+        "share of half the peak-to-peak",
+        tuple(together),
+        figure="16",
+        note=relation.sentence,
+    )
+    return [overlay, *plots]
+
+
+def _extremes(curve: FloatArray) -> NDArray[np.int64]:
+    """Rows of the local extremes of a periodic curve that reach half way to its largest or smallest value."""
+    centred = curve - 0.5 * (curve.max() + curve.min())
+    before, after = np.roll(centred, 1), np.roll(centred, -1)
+    turns = ((centred > before) & (centred >= after)) | ((centred < before) & (centred <= after))
+    return np.flatnonzero(turns & (np.abs(centred) >= 0.5 * np.abs(centred).max()))
+
+
+def _one_each_way(fits: list[KinematicErrorFit]) -> list[KinematicErrorFit]:
+    """The first fit of each direction."""
+    ahead = [f for f in fits if f.direction > 0][:1]
+    return ahead + [f for f in fits if f.direction < 0][:1]
+
+
+def prediction_plot(gear: HarmonicDrive, fit: KinematicErrorFit) -> Plot:
+    """A given parameter set against the averaged curve of one direction, and what is left."""
+    way = "forward" if fit.direction > 0 else "reverse"
+    whole = [h for h in gear.kinematic_error if abs(h.order - round(h.order)) < 1e-9]
+    predicted = series_value(whole, fit.input_angle)
+    predicted = predicted - predicted.mean() + fit.measured_curve.mean()
+    x = fit.input_angle / DEGREE
+    series = (
+        Series("measured", x, fit.measured_curve / ARCMIN, "points", group=0),
+        Series(gear.name, x, predicted / ARCMIN, "line", group=1),
+        Series("residual", x, (fit.measured_curve - predicted) / ARCMIN, "line", group=2),
+    )
+    return Plot(
+        f"kinematic-error-prediction-{way}",
+        f"Kinematic error of {gear.name} against the run, {way}",
+        "input angle [deg]",
+        "kinematic error [arcmin]",
+        series,
+        figure="13",
+    )
+
+
+def order_table(combined: CombinedKinematicError) -> Table:
+    """Every order of the basis: a, b, amplitude, phase, and the 95 % half width of the amplitude."""
+    rows: list[tuple[float | int | str, ...]] = []
+    for k, (order, label) in enumerate(zip(combined.orders, combined.labels, strict=True)):
+        a, b = float(combined.cosine[k]), float(combined.sine[k])
+        size = math.hypot(a, b)
+        block = combined.covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
+        error = math.sqrt(max(float(np.trace(block)) / 2.0, 0.0))
+        phase = math.atan2(b, a)
+        rows.append(
+            (label, order, a / ARCSEC, b / ARCSEC, size / ARCSEC, phase / DEGREE, error / ARCSEC)
+        )
+    columns = (
+        "order",
+        "cycles per input revolution",
+        "a [arcsec]",
+        "b [arcsec]",
+        "amplitude [arcsec]",
+        "phase [deg]",
+        "standard error of a, b [arcsec]",
+    )
+    return Table(
+        "orders", "Orders of the kinematic error, mean of both directions", columns, tuple(rows)
+    )

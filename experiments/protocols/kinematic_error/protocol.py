@@ -1,0 +1,579 @@
+"""Kinematic error: the output's deviation from the ideal over whole output revolutions, slowly, in both directions.
+
+(15) ke = theta_o - theta_i/N
+(16) ke_sim(theta_i) = a_0 + sum (a_n cos n theta_i + b_n sin n theta_i)
+(22) MSE = 100/(N_0 sigma^2) sum (ke_sim - ke)^2, on the curve averaged per input angle; on raw samples beside it
+
+One streaming fit per traverse (constant memory), both directions combined; figures 12, 13 and 16.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from experiments.angle.phase_reference import PhaseReference, phase_reference
+from experiments.angle.traverses import stretches
+from experiments.budget import budget_table, scale_line
+from experiments.contract import Evidence, Experiment
+from experiments.errors import AnalysisError, PlanError, analysing
+from experiments.evidence import check_recording, known_settings, rotary_ratio, usable
+from experiments.parameters import Help, Unit
+from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
+from experiments.planning.shared_parameters import (
+    Acceleration,
+    Mounted,
+    Repeats,
+    SyncRate,
+    ZeroTime,
+)
+from experiments.planning.speeds import first_resonances, lattice_distance, refuse_speed
+from experiments.protocols.kinematic_error.plots import (
+    kinematic_error_plots,
+    order_table,
+    prediction_plot,
+)
+from experiments.recording import Recording, Segment
+from experiments.result import Result, Verdict, judge_upper
+from experiments.steps import HoldRevolutions, Mark, SegmentLabel, Step
+from experiments.torque.zero import TorqueZero, torque_zero
+from model.gear import Harmonic, HarmonicDrive, Origin
+from model.gear_file import harmonic_path
+from model.identify.angle_regression import (
+    AngleFit,
+    AngleRegression,
+    Basis,
+    solve_angle,
+    standard_basis,
+)
+from model.identify.directions import CombinedKinematicError, PhaseRelation, combine, phase_relation
+from model.identify.estimate import BudgetLine, Estimate
+from model.identify.kinematic_error import (
+    Encoders,
+    KinematicErrorAccumulator,
+    KinematicErrorFit,
+    score_kinematic_error,
+)
+from model.kinematic_error import normalised_mse, series_value
+from model.units import RPM
+
+NAME = "kinematic-error"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What a kinematic-error run can be told."""
+
+    speed_rpm: Annotated[
+        float,
+        Gt(0.0),
+        Le(300.0),
+        Unit("r/min"),
+        Help("input speed, incommensurate with SYNC and quasi-static"),
+    ] = 30.3
+    output_revolutions: Annotated[
+        int, Ge(1), Le(100), Unit("rev"), Help("whole output revolutions each way")
+    ] = 1
+    repeats: Repeats = 1
+    approach_revolutions: Annotated[
+        float,
+        Ge(1.0),
+        Le(50.0),
+        Unit("rev"),
+        Help("input revolutions discarded after each reversal (wind-up)"),
+    ] = 1.5
+    mounting: Mounted = "circular-spline-fixed"
+    acceleration: Acceleration = 100.0
+    zero_time: ZeroTime = 3.0
+    sync_rate: SyncRate = 1000.0
+    output_counts: Annotated[
+        int,
+        Ge(1),
+        Le(100_000_000),
+        Unit("1/rev"),
+        Help("counts per revolution of the output encoder"),
+    ] = 72000
+
+
+def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
+    """Torque zero; forward and reverse over whole output revolutions at constant speed, repeated; torque zero."""
+    checked(parameters, Parameters, NAME)
+    refuse_speed(parameters.speed_rpm, gear, f"{NAME}.speed_rpm")
+    output_travel(gear, parameters.mounting, 1.0, NAME)
+    return between_zeros(_traverses(parameters, gear), parameters.zero_time)
+
+
+def _traverses(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
+    speed = p.speed_rpm * RPM
+    travel = output_travel(gear, p.mounting, p.output_revolutions, NAME)
+    yield from _remarks(p, gear)
+    for repeat in range(p.repeats):
+        for direction in (1, -1):
+            setpoint = direction * speed
+            yield ramp(setpoint, p.acceleration, direction)
+            approach = SegmentLabel("approach", setpoint, direction, repeat)
+            yield HoldRevolutions(
+                p.approach_revolutions, longest(p.approach_revolutions, speed), approach
+            )
+            yield HoldRevolutions(
+                travel,
+                longest(travel, speed, 0.1),
+                SegmentLabel("traverse", setpoint, direction, repeat),
+            )
+            yield stop(p.acceleration)
+
+
+def _remarks(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
+    """Events that say how far the speed is from the first mode and from the lattice of the output counts."""
+    speed = p.speed_rpm * RPM
+    highest = max((h.order for h in gear.kinematic_error), default=4.0)
+    margin = first_resonances(gear)[0] / (highest * speed)
+    text = f"order {highest:g} at {p.speed_rpm:g} r/min is {margin:.1f} times below the first torsional mode"
+    yield Mark("quasi-static" if margin >= 10.0 else "not-quasi-static", text)
+    lattice = p.output_counts / gear.mounted_ratio(p.mounting)  # type: ignore[arg-type]
+    distance = lattice_distance(speed, p.sync_rate, lattice)
+    if distance < 0.01:
+        text = (
+            f"{p.speed_rpm:g} r/min at {p.sync_rate:g} Hz samples the {lattice:g} output counts per input revolution "
+            "almost in step: quantisation does not average out"
+        )
+        yield Mark("commensurate-speed", text)
+
+
+HIGHEST_ORDER = 12
+"""Input orders that are fitted unless the setting says otherwise."""
+SETTINGS = ("highest_order", "accuracy_order", "edge_triggered")
+TORQUE_LAG = 0.002
+"""s; what the torque port may lag (filters and settling), standard uncertainty of a lag that is taken as zero."""
+
+
+@dataclass(frozen=True)
+class Traverse:
+    """One direction of one repeat: its segment, its fit, and the torque over the same angle where it was recorded."""
+
+    segment: Segment
+    fit: KinematicErrorFit
+    torque: AngleFit | None
+
+
+@dataclass(frozen=True)
+class _Context:
+    """What every traverse of one recording shares."""
+
+    recording: Recording
+    ratio: float
+    basis: Basis
+    encoders: Encoders
+    reference: PhaseReference
+    zero: TorqueZero | None
+    accuracy_order: float | None
+    edge_triggered: bool
+
+
+def analyse(recording: Recording, evidence: Evidence) -> Result:
+    """Kinematic error, transmission accuracy per direction, orders with intervals, and figure 16
+    where torque was recorded.
+
+    Settings: highest_order (12) of the input orders, accuracy_order (the highest) of the transmission accuracy,
+    edge_triggered (False). Raises `AnalysisError` for missing channels, too many missed cycles, a wrong ratio.
+    """
+    known_settings(evidence.settings, SETTINGS, NAME)
+    context, segments, warnings = _prepare(recording, evidence)
+    with analysing(recording.metadata.run_id):
+        traverses = [_traverse(context, segment) for segment in segments]
+        pairs = _pairs(traverses)
+        if not pairs:
+            return _one_direction(context, traverses, evidence, warnings)
+        combined = [combine(ahead.fit, back.fit) for ahead, back in pairs]
+        relation = _figure_16(pairs[0], combined[0], abs(segments[0].setpoint))
+    estimates = _pooled([c.estimates for c in combined])
+    estimates = with_amplification(
+        estimates, evidence.gear, context.ratio, abs(segments[0].setpoint)
+    )
+    metrics = _metrics(context, traverses, combined, evidence.gear, abs(segments[0].setpoint))
+    options: dict[str, object] = _options(context)
+    for one in combined:
+        warnings += one.warnings
+    if relation is not None:
+        estimates |= {
+            f"figure_16_{name}": e.with_budget([scale_line(recording, e.value)])
+            if e.unit == "N m"
+            else e
+            for name, e in relation.estimates.items()
+        }
+        options["figure_16"] = relation.sentence
+    verdicts = [
+        _verdict(evidence.gear, name, e)
+        for name, e in estimates.items()
+        if name.startswith("transmission_")
+    ]
+    return Result(
+        recording.metadata.run_id,
+        NAME,
+        estimates,
+        metrics,
+        tuple(dict.fromkeys(warnings)),
+        tuple(verdicts),
+        kinematic_error_plots(
+            [t.fit for t in traverses], combined[0], relation, recording, context.reference
+        ),
+        (order_table(combined[0]), budget_table(estimates.values())),
+        options,
+    )
+
+
+def _prepare(
+    recording: Recording, evidence: Evidence
+) -> tuple[_Context, tuple[Segment, ...], list[str]]:
+    recording.require("the kinematic error", "input_angle", "output_angle")
+    warnings = list(
+        check_recording(recording, "the kinematic error", evidence.maximum_missed_share).warnings
+    )
+    ratio = rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
+    segments = recording.labelled("traverse") or recording.labelled("traverse (cut)")
+    if not segments and not recording.segments:
+        segments = stretches(recording)
+        warnings.append(
+            "The recording has no segments: stretches in one direction were found from the input angle."
+        )
+    if not segments:
+        raise AnalysisError(
+            "there is no traverse: no stretch in which the input turns one way by more than a revolution",
+            where=recording.metadata.run_id,
+            remedy="Record whole output revolutions at constant speed.",
+        )
+    ends = {"input": recording.signals["input_angle"], "output": recording.signals["output_angle"]}
+    encoders = Encoders(
+        ends["output"].quantum or math.nan,
+        ends["input"].quantum or math.nan,
+        ends["output"].accuracy,
+        ends["input"].accuracy,
+    )
+    reference = phase_reference(recording)
+    warnings += reference.warnings()
+    zero = torque_zero(recording) if recording.has("torque") else None
+    warnings += zero.warnings if zero else ("No torque was recorded: figure 16 cannot be drawn.",)
+    settings = evidence.settings
+    basis = standard_basis(ratio, int(settings.get("highest_order", HIGHEST_ORDER)))
+    accuracy_order = settings.get("accuracy_order")
+    return (
+        _Context(
+            recording,
+            ratio,
+            basis,
+            encoders,
+            reference,
+            zero,
+            accuracy_order,
+            bool(settings.get("edge_triggered", False)),
+        ),
+        segments,
+        warnings,
+    )
+
+
+def _traverse(context: _Context, segment: Segment) -> Traverse:
+    """Stream one segment through the regressions of kinematic error and torque."""
+    recording = context.recording
+    error = KinematicErrorAccumulator(
+        context.ratio,
+        basis=context.basis,
+        encoders=context.encoders,
+        edge_triggered=context.edge_triggered,
+    )
+    torque = AngleRegression(context.basis) if context.zero is not None else None
+    for rows in recording.blocks(segment):
+        good = usable(recording, rows)
+        angle = recording.si("input_angle", rows)[good] - context.reference.input_angle
+        error.add(angle, recording.output_angle(rows)[good])
+        if torque is not None and context.zero is not None:
+            torque.add(
+                angle,
+                recording.si("torque", rows)[good] - context.zero.at(recording.time(rows)[good]),
+            )
+    fit = error.fit(accuracy_order=context.accuracy_order)
+    return Traverse(segment, fit, solve_angle(torque.sums())[0] if torque is not None else None)
+
+
+def with_amplification(
+    estimates: dict[str, Estimate], gear: HarmonicDrive, ratio: float, speed: float
+) -> dict[str, Estimate]:
+    """The estimates with what the torsional vibration adds to them in their budgets.
+
+    An output that is carried by a spring answers the order n of a kinematic error at the input
+    speed w amplified by 1/(1 - r^2), r = n w/w_1, w_1 the first torsional mode of the parameter
+    set: far below w_1 by the share r^2/(1 - r^2), which is not corrected. It is taken as the
+    half-width of a rectangular distribution.
+    """
+    first = first_resonances(gear)[0]
+    lines: dict[str, float] = {}
+    for name, estimate in estimates.items():
+        if name.startswith("amplitude_"):
+            share = (_order_of(name.removeprefix("amplitude_"), ratio) * speed / first) ** 2
+            lines[name] = (
+                share / abs(1.0 - share) * estimate.value / math.sqrt(3.0)
+                if share != 1.0
+                else math.inf
+            )
+    whole = 2.0 * sum(u for name, u in lines.items() if estimates[name].identifiable == "yes")
+    lines |= {name: whole for name in estimates if name.startswith("transmission_accuracy")}
+    note = f"first torsional mode {first / (2.0 * math.pi):.0f} Hz by the parameter set; less at a lower speed"
+    return {
+        name: estimate.with_budget(
+            [BudgetLine("torsional amplification, not corrected", "B", lines[name], note)]
+        )
+        if lines.get(name, 0.0) > 0.0 and estimate.budget
+        else estimate
+        for name, estimate in estimates.items()
+    }
+
+
+def _pairs(traverses: list[Traverse]) -> list[tuple[Traverse, Traverse]]:
+    """Forward and reverse of each repeat."""
+    ahead = [t for t in traverses if t.fit.direction > 0]
+    back = [t for t in traverses if t.fit.direction < 0]
+    return list(zip(ahead, back, strict=False))
+
+
+def _figure_16(
+    pair: tuple[Traverse, Traverse], combined: CombinedKinematicError, speed: float
+) -> PhaseRelation | None:
+    ahead, back = pair
+    if ahead.torque is None or back.torque is None:
+        return None
+    return phase_relation(
+        combined, ahead.torque, back.torque, torque_lag_angle=(0.0, TORQUE_LAG * speed)
+    )
+
+
+def _one_direction(
+    context: _Context, traverses: list[Traverse], evidence: Evidence, warnings: list[str]
+) -> Result:
+    """A recording of one direction only: no half-difference, so nothing about wind-up, friction or figure 16."""
+    warnings = [*warnings, "One direction only: wind-up and skew stand in the kinematic error."]
+    estimates = _pooled([t.fit.estimates for t in traverses])
+    estimates = with_amplification(
+        estimates, evidence.gear, context.ratio, abs(traverses[0].segment.setpoint)
+    )
+    metrics = _metrics(context, traverses, [], evidence.gear, abs(traverses[0].segment.setpoint))
+    for t in traverses:
+        warnings += t.fit.warnings
+    verdicts = (
+        _verdict(evidence.gear, "transmission_accuracy", estimates["transmission_accuracy"]),
+    )
+    plots = kinematic_error_plots(
+        [t.fit for t in traverses], None, None, context.recording, context.reference
+    )
+    tables = (budget_table(estimates.values()),)
+    run = context.recording.metadata.run_id
+    return Result(
+        run,
+        NAME,
+        estimates,
+        metrics,
+        tuple(dict.fromkeys(warnings)),
+        verdicts,
+        plots,
+        tables,
+        _options(context),
+    )
+
+
+def _pooled(found: list[dict[str, Estimate]]) -> dict[str, Estimate]:
+    """The mean over repeats; the interval is the wider of each repeat's own and the scatter between them."""
+    if len(found) == 1:
+        return {name: replace(e, name=name) for name, e in found[0].items()}
+    common = [name for name in found[0] if all(name in other for other in found)]
+    return {name: _mean_of(name, [f[name] for f in found]) for name in common}
+
+
+def _mean_of(name: str, estimates: list[Estimate]) -> Estimate:
+    values = np.array([e.value for e in estimates])
+    if name.startswith("phase"):
+        mean = float(np.angle(np.mean(np.exp(1j * values))))
+        away = np.angle(np.exp(1j * (values - mean)))
+    else:
+        mean = float(values.mean())
+        away = values - mean
+    n = len(values)
+    within = float(np.mean([0.5 * (e.high - e.low) for e in estimates])) / math.sqrt(n)
+    between = float(np.sqrt((away**2).sum() / (n - 1) / n))
+    half = max(within, 2.0 * between)
+    first = estimates[0]
+    budget = tuple(
+        replace(line, standard_uncertainty=line.standard_uncertainty / math.sqrt(n))
+        if line.kind == "A"
+        else line
+        for line in first.budget
+    )
+    if budget:
+        budget = (*budget, BudgetLine("between repeats", "A", between, f"{n} repeats"))
+    return replace(first, name=name, value=mean, low=mean - half, high=mean + half, budget=budget)
+
+
+def _metrics(
+    context: _Context,
+    traverses: list[Traverse],
+    combined: list[CombinedKinematicError],
+    gear: HarmonicDrive,
+    speed: float,
+) -> dict[str, float]:
+    metrics: dict[str, float] = {}
+    for t in traverses[:2]:
+        way = "forward" if t.fit.direction > 0 else "reverse"
+        metrics |= {f"{name}_{way}": value for name, value in t.fit.metrics.items()}
+    if combined:
+        metrics["agreement_of_directions"] = combined[0].metrics["agreement"]
+    same_way = [t.fit for t in traverses if t.fit.direction > 0]
+    if len(same_way) > 1:
+        scores = [score_kinematic_error(same_way[0], other).mse for other in same_way[1:]]
+        metrics["mse_on_other_repeats"] = float(np.mean(scores))
+    highest = max((h.order for h in gear.kinematic_error), default=4.0)
+    if speed > 0.0:
+        metrics["margin_to_first_mode"] = first_resonances(gear)[0] / (highest * speed)
+    metrics["slipped_counts"] = float(sum(len(t.fit.slips) for t in traverses))
+    return metrics
+
+
+def _options(context: _Context) -> dict[str, object]:
+    metadata = context.recording.metadata
+    return {
+        "mounting": metadata.mounting,
+        "ratio": context.ratio,
+        "sign": "positive: output leads in the direction of travel of a positive input",
+        "phases_count_from": context.reference.what,
+        "phase_reference_angle": context.reference.input_angle,
+        "highest_order": max(context.basis.orders),
+        "edge_triggered": context.edge_triggered,
+    }
+
+
+def _verdict(gear: HarmonicDrive, name: str, estimate: Estimate) -> Verdict:
+    limit = gear.value("ratings.transmission_accuracy")
+    way = name.removeprefix("transmission_accuracy").replace("_", " ").strip()
+    definition = "largest positive plus largest negative deviation of the fitted curve over one output revolution"
+    verdict = judge_upper(
+        f"transmission accuracy {way}".strip(),
+        f"{definition}, {way or 'one direction'}",
+        estimate,
+        limit.value,
+        limit.origin.provenance,
+        limit.origin.source,
+    )
+    return (
+        replace(verdict, outcome="MARGINAL")
+        if estimate.identifiable == "no" and verdict.outcome == "PASS"
+        else verdict
+    )
+
+
+def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:
+    """Score the kinematic error of a given parameter set on a run: MSE (22) per direction, 100 being the mean alone.
+
+    Where the run saw no index mark the phase of the set is not known here; the best common shift is scored beside it.
+    """
+    known_settings(evidence.settings, SETTINGS, NAME)
+    context, segments, warnings = _prepare(recording, evidence)
+    with analysing(recording.metadata.run_id):
+        traverses = [_traverse(context, segment) for segment in segments]
+    if not gear.kinematic_error:
+        raise AnalysisError(
+            "the parameter set has no kinematic error", where="kinematic_error.orders"
+        )
+    metrics: dict[str, float] = {}
+    for t in traverses:
+        way = f"{'forward' if t.fit.direction > 0 else 'reverse'}_{t.segment.repeat}"
+        metrics[f"mse_{way}"] = _mse_of(gear, t.fit, 0.0)
+        if not context.reference.carries:
+            shifts = np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
+            metrics[f"mse_free_phase_{way}"] = min(_mse_of(gear, t.fit, shift) for shift in shifts)
+    metrics["mse_of_the_mean"] = 100.0
+    whole = [h.order for h in gear.kinematic_error if abs(h.order - round(h.order)) < 1e-9]
+    if len(whole) < len(gear.kinematic_error):
+        warnings.append(
+            "Output orders and sidebands of the set average out in the curve over the input and are not scored."
+        )
+    plots = tuple(prediction_plot(gear, t.fit) for t in traverses[:2])
+    return Result(
+        recording.metadata.run_id,
+        NAME,
+        {},
+        metrics,
+        tuple(warnings),
+        plots=plots,
+        options={**_options(context), "parameter_set": gear.name, "fitted": "nothing"},
+    )
+
+
+def _mse_of(gear: HarmonicDrive, fit: KinematicErrorFit, shift: float) -> float:
+    whole = [h for h in gear.kinematic_error if abs(h.order - round(h.order)) < 1e-9]
+    predicted = series_value(whole, fit.input_angle + shift)
+    return normalised_mse(
+        fit.measured_curve, predicted - predicted.mean() + fit.measured_curve.mean()
+    )
+
+
+def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
+    """The gear with the orders that the run identified, each with its uncertainty; others are taken
+    out of the series.
+    """
+    if result.kind != NAME:
+        raise PlanError(
+            "is the result of another protocol", where=result.run, value=result.kind, limit=NAME
+        )
+    series: list[Harmonic] = []
+    origins = {
+        path: o for path, o in gear.origins.items() if not path.startswith("kinematic_error.")
+    }
+    ratio = float(result.options.get("ratio", gear.ratio))
+    for name, amplitude in result.estimates.items():
+        if (
+            not name.startswith("amplitude_")
+            or amplitude.identifiable == "no"
+            or not amplitude.low > 0.0
+        ):
+            # What is above the noise belongs to gear and encoders together; it is kept, with the doubt who made it.
+            continue
+        label = name.removeprefix("amplitude_")
+        phase = result.estimates[f"phase_{label}"].value
+        order = _order_of(label, ratio)
+        series.append(
+            Harmonic(order, amplitude.value * math.cos(phase), amplitude.value * math.sin(phase))
+        )
+        source = (
+            f"run {result.run}, phases from {result.options.get('phases_count_from', 'unknown')}"
+        )
+        origins[harmonic_path(order)] = Origin("identified", source, amplitude.standard_uncertainty)
+    if not series:
+        return gear
+    return replace(
+        gear,
+        kinematic_error=tuple(sorted(series, key=lambda h: h.order)),
+        origins=MappingProxyType(origins),
+    )
+
+
+def _order_of(label: str, ratio: float) -> float:
+    """The order of the standard basis that carries this label."""
+    basis = standard_basis(ratio, 200)
+    if label in basis.labels:
+        return basis.orders[basis.labels.index(label)]
+    return float(label)
+
+
+EXPERIMENT = Experiment(
+    NAME,
+    "Kinematic error",
+    "kinematic error over whole output revolutions at low speed, both directions",
+    Parameters,
+    plan,
+    analyse,
+    compare=compare,
+    identified=identified,
+)

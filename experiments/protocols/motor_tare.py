@@ -1,0 +1,298 @@
+"""Motor tare: friction and cogging of the bare motor, so that the friction fit can speak of the gear alone.
+
+The torque port shows motor + gear. With the gear removed the same speeds and directions are run in the same warm state.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Ge, Gt, Le
+
+from experiments.budget import budget_table, scale_line
+from experiments.contract import Evidence, Experiment
+from experiments.errors import AnalysisError, analysing
+from experiments.evidence import check_recording, known_settings, time_base_remark, usable
+from experiments.parameters import Help, Unit
+from experiments.planning.parts import between_zeros, checked
+from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
+from experiments.protocols.friction import protocol as friction
+from experiments.recording import Recording, Segment
+from experiments.result import Plot, Result, Series
+from experiments.steps import Prompt, Step
+from experiments.torque.pattern import direction_patterns
+from experiments.torque.running_torque import Hold, measured_holds
+from experiments.torque.tare import tare_table
+from experiments.torque.zero import TorqueZero, torque_zero
+from model.gear import HarmonicDrive
+from model.identify.estimate import BudgetLine, Estimate
+from model.identify.least_squares import solve, student_quantile
+from model.identify.running_torque import FrictionPoints, pair_directions, tare_from
+from model.units import RPM
+
+NAME = "motor-tare"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What a motor-tare run can be told; speeds are those of the friction protocol."""
+
+    lowest_rpm: Annotated[float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("lowest input speed")] = (
+        1.0
+    )
+    highest_rpm: Annotated[
+        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")
+    ] = 3000.0
+    points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
+    speeds_rpm: Annotated[
+        tuple[float, ...],
+        Gt(0.0),
+        Le(10000.0),
+        Unit("r/min"),
+        Help("speeds to run instead of the list above"),
+    ] = ()
+    repeats: Repeats = 1
+    measure_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
+    ] = 1.0
+    settle_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
+    ] = 0.6
+    disc_inertia: Annotated[
+        float,
+        Ge(0.0),
+        Le(1.0),
+        Unit("kg m2"),
+        Help("inertia of a known disc on the shaft, 0 for none (torque scale)"),
+    ] = 0.0
+    rotor_inertia: Annotated[
+        float,
+        Ge(0.0),
+        Le(1.0),
+        Unit("kg m2"),
+        Help("inertia of the rotor itself, as its data sheet says"),
+    ] = 2.59e-5
+    acceleration: Acceleration = 800.0
+    zero_time: ZeroTime = 3.0
+    sync_rate: SyncRate = 1000.0
+
+
+def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
+    """Torque zero; every speed in both directions, settled, over whole revolutions of the bare motor; torque zero."""
+    checked(parameters, Parameters, NAME)
+    settings = _as_friction(parameters)
+    speeds = friction.sweep_speeds(settings, gear, NAME)
+    return between_zeros(_points(parameters, settings, speeds), parameters.zero_time)
+
+
+def _as_friction(p: Parameters) -> friction.Parameters:
+    """The friction protocol with these speeds, so that the tare runs exactly the speeds that it is for."""
+    return friction.Parameters(
+        lowest_rpm=p.lowest_rpm,
+        highest_rpm=p.highest_rpm,
+        points=p.points,
+        speeds_rpm=p.speeds_rpm,
+        measure_time=p.measure_time,
+        settle_time=p.settle_time,
+        acceleration=p.acceleration,
+        sync_rate=p.sync_rate,
+    )
+
+
+def _points(
+    p: Parameters, settings: friction.Parameters, speeds: tuple[float, ...]
+) -> Iterator[Step]:
+    yield Prompt(
+        "The gear is removed and the motor is as warm as in the run that this tare is for. Ready?",
+        "gear-removed",
+    )
+    for repeat in range(p.repeats):
+        for speed in speeds:
+            for direction in (1, -1):
+                yield from friction.constant_speed(settings, direction * speed, "hold", repeat)
+
+
+COGGING_BELOW = 100.0 * RPM
+"""Input speed up to which the torque over angle shows cogging and not the inertia of a rippling speed."""
+
+
+def analyse(recording: Recording, evidence: Evidence) -> Result:
+    """Friction of the bare motor per speed and direction, its Coulomb and viscous part, cogging over the angle."""
+    known_settings(evidence.settings, (), NAME)
+    recording.require("motor tare", "input_angle", "torque")
+    if recording.metadata.gear_mounted:
+        raise AnalysisError(
+            "the run was made with a gear mounted: it holds the gear's friction and is no tare",
+            where=recording.metadata.run_id,
+            remedy="Remove the gear and run motor-tare.",
+        )
+    warnings = list(
+        check_recording(recording, "motor tare", evidence.maximum_missed_share).warnings
+    )
+    warnings += time_base_remark(recording)
+    zero = torque_zero(recording)
+    warnings += zero.warnings
+    segments = recording.labelled("hold")
+    holds, remarks = measured_holds(recording, segments, zero)
+    with analysing(recording.metadata.run_id):
+        averages = [h.torque for h in holds]
+        points = pair_directions(averages)
+        tare = tare_from(averages)
+    warnings += points.warnings
+    estimates = _straight_line(recording, points)
+    slow = [s for s in segments if abs(s.setpoint) <= COGGING_BELOW]
+    patterns = direction_patterns(recording, slow, zero)
+    plots = [_plot(holds, estimates)]
+    metrics = {"speeds": float(len(tare.speed)), "torque_zero_drift": zero.drift}
+    if patterns is not None:
+        amplitude = np.abs(patterns.cogging.amplitude)
+        metrics["cogging_peak_to_peak"] = float(
+            np.ptp(patterns.cogging.curve(np.linspace(0.0, 2.0 * math.pi, 2048)))
+        )
+        metrics["strongest_cogging_order"] = float(np.argmax(amplitude) + 1)
+        bars = Series(
+            "half-sum of the directions", patterns.cogging.orders, amplitude * 1e3, "bars"
+        )
+        plots.append(
+            Plot(
+                "cogging",
+                "Cogging of the bare motor",
+                "order per input revolution",
+                "amplitude [mN m]",
+                (bars,),
+            )
+        )
+    scale = torque_scale(recording, zero)
+    if scale is not None:
+        estimates[scale.name] = scale
+    return Result(
+        recording.metadata.run_id,
+        NAME,
+        estimates,
+        metrics,
+        (*warnings, *remarks),
+        plots=tuple(plots),
+        tables=(tare_table(tare), budget_table(estimates.values())),
+        options={"torque_is_of": "motor"},
+    )
+
+
+def _straight_line(recording: Recording, points: FrictionPoints) -> dict[str, Estimate]:
+    """Coulomb and viscous friction of the bare motor from the half-differences: T = T_c + c omega."""
+    speed, torque = points.speed, points.friction
+    design = np.column_stack([np.ones_like(speed), speed])
+    estimates: dict[str, Estimate] = {}
+    if len(speed) >= 4:
+        # Every speed counts alike: the misfit of the straight line is larger than the noise of its points.
+        fit = solve(design, torque, where="motor friction")
+        found = [
+            (float(v), *fit.interval(k), float(fit.standard_error[k]))
+            for k, v in enumerate(fit.values)
+        ]
+    else:
+        values = np.linalg.lstsq(design, torque, rcond=None)[0]
+        found = [(float(v), -math.inf, math.inf, math.inf) for v in values]
+    for (value, low, high, error), name, unit in zip(
+        found, ("motor_coulomb", "motor_viscous"), ("N m", "N m s/rad"), strict=True
+    ):
+        budget = (BudgetLine("scatter about the line", "A", error), scale_line(recording, value))
+        estimates[name] = Estimate(
+            name, value, unit, low, high, "yes" if math.isfinite(low) else "no", "", budget
+        )
+    offset = points.offset[points.paired]
+    if len(offset) > 1:
+        spread = float(offset.std(ddof=1)) / math.sqrt(len(offset))
+        mean, half = float(offset.mean()), student_quantile(len(offset) - 1) * spread
+        note = "half-sum of the directions: rest of the zero and asymmetry"
+        estimates["offset"] = Estimate("offset", mean, "N m", mean - half, mean + half, "yes", note)
+    return estimates
+
+
+def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
+    """Torque shown per torque needed to accelerate a disc of known inertia (1 = scale is right), from the ramps.
+
+    T_shown = k (J alpha) + friction; up- and down-ramps of one direction give friction out of the difference.
+    """
+    p = recording.metadata.parameters
+    disc = float(p.get("disc_inertia", 0.0))
+    if disc <= 0.0:
+        return None
+    inertia = disc + float(p.get("rotor_inertia", Parameters.rotor_inertia))
+    rows = [
+        r
+        for s in recording.labelled("ramp")
+        if (r := _acceleration(recording, s, zero)) is not None
+    ]
+    if len(rows) < 8:
+        return None
+    data = np.array(rows)
+    design = np.column_stack([data[:, 0] * inertia, np.sign(data[:, 1]), data[:, 1]])
+    fit = solve(design, data[:, 2], where="torque scale")
+    low, high = fit.interval(0)
+    error = float(fit.standard_error[0])
+    budget = (
+        BudgetLine("scatter of the ramps", "A", error),
+        BudgetLine("inertia of disc and rotor", "B", 0.005, "assumed"),
+    )
+    return Estimate(
+        "torque_scale", float(fit.values[0]), "1", low, high, "yes", "disc of known inertia", budget
+    )
+
+
+def _acceleration(
+    recording: Recording, segment: Segment, zero: TorqueZero
+) -> tuple[float, float, float] | None:
+    """Mean acceleration [rad/s2], speed [rad/s] and torque [N m] of the middle half of a ramp."""
+    span = segment.stop - segment.start
+    rows = slice(segment.start + span // 4, segment.stop - span // 4)
+    good = usable(recording, rows)
+    time, angle = recording.time(rows)[good], recording.si("input_angle", rows)[good]
+    if len(time) < 20:
+        return None
+    half, slope, _ = np.polyfit(time - time.mean(), angle - angle[0], 2)
+    if abs(half) * 2.0 < 10.0:
+        return None
+    torque = float(np.mean(recording.si("torque", rows)[good] - zero.at(time)))
+    return 2.0 * float(half), float(slope), torque
+
+
+def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
+    series = []
+    for direction, label in ((1.0, "forward"), (-1.0, "reverse")):
+        chosen = [h.torque for h in holds if h.torque.direction == direction]
+        if not chosen:
+            continue
+        x = np.array([abs(p.speed) / RPM for p in chosen])
+        y = np.array([direction * p.torque * 1e3 for p in chosen])
+        spread = np.array([1.96e3 * p.standard_error for p in chosen])
+        series.append(
+            Series(label, x, y, "points", y - spread, y + spread, 0 if direction > 0 else 1)
+        )
+    every = [abs(h.torque.speed) for h in holds]
+    speed = np.geomspace(min(every), max(every), 200)
+    line = estimates["motor_coulomb"].value + estimates["motor_viscous"].value * speed
+    series.append(Series("Coulomb + viscous", speed / RPM, line * 1e3, group=2))
+    return Plot(
+        "motor-friction",
+        "Friction of the bare motor",
+        "input speed [r/min]",
+        "torque [mN m]",
+        tuple(series),
+        x_scale="log",
+    )
+
+
+EXPERIMENT = Experiment(
+    NAME,
+    "Motor tare",
+    "friction and cogging of the bare motor, gear removed",
+    Parameters,
+    plan,
+    analyse,
+    needs=("input_angle", "torque"),
+    gear_mounted=False,
+)

@@ -1,0 +1,204 @@
+"""Warm-up: turn at one speed until the running torque is steady, so that what follows has one thermal state."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from annotated_types import Gt, Le
+
+from experiments.budget import scale_line
+from experiments.contract import Evidence, Experiment
+from experiments.errors import AnalysisError
+from experiments.evidence import check_recording, known_settings, usable
+from experiments.parameters import Help, Unit
+from experiments.planning.parts import (
+    between_zeros,
+    checked,
+    longest,
+    ramp,
+    stop,
+    whole_revolutions,
+    window_of,
+)
+from experiments.planning.shared_parameters import Acceleration, SyncRate, ZeroTime
+from experiments.planning.speeds import incommensurate, refuse_speed
+from experiments.recording import Recording, Segment
+from experiments.result import Plot, Result, Series
+from experiments.steps import HoldRevolutions, SegmentLabel, Settle, Step
+from experiments.torque.running_torque import measured_holds
+from experiments.torque.zero import TorqueZero, torque_zero
+from model.gear import HarmonicDrive
+from model.identify.estimate import BudgetLine, Estimate
+from model.identify.least_squares import student_quantile
+from model.identify.running_torque import pair_directions
+from model.units import RPM
+
+NAME = "warm-up"
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What a warm-up run can be told."""
+
+    speed_rpm: Annotated[float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("input speed")] = 1500.0
+    window: Annotated[
+        float,
+        Gt(0.0),
+        Le(600.0),
+        Unit("s"),
+        Help("window of the mean torque, rounded up to whole revolutions"),
+    ] = 30.0
+    tolerance: Annotated[
+        float, Gt(0.0), Le(1.0), Unit("N m"), Help("largest change of torque from window to window")
+    ] = 0.0005
+    at_most: Annotated[float, Gt(0.0), Le(86400.0), Unit("s"), Help("longest time")] = 1800.0
+    acceleration: Acceleration = 500.0
+    zero_time: ZeroTime = 3.0
+    sync_rate: SyncRate = 1000.0
+
+
+def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
+    """Torque zero; forward until steady, then the same number of revolutions of one window in reverse; torque zero."""
+    checked(parameters, Parameters, NAME)
+    refuse_speed(parameters.speed_rpm, gear, f"{NAME}.speed_rpm")
+    return between_zeros(_turns(parameters), parameters.zero_time)
+
+
+def _turns(p: Parameters) -> Iterator[Step]:
+    speed = incommensurate(p.speed_rpm * RPM, p.sync_rate, p.window)
+    yield ramp(speed, p.acceleration, 1)
+    yield Settle(
+        window_of(speed, p.window), p.tolerance, p.at_most, SegmentLabel("warm-up", speed, 1)
+    )
+    turns = whole_revolutions(speed, min(p.window, 5.0))
+    for direction in (1, -1):
+        setpoint = direction * speed
+        yield ramp(setpoint, p.acceleration, direction)
+        yield HoldRevolutions(
+            turns, longest(turns, speed), SegmentLabel("settle", setpoint, direction)
+        )
+        yield HoldRevolutions(
+            turns, longest(turns, speed), SegmentLabel("hold", setpoint, direction)
+        )
+        yield stop(p.acceleration)
+
+
+def analyse(recording: Recording, evidence: Evidence) -> Result:
+    """Running torque against time, whether it became steady, and the running torque of the warm rig at this speed."""
+    known_settings(evidence.settings, (), NAME)
+    recording.require("warm-up", "input_angle", "torque")
+    warnings = list(check_recording(recording, "warm-up", evidence.maximum_missed_share).warnings)
+    zero = torque_zero(recording)
+    warnings += zero.warnings
+    segments = recording.labelled("warm-up")
+    if not segments:
+        raise AnalysisError("the run has no warm-up segment", where=recording.metadata.run_id)
+    window, tolerance = (
+        _window(recording),
+        float(recording.metadata.parameters.get("tolerance", Parameters.tolerance)),
+    )
+    found = [_windows(recording, segment, zero, window) for segment in segments]
+    time, torque = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    if len(time) < 2:
+        raise AnalysisError(
+            "the warm-up is shorter than two windows",
+            where=recording.metadata.run_id,
+            value=len(time),
+            limit=">= 2",
+            remedy="Run longer or with a shorter window.",
+        )
+    change = float(abs(torque[-1] - torque[-2]))
+    steady = change <= tolerance
+    if not steady:
+        warnings.append(
+            f"The torque was not steady: it changed by {change * 1e3:.2f} mN m between the last two windows "
+            f"(limit {tolerance * 1e3:.2f} mN m). Warm up longer."
+        )
+    holds, remarks = measured_holds(recording, recording.labelled("hold"), zero)
+    estimates: dict[str, Estimate] = {}
+    points = pair_directions([h.torque for h in holds]) if holds else None
+    if points is not None and points.paired.any():
+        at = int(np.argmax(points.paired))
+        value, error = float(points.friction[at]), float(points.standard_error[at])
+        budget = (BudgetLine("whole revolutions", "A", error), scale_line(recording, value))
+        half = student_quantile(float(points.freedom[at])) * error
+        estimates["running_torque"] = Estimate(
+            "running_torque",
+            value,
+            "N m",
+            value - half,
+            value + half,
+            "yes",
+            "motor + gear, half-difference of the directions",
+            budget,
+        )
+    metrics = {
+        "last_change": change,
+        "total_change": float(torque[-1] - torque[0]),
+        "time_until_steady": _steady_since(time, torque, tolerance),
+        "steady": float(steady),
+    }
+    series = Series("mean per window", time - time[0], torque * 1e3, "points")
+    plot = Plot(
+        "warm-up",
+        "Running torque while warming up",
+        "time [s]",
+        "torque of motor + gear [mN m]",
+        (series,),
+    )
+    return Result(
+        recording.metadata.run_id,
+        NAME,
+        estimates,
+        metrics,
+        (*warnings, *remarks),
+        plots=(plot,),
+        options={"torque_is_of": "motor + gear"},
+    )
+
+
+def _window(recording: Recording) -> float:
+    """The window of this run [s]."""
+    return float(recording.metadata.parameters.get("window", Parameters.window))
+
+
+def _windows(
+    recording: Recording, segment: Segment, zero: TorqueZero, window: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Middle [s] and mean torque [N m] of consecutive windows, in constant memory."""
+    start = float(recording.time(slice(segment.start, segment.start + 1))[0])
+    sums: dict[int, np.ndarray] = {}
+    for rows in recording.blocks(segment):
+        good = usable(recording, rows)
+        time = recording.time(rows)[good]
+        torque = recording.si("torque", rows)[good] - zero.at(time)
+        which = np.floor((time - start) / window).astype(np.int64)
+        for k in np.unique(which):
+            part = which == k
+            here = np.array([part.sum(), time[part].sum(), torque[part].sum()])
+            sums[int(k)] = sums.get(int(k), np.zeros(3)) + here
+    most = max((s[0] for s in sums.values()), default=0.0)
+    whole = [s for _, s in sorted(sums.items()) if s[0] > 0.9 * most]
+    return np.array([s[1] / s[0] for s in whole]), np.array([s[2] / s[0] for s in whole])
+
+
+def _steady_since(time: np.ndarray, torque: np.ndarray, tolerance: float) -> float:
+    """Time [s] after which no window differs from the last one by more than the tolerance; NaN where it never was."""
+    away = np.flatnonzero(np.abs(torque - torque[-1]) > tolerance)
+    first = int(away[-1]) + 1 if len(away) else 0
+    return float(time[first] - time[0]) if first < len(time) - 1 else math.nan
+
+
+EXPERIMENT = Experiment(
+    NAME,
+    "Warm-up",
+    "turn until the running torque is steady",
+    Parameters,
+    plan,
+    analyse,
+    needs=("input_angle", "torque"),
+)

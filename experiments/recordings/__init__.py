@@ -1,0 +1,1 @@
+"""Analyses without a plan, for recordings of this rig and of others."""

@@ -1,0 +1,414 @@
+"""What differs between two runs: parameters, limits, calibrations, versions, conditions, gear, acquisition, results.
+
+Results are compared by their newest analyses of the same kind. Two values differ significantly where
+
+    |b - a| > U_c,    U_c = sqrt(U_a^2 + U_b^2)
+
+with U the expanded uncertainties (k = 2), taken as independent. What both have in common (the same
+torque scale, the same tare, the same encoders) cancels in the difference: U_c is then too large and
+the statement cautious, and U_c without what is shared stands beside it (`rig.analysis.causes`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.recording import Recording, RunMetadata
+from model.identify.estimate import BudgetLine, Estimate
+from rig.analysis.causes import Footing, combined_uncertainty, footing, same_things
+from rig.analysis.store import Analysis, read_analyses
+from rig.analysis.wording import show
+from rig.runfile.header import read_header
+from rig.runfile.read import FileSource, close_recording, open_run
+
+GROUPS = (
+    "run",
+    "parameters",
+    "limits",
+    "gear",
+    "conditions",
+    "calibrations",
+    "versions",
+    "acquisition",
+    "results",
+)
+"""What is compared, in this order."""
+VERSIONS = ("program_version", "git_commit")
+RUN_CHANGES = frozenset({"truth", "acquisition", "planned_duration"})
+"""What the file keeps of the process that is compared elsewhere, or is the truth of a simulation,
+which no rig tells.
+"""
+SUBJECT = (
+    "torque_is_of",
+    "torque_balance",
+    "channel",
+    "mounting",
+    "highest_order",
+    "kinematic_error",
+)
+"""Options of an analysis that change what its numbers mean."""
+TEMPERATURES = ("housing_temperature", "ambient_temperature")
+SAME_NUMBER = 1e-12
+"""Relative; numbers nearer than this are one number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One thing that is not the same: where, both values as they are shown, and for results what the difference means.
+
+    `difference` is second minus first in `unit`, `uncertainty` its U_c (k = 2, independent);
+    `significant` is None where nothing can be said, `note` then says why. `own_uncertainty` is U_c
+    without what both results share, and `significant_without_shared` what follows from it; both
+    None where nothing is shared.
+    """
+
+    group: str
+    name: str
+    first: str
+    second: str
+    difference: float | None = None
+    uncertainty: float | None = None
+    unit: str = ""
+    significant: bool | None = None
+    note: str = ""
+    own_uncertainty: float | None = None
+    significant_without_shared: bool | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """One line of `rig diff --json`."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Two runs and everything in which they differ; `compared` counts what was looked at, by group;
+    `same` is the rest.
+    """
+
+    first: str
+    second: str
+    changes: tuple[Change, ...]
+    compared: Mapping[str, int]
+    same: tuple[Change, ...] = ()
+
+    @property
+    def differs(self) -> bool:
+        """Whether anything differs beyond the runs' own numbers and times."""
+        return any(change.group != "run" for change in self.changes)
+
+    def of(self, group: str) -> tuple[Change, ...]:
+        """The changes of one group."""
+        return tuple(change for change in self.changes if change.group == group)
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `rig diff --json` prints."""
+        return {
+            "first": self.first,
+            "second": self.second,
+            "differs": self.differs,
+            "compared": dict(self.compared),
+            "changes": [change.as_json() for change in self.changes],
+        }
+
+
+def difference(first: str | Path, second: str | Path) -> Difference:
+    """What differs between two run files. Raises `RunFileError` for one that cannot be read."""
+    a, b = _facts(Path(first)), _facts(Path(second))
+    changes: list[Change] = []
+    same: list[Change] = []
+    compared: dict[str, int] = {}
+    for group in GROUPS[:-1]:
+        left, right = a.groups[group], b.groups[group]
+        names = list(dict.fromkeys((*left, *right)))
+        compared[group] = len(names)
+        for name in names:
+            change = Change(group, name, left.get(name, ""), right.get(name, ""))
+            (same if change.first == change.second else changes).append(change)
+    results = list(_results(a, b))
+    compared["results"] = len(results)
+    for change in results:
+        (same if _is_same(change) else changes).append(change)
+    return Difference(a.run_id, b.run_id, tuple(changes), compared, tuple(same))
+
+
+def _is_same(change: Change) -> bool:
+    return (
+        change.difference == 0.0 if change.difference is not None else change.first == change.second
+    )
+
+
+@dataclass(frozen=True)
+class _Facts:
+    """What a run says, flattened to text by group, its newest analysis per kind, and what each of them stands on."""
+
+    run_id: str
+    groups: Mapping[str, Mapping[str, str]]
+    analyses: Mapping[str, Analysis]
+    footings: Mapping[str, Footing]
+
+
+def _facts(path: Path) -> _Facts:
+    newest = {analysis.kind: analysis for analysis in read_analyses(path)}
+    recording = open_run(path)
+    try:
+        groups = _groups(recording)
+        footings = {kind: footing(recording, analysis) for kind, analysis in newest.items()}
+        return _Facts(recording.metadata.run_id or path.name, groups, newest, footings)
+    finally:
+        close_recording(recording)
+
+
+def _groups(recording: Recording) -> dict[str, dict[str, str]]:
+    m = recording.metadata
+    process = {name: value for name, value in m.process.items() if name not in RUN_CHANGES}
+    rig = {name: process.pop(name) for name in list(process) if name not in VERSIONS}
+    return {
+        "run": {
+            "run": m.run_id,
+            "start": m.start_time,
+            "outcome": m.outcome,
+            "rows": str(recording.rows),
+            "file": m.sha256,
+        },
+        "parameters": _flat({"protocol": m.experiment, **m.parameters}),
+        "limits": _flat(_limits(recording)),
+        "gear": _gear(m),
+        "conditions": _flat({"operator": m.operator, **m.conditions, **_temperatures(recording)}),
+        "calibrations": dict(_calibrations(recording)),
+        "versions": _flat(process),
+        "acquisition": _flat(
+            {
+                "origin": m.origin,
+                "time base": m.time_base,
+                "sample rate": m.sample_rate,
+                **rig,
+                **_mapping(m.process.get("acquisition")),
+            }
+        ),
+    }
+
+
+def _temperatures(recording: Recording) -> dict[str, str]:
+    """Mean of every temperature that was recorded, to a tenth of a kelvin."""
+    found: dict[str, str] = {}
+    for name in TEMPERATURES:
+        if recording.has(name) and recording.rows:
+            total = sum(float(recording.si(name, rows).sum()) for rows in recording.blocks())
+            found[f"mean {name.replace('_', ' ')}"] = (
+                f"{total / recording.rows:.1f} {recording.signals[name].unit}"
+            )
+    return found
+
+
+def _limits(recording: Recording) -> dict[str, Any]:
+    """Value, unit and tier of every limit that held."""
+    source = recording.source
+    if not isinstance(source, FileSource):
+        return {}
+    with source.file() as file:
+        return {name: _limit(entry) for name, entry in read_header(file).limits.items()}
+
+
+def _limit(entry: Any) -> Any:
+    if not isinstance(entry, Mapping) or not isinstance(entry.get("value"), (int, float)):
+        return entry
+    tier = f" ({entry['tier']})" if entry.get("tier") else ""
+    return f"{_number(entry['value'])} {entry.get('unit', '')}{tier}"
+
+
+def _gear(m: RunMetadata) -> dict[str, str]:
+    found = {
+        "serial number": m.gear_serial,
+        "mounted": "yes" if m.gear_mounted else "no",
+        "mounting": m.mounting,
+    }
+    found["ratio"] = _number(m.ratio)
+    if m.gear is not None:
+        found["part"] = m.gear.name
+        found |= {
+            value.path: f"{_number(value.value)} {value.unit} ({value.origin.provenance})"
+            for value in m.gear.values()
+        }
+        found |= {f"option {name}": str(value) for name, value in vars(m.gear.options).items()}
+    return found
+
+
+def _calibrations(recording: Recording) -> Iterable[tuple[str, str]]:
+    source = recording.source
+    for column in source.columns if isinstance(source, FileSource) else ():
+        c = column.calibration
+        yield (
+            f"{column.name} instrument",
+            " ".join(part for part in (column.model, column.serial_number) if part),
+        )
+        yield f"{column.name} scale", f"{_number(column.scale)} {column.unit}"
+        yield f"{column.name} offset", f"{_number(column.offset)} {column.unit}"
+        yield (
+            f"{column.name} certificate",
+            ", ".join(part for part in (c.certificate, c.date, c.due) if part),
+        )
+        yield (
+            f"{column.name} relative uncertainty of the scale",
+            _number(c.scale_relative_uncertainty),
+        )
+        yield (
+            f"{column.name} uncertainty of the offset",
+            f"{_number(c.offset_uncertainty)} {column.unit}",
+        )
+        yield f"{column.name} accuracy", f"{_number(c.accuracy)} {column.unit}"
+
+
+def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
+    for kind in dict.fromkeys((*a.analyses, *b.analyses)):
+        left, right = a.analyses.get(kind), b.analyses.get(kind)
+        if left is None or right is None:
+            texts = ("not analysed", "analysed") if left is None else ("analysed", "not analysed")
+            missing = a.run_id if left is None else b.run_id
+            yield Change("results", kind, *texts, note=f"{missing} has no {kind} analysis: rig fit")
+            continue
+        yield Change(
+            "results",
+            f"{kind}: outcome",
+            str(left.content.get("outcome")),
+            str(right.content.get("outcome")),
+        )
+        apart = list(_analysed_otherwise(kind, left, right))
+        yield from apart
+        other = any(
+            change.first != change.second
+            for change in apart
+            if change.name.split(": ")[1] in SUBJECT
+        )
+        same = same_things(a.footings[kind], b.footings[kind])
+        found, others = left.result.get("parameters", {}), right.result.get("parameters", {})
+        for name in dict.fromkeys((*found, *others)):
+            yield _compared(
+                f"{kind}: {name}", found.get(name), others.get(name), same, other_subject=other
+            )
+
+
+def _analysed_otherwise(kind: str, left: Analysis, right: Analysis) -> Iterable[Change]:
+    """How the two were analysed: options and settings, the tare, the program's version, the parameter set."""
+    tables = [
+        {
+            **a.result.get("options", {}),
+            **{f"setting {n}": v for n, v in a.content.get("settings", {}).items()},
+            "tare": a.content.get("tare", {}).get("run", "none"),
+            "program version": a.content.get("program_version", ""),
+        }
+        for a in (left, right)
+    ]
+    first, second = (_flat(table) for table in tables)
+    for name in dict.fromkeys((*first, *second)):
+        yield Change("results", f"{kind}: {name}", first.get(name, ""), second.get(name, ""))
+
+
+def _compared(
+    name: str,
+    first: Mapping[str, Any] | None,
+    second: Mapping[str, Any] | None,
+    same: frozenset[str],
+    *,
+    other_subject: bool,
+) -> Change:
+    texts = _shown(first, name), _shown(second, name)
+    if first is None or second is None:
+        return Change("results", name, *texts, note="found in one of the two only")
+    unit = str(first.get("unit", ""))
+    values = first.get("value"), second.get("value")
+    if values[0] is None or values[1] is None or unit != str(second.get("unit", "")):
+        return Change("results", name, *texts, unit=unit, note="cannot be compared")
+    change = _away(name, unit, float(values[0]), float(values[1]))
+    combined = combined_uncertainty(first, second, same)
+    if combined is None:
+        return Change("results", name, *texts, change, unit=unit, note="no uncertainty is known")
+    unknown = [e for e in (first, second) if e.get("identifiability") == "no"]
+    if unknown or other_subject:
+        note = (
+            "not identifiable from one of the runs"
+            if unknown
+            else "not the same quantity: see how they were analysed"
+        )
+        return Change("results", name, *texts, change, combined.independent, unit, None, note)
+    significant = abs(change) > combined.independent
+    if not combined.shared:
+        return Change("results", name, *texts, change, combined.independent, unit, significant)
+    without = abs(change) > combined.own
+    note = f"{' and '.join(combined.shared)} shared: without it U_c is {combined.own:.2g} {unit}".rstrip(
+        " 1"
+    )
+    if without != significant:
+        note += ", and the difference significant"
+    return Change(
+        "results",
+        name,
+        *texts,
+        change,
+        combined.independent,
+        unit,
+        significant,
+        note,
+        combined.own,
+        without,
+    )
+
+
+def _away(name: str, unit: str, first: float, second: float) -> float:
+    """Second minus first; of a phase the shorter way round, of numbers that agree to all but their
+    last digits nothing.
+    """
+    change = second - first
+    if unit == "rad" and "phase" in name:
+        change = math.remainder(change, 2.0 * math.pi)
+    return 0.0 if abs(change) <= SAME_NUMBER * max(abs(first), abs(second)) else change
+
+
+def _shown(found: Mapping[str, Any] | None, name: str = "") -> str:
+    """A value ± U as the report prints it: in the unit of the laboratory, rounded to two digits of U."""
+    value = None if found is None else found.get("value")
+    if found is None or value is None:
+        return "-"
+    return in_laboratory_units(
+        name, float(value), found.get("expanded_uncertainty"), str(found.get("unit", "1"))
+    )
+
+
+def in_laboratory_units(name: str, value: float, doubt: float | None, unit: str) -> str:
+    """`value ± doubt unit` of a quantity in SI, `name` tells which, as it is read in a laboratory."""
+    budget = () if doubt is None else (BudgetLine("", "A", 0.5 * float(doubt)),)
+    estimate = Estimate(name.rpartition(": ")[2], value, unit, math.nan, math.nan, budget=budget)
+    return show(estimate).with_uncertainty
+
+
+def _flat(found: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+    """A mapping of mappings as one of dotted names and text."""
+    flat: dict[str, str] = {}
+    for name, value in found.items():
+        path = f"{prefix}{name}"
+        if isinstance(value, Mapping) and {"value", "expanded_uncertainty"} <= value.keys():
+            flat[path] = _shown(value)
+        elif isinstance(value, Mapping):
+            flat |= _flat(value, f"{path}.")
+        else:
+            flat[path] = _text(value)
+    return flat
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return _number(value)
+    if isinstance(value, (list, tuple)):
+        return " ".join(_text(part) for part in value)
+    return str(value)
+
+
+def _number(value: float) -> str:
+    return f"{value:.9g}"
+
+
+def _mapping(found: Any) -> Mapping[str, Any]:
+    return found if isinstance(found, Mapping) else {}

@@ -1,0 +1,227 @@
+"""From a recording to a result: which analysis, which parameter set, which tare.
+
+One way for every recording, whether simulated, recorded, replayed or imported: run file ->
+`Recording` -> the analysis of the protocol -> `Result` -> analysis store.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rig.errors import RigError
+
+if TYPE_CHECKING:
+    from experiments.contract import Evidence
+    from experiments.recording import Recording
+    from experiments.result import Result
+    from model.gear import HarmonicDrive
+
+TARE = "motor-tare"
+"""The protocol whose result can be subtracted as a tare."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One analysed run: the recording, the gear it was compared with, the tare that was subtracted, the result.
+
+    `path` is the run file, `stored` the name of the analysis in its store ("" while there is none);
+    `gear_known` is False where nobody said what gear it is and the shipped set stands in for it.
+    """
+
+    recording: Recording
+    gear: HarmonicDrive
+    result: Result
+    path: Path | None = None
+    tare: Fit | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    stored: str = ""
+    gear_known: bool = True
+    largest_missed_share: float | None = None
+    """Share of missed cycles that was allowed; None: the analyses' own limit."""
+
+    @property
+    def evidence(self) -> Evidence:
+        """What its analysis leaned on."""
+        return _evidence(self.gear, self.tare, self.settings, self.largest_missed_share)
+
+
+def kind_of(recording: Recording, kind: str = "") -> str:
+    """The kind of fit: the one asked for, else the protocol of the run. Raises `RigError` where neither names one."""
+    from experiments import catalogue
+
+    if kind:
+        catalogue.entry(kind)
+        return kind
+    protocol = recording.metadata.experiment
+    if protocol in catalogue.kinds():
+        return protocol
+    raise RigError(
+        "this recording was not made by a protocol of this program, so the kind of fit must be named",
+        where=recording.metadata.run_id,
+        value=repr(protocol) if protocol else None,
+        limit=", ".join(catalogue.kinds()),
+        remedy="For instance: rig fit motion RUN.",
+    )
+
+
+def fit_recording(
+    recording: Recording,
+    kind: str = "",
+    *,
+    gear: HarmonicDrive | None = None,
+    tare: Fit | None = None,
+    settings: Mapping[str, Any] | None = None,
+    path: Path | None = None,
+    largest_missed_share: float | None = None,
+) -> Fit:
+    """Analyse one recording.
+
+    `gear` is the parameter set to compare with; without it the run's own, and the shipped one as the last resort, which
+    the result then says. `largest_missed_share` is the share of missed cycles above which the run is refused (None: the
+    analyses' own). Raises the errors of the analysis, and `RigError` for a tare that does not belong to this rig.
+    """
+    from experiments import catalogue
+    from model.gear_file import shipped_gear
+
+    experiment = catalogue.load(kind_of(recording, kind))
+    remarks: list[str] = []
+    known = gear or recording.metadata.gear
+    gear_known = known is not None
+    if known is None:
+        known = shipped_gear()
+        remarks.append(
+            f"The run carries no parameter set; the shipped {known.name} was used where the analysis needs one. "
+            "Give yours with --parameters."
+        )
+    if tare is not None:
+        check_tare(recording, tare)
+    evidence = _evidence(known, tare, settings or {}, largest_missed_share)
+    result = experiment.analyse(recording, evidence)
+    options = dict(result.options)
+    options.setdefault("parameter_set", known.name)
+    options["tare_run"] = tare.recording.metadata.run_id if tare else "none"
+    if largest_missed_share is not None:
+        options["largest_missed_share"] = largest_missed_share
+    result = dataclasses.replace(result, warnings=(*result.warnings, *remarks), options=options)
+    return Fit(
+        recording,
+        known,
+        result,
+        path,
+        tare,
+        dict(settings or {}),
+        gear_known=gear_known,
+        largest_missed_share=largest_missed_share,
+    )
+
+
+def _evidence(
+    gear: HarmonicDrive,
+    tare: Fit | None,
+    settings: Mapping[str, Any],
+    largest_missed_share: float | None,
+) -> Evidence:
+    from experiments.contract import Evidence
+
+    made = Evidence(gear, tare.result if tare else None, settings=dict(settings))
+    return (
+        made
+        if largest_missed_share is None
+        else dataclasses.replace(made, maximum_missed_share=largest_missed_share)
+    )
+
+
+def score(fit: Fit) -> Result:
+    """How well the parameter set of a fit predicts its run, nothing fitted; the fit's own result
+    where a kind has no score.
+    """
+    from experiments import catalogue
+
+    compare = catalogue.load(fit.result.kind).compare
+    if compare is None:
+        return fit.result
+    return compare(fit.recording, fit.gear, fit.evidence)
+
+
+def check_tare(recording: Recording, tare: Fit) -> None:
+    """Raise `RigError` unless `tare` is a motor tare of the same kind of rig as the recording."""
+    here, there = recording.metadata, tare.recording.metadata
+    if tare.result.kind != TARE:
+        raise RigError(
+            "only a motor-tare run (gear removed) can be subtracted as a tare",
+            where=there.run_id,
+            value=tare.result.kind,
+            limit=TARE,
+            remedy="Run `rig run motor-tare` on this rig and give that run.",
+        )
+    if there.gear_mounted:
+        raise RigError(
+            "the tare was taken with a gear mounted, so that it holds the gear's own friction",
+            where=there.run_id,
+            remedy="Remove the gear and run motor-tare again.",
+        )
+    if here.origin != there.origin:
+        raise RigError(
+            "tare and run do not come from the same kind of rig",
+            where=there.run_id,
+            value=there.origin,
+            limit=here.origin,
+            remedy="Take the tare on the rig on which the run was made.",
+        )
+
+
+def fit_files(
+    paths: Sequence[str | Path],
+    kind: str = "",
+    *,
+    gear: HarmonicDrive | None = None,
+    tare: str | Path | None = None,
+    settings: Mapping[str, Any] | None = None,
+    largest_missed_share: float | None = None,
+) -> tuple[Fit, ...]:
+    """Open and analyse run files, all with the same tare and parameter set."""
+    from rig.runfile.read import open_run
+
+    taken = None
+    if tare is not None:
+        taken = fit_recording(
+            open_run(Path(tare)),
+            TARE,
+            gear=gear,
+            path=Path(tare),
+            largest_missed_share=largest_missed_share,
+        )
+    return tuple(
+        fit_recording(
+            open_run(Path(p)),
+            kind,
+            gear=gear,
+            tare=taken,
+            settings=settings,
+            path=Path(p),
+            largest_missed_share=largest_missed_share,
+        )
+        for p in paths
+    )
+
+
+def store(fit: Fit, created: str) -> Fit:
+    """Append a fit to the store beside its run and say under which name; a recording that is no file stays as it is."""
+    from model.gear_file import gear_to_mapping
+    from rig.analysis.store import Basis, append_analysis
+
+    if fit.path is None:
+        return fit
+    tare = {}
+    if fit.tare is not None:
+        there = fit.tare.recording.metadata
+        tare = {"run": there.run_id, "sha256": there.sha256}
+    basis = Basis(
+        fit.recording.metadata.sha256, created, gear_to_mapping(fit.gear), tare, fit.settings
+    )
+    kept = append_analysis(fit.path, fit.result, basis)
+    return dataclasses.replace(fit, stored=f"{kept.path.parent.name}/{kept.path.name}")

@@ -1,0 +1,77 @@
+"""Fitting the runs of a gear that have no analysis yet, so that its passport can be drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from model.errors import WordedError
+from rig.analysis.passport.gather import COUNTED_OUTCOMES, counted_origin, runs_of
+from rig.analysis.passport.quantities import KINDS
+from rig.analysis.store import read_analyses
+from rig.library.index import IndexedRun
+
+
+@dataclass(frozen=True)
+class Analysed:
+    """What became of one run: the name of its analysis in the store, or why there is none."""
+
+    run: IndexedRun
+    stored: str = ""
+    problem: str = ""
+
+
+def analyse_runs(
+    where: str | Path | Iterable[str | Path],
+    serial: str,
+    created: str,
+    *,
+    tare: Path | None = None,
+    origin: str = "",
+    tell: Callable[[IndexedRun], None] | None = None,
+) -> tuple[Analysed, ...]:
+    """Fit every run of a gear that a passport follows and that was never fitted, and keep the results beside the runs.
+
+    `created` the calendar time (ISO 8601) of the analyses; `tare` a motor-tare run, subtracted from
+    friction runs; `origin` as in `passport`; `tell` is called before each run. A run that cannot be
+    analysed is told with its reason, and the others are analysed all the same.
+    """
+    runs = runs_of(where, serial)
+    only = counted_origin(runs, origin)
+    return tuple(
+        _analyse(run, created, tare if run.protocol == "friction" else None, tell)
+        for run in runs
+        if _lacks_analysis(run) and only in ("", run.origin)
+    )
+
+
+def _lacks_analysis(run: IndexedRun) -> bool:
+    if run.state != "sealed" or run.protocol not in KINDS or run.outcome not in COUNTED_OUTCOMES:
+        return False
+    try:
+        return all(analysis.kind != run.protocol for analysis in read_analyses(run.path))
+    except WordedError:
+        return False
+
+
+def _analyse(
+    run: IndexedRun, created: str, tare: Path | None, tell: Callable[[IndexedRun], None] | None
+) -> Analysed:
+    from rig.analysis.fit import fit_files, store
+    from rig.runfile.read import close_recording
+
+    if tell is not None:
+        tell(run)
+    try:
+        fit = fit_files([run.path], tare=tare)[0]
+    except WordedError as error:
+        return Analysed(run, problem=str(error))
+    try:
+        return Analysed(run, stored=store(fit, created).stored)
+    except WordedError as error:
+        return Analysed(run, problem=str(error))
+    finally:
+        close_recording(fit.recording)
+        if fit.tare is not None:
+            close_recording(fit.tare.recording)

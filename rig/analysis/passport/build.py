@@ -1,0 +1,128 @@
+"""The passport of one gear, made from its runs: which quantities, their series, and what is missing by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rig.analysis.passport.chart import BASELINE_RUNS, RULES
+from rig.analysis.passport.content import Missing, Passport, PassportSeries
+from rig.analysis.passport.draw import point_table, spectrum_plots
+from rig.analysis.passport.gather import FoundRun, Gathered, gather, runs_of
+from rig.analysis.passport.quantities import QUANTITIES, Quantity, order_labels, order_quantity
+from rig.analysis.passport.series import series_of, usable
+from rig.errors import RigError
+from rig.runfile.header import ORIGIN_WORDS
+
+
+def passport(
+    where: str | Path | Iterable[str | Path],
+    serial: str,
+    *,
+    origin: str = "",
+    baseline: int = BASELINE_RUNS,
+) -> Passport:
+    """The passport of gear `serial` from a folder of runs, several folders, or run files.
+
+    `origin`: only runs of this one; without it the runs from hardware where there are any, else
+    every origin for itself: no series ever holds two. `baseline`: how many first runs make the
+    control limits. Raises `RigError` where there is no run of this gear, or fewer than two runs are
+    to make limits; `RunFileError` for a folder that is none.
+    """
+    if baseline < 2:
+        raise RigError(
+            "control limits need runs that can scatter",
+            where="baseline",
+            value=baseline,
+            limit=">= 2",
+        )
+    runs = runs_of(where, serial)
+    if not runs:
+        raise RigError(
+            "there is no run of this gear",
+            where=_place(where),
+            value=repr(serial),
+            remedy="Serial numbers are compared letter for letter; `rig runs` lists what is there.",
+        )
+    gathered = gather(runs, origin)
+    found = gathered.found
+    series = tuple(
+        one for quantity in _quantities(found) for one in series_of(quantity, found, baseline)
+    )
+    origins = sorted({run.origin for run in gathered.runs})
+    mark = " / ".join(ORIGIN_WORDS.get(one, one.upper()) for one in origins if one != "hardware")
+    return Passport(
+        serial,
+        next((run.gear for run in reversed(gathered.runs) if run.gear), ""),
+        mark,
+        gathered.runs,
+        series,
+        spectrum_plots(found),
+        tuple(point_table(one) for one in series),
+        (*gathered.missing, *_missing(gathered, series)),
+        gathered.left_out,
+        RULES,
+    )
+
+
+def _place(where: str | Path | Iterable[str | Path]) -> str:
+    return str(where) if isinstance(where, (str, Path)) else ", ".join(str(one) for one in where)
+
+
+def _quantities(found: Sequence[FoundRun]) -> tuple[Quantity, ...]:
+    """The followed quantities, the largest orders of these runs after the transmission accuracy."""
+    amplitudes = [
+        _amplitudes(one.estimates) for one in found if one.analysis.kind == "kinematic-error"
+    ]
+    orders = tuple(order_quantity(label) for label in order_labels(amplitudes))
+    accuracy = tuple(quantity for quantity in QUANTITIES if quantity.kind == "kinematic-error")
+    return (*accuracy, *orders, *(quantity for quantity in QUANTITIES if quantity not in accuracy))
+
+
+def _amplitudes(estimates: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+    return {
+        name.removeprefix("amplitude_"): float(estimate["value"])
+        for name, estimate in estimates.items()
+        if name.startswith("amplitude_") and usable(estimate)
+    }
+
+
+def _missing(gathered: Gathered, series: Sequence[PassportSeries]) -> list[Missing]:
+    """What a whole passport would have besides: quantities without a run, numbers that the data
+    could not tell, tares.
+    """
+    followed = {one.quantity for one in series}
+    missing = [
+        _nothing_of(quantity, gathered) for quantity in QUANTITIES if quantity.key not in followed
+    ]
+    for one in gathered.found:
+        for quantity in QUANTITIES:
+            estimate = one.estimates.get(quantity.key)
+            if quantity.kind == one.analysis.kind and estimate is not None and not usable(estimate):
+                why = estimate.get("note") or "not identifiable from this run"
+                missing.append(Missing(f"{quantity.title}: {why}", one.run.run_id))
+        if one.analysis.kind == "friction" and one.facts.get("torque of") != "gear":
+            missing.append(
+                Missing(
+                    "its running torque is that of motor and gear together: no motor tare was subtracted",
+                    one.run.run_id,
+                    f"rig fit {one.run.path} --tare RUN (a motor-tare run)",
+                )
+            )
+    return missing
+
+
+def _nothing_of(quantity: Quantity, gathered: Gathered) -> Missing:
+    analysed = [one for one in gathered.found if one.analysis.kind == quantity.kind]
+    if analysed:
+        return Missing(
+            f"{quantity.title}: not among what its {len(analysed)} {quantity.kind} analyses found",
+            "",
+            quantity.step,
+        )
+    if any(run.protocol == quantity.kind for run in gathered.runs):
+        return Missing(f"{quantity.title}: no {quantity.kind} run is analysed", "", "--analyse")
+    return Missing(
+        f"{quantity.title}: there is no {quantity.kind} run of this gear", "", quantity.step
+    )

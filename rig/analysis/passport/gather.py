@@ -1,0 +1,202 @@
+"""From the runs of a gear to what was found of each: which runs count, their newest analyses, and
+the facts to compare by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from experiments.recording import Origin, Recording
+from rig.analysis.causes import Footing, footing, simulated_bench
+from rig.analysis.passport.content import Missing
+from rig.analysis.passport.quantities import FACTS, KINDS
+from rig.analysis.store import Analysis, read_analyses
+from rig.errors import RigError, RunFileError
+from rig.library.index import IndexedRun, LibraryIndex
+from rig.runfile.read import close_recording, open_run
+from rig.runfile.seal import recorded_sha256
+
+COUNTED_OUTCOMES = ("PASS", "MARGINAL", "FAIL", "")
+"""Outcomes of runs that were brought to their end ("" is an imported recording's)."""
+
+
+@dataclass(frozen=True)
+class FoundRun:
+    """One run with one analysis: the facts that make runs comparable, what may change from run to
+    run, the estimates.
+    """
+
+    run: IndexedRun
+    analysis: Analysis
+    origin: Origin
+    facts: Mapping[str, str]
+    changing: Mapping[str, str]
+    footing: Footing
+    estimates: Mapping[str, Mapping[str, Any]]
+    verdicts: Sequence[Mapping[str, Any]]
+    housing_temperature: float | None
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """Everything of one gear: runs that count in order of time, their analyses, what is missing,
+    what does not count.
+    """
+
+    runs: tuple[IndexedRun, ...]
+    found: tuple[FoundRun, ...]
+    missing: tuple[Missing, ...]
+    left_out: tuple[Missing, ...]
+
+
+def runs_of(where: str | Path | Iterable[str | Path], serial: str) -> tuple[IndexedRun, ...]:
+    """The runs of a gear in a folder, in several, or among run files, in order of time; each file once.
+
+    Raises `RunFileError` for what is neither.
+    """
+    places = [where] if isinstance(where, (str, Path)) else list(where)
+    seen: dict[Path, IndexedRun] = {}
+    wanted: dict[Path, set[str]] = {}
+    for place in map(Path, places):
+        if place.is_dir():
+            wanted.setdefault(place, set()).add("")
+        else:
+            wanted.setdefault(place.parent, set()).add(place.name)
+    for folder, names in wanted.items():
+        for run in LibraryIndex(folder).search():
+            if run.gear_serial == serial and ("" in names or run.path.name in names):
+                seen.setdefault(run.path.resolve(), run)
+    return tuple(
+        sorted(seen.values(), key=lambda run: (moment(run.start), run.number, run.path.name))
+    )
+
+
+def moment(text: str) -> datetime:
+    """The time of an ISO 8601 text; one without a zone counts as UTC, one that is none as the beginning of time."""
+    try:
+        found = datetime.fromisoformat(text)
+    except ValueError:
+        return datetime.min.replace(tzinfo=UTC)
+    return found if found.tzinfo else found.replace(tzinfo=UTC)
+
+
+def gather(runs: Sequence[IndexedRun], origin: str = "") -> Gathered:
+    """Read what was found of each run. Without `origin`: hardware alone where there is any, else
+    every origin for itself.
+    """
+    only = counted_origin(runs, origin)
+    counted: list[IndexedRun] = []
+    left_out: list[Missing] = []
+    seen: dict[str, IndexedRun] = {}
+    for run in runs:
+        reason = _does_not_count(run, only) or _copy_of(run, seen)
+        if reason:
+            left_out.append(Missing(reason, run.run_id))
+        else:
+            counted.append(run)
+    found: list[FoundRun] = []
+    missing: list[Missing] = []
+    for run in counted:
+        made, lacks = _read(run)
+        found += made
+        missing += lacks
+    return Gathered(tuple(counted), tuple(found), tuple(missing), tuple(left_out))
+
+
+def counted_origin(runs: Sequence[IndexedRun], origin: str = "") -> str:
+    """The origin that alone counts: the one asked for, hardware where there is any; "" where every
+    one counts for itself.
+    """
+    return origin or ("hardware" if any(run.origin == "hardware" for run in runs) else "")
+
+
+def _does_not_count(run: IndexedRun, origin: str) -> str:
+    if run.state != "sealed":
+        return run.problem if run.state == "unreadable" else run.state
+    if origin and run.origin != origin:
+        return f"is {run.origin}: runs of several origins never stand in one passport"
+    if run.outcome not in COUNTED_OUTCOMES:
+        return f"ended {run.outcome}: it was not brought to its end"
+    return ""
+
+
+def _copy_of(run: IndexedRun, seen: dict[str, IndexedRun]) -> str:
+    """Whether the same bytes were met before under another name."""
+    sha256 = recorded_sha256(run.path)
+    first = seen.setdefault(sha256, run) if sha256 else run
+    return "" if first is run else f"is a copy of {first.path}"
+
+
+def _read(run: IndexedRun) -> tuple[list[FoundRun], list[Missing]]:
+    """The newest analyses of a run of the kinds that are followed, and what it lacks."""
+    command = f"rig fit {run.path}"
+    try:
+        stored = {
+            analysis.kind: analysis
+            for analysis in read_analyses(run.path)
+            if analysis.kind in KINDS
+        }
+    except RunFileError as error:
+        return [], [
+            Missing(str(error), run.run_id, "Move the damaged file away and fit the run again.")
+        ]
+    missing = []
+    if run.protocol in KINDS and run.protocol not in stored:
+        missing.append(Missing(f"its {run.protocol} is not analysed", run.run_id, command))
+    if not stored:
+        return [], missing
+    try:
+        recording = open_run(run.path)
+    except RigError as error:
+        return [], [*missing, Missing(str(error), run.run_id)]
+    try:
+        found = []
+        for analysis in stored.values():
+            if str(analysis.content.get("run_sha256", "")) != recording.metadata.sha256:
+                missing.append(
+                    Missing(
+                        f"analysis {analysis.number} is of another file of this name",
+                        run.run_id,
+                        command,
+                    )
+                )
+                continue
+            found.append(_found(run, recording, analysis))
+        return found, missing
+    finally:
+        close_recording(recording)
+
+
+def _found(run: IndexedRun, recording: Recording, analysis: Analysis) -> FoundRun:
+    m = recording.metadata
+    result = analysis.result
+    options, settings = result.get("options", {}), analysis.content.get("settings", {})
+    facts = {"part": m.gear.name if m.gear is not None else "", "mounting": m.mounting}
+    facts |= {name: read(m.parameters, options, settings) for name, read in FACTS.items()}
+    standing = footing(recording, analysis)
+    changing = {
+        "lubricant": str(m.conditions.get("lubricant", "")),
+        "mounted on": str(m.conditions.get("mounted_on", "")),
+        "torque calibration": standing["torque channel"],
+        "simulated rig": simulated_bench(m),
+        "program version of the analysis": str(analysis.content.get("program_version", "")),
+        "settings of the analysis": ", ".join(
+            f"{name} = {value}" for name, value in settings.items()
+        ),
+    }
+    warmth = result.get("metrics", {}).get("housing_temperature")
+    return FoundRun(
+        run,
+        analysis,
+        m.origin,
+        facts,
+        changing,
+        standing,
+        result.get("parameters", {}),
+        result.get("verdicts", ()),
+        float(warmth) if isinstance(warmth, (int, float)) else None,
+    )

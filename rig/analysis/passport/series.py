@@ -1,0 +1,232 @@
+"""Series of a quantity: comparable runs in order of time, their control limits, and what is to be
+said of each point.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rig.analysis.causes import own_uncertainty, same_things
+from rig.analysis.passport.chart import control_limits, signals_of
+from rig.analysis.passport.content import (
+    CatalogueLimit,
+    ControlLimits,
+    PassportPoint,
+    PassportSeries,
+)
+from rig.analysis.passport.draw import control_plot
+from rig.analysis.passport.gather import FoundRun
+from rig.analysis.passport.quantities import Quantity, comparable
+from rig.runfile.header import ORIGIN_WORDS
+
+WARMTH_THAT_MATTERS = 1.0
+"""K between a run's housing and that of the first runs from which on it is told: friction falls
+some percent per kelvin.
+"""
+
+
+def series_of(quantity: Quantity, found: Sequence[FoundRun], baseline: int) -> list[PassportSeries]:
+    """One series per set of comparable runs; what parts them is in their titles."""
+    groups: dict[tuple[str, tuple[tuple[str, str], ...]], list[FoundRun]] = {}
+    for one in found:
+        if one.analysis.kind == quantity.kind and usable(one.estimates.get(quantity.key)):
+            groups.setdefault(
+                (one.origin, tuple(comparable(one.facts, quantity).items())), []
+            ).append(one)
+    everywhere = (
+        set.intersection(*(set(conditions) for _, conditions in groups)) if groups else set()
+    )
+    several = len({origin for origin, _ in groups}) > 1
+    made = []
+    for (origin, conditions), members in groups.items():
+        apart = [text for name, text in conditions if (name, text) not in everywhere]
+        apart += [ORIGIN_WORDS.get(origin, "") or "hardware"] if several else []
+        title = quantity.title + (f" ({', '.join(apart)})" if apart else "")
+        made.append(_one_series(quantity, title, dict(conditions), members, baseline))
+    return made
+
+
+def usable(estimate: Mapping[str, Any] | None) -> bool:
+    """Whether a number may be followed: it is there, and the data could tell it."""
+    return (
+        estimate is not None
+        and estimate.get("value") is not None
+        and estimate.get("identifiability") != "no"
+    )
+
+
+def _one_series(
+    quantity: Quantity,
+    title: str,
+    conditions: Mapping[str, str],
+    members: Sequence[FoundRun],
+    baseline: int,
+) -> PassportSeries:
+    values = [float(one.estimates[quantity.key]["value"]) for one in members]
+    control = control_limits(values, [one.run.run_id for one in members], baseline)
+    signals = signals_of(values, control) if control is not None else ((),) * len(values)
+    warmth = _mean([one.housing_temperature for one in members[:baseline]])
+    points = tuple(
+        _point(quantity.key, index, members, signals[index], control, warmth)
+        for index in range(len(members))
+    )
+    limit = _catalogue_limit(quantity, members[-1])
+    origin = members[0].origin
+    notes = _notes(points, control, limit, quantity, baseline)
+    return PassportSeries(
+        " | ".join((origin, quantity.key, *conditions.values())),
+        quantity.key,
+        title,
+        quantity.definition,
+        quantity.kind,
+        str(members[0].estimates[quantity.key].get("unit", "")),
+        quantity.factor,
+        quantity.display_unit,
+        origin,
+        conditions,
+        points,
+        control_plot(quantity, title, points, control, limit, ORIGIN_WORDS.get(origin, "")),
+        control,
+        limit,
+        notes,
+    )
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if known else None
+
+
+def _point(
+    key: str,
+    index: int,
+    members: Sequence[FoundRun],
+    signals: tuple[str, ...],
+    control: ControlLimits | None,
+    warmth: float | None,
+) -> PassportPoint:
+    one = members[index]
+    estimate = one.estimates[key]
+    value = float(estimate["value"])
+    remarks = list(_changes(members[index - 1], one)) if index else []
+    if warmth is not None and one.housing_temperature is not None:
+        warmer = one.housing_temperature - warmth
+        if abs(warmer) > WARMTH_THAT_MATTERS:
+            remarks.append(
+                f"housing {abs(warmer):.1f} K {'warmer' if warmer > 0 else 'colder'} than in the first runs"
+            )
+    if estimate.get("identifiability") == "weakly":
+        remarks.append(f"weakly identifiable: {estimate.get('note') or 'wide interval'}")
+    within = None
+    if control is not None:
+        own = own_uncertainty(estimate, same_things(members[0].footing, one.footing))
+        within = abs(value - control.centre) <= own
+    return PassportPoint(
+        index + 1,
+        one.run.run_id,
+        one.run.number,
+        one.run.path,
+        one.run.start,
+        value,
+        _number(estimate.get("low")),
+        _number(estimate.get("high")),
+        _number(estimate.get("expanded_uncertainty")),
+        str(estimate.get("identifiability", "yes")),
+        f"{one.analysis.path.parent.name}/{one.analysis.path.name}",
+        signals,
+        within,
+        one.housing_temperature,
+        tuple(remarks),
+    )
+
+
+def _changes(before: FoundRun, after: FoundRun) -> list[str]:
+    """What is no longer as it was in the run before."""
+    told = []
+    for name, now in after.changing.items():
+        then = before.changing.get(name, "")
+        if then == now:
+            continue
+        # An instrument's identity is long: that it changed is what matters, and `rig diff` shows how.
+        short = max(len(then), len(now)) <= 40
+        told.append(
+            f"{name}: {then or 'unknown'} → {now or 'unknown'}" if short else f"{name} changed"
+        )
+    return told
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, (int, float)) else math.nan
+
+
+def _catalogue_limit(quantity: Quantity, newest: FoundRun) -> CatalogueLimit | None:
+    """The limit that the newest analysis judged the kind by; limits of one kind are one and the
+    same for all its speeds.
+    """
+    for verdict in newest.verdicts:
+        if quantity.key.startswith("amplitude_") or verdict.get("limit") is None:
+            continue
+        return CatalogueLimit(
+            float(verdict["limit"]), str(verdict["limit_source"]), verdict["limit_provenance"]
+        )
+    return None
+
+
+def _notes(
+    points: Sequence[PassportPoint],
+    control: ControlLimits | None,
+    limit: CatalogueLimit | None,
+    quantity: Quantity,
+    baseline: int,
+) -> tuple[str, ...]:
+    notes = []
+    if control is None:
+        same = len(points) >= baseline
+        notes.append(
+            "No control limits: the first runs do not differ at all."
+            if same
+            else f"No control limits yet: {len(points)} of {baseline} runs."
+        )
+    else:
+        notes += _control_notes(points, control, quantity)
+    if limit is not None and limit.provenance not in (
+        "catalogue",
+        "measured",
+        "identified",
+        "published",
+    ):
+        notes.append(f"The limit is {limit.provenance}, not verified: {limit.source}.")
+    return tuple(notes)
+
+
+def _control_notes(
+    points: Sequence[PassportPoint], control: ControlLimits, quantity: Quantity
+) -> list[str]:
+    share = f"{100.0 * control.false_alarms:.1f} %"
+    notes = [
+        f"Limits from the first {len(control.runs)} runs; of an unchanged gear {share} of "
+        "later runs fall outside them too, "
+        "because so few runs know their own scatter poorly."
+    ]
+    early = [str(p.position) for p in points[: len(control.runs)] if "1" in p.signals]
+    if early:
+        notes.append(
+            f"Among the runs that made the limits, {', '.join(early)} lies outside: find the cause, then start anew."
+        )
+    expanded = sorted(
+        p.expanded_uncertainty for p in points if math.isfinite(p.expanded_uncertainty)
+    )
+    if expanded:
+        middle = expanded[len(expanded) // 2] / quantity.factor
+        reach = 3.0 * control.sigma / quantity.factor
+        notes.append(
+            f"Control limits lie {reach:.3g} {quantity.display_unit} from the centre; U of one run is {middle:.3g} "
+            f"{quantity.display_unit}, most of it common to all runs where that is larger."
+            if middle > reach
+            else f"Control limits lie {reach:.3g} {quantity.display_unit} from the centre; "
+            f"U of one run is {middle:.3g} "
+            f"{quantity.display_unit}."
+        )
+    return notes

@@ -1,0 +1,62 @@
+"""The only place where concrete rigs are put together: a name becomes a `RigPort` with the clock it lives in.
+
+Start with `make_port`; one module per kind of rig.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from rig.bench.backends.assembly import Bench, BenchRequest
+from rig.errors import ConfigurationError
+
+__all__ = ["BACKENDS", "HARDWARE", "Bench", "BenchRequest", "make_port"]
+
+
+def make_port(name: str, request: BenchRequest) -> Bench:
+    """The rig of this name. Raises `ConfigurationError` for one that does not exist, listing those that do."""
+    if name.startswith(REPLAY):
+        from rig.bench.backends.replayed import replayed
+
+        return replayed(Path(name.removeprefix(REPLAY)))
+    maker = BACKENDS.get(name)
+    if maker is None:
+        raise ConfigurationError(
+            "no such rig",
+            where="--backend",
+            value=repr(name),
+            limit=", ".join((*BACKENDS, f"{REPLAY}RUN.h5")),
+            remedy="Choose one of these.",
+        )
+    return maker(request)
+
+
+def _simulated(request: BenchRequest) -> Bench:
+    from rig.bench.backends.simulated import simulated
+
+    return simulated(request)
+
+
+def _on_the_wire(request: BenchRequest) -> Bench:
+    from rig.bench.backends.simulated import on_the_wire
+
+    return on_the_wire(request)
+
+
+def _hardware(request: BenchRequest) -> Bench:
+    from rig.bench.backends.hardware import hardware
+
+    return hardware(request)
+
+
+REPLAY = "replay:"
+"""What stands before the run file in the name of a replay."""
+HARDWARE = "hardware"
+"""The rig that the configuration describes."""
+BACKENDS: dict[str, Callable[[BenchRequest], Bench]] = {
+    "sim": _simulated,
+    "wire": _on_the_wire,
+    HARDWARE: _hardware,
+}
+"""Every rig there is, by the name given to --backend; a replay is named by its file."""

@@ -1,0 +1,163 @@
+"""Reads `rig.toml`: every wrong value with its path, what was found and why it cannot be; unknown
+keys with the nearest known.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+import types
+import typing
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from rig.bench.config.schema import FORMAT, RigConfiguration
+from rig.errors import ConfigurationError
+
+DEFAULT_PATH = Path("rig.toml")
+"""Where a configuration is looked for when none is named."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing that is wrong with a configuration: path of the value, what was found, why it cannot be."""
+
+    path: str
+    value: str
+    reason: str
+
+    def __str__(self) -> str:
+        found = f" = {self.value}" if self.value else ""
+        return f"{self.path}{found}: {self.reason}"
+
+
+def load_configuration(path: str | Path) -> RigConfiguration:
+    """The rig that a file describes. Raises `ConfigurationError` that lists everything that is wrong with it."""
+    found = inspect_configuration(path)
+    if isinstance(found, RigConfiguration):
+        return found
+    listed = "".join(f"\n  {problem}" for problem in found)
+    count = "one value" if len(found) == 1 else f"{len(found)} values"
+    raise ConfigurationError(
+        f"{count} cannot be accepted:{listed}\n",
+        where=str(path),
+        remedy="Correct them; nothing has moved",
+    )
+
+
+def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem, ...]:
+    """The configuration of a file, or all its problems. Raises `ConfigurationError` for a file that cannot be read."""
+    path = Path(path)
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(
+            f"cannot be read: {error.strerror or error}",
+            where=str(path),
+            remedy="Write one with `rig config init`, or name another with --config.",
+        ) from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(
+            "is not text in UTF-8", where=str(path), value=f"byte {error.start}"
+        ) from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"is not TOML: {error}", where=str(path)) from error
+    try:
+        return RigConfiguration.model_validate(content)
+    except ValidationError as error:
+        return tuple(_problem(found, content) for found in error.errors())
+
+
+def missing_files(configuration: RigConfiguration, folder: Path) -> tuple[Problem, ...]:
+    """The files that a configuration names and that are not there; `folder` is where it lies itself."""
+    named = [("drive.eds", configuration.drive.eds)]
+    named += [(f"counter[{i}].eds", c.eds) for i, c in enumerate(configuration.counters)]
+    named += [
+        (f"analog_module[{i}].eds", m.eds) for i, m in enumerate(configuration.analog_modules)
+    ]
+    named += [(f"rig.{name}", getattr(configuration.rig, name)) for name in ("motor", "gear")]
+    return tuple(
+        Problem(where, repr(text), f"there is no file {folder / text}")
+        for where, text in named
+        if text
+        and (where.endswith("eds") or text.endswith(".toml"))
+        and not (folder / text).is_file()
+    )
+
+
+def _problem(found: Mapping[str, Any], content: Mapping[str, Any]) -> Problem:
+    place = [
+        part
+        for part in found["loc"]
+        if not (isinstance(part, str) and part.startswith("function-"))
+    ]
+    path = path_text(place)
+    kind, given = str(found["type"]), found.get("input")
+    if kind == "extra_forbidden":
+        return Problem(path, _shown(given), f"no such word here. {_nearest(place)}")
+    if kind == "missing":
+        return Problem(path, "", "is missing")
+    if path == "format":
+        return Problem(
+            path, _shown(given), f'is not the format of a rig\'s description; expected "{FORMAT}"'
+        )
+    reason = str(found["msg"]).removeprefix("Value error, ")
+    shown = "" if isinstance(given, Mapping | list) else _shown(given)
+    return Problem(path or "the whole file", shown, reason[:1].lower() + reason[1:])
+
+
+def path_text(place: Sequence[str | int]) -> str:
+    """counter[0].lines out of ("counter", 0, "lines"); what pydantic adds for unions is left away."""
+    text = ""
+    for part in place:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        elif part.isidentifier():
+            text += f".{part}" if text else part
+    return text
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _nearest(place: Sequence[str | int]) -> str:
+    """What may have been meant by an unknown key, among the words of its table."""
+    model: type[BaseModel] = RigConfiguration
+    for part in place[:-1]:
+        if isinstance(part, str):
+            model = _table_of(model, part) or model
+    known = sorted(words_of(model))
+    near = difflib.get_close_matches(str(place[-1]), known, n=2, cutoff=0.5)
+    return f"Did you mean {' or '.join(near)}?" if near else f"Known: {', '.join(known)}."
+
+
+def words_of(model: type[BaseModel]) -> Iterable[str]:
+    """The keys that a table may have."""
+    return (field.alias or name for name, field in model.model_fields.items())
+
+
+def _table_of(model: type[BaseModel], key: str) -> type[BaseModel] | None:
+    """The model of a sub-table."""
+    for name, field in model.model_fields.items():
+        if (field.alias or name) == key:
+            tables = (
+                kind
+                for kind in _kinds(field.annotation)
+                if isinstance(kind, type) and issubclass(kind, BaseModel)
+            )
+            return next(tables, None)
+    return None
+
+
+def _kinds(annotation: object) -> Iterable[object]:
+    if typing.get_origin(annotation) in (tuple, typing.Union, types.UnionType, typing.Annotated):
+        for part in typing.get_args(annotation):
+            yield from _kinds(part)
+    else:
+        yield annotation

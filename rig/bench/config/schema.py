@@ -1,0 +1,363 @@
+"""What can be said of a rig: bus, nodes, channels, scalings, limits, ratings, calibrations. Units stand in the names.
+
+Every model is frozen and refuses unknown keys. Defaults are those of the standards or of the rig in
+the paper; what only the nameplate can tell (lines, multiplication, node-IDs) has none.
+"""
+
+from __future__ import annotations
+
+import datetime
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from drivers import channel as names
+from rig.bench.config.objects import read_object
+
+FORMAT = "harmonic-rig-1"
+"""The value of `format` in the files that this program reads."""
+
+
+def _object_text(text: str) -> str:
+    read_object(text)
+    return text
+
+
+NodeId = Annotated[int, Field(strict=True, ge=1, le=127)]
+ObjectText = Annotated[str, AfterValidator(_object_text)]
+"""An entry of an object dictionary as text: "0x6004:0 I32"."""
+Direction = Literal[-1, 1]
+Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
+Milliseconds = Annotated[int, Field(strict=True, ge=1, le=60_000)]
+Word = Annotated[int, Field(strict=True, ge=0, le=0xFFFF_FFFF)]
+SpeedMode = Literal["cyclic velocity", "profile velocity"]
+TorqueMode = Literal["cyclic torque", "profile torque"]
+
+
+class Part(BaseModel):
+    """A table of the file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False, str_strip_whitespace=True)
+
+
+class Calibration(Part):
+    """Why a channel's scale can be believed: certificate, day, day on which it is due again, standard uncertainties.
+
+    `offset_uncertainty` and `accuracy` are in the channel's SI unit (rad, N m, degC).
+    """
+
+    certificate: str = ""
+    date: datetime.date | None = None
+    due: datetime.date | None = None
+    scale_relative_uncertainty: NotNegative = 0.0
+    offset_uncertainty: NotNegative = 0.0
+    accuracy: NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Calibration:
+        if self.date is not None and self.due is not None and self.due < self.date:
+            raise ValueError(f"it is due on {self.due}, before its date {self.date}")
+        if (self.date is not None or self.due is not None) and not self.certificate:
+            raise ValueError(
+                "a date without a certificate: name the certificate, or the record of the check"
+            )
+        return self
+
+
+class Instrument(Part):
+    """What every channel may tell of its instrument."""
+
+    model: str = ""
+    serial_number: str = ""
+    calibration: Calibration = Calibration()
+
+
+class General(Part):
+    """The rig as a whole: its name, the SYNC rate, where runs go, what turns it and what is tested on it.
+
+    `motor` and `gear` name a shipped parameter set or a TOML file beside this one.
+    """
+
+    name: str = Field(min_length=1)
+    location: str = ""
+    output: str = "runs"
+    sample_rate_hz: Annotated[float, Field(strict=True, ge=1.0, le=10_000.0)] = 500.0
+    motor: str = "sgmjv-02"
+    gear: str = "csf-25-120"
+
+
+class Bus(Part):
+    """The CAN bus as python-can names it. `time_stamps`: what the stamps of frames are ("automatic": by the interface).
+
+    `stamp_wrap_s` is the range of an adapter's clock that wraps (a 32-bit microsecond counter:
+    4294.967296), 0 if it does not. `arguments` go to python-can as they stand (host and port of a
+    socketcand hub, serial number of an adapter).
+    """
+
+    interface: str = Field(min_length=1)
+    channel: str | int = "can0"
+    bit_rate: Annotated[int, Field(strict=True, ge=10_000, le=8_000_000)] = 1_000_000
+    time_stamps: Literal["automatic", "hardware", "device", "host"] = "automatic"
+    stamp_wrap_s: NotNegative = 0.0
+    own_node_id: NodeId = 127
+    arguments: dict[str, str | int | float | bool] = {}
+
+
+class Drive(Part):
+    """The servo amplifier (CiA 402). What is left away is asked of the drive."""
+
+    node_id: NodeId
+    eds: str = ""
+    rated_torque_n_m: Positive | None = None
+    counts_per_revolution: NotNegative = 0.0
+    velocity_unit_rad_s: Positive | None = None
+    acceleration_unit_rad_s2: Positive | None = None
+    torque_unit_n_m: Positive | None = None
+    actual_torque: ObjectText = "0x6077:0 I16"
+    speed_modes: tuple[SpeedMode, ...] = Field(
+        default=("cyclic velocity", "profile velocity"), min_length=1
+    )
+    torque_modes: tuple[TorqueMode, ...] = Field(
+        default=("cyclic torque", "profile torque"), min_length=1
+    )
+    heartbeat_ms: Milliseconds = 100
+    computer_heartbeat_ms: Milliseconds = 50
+    computer_lost_ms: Milliseconds = 250
+    abort_connection_option: Annotated[int, Field(strict=True, ge=-32768, le=32767)] = 3
+    quick_stop_option: Annotated[int, Field(strict=True, ge=-32768, le=32767)] = 2
+    fault_reaction_option: Annotated[int, Field(strict=True, ge=-32768, le=32767)] = 2
+    state_timeout_ms: Milliseconds = 5000
+    sdo_timeout_ms: Milliseconds = 300
+    latch_index: bool = True
+    gains: tuple[ObjectText, ...] = ()
+
+    @model_validator(mode="after")
+    def _heard_in_time(self) -> Drive:
+        if self.computer_lost_ms < 2 * self.computer_heartbeat_ms:
+            raise ValueError(
+                f"computer_lost_ms = {self.computer_lost_ms} must be at least twice computer_heartbeat_ms = "
+                f"{self.computer_heartbeat_ms}, or the drive stops at every late beat"
+            )
+        if self.abort_connection_option == 0:
+            raise ValueError(
+                "abort_connection_option = 0 lets the drive turn on when the computer is gone; 3 is quick stop"
+            )
+        return self
+
+
+class Encoder(Instrument):
+    """An incremental encoder: lines and multiplication apart, sense, and the latch of its index
+    mark where there is one.
+    """
+
+    lines: Annotated[int, Field(strict=True, ge=1, le=100_000_000)]
+    multiplication: Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+    direction: Direction = 1
+    index_position: ObjectText | None = None
+    index_status: ObjectText | None = None
+    index_mask: Word = 0x0001
+
+
+class MotorEncoder(Encoder):
+    """The motor's encoder as the drive reports it in 0x6064; `modulus` is where that count wraps."""
+
+    modulus: Annotated[int, Field(strict=True, ge=2, le=1 << 32)] = 1 << 32
+
+
+class Counter(Encoder):
+    """A counter on the bus (CiA 406, or any whose object, type and range are named here). `modulus`
+    0: asked of the device.
+
+    `largest_speed_rpm` of the shaft bounds a count's step per cycle; 0: not bounded.
+    """
+
+    node_id: NodeId
+    channel: str = names.OUTPUT_ANGLE
+    index_channel: str = names.OUTPUT_INDEX
+    position: ObjectText = "0x6004:0 U32"
+    modulus: Annotated[int, Field(strict=True, ge=0, le=1 << 32)] = 0
+    operating_parameters: Annotated[int, Field(strict=True, ge=0, le=0xFFFF)] | None = None
+    alarms: ObjectText | None = "0x6503:0 U16"
+    alarm_mask: Word = 0xFFFF
+    largest_speed_rpm: NotNegative = 0.0
+    heartbeat_ms: Milliseconds = 100
+    sdo_timeout_ms: Milliseconds = 300
+    eds: str = ""
+
+
+class AnalogInput(Instrument):
+    """One analogue input. The torque port has `volts_per_rated_torque`; any other channel `unit`
+    and `unit_per_volt`.
+    """
+
+    channel: str = names.TORQUE
+    object: ObjectText = "0x6401:1 I16"
+    volts_per_count: Positive
+    volts_per_rated_torque: Positive | None = None
+    unit: str = ""
+    unit_per_volt: Positive | None = None
+    zero_volts: Annotated[float, Field(strict=True, allow_inf_nan=False)] = 0.0
+    full_scale_volts: Positive = 10.24
+    open_level_volts: Annotated[float, Field(strict=True, allow_inf_nan=False)] | None = None
+    direction: Direction = 1
+
+    @model_validator(mode="after")
+    def _one_scale(self) -> AnalogInput:
+        is_torque = self.channel == names.TORQUE
+        if is_torque and (
+            self.volts_per_rated_torque is None or self.unit_per_volt is not None or self.unit
+        ):
+            raise ValueError(
+                "the torque port needs volts_per_rated_torque, and neither unit nor unit_per_volt"
+            )
+        if not is_torque and (
+            self.unit_per_volt is None or not self.unit or self.volts_per_rated_torque is not None
+        ):
+            raise ValueError(
+                "a channel that is not the torque port needs unit and unit_per_volt, and no volts_per_rated_torque"
+            )
+        return self
+
+
+class AnalogModule(Part):
+    """An analogue input module (CiA 401)."""
+
+    node_id: NodeId
+    inputs: tuple[AnalogInput, ...] = Field(alias="input", min_length=1)
+    heartbeat_ms: Milliseconds = 100
+    sdo_timeout_ms: Milliseconds = 300
+    eds: str = ""
+
+
+class Readout(Part):
+    """A HEIDENHAIN ND 287 on a serial line, for stop-and-read checks: device, pty or socket as one URL."""
+
+    url: str = Field(min_length=1)
+    baud_rate: Annotated[int, Field(strict=True, ge=110, le=4_000_000)] = 9600
+    data_bits: Literal[7, 8] = 7
+    parity: Literal["N", "E", "O"] = "E"
+    stop_bits: Literal[1, 2] = 2
+    xon_xoff: bool = False
+    storage_delay_ms: NotNegative = 1.0
+    answer_ms: Positive = 500.0
+
+
+class GuardInput(Part):
+    """The guard's contact as an input of a node: closed when (value AND mask) equals `closed`."""
+
+    node_id: NodeId
+    object: ObjectText = "0x60FD:0 U32"
+    mask: Annotated[int, Field(strict=True, ge=1, le=0xFFFF_FFFF)]
+    closed: Word
+
+    @model_validator(mode="after")
+    def _reachable(self) -> GuardInput:
+        if self.closed & ~self.mask:
+            raise ValueError(
+                f"closed = 0x{self.closed:X} has bits outside mask = 0x{self.mask:X}: it would never be closed"
+            )
+        return self
+
+
+class Limits(Part):
+    """Limits of this rig, tighter than those of gear, motor and drive where that is wanted; torques at the motor."""
+
+    motor_torque_n_m: Positive | None = None
+    rms_torque_n_m: Positive | None = None
+    torsion_torque_n_m: Positive | None = None
+    input_speed_rpm: Positive | None = None
+    average_speed_rpm: Positive | None = None
+    acceleration_rad_s2: Positive | None = None
+    deceleration_rad_s2: Positive | None = None
+    quick_stop_deceleration_rad_s2: Positive | None = None
+    housing_temperature_deg_c: Positive | None = None
+
+
+class Ratings(Part):
+    """Ratings of the gear as its nameplate or catalogue has them: they replace those of the parameter set."""
+
+    source: str = ""
+    repeated_peak_torque_n_m: Positive | None = None
+    momentary_peak_torque_n_m: Positive | None = None
+    maximum_input_speed_rpm: Positive | None = None
+    average_input_speed_rpm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _with_source(self) -> Ratings:
+        given = [
+            name
+            for name in type(self).model_fields
+            if name != "source" and getattr(self, name) is not None
+        ]
+        if given and not self.source:
+            raise ValueError(
+                "say in source where the ratings come from (catalogue and page, nameplate)"
+            )
+        return self
+
+
+class RealTime(Part):
+    """How the loop keeps time on this computer.
+
+    `reaction_ms` of cycles are exchanged at once: so soon is the operator heard.
+    `scheduler_priority` 1 to 99 asks Linux for the real-time class SCHED_FIFO, 0 does not ask.
+    `lock_memory` keeps the process in memory.
+    """
+
+    reaction_ms: Annotated[float, Field(strict=True, ge=1.0, le=200.0)] = 20.0
+    patience_cycles: Annotated[float, Field(strict=True, ge=1.0, le=1000.0)] = 5.0
+    stale_cycles: Annotated[int, Field(strict=True, ge=1, le=10_000)] = 50
+    scheduler_priority: Annotated[int, Field(strict=True, ge=0, le=99)] = 0
+    lock_memory: bool = False
+
+
+class RigConfiguration(Part):
+    """A rig of hardware, as its `rig.toml` describes it."""
+
+    format: Literal["harmonic-rig-1"]
+    rig: General
+    bus: Bus
+    drive: Drive
+    motor_encoder: MotorEncoder
+    counters: tuple[Counter, ...] = Field(default=(), alias="counter")
+    analog_modules: tuple[AnalogModule, ...] = Field(default=(), alias="analog_module")
+    readout: Readout | None = None
+    guard: GuardInput | None = None
+    limits: Limits = Limits()
+    ratings: Ratings = Ratings()
+    real_time: RealTime = RealTime()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> RigConfiguration:
+        nodes = [("drive", self.drive.node_id), ("bus.own_node_id", self.bus.own_node_id)]
+        nodes += [(f"counter {c.channel}", c.node_id) for c in self.counters]
+        nodes += [(f"analog_module {i + 1}", m.node_id) for i, m in enumerate(self.analog_modules)]
+        _each_once(nodes, "node-ID")
+        channels = [(f"counter on node {c.node_id}", c.channel) for c in self.counters]
+        channels += [
+            (f"input {a.object} of node {m.node_id}", a.channel)
+            for m in self.analog_modules
+            for a in m.inputs
+        ]
+        _each_once(channels, "channel")
+        known = {
+            self.drive.node_id,
+            *(c.node_id for c in self.counters),
+            *(m.node_id for m in self.analog_modules),
+        }
+        if self.guard is not None and self.guard.node_id not in known:
+            raise ValueError(
+                f"guard.node_id = {self.guard.node_id} is no node of this rig: {sorted(known)}"
+            )
+        return self
+
+
+def _each_once(
+    found: list[tuple[str, object]] | list[tuple[str, int]] | list[tuple[str, str]], what: str
+) -> None:
+    owner: dict[object, str] = {}
+    for name, value in found:
+        if value in owner:
+            raise ValueError(f"{what} {value} is given twice: {owner[value]} and {name}")
+        owner[value] = name

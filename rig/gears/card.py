@@ -1,0 +1,493 @@
+"""Gear cards: what is known of one mounted gear, remembered between days, confirmed by name, never guessed.
+
+One TOML file per gear, `<folder of runs>/.gears/<serial>.toml`. It holds the facts (`GearFacts`,
+whose annotations are the only definition of flags, form and table) and the history of who changed
+and who confirmed what, and when. A fact that nobody told is left away: it is unknown, it has no
+default.
+
+A confirmation holds until something of `CONFIRMED_FIELDS` changes: what decides about limits, directions and results.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, date, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+from urllib.parse import quote as in_file_name
+
+from annotated_types import Ge, Gt, Le
+
+from experiments.errors import PlanError
+from experiments.parameters import Help, Unit, make_parameters, parameter_fields
+from rig.errors import ConfigurationError, RigError
+
+if TYPE_CHECKING:
+    from model.gear import HarmonicDrive
+
+FORMAT = "gear-card-1"
+"""The value of `format` in the files that this program reads and writes."""
+FOLDER = ".gears"
+"""Lies in the folder of runs."""
+LARGEST_FILE = 5_000_000
+"""Bytes; a card with a long history is some hundred kilobytes."""
+
+RunOut = Annotated[
+    float | None, Ge(0.0), Le(1000.0), Unit("um"), Help("total indicator reading, as mounted")
+]
+
+
+@dataclass(frozen=True)
+class GearFacts:
+    """What can be known of one mounted gear. Empty text and None are what nobody told."""
+
+    serial: Annotated[str, Help("serial number, as it is engraved on the gear")]
+    part: Annotated[str, Help("parameter set of the gear: csf-25-120, or a TOML file")] = ""
+    mounting: Annotated[
+        str, Help("which member is fixed: circular spline (ratio N) or flexspline (ratio N + 1)")
+    ] = ""
+    lubricant: Annotated[str, Help("grease or oil, as named on its tin")] = ""
+    hours: Annotated[
+        float | None, Ge(0.0), Le(1e6), Unit("h"), Help("hours that the gear has run")
+    ] = None
+    hours_counted: Annotated[
+        str, Help("how they were counted: hour meter, log book, estimate, new gear")
+    ] = ""
+    load_inertia_kg_m2: Annotated[
+        float | None,
+        Gt(0.0),
+        Le(1e3),
+        Unit("kg m2"),
+        Help("inertia of the output axis with its load"),
+    ] = None
+    load_inertia_uncertainty_kg_m2: Annotated[
+        float | None, Ge(0.0), Le(1e3), Unit("kg m2"), Help("its standard uncertainty")
+    ] = None
+    output_radial_runout_um: RunOut = None
+    output_axial_runout_um: RunOut = None
+    input_radial_runout_um: RunOut = None
+    input_axial_runout_um: RunOut = None
+    mounted_on: Annotated[str, Help("day since which it is mounted as it is, YYYY-MM-DD")] = ""
+    mounting_notes: Annotated[
+        str, Help("shims, screws and torques, coupling, whatever is unusual")
+    ] = ""
+
+
+UNITS: Mapping[str, str] = {
+    f.name: f.unit if f.unit != "1" else "" for f in parameter_fields(GearFacts)
+}
+"""The unit of every fact, "" for words."""
+CHOICES: Mapping[str, tuple[str, ...]] = {"mounting": ("circular-spline-fixed", "flexspline-fixed")}
+"""Fields that take one of a few words."""
+REQUIRED = ("part", "mounting")
+"""Without these a card cannot be confirmed: limits and directions rest on them."""
+EXPECTED = ("lubricant", "hours", "load_inertia_kg_m2", "load_inertia_uncertainty_kg_m2")
+"""A confirmed card without these is worth a warning: results are told with them."""
+NOT_CONFIRMED = frozenset({"hours", "hours_counted"})
+CONFIRMED_FIELDS = tuple(
+    f.name for f in dataclasses.fields(GearFacts) if f.name not in NOT_CONFIRMED
+)
+"""Fields whose change asks for a new confirmation; hours grow by themselves."""
+
+EventKind = Literal["changed", "confirmed"]
+
+
+@dataclass(frozen=True)
+class CardEvent:
+    """One line of a card's history: when (ISO 8601 with zone), by whom, what, and the new values where some changed."""
+
+    at: str
+    by: str
+    what: EventKind
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class GearCard:
+    """The card of one gear: its facts, and who changed and confirmed them."""
+
+    facts: GearFacts
+    history: tuple[CardEvent, ...] = ()
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the gear."""
+        return self.facts.serial
+
+    @property
+    def confirmation(self) -> CardEvent | None:
+        """The latest confirmation, None when there was none."""
+        return next((event for event in reversed(self.history) if event.what == "confirmed"), None)
+
+    @property
+    def last_change(self) -> CardEvent | None:
+        """The latest change of something that asks for a confirmation."""
+        return next((event for event in reversed(self.history) if _asks(event)), None)
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether the latest confirmation is younger than the latest change that asks for one."""
+        last = next(
+            (
+                event
+                for event in reversed(self.history)
+                if event.what == "confirmed" or _asks(event)
+            ),
+            None,
+        )
+        return last is not None and last.what == "confirmed"
+
+    @property
+    def warning(self) -> str:
+        """Why the card should not be relied on; "" for a confirmed one."""
+        if self.is_confirmed:
+            return ""
+        change, before = self.last_change, self.confirmation
+        if before is None:
+            return f"the card of gear {self.serial} has never been confirmed"
+        names = (
+            ", ".join(name for name in change.values if name in CONFIRMED_FIELDS) if change else ""
+        )
+        changed = f" ({names} by {change.by}, {change.at})" if change else ""
+        return f"the card of gear {self.serial} was changed{changed} after its last confirmation ({before.at})"
+
+    def as_json(self) -> dict[str, Any]:
+        """The card as `rig gear show --json` prints it."""
+        return {
+            "serial": self.serial,
+            "facts": dict(known(self.facts)),
+            "confirmed": self.is_confirmed,
+            "warning": self.warning,
+            "history": [
+                {"at": e.at, "by": e.by, "what": e.what, "values": dict(e.values)}
+                for e in self.history
+            ],
+        }
+
+
+def _asks(event: CardEvent) -> bool:
+    return event.what == "changed" and any(name in CONFIRMED_FIELDS for name in event.values)
+
+
+def known(facts: GearFacts) -> dict[str, Any]:
+    """The facts that somebody told, in their order."""
+    found = {f.name: getattr(facts, f.name) for f in dataclasses.fields(facts)}
+    return {name: value for name, value in found.items() if value is not None and value != ""}
+
+
+def make_facts(values: Mapping[str, Any]) -> GearFacts:
+    """Facts from text or numbers. Raises `PlanError` naming the field, its value and what is allowed."""
+    stripped = {
+        name: value.strip() if isinstance(value, str) else value for name, value in values.items()
+    }
+    facts = make_parameters(GearFacts, stripped, "gear")
+    if not facts.serial.strip():
+        raise PlanError(
+            "a gear card needs a serial number",
+            where="gear.serial",
+            remedy="Read it from the gear.",
+        )
+    for name, words in CHOICES.items():
+        found = getattr(facts, name)
+        if found and found not in words:
+            raise PlanError(
+                "is none of the words there are",
+                where=f"gear.{name}",
+                value=repr(found),
+                limit=", ".join(words),
+            )
+    if facts.mounted_on:
+        try:
+            date.fromisoformat(facts.mounted_on)
+        except ValueError:
+            raise PlanError(
+                "is no date",
+                where="gear.mounted_on",
+                value=repr(facts.mounted_on),
+                limit="YYYY-MM-DD",
+            ) from None
+    if facts.load_inertia_uncertainty_kg_m2 is not None and facts.load_inertia_kg_m2 is None:
+        raise PlanError(
+            "an uncertainty without its value",
+            where="gear.load_inertia_uncertainty_kg_m2",
+            value=f"{facts.load_inertia_uncertainty_kg_m2:g} kg m2",
+            remedy="Give load_inertia_kg_m2 as well.",
+        )
+    return facts
+
+
+def now_text() -> str:
+    """The present moment, ISO 8601 with zone, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def with_changes(card: GearCard | None, values: Mapping[str, Any], by: str, at: str) -> GearCard:
+    """The card with new values (text or numbers; empty text forgets a fact) and who changed what in its history.
+
+    `values` need the serial number where there is no card yet. Nothing changed: the card as it was. Raises `PlanError`,
+    `ConfigurationError` without a name.
+    """
+    _named(by, "change")
+    before = {} if card is None else known(card.facts)
+    facts = make_facts({**before, **values})
+    if card is not None and facts.serial != card.serial:
+        raise ConfigurationError(
+            "a serial number does not change: it is another gear",
+            where="gear.serial",
+            value=facts.serial,
+            limit=card.serial,
+        )
+    after = known(facts)
+    changed = {
+        name: after.get(name, "")
+        for name in (*before, *after)
+        if before.get(name) != after.get(name)
+    }
+    if not changed and card is not None:
+        return card
+    history = card.history if card is not None else ()
+    return GearCard(facts, (*history, CardEvent(at, by.strip(), "changed", changed)))
+
+
+def with_confirmation(card: GearCard, by: str, at: str) -> GearCard:
+    """The card confirmed by name. Raises `ConfigurationError` without a name, or while something that limits rest on is
+    unknown."""
+    _named(by, "confirm")
+    missing = [name for name in REQUIRED if name not in known(card.facts)]
+    if missing:
+        raise ConfigurationError(
+            "the card cannot be confirmed while this is unknown",
+            where=f"gear {card.serial}",
+            value=", ".join(missing),
+            remedy="Look at the gear and its papers, then fill it in.",
+        )
+    return GearCard(card.facts, (*card.history, CardEvent(at, by.strip(), "confirmed")))
+
+
+def _named(by: str, what: str) -> None:
+    if not by.strip():
+        raise ConfigurationError(
+            f"nobody is named who would {what} the gear card",
+            where="--by",
+            remedy="Give your name.",
+        )
+
+
+def gear_of(facts: GearFacts, otherwise: HarmonicDrive) -> HarmonicDrive:
+    """The parameter set of a card's gear with the load inertia that it tells, and that inertia's uncertainty.
+
+    `otherwise` is taken where the card names no part. Raises `ParameterError` for a set that cannot be read.
+    """
+    from model.gear import Origin
+    from model.gear_file import load_gear, shipped_gear
+
+    gear = otherwise
+    if facts.part:
+        gear = (
+            load_gear(facts.part)
+            if facts.part.lower().endswith(".toml")
+            else shipped_gear(facts.part)
+        )
+    if facts.load_inertia_kg_m2 is None:
+        return gear
+    origin = Origin(
+        "measured", f"gear card of {facts.serial}", facts.load_inertia_uncertainty_kg_m2
+    )
+    return gear.with_values({"inertia.output": facts.load_inertia_kg_m2}, origin)
+
+
+def conditions_of(card: GearCard) -> dict[str, Any]:
+    """What a run file keeps of a card among its conditions (/entry/sample): every fact that stands
+    nowhere else there, the
+    confirmation, and the warning where the card was not confirmed."""
+    found = {
+        name: value
+        for name, value in known(card.facts).items()
+        if name not in ("serial", "part", "mounting")
+    }
+    confirmation = card.confirmation
+    if card.is_confirmed and confirmation is not None:
+        found["gear_card_confirmed"] = f"{confirmation.by}, {confirmation.at}"
+    else:
+        found["gear_card_warning"] = card.warning
+    return found
+
+
+def in_words(name: str) -> str:
+    """The name of a field as people read it: "load_inertia_kg_m2" is "load inertia"."""
+    for ending in ("_kg_m2", "_um", "_rpm", "_deg"):
+        name = name.removesuffix(ending)
+    return name.replace("runout", "run-out").replace("_", " ")
+
+
+def cards_folder(folder: str | Path) -> Path:
+    """Where the cards of a folder of runs lie."""
+    return Path(folder) / FOLDER
+
+
+def card_path(folder: str | Path, serial: str) -> Path:
+    """The file of one gear's card; characters that a file name cannot have are written as %XX."""
+    name = in_file_name(serial.strip(), safe=" ()+,=@").replace("~", "%7E")
+    return cards_folder(folder) / f"{name or '%20'}.toml"
+
+
+def card_for(folder: str | Path, serial: str) -> GearCard | None:
+    """The card of a gear, None when there is none. Raises `ConfigurationError` for one that cannot be read."""
+    path = card_path(folder, serial)
+    if not serial.strip() or not path.exists():
+        return None
+    card = load_card(path)
+    if card.serial != serial.strip():
+        # File systems that do not tell capitals from small letters find another gear's file.
+        raise ConfigurationError(
+            "is the card of another gear",
+            where=str(path),
+            value=card.serial,
+            limit=serial.strip(),
+            remedy="Serial numbers are compared letter for letter.",
+        )
+    return card
+
+
+@dataclass(frozen=True)
+class ListedCard:
+    """One line of the list of cards: the card, or why its file cannot be read."""
+
+    path: Path
+    card: GearCard | None
+    problem: str = ""
+
+
+def list_cards(folder: str | Path) -> tuple[ListedCard, ...]:
+    """The cards of a folder of runs by serial number; unreadable ones with their reason."""
+    found = []
+    for path in sorted(cards_folder(folder).glob("*.toml")):
+        try:
+            found.append(ListedCard(path, load_card(path)))
+        except RigError as error:
+            found.append(ListedCard(path, None, str(error)))
+    return tuple(found)
+
+
+def load_card(path: Path) -> GearCard:
+    """The card of a file. Raises `ConfigurationError` with the file, the path of the value and what
+    is wrong with it.
+    """
+    where = str(path)
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ConfigurationError(
+                "is too large for a gear card", where=where, limit=f"{LARGEST_FILE} bytes"
+            )
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(
+            f"cannot be read: {error.strerror or error}", where=where
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise ConfigurationError(
+            f"is no TOML file: {error}", where=where, remedy="Correct the line, or restore it."
+        ) from error
+    if content.get("format") != FORMAT:
+        raise ConfigurationError(
+            "is no gear card",
+            where=where,
+            value=repr(content.get("format")),
+            limit=f'format "{FORMAT}"',
+        )
+    facts, events = content.get("facts", {}), content.get("history", [])
+    if not isinstance(facts, dict) or not isinstance(events, list):
+        raise ConfigurationError("has no table [facts] or no list [[history]]", where=where)
+    try:
+        return GearCard(
+            make_facts(facts), tuple(_event(entry, i, where) for i, entry in enumerate(events))
+        )
+    except PlanError as error:
+        raise ConfigurationError(
+            error.what,
+            where=f"{where}: {error.where}",
+            value=error.value,
+            limit=error.limit,
+            remedy=error.remedy,
+        ) from error
+    except TypeError as error:
+        raise ConfigurationError("has no serial number", where=f"{where}: facts.serial") from error
+
+
+def save_card(folder: str | Path, card: GearCard) -> Path:
+    """Write a card: whole or not at all. Raises `ConfigurationError` where that is not possible."""
+    path = card_path(folder, card.serial)
+    fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with fresh.open("w", encoding="utf-8", newline="\n") as out:
+            out.write(card_text(card))
+            out.flush()
+            os.fsync(out.fileno())
+        fresh.replace(path)
+    except OSError as error:
+        fresh.unlink(missing_ok=True)
+        raise ConfigurationError(
+            f"the gear card cannot be written: {error.strerror or error}",
+            where=str(path),
+            remedy="Name a folder that can be written.",
+        ) from error
+    return path
+
+
+def card_text(card: GearCard) -> str:
+    """A card as TOML that a person can read; it reads back to the same card."""
+    from model.quantities import quote
+
+    lines = [
+        f"# What is known of gear {card.serial!r}. Unknown facts are left away.",
+        f"format = {quote(FORMAT)}",
+        "",
+        "[facts]",
+    ]
+    fields = {f.name: f for f in parameter_fields(GearFacts)}
+    for name, value in known(card.facts).items():
+        unit = f"  # {fields[name].unit}" if fields[name].unit else ""
+        lines.append(f"{name} = {_toml(value, quote)}{unit}")
+    for event in card.history:
+        lines += [
+            "",
+            "[[history]]",
+            f"at = {quote(event.at)}",
+            f"by = {quote(event.by)}",
+            f"what = {quote(event.what)}",
+        ]
+        if event.values:
+            inside = ", ".join(
+                f"{name} = {_toml(value, quote)}" for name, value in event.values.items()
+            )
+            lines.append(f"values = {{ {inside} }}")
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: Any, quote: Callable[[str], str]) -> str:
+    return quote(value) if isinstance(value, str) else repr(float(value))
+
+
+def _event(entry: Any, index: int, where: str) -> CardEvent:
+    found = entry if isinstance(entry, dict) else {}
+    at, by, what, values = (found.get(name) for name in ("at", "by", "what", "values"))
+    values = {} if values is None else values
+    if not (isinstance(at, str) and isinstance(by, str) and isinstance(values, dict)):
+        raise ConfigurationError(
+            "is no line of a history",
+            where=f"{where}: history[{index}]",
+            limit="at, by, what, values",
+        )
+    if what not in ("changed", "confirmed"):
+        raise ConfigurationError(
+            "is none of the words there are",
+            where=f"{where}: history[{index}].what",
+            value=repr(what),
+            limit="changed, confirmed",
+        )
+    return CardEvent(at, by, what, values)

@@ -1,0 +1,139 @@
+"""From run files to a report: open, fit with the tare that is among them, keep the analyses, write the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rig.errors import RigError, RunFileError
+
+if TYPE_CHECKING:
+    from experiments.recording import Recording
+    from model.gear import HarmonicDrive
+    from rig.analysis.fit import Fit
+
+ERROR, STEPS = "kinematic-error", "velocity-steps"
+"""The protocol that identifies a kinematic error, and the one whose analysis needs it."""
+
+
+@dataclass(frozen=True)
+class Made:
+    """A written report: its files, the fits in it, and what to tell whoever asked for it."""
+
+    paths: tuple[Path, ...]
+    fits: tuple[Fit, ...]
+    lines: tuple[str, ...]
+
+    @property
+    def path(self) -> Path:
+        """The first file."""
+        return self.paths[0]
+
+
+def report_on_files(
+    runs: Sequence[Path],
+    output: Path | Sequence[Path],
+    *,
+    tare: Path | None = None,
+    parameters: Path | None = None,
+    created: str | None = None,
+) -> Made:
+    """Fit these run files and write the report of them: one file, or several of the same content (HTML, PDF).
+
+    A motor-tare run among them is subtracted from the others unless `tare` names another one;
+    velocity steps are compared with the kinematic error that a run of the same gear among them
+    identified. `created` is the calendar time of the report; now, if not given.
+    """
+    from model.gear_file import load_gear
+    from rig.analysis.fit import TARE, fit_recording, store
+    from rig.present.page import report_context
+    from rig.runfile.read import open_run
+
+    if not runs:
+        raise RigError("there is nothing to report", remedy="Name at least one run.")
+    created = created or datetime.now().astimezone().isoformat(timespec="seconds")
+    gear = load_gear(parameters) if parameters else None
+    opened = [(Path(p), open_run(Path(p))) for p in dict.fromkeys(runs)]
+    tares = [
+        fit_recording(r, gear=gear, path=p) for p, r in opened if r.metadata.experiment == TARE
+    ]
+    if tare is not None:
+        used = fit_recording(open_run(tare), TARE, gear=gear, path=tare)
+    else:
+        used = max(tares, key=lambda f: f.recording.metadata.start_time, default=None)
+    fits = list(tares)
+    for path, recording in sorted(opened, key=lambda pair: pair[1].metadata.experiment == STEPS):
+        if recording.metadata.experiment != TARE:
+            fits.append(
+                fit_recording(
+                    recording, gear=_gear_for(recording, gear, fits), tare=used, path=path
+                )
+            )
+    lines = []
+    kept = []
+    for fit in fits:
+        try:
+            kept.append(store(fit, created))
+        except RunFileError as error:
+            kept.append(fit)
+            lines.append(f"Not stored: {error}")
+    outputs = (output,) if isinstance(output, Path) else tuple(output)
+    count = f"{len(kept)} {'run' if len(kept) == 1 else 'runs'}"
+    lines += _written(report_context(kept, created=_readable(created)), outputs, count)
+    return Made(outputs, tuple(kept), tuple(lines))
+
+
+def report_on_gear(
+    folder: Path, serial: str, outputs: Sequence[Path], *, created: str | None = None
+) -> Made:
+    """Write the report of a gear over its life, from the analyses that lie beside its runs in a folder."""
+    from rig.analysis.passport.build import passport
+    from rig.present.gear import gear_context
+
+    created = created or datetime.now().astimezone().isoformat(timespec="seconds")
+    found = passport(folder, serial)
+    context = gear_context(found, created=_readable(created))
+    return Made(
+        tuple(outputs),
+        (),
+        tuple(_written(context, outputs, f"gear {serial}, {len(found.runs)} runs")),
+    )
+
+
+def _written(context: dict[str, Any], outputs: Sequence[Path], what: str) -> list[str]:
+    """Write every output; a line for each."""
+    from rig.present.page import write_context
+
+    return [
+        f"{path}: {what}, {write_context(context, path).stat().st_size / 1e6:.1f} MB"
+        for path in outputs
+    ]
+
+
+def _gear_for(
+    recording: Recording, given: HarmonicDrive | None, fits: Sequence[Fit]
+) -> HarmonicDrive | None:
+    """The parameter set for a run: the one given or the run's own (None); for velocity steps with
+    the error identified.
+    """
+    from rig.analysis.adopt import adopt
+
+    metadata = recording.metadata
+    base = given or metadata.gear
+    same = [
+        f
+        for f in fits
+        if f.result.kind == ERROR
+        and f.recording.metadata.gear_serial == metadata.gear_serial
+        and f.recording.metadata.mounting == metadata.mounting
+    ]
+    if metadata.experiment != STEPS or base is None or not same:
+        return given
+    return adopt(base, [same[-1].result]).gear
+
+
+def _readable(created: str) -> str:
+    return created.replace("T", " ", 1)

@@ -1,0 +1,60 @@
+"""Columns of a table of data: numbers of one column share their unit and, where they are of one
+size, their decimals.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from rig.analysis.wording import fixed, heading, number
+
+DIGITS = 4
+"""Significant digits of the smaller numbers of a column; the largest one has at most one more."""
+SPREAD = 100.0
+"""Ratio of the largest number to the smaller ones up to which a column shares its decimals."""
+SMALL_UNITS = {"N m": (1e-3, "mN m")}
+"""Units in which small numbers are read: SI unit, factor, the unit shown."""
+_UNIT = re.compile(r"\[([^\]]+)\]\s*\Z")
+
+
+def column(title: str, cells: Sequence[Any]) -> tuple[str, list[str], bool]:
+    """Heading, texts and whether it is numeric, of one column of a table."""
+    numeric = bool(cells) and all(
+        isinstance(cell, (int, float)) and not isinstance(cell, bool) for cell in cells
+    )
+    if not numeric or all(isinstance(cell, int) for cell in cells):
+        return heading(title), [number(cell) for cell in cells], numeric
+    values = [float(cell) for cell in cells]
+    title, values = _in_small_unit(title, values)
+    decimals = _decimals(values)
+    texts = [number(value) if decimals is None else fixed(value, decimals) for value in values]
+    return heading(title), texts, True
+
+
+def _in_small_unit(title: str, values: list[float]) -> tuple[str, list[float]]:
+    found = _UNIT.search(title)
+    factor, unit = SMALL_UNITS.get(found[1], (1.0, "")) if found else (1.0, "")
+    if (
+        not found
+        or not unit
+        or max((abs(v) for v in values if math.isfinite(v)), default=1.0) >= 1.0
+    ):
+        return title, values
+    return f"{title[: found.start()]}[{unit}]", [value / factor for value in values]
+
+
+def _decimals(values: Sequence[float]) -> int | None:
+    """Decimals that all numbers of a column share; None where they are of very different sizes."""
+    sizes = sorted(abs(value) for value in values if math.isfinite(value) and value)
+    if not sizes:
+        return 0
+    largest, smaller = sizes[-1], sizes[len(sizes) // 10]
+    if largest / smaller > SPREAD or not 1e-3 <= largest < 1e6:
+        return None
+    if all(math.isclose(value, round(value), rel_tol=1e-9) for value in sizes):
+        return 0
+    first, last = (DIGITS - 1 - math.floor(math.log10(size)) for size in (largest, smaller))
+    return min(max(min(first + 1, last), 0), 6)

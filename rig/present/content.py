@@ -1,0 +1,517 @@
+"""What stands in a report, as plain values for the template: made from fits, with no markup but the drawings."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from experiments.result import Result
+from rig.analysis.wording import (
+    display_unit,
+    metric,
+    number,
+    order_label,
+    pretty,
+    printed_symbol,
+    readable,
+    show,
+    source_text,
+)
+from rig.present.columns import column
+from rig.present.provenance import Provenance, provenance_of
+
+if TYPE_CHECKING:
+    from experiments.truth import TruthRow
+    from model.gear import HarmonicDrive
+    from model.identify.estimate import Estimate
+    from rig.analysis.fit import Fit
+
+UNFINISHED = {"ABORTED", "TRIPPED", "ERROR", "INTERRUPTED"}
+"""Outcomes of runs that did not reach their end."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table for the page: headings, rows of text, which columns are numbers, and a remark."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numeric: tuple[bool, ...]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class VerdictLine:
+    """One judged quantity as the page shows it."""
+
+    name: str
+    definition: str
+    value: str
+    limit: str
+    source: str
+    outcome: str
+    run: str
+
+
+@dataclass(frozen=True)
+class Overall:
+    """The verdict at the top: a word, its meaning in a sentence, and the class that colours it."""
+
+    word: str
+    sentence: str
+    style: str
+
+
+@dataclass(frozen=True)
+class Part:
+    """One analysed run in the page."""
+
+    anchor: str
+    title: str
+    run: str
+    word: str
+    estimates: Grid | None
+    orders: Grid | None
+    budget: Grid | None
+    metrics: Grid | None
+    tables: tuple[Grid, ...]
+    annex: tuple[Grid, ...]
+    warnings: tuple[str, ...]
+    provenance: Provenance
+    figures: tuple[Any, ...] = field(default=())
+
+
+def report_number(results: Sequence[Result], hashes: Sequence[str]) -> str:
+    """A number that follows from what is reported: the same runs and results give the same number."""
+    digest = hashlib.sha256()
+    for result, sha in zip(results, hashes, strict=True):
+        digest.update(f"{result.run}|{result.kind}|{sha}|".encode())
+        digest.update("|".join(f"{n}={e.value:.9g}" for n, e in result.estimates.items()).encode())
+    return "HR-" + digest.hexdigest()[:10].upper()
+
+
+def overall(fits: Sequence[Fit]) -> Overall:
+    """The worst of all verdicts; an unfinished run or the lack of a verified limit is said, never passed over."""
+    outcomes = [v.outcome for f in fits for v in f.result.verdicts]
+    broken = [f.recording.metadata for f in fits if f.recording.metadata.outcome in UNFINISHED]
+    judged = [o for o in outcomes if o != "no verified limit"]
+    unjudged = len(outcomes) - len(judged)
+    aside = (
+        f" {_count(unjudged, 'quantity has', 'quantities have')} no verified limit."
+        if unjudged
+        else ""
+    )
+    if broken:
+        runs = ", ".join(f"{m.run_id} ({m.outcome})" for m in broken)
+        return Overall(
+            "INCOMPLETE",
+            f"Not every run reached its end: {runs}. What was recorded is reported.{aside}",
+            "open",
+        )
+    if not judged:
+        why = aside.strip() or "No quantity of these runs was held against a limit."
+        return Overall("NOT JUDGED", f"{why} The values stand for themselves.", "open")
+    worst = next(word for word in ("FAIL", "MARGINAL", "PASS") if word in judged)
+    sentence = {
+        "PASS": f"{_count(len(judged), 'judged quantity keeps its limit', 'judged quantities keep their limits')} "
+        "with the whole expanded uncertainty.",
+        "MARGINAL": "At least one limit lies inside the expanded uncertainty of the value: "
+        "neither kept nor broken for certain.",
+        "FAIL": "At least one quantity breaks its limit by more than its expanded uncertainty.",
+    }[worst]
+    return Overall(worst, sentence + aside, worst.lower())
+
+
+def _count(n: int, one: str, many: str) -> str:
+    return f"{'One' if n == 1 else n} {one if n == 1 else many}"
+
+
+def verdict_lines(fits: Sequence[Fit]) -> tuple[VerdictLine, ...]:
+    """Every verdict of every run."""
+    lines = []
+    for fit in fits:
+        for v in fit.result.verdicts:
+            factor, unit = display_unit(v.estimate.name, v.estimate.unit, v.estimate.value)
+            limit = f"≤ {number(v.limit / factor)} {unit}".rstrip()
+            source = source_text(v.limit_provenance, v.limit_source)
+            value = show(v.estimate).with_uncertainty
+            lines.append(
+                VerdictLine(
+                    readable(v.name), v.definition, value, limit, source, v.outcome, fit.result.run
+                )
+            )
+    return tuple(lines)
+
+
+def estimate_grid(title: str, estimates: Mapping[str, Estimate]) -> Grid | None:
+    """Value ± U, unit, interval, identifiability, remark."""
+    if not estimates:
+        return None
+    rows = []
+    for name, estimate in estimates.items():
+        s = show(estimate)
+        interval = f"{s.low} … {s.high}"
+        rows.append(
+            (
+                readable(name),
+                s.value,
+                s.expanded or "–",
+                s.unit,
+                interval,
+                estimate.identifiable,
+                estimate.note,
+            )
+        )
+    columns = (
+        "Quantity",
+        "Value",
+        "± U (k = 2)",
+        "Unit",
+        "95 % interval",
+        "Identifiable",
+        "Remark",
+    )
+    return without_empty(
+        Grid(title, columns, tuple(rows), (False, True, True, False, True, False, False))
+    )
+
+
+def budget_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
+    """Standard uncertainties by source, its type beside it; what there is more of, quantities or
+    sources, goes down the page.
+    """
+    with_budget = {n: e for n, e in estimates.items() if e.budget}
+    sources = list(
+        dict.fromkeys((b.source, b.kind) for e in with_budget.values() for b in e.budget)
+    )
+    if not sources:
+        return None
+    columns = [_budget_column(name, estimate, sources) for name, estimate in with_budget.items()]
+    heads = (*(f"{source} ({kind})" for source, kind in sources), "u", "U (k = 2)")
+    notes = dict.fromkeys(
+        f"{b.source}: {b.note}" for e in with_budget.values() for b in e.budget if b.note
+    )
+    told = "; ".join(notes)
+    note = (
+        "Standard uncertainties by source, type A or B; u is their root sum of squares. "
+        f"{told[:1].upper()}{told[1:]}"
+    ).strip()
+    if len(heads) <= len(columns) + 1:
+        lines = tuple((name, unit, *cells) for name, unit, cells in columns)
+        return Grid(
+            "Uncertainty budget",
+            ("Quantity", "Unit", *heads),
+            lines,
+            (False, False, *([True] * len(heads))),
+            note,
+        )
+    titles = tuple(f"{name} [{unit}]" if unit else name for name, unit, _ in columns)
+    lines = tuple((head, *(cells[k] for _, _, cells in columns)) for k, head in enumerate(heads))
+    return Grid(
+        "Uncertainty budget",
+        ("Source (type)", *titles),
+        lines,
+        (False, *([True] * len(columns))),
+        note,
+    )
+
+
+def _budget_column(
+    name: str, estimate: Estimate, sources: Sequence[tuple[str, str]]
+) -> tuple[str, str, tuple[str, ...]]:
+    """Name, unit and standard uncertainties of one quantity: by source, combined, expanded."""
+    factor, unit = display_unit(
+        estimate.name, estimate.unit, max(abs(estimate.value), estimate.expanded_uncertainty)
+    )
+    found: dict[tuple[str, str], float] = {}
+    for line in estimate.budget:
+        key = (line.source, line.kind)
+        found[key] = math.hypot(found.get(key, 0.0), line.standard_uncertainty)
+    sizes = (
+        *(found.get(source) for source in sources),
+        estimate.standard_uncertainty,
+        estimate.expanded_uncertainty,
+    )
+    return (
+        readable(name),
+        unit,
+        tuple("·" if size is None else number(size / factor, 2) for size in sizes),
+    )
+
+
+def data_grid(table: Any) -> Grid:
+    """A table of an analysis as text."""
+    made = [column(title, [row[i] for row in table.rows]) for i, title in enumerate(table.columns)]
+    rows = tuple(tuple(texts[k] for _, texts, _ in made) for k in range(len(table.rows)))
+    return Grid(
+        table.title,
+        tuple(title for title, _, _ in made),
+        rows,
+        tuple(numeric for _, _, numeric in made),
+        table.note,
+    )
+
+
+def file_grid(fits: Sequence[Fit]) -> Grid:
+    """The run files that the report rests on, the tares among them, with their hashes whole."""
+    recordings = [
+        r
+        for f in fits
+        for r in (f.recording, f.tare.recording if f.tare else None)
+        if r is not None
+    ]
+    found = {r.metadata.run_id: r.metadata for r in recordings}
+    rows = tuple(
+        (m.run_id, m.outcome or "not stated", m.sha256 or "not sealed")
+        for _, m in sorted(found.items())
+    )
+    return Grid(
+        "Run files", ("Run", "Outcome", "SHA-256 of the run file"), rows, (False, False, False)
+    )
+
+
+def without_empty(grid: Grid) -> Grid:
+    """The grid without the columns that say nothing."""
+    kept = [i for i in range(len(grid.columns)) if any(row[i] for row in grid.rows)]
+    if len(kept) == len(grid.columns) or not kept:
+        return grid
+    return replace(
+        grid,
+        columns=tuple(grid.columns[i] for i in kept),
+        numeric=tuple(grid.numeric[i] for i in kept),
+        rows=tuple(tuple(row[i] for i in kept) for row in grid.rows),
+    )
+
+
+def metric_grid(result: Result) -> Grid | None:
+    """The figures of merit in words; what both directions have stands side by side."""
+    if not result.metrics:
+        return None
+    ways = ("forward", "reverse")
+    rows: dict[str, list[str]] = {}
+    for name, value in result.metrics.items():
+        stem, _, way = name.rpartition("_")
+        column = ways.index(way) if way in ways else 0
+        text = metric(result.kind, name, float(value))
+        rows.setdefault(stem if way in ways else name, ["", ""])[column] = text
+    if any(cells[1] for cells in rows.values()):
+        made = tuple((readable(name), *cells) for name, cells in rows.items())
+        return Grid(
+            "Figures of merit",
+            ("Figure of merit", "Value, or forward", "Reverse"),
+            made,
+            (False, True, True),
+        )
+    made = tuple((readable(name), cells[0]) for name, cells in rows.items())
+    return Grid("Figures of merit", ("Figure of merit", "Value"), made, (False, True))
+
+
+def order_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
+    """The orders of a series, one per row: amplitude and phase with their expanded uncertainties."""
+    rows = []
+    for name, amplitude in estimates.items():
+        if not name.startswith("amplitude_"):
+            continue
+        label = name.removeprefix("amplitude_")
+        a = show(amplitude)
+        phase = estimates.get(f"phase_{label}")
+        p = show(phase) if phase else None
+        angle = (p.value, p.expanded or "–") if p else ("", "")
+        rows.append(
+            (
+                label,
+                a.value,
+                a.expanded or "–",
+                a.unit,
+                f"{a.low} … {a.high}",
+                *angle,
+                amplitude.identifiable,
+            )
+        )
+    if not rows:
+        return None
+    columns = (
+        "Order",
+        "Amplitude",
+        "± U (k = 2)",
+        "Unit",
+        "95 % interval",
+        "Phase [°]",
+        "± U (k = 2)",
+        "Identifiable",
+    )
+    numeric = (False, True, True, False, True, True, True, False)
+    return Grid("Orders, amplitude and phase", columns, tuple(rows), numeric)
+
+
+def parameter_grid(gear: HarmonicDrive) -> Grid:
+    """The whole parameter set with the source of every number, in the units in which a parameter file reads best."""
+    from model.gear_file import harmonic_path
+    from model.quantities import readable as in_readable_unit
+
+    rows = []
+    for v in gear.values():
+        texts, unit = in_readable_unit((v.value,), v.unit)
+        u = v.origin.standard_uncertainty
+        shown_u = number(u * float(texts[0]) / v.value, 2) if u is not None and v.value else ""
+        text = (
+            number(v.value, 0)
+            if v.value == int(v.value) and unit == "1"
+            else number(float(texts[0]), 6)
+        )
+        rows.append(
+            (
+                v.description,
+                printed_symbol(v.symbol),
+                text,
+                shown_u,
+                "" if unit == "1" else pretty(unit),
+                v.origin.provenance,
+                v.origin.source,
+            )
+        )
+    for h in gear.kinematic_error:
+        factor, unit = display_unit("amplitude", "rad", h.amplitude)
+        origin = gear.origins.get(harmonic_path(h.order))
+        u = origin.standard_uncertainty if origin else None
+        known = (origin.provenance, origin.source) if origin else ("", "")
+        name = f"kinematic error, order {order_label(h.order, gear.ratio)}: amplitude"
+        rows.append(
+            (
+                name,
+                "",
+                number(h.amplitude / factor),
+                number(u / factor, 2) if u else "",
+                unit,
+                *known,
+            )
+        )
+    columns = ("Parameter", "Symbol", "Value", "u", "Unit", "Provenance", "Source")
+    numeric = (False, False, True, True, False, False, False)
+    return Grid(f"Parameter set {gear.name}", columns, tuple(rows), numeric)
+
+
+def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
+    """The parameter sets that the analyses leaned on: the first one whole, of the others what differs from it."""
+    used: list[tuple[HarmonicDrive, list[str]]] = []
+    for fit in fits:
+        same = next((kinds for gear, kinds in used if gear == fit.gear), None)
+        if same is None:
+            used.append((fit.gear, [fit.result.kind]))
+        else:
+            same.append(fit.result.kind)
+    grids: list[Grid] = []
+    whole: Grid | None = None
+    for gear, kinds in used:
+        grid = parameter_grid(gear)
+        whole = whole or grid
+        title = (
+            f"{grid.title}, used for {', '.join(dict.fromkeys(kinds))}"
+            if len(used) > 1
+            else grid.title
+        )
+        if grid is not whole:
+            first = set(whole.rows)
+            rows = tuple(row for row in grid.rows if row not in first)
+            grid = replace(grid, rows=rows, note="Only what differs from the set above.")
+        grids.append(without_empty(replace(grid, title=title)))
+    return tuple(grids)
+
+
+def truth_grid(rows: Sequence[tuple[str, TruthRow]]) -> Grid:
+    """Identified against true values of a simulated gear: kind of fit and row."""
+    made = []
+    for kind, row in rows:
+        e = row.estimate
+        s = show(e)
+        u = e.expanded_uncertainty
+        distance = number(abs(row.difference) / u, 2) if u > 0 else "–"
+        inside = ("yes" if row.covered else "no", "yes" if row.within else "no")
+        truth = s.number(e.value - row.difference)
+        made.append(
+            (kind, readable(e.name), s.value, s.expanded or "–", truth, s.unit, distance, *inside)
+        )
+    columns = (
+        "Test",
+        "Quantity",
+        "Found",
+        "± U",
+        "Truth",
+        "Unit",
+        "|Δ| / U",
+        "In the 95 % interval",
+        "Within U",
+    )
+    numeric = (False, False, True, True, True, False, True, False, False)
+    return Grid("Found against the simulator's truth", columns, tuple(made), numeric)
+
+
+LONG_TABLE = 16
+"""Rows above which a table of data stands in the annex."""
+
+KEY_RESULTS = {
+    "kinematic-error": (
+        "transmission_accuracy",
+        "amplitude_2",
+        "amplitude_1",
+        "figure_16_phase_difference",
+    ),
+    "friction": ("running_torque", "coulomb", "static", "stribeck_velocity", "viscous"),
+    "velocity-steps": ("stiffness_over_inertia", "damping", "resonance"),
+}
+"""What a reader of each kind looks for first: beginnings of names."""
+
+_ORDER_ROW = re.compile(r"(amplitude|phase|cosine|sine|a|b)[_ ]?(order)?[_ ]?\d|_order_|\border\b")
+
+
+def part_of(fit: Fit, index: int, title: str) -> Part:
+    """One analysed run for the page, its figures still to be drawn."""
+    result = fit.result
+    orders = {n: e for n, e in result.estimates.items() if _ORDER_ROW.match(n)}
+    if len(orders) < 8:
+        orders = {}
+    others = {n: e for n, e in result.estimates.items() if n not in orders}
+    any_budget = any(e.budget for e in result.estimates.values())
+    grids = [data_grid(t) for t in result.tables if t.name != "budget" or not any_budget]
+    return Part(
+        anchor=f"part-{index + 1}",
+        title=title,
+        run=result.run,
+        word=fit.recording.metadata.origin,
+        estimates=estimate_grid("Results", others),
+        orders=order_grid(orders),
+        budget=budget_grid(others),
+        metrics=metric_grid(result),
+        tables=tuple(g for g in grids if len(g.rows) <= LONG_TABLE),
+        annex=tuple(
+            replace(g, title=f"{title}: {g.title}") for g in grids if len(g.rows) > LONG_TABLE
+        ),
+        warnings=result.warnings,
+        provenance=provenance_of(fit),
+    )
+
+
+def key_results(fits: Sequence[Fit], most: int = 8) -> tuple[tuple[str, str, str, str], ...]:
+    """The results that a reader looks for first: kind, quantity, value ± U, identifiable."""
+    rows = []
+    for fit in fits:
+        wanted = KEY_RESULTS.get(fit.result.kind, ())
+        found = fit.result.estimates
+        names = [n for start in wanted for n in found if n == start or n.startswith(start + "_")]
+        names = names or [n for n in found if not _ORDER_ROW.match(n)]
+        for name in names[:most]:
+            e = found[name]
+            rows.append((fit.result.kind, readable(name), show(e).with_uncertainty, e.identifiable))
+    return tuple(rows)
+
+
+def program_version() -> str:
+    """Name and version of the program that made the report."""
+    from rig.analysis import store as results
+
+    return f"harmonic-rig {results.program_version()}"

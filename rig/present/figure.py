@@ -1,0 +1,416 @@
+"""Figures: a `Plot` (data) drawn as SVG for the page or as PNG, the same bytes for the same data.
+
+Drawn with matplotlib's object interface (no pyplot, no global state), in colours that the colour-blind can tell apart,
+with the legend outside the axes so that it hides nothing. Figures of runs that do not come from hardware carry
+SIMULATED, REPLAY or IMPORTED across the data.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.result import Plot, Series
+from rig.analysis.wording import printable
+from rig.present.decimate import peak_rows, scatter_rows
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WATERMARKS = {"simulated": "SIMULATED", "replay": "REPLAY", "imported": "IMPORTED", "hardware": ""}
+"""What stands across every figure of a run, by the origin of the run."""
+
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#8A6D00", "#3B3B3B", "#7A4FBF")
+"""Colours of the groups: after Okabe and Ito 2008, without the yellow that white paper swallows."""
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (6, 1.5, 1.2, 1.5)), (0, (3, 1)))
+
+FULL_WIDTH = (7.1, 2.8)
+HALF_WIDTH = (3.5, 2.4)
+"""Width and height [inch]: the whole text width of A4, and half of it."""
+
+CROWDED_POINTS = 120
+"""More scattered points than this are drawn as small dots."""
+VECTOR_POINTS = 1500
+"""More scattered points than this are painted as an image inside the SVG."""
+
+INK, GRID, FAINT = "#1F2328", "#D9DDE1", "#6A737D"
+
+_STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 8.0,
+    "text.parse_math": False,
+    "text.color": INK,
+    "axes.edgecolor": "#8C959F",
+    "axes.labelcolor": INK,
+    "axes.labelsize": 8.0,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.useoffset": False,
+    "axes.unicode_minus": True,
+    "grid.color": GRID,
+    "grid.linewidth": 0.5,
+    "xtick.color": "#8C959F",
+    "ytick.color": "#8C959F",
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "legend.fontsize": 7.5,
+    "legend.frameon": False,
+    "svg.fonttype": "none",
+    "path.simplify": False,
+    "agg.path.chunksize": 20000,
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure as it stands in a page: SVG text, its size [px of 96 per inch] and what a reader must know about it."""
+
+    svg: str
+    width: float
+    height: float
+    remarks: tuple[str, ...] = ()
+
+
+def draw_svg(
+    plot: Plot, origin: str, identifier: str, size: tuple[float, float] = FULL_WIDTH
+) -> Drawing:
+    """A plot as one inline SVG element, the same bytes for the same data.
+
+    `origin` is that of the run (the watermark); `identifier` keeps the ids of several figures in one page apart.
+    """
+    import matplotlib
+
+    plot, remarks = _drawable(plot)
+    style: Any = {**_STYLE, "svg.hashsalt": identifier}
+    with matplotlib.rc_context(style):
+        figure = _draw(plot, origin, size, "")
+        buffer = io.StringIO()
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Glyph .* missing from")
+            figure.savefig(buffer, format="svg", dpi=220, metadata={"Date": None, "Creator": None})
+    label = " ".join(
+        part for part in (plot.title, f"({plot.x_label}; {plot.y_label})", plot.note) if part
+    )
+    return Drawing(
+        _inline(buffer.getvalue(), identifier, label), size[0] * 96, size[1] * 96, remarks
+    )
+
+
+def draw_png(
+    plot: Plot, origin: str, size: tuple[float, float] = FULL_WIDTH, dpi: float = 160.0
+) -> bytes:
+    """A plot as PNG with its title, to stand alone in a document or a folder."""
+    import matplotlib
+
+    plot, _ = _drawable(plot)
+    with matplotlib.rc_context(_STYLE):
+        figure = _draw(plot, origin, (size[0], size[1] + 0.3), plot.title)
+        buffer = io.BytesIO()
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Glyph .* missing from")
+            figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def _drawable(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
+    """The plot without what a logarithmic axis or a page cannot show, and the sentences that say so."""
+    kept, remarks = [], []
+    for series in plot.series:
+        x, y = np.asarray(series.x, dtype=float).ravel(), np.asarray(series.y, dtype=float).ravel()
+        low, high = (
+            None if a is None else np.asarray(a, dtype=float).ravel()
+            for a in (series.low, series.high)
+        )
+        good = np.ones(len(x), dtype=bool)
+        if plot.x_scale == "log":
+            good &= ~(x <= 0)
+        if plot.y_scale == "log":
+            good &= ~(y <= 0)
+        lost = int(len(x) - good.sum())
+        if lost:
+            remarks.append(
+                f"{lost} values of “{series.label}” are not positive and have no place on a logarithmic axis."
+            )
+        low, high = (None if a is None else a[good] for a in (low, high))
+        label = printable(series.label)
+        kept.append(replace(series, label=label, x=x[good], y=y[good], low=low, high=high))
+    words = {
+        name: printable(getattr(plot, name)) for name in ("title", "x_label", "y_label", "note")
+    }
+    return replace(plot, series=tuple(kept), **words), tuple(remarks)
+
+
+def _draw(plot: Plot, origin: str, size: tuple[float, float], title: str) -> Figure:
+    """The matplotlib figure of a plot."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.set_xscale(plot.x_scale)
+    axes.set_yscale(plot.y_scale)
+    axes.set_xlabel(plot.x_label)
+    axes.set_ylabel(plot.y_label)
+    _watermark(axes, origin, size)
+    if any(np.isfinite(s.y).any() for s in plot.series):
+        bins = int(100 * size[0])
+        for number, series in enumerate(plot.series):
+            _PAINTERS[series.style](
+                axes, series, _look(plot.series, number, plot.y_scale == "log"), bins
+            )
+        axes.margins(x=0.02, y=0.06)
+        _legend(axes, plot, size)
+    else:
+        axes.text(
+            0.5, 0.5, "no data", transform=axes.transAxes, ha="center", va="center", color=FAINT
+        )
+    _ticks(axes, plot)
+    if title:
+        figure.suptitle(title, x=0.02, ha="left", fontsize=9.0, fontweight="bold")
+    return figure
+
+
+@dataclass(frozen=True)
+class _Look:
+    """How one series looks among the others: colour by group, marker by group, dash by place in the group."""
+
+    colour: str
+    marker: str
+    dash: Any
+    shift: float
+    """Points by which bars stand beside those of the other series."""
+    foot: float
+    """Where bars begin: zero, or below the smallest of them on a logarithmic axis."""
+
+
+def _look(all_series: Sequence[Series], number: int, logarithmic: bool) -> _Look:
+    series = all_series[number]
+    groups = list(dict.fromkeys(s.group for s in all_series))
+    earlier = sum(
+        s.group == series.group and s.style in ("line", "steps") for s in all_series[:number]
+    )
+    barred = [i for i, s in enumerate(all_series) if s.style == "bars"]
+    shift = 3.2 * (barred.index(number) - 0.5 * (len(barred) - 1)) if number in barred else 0.0
+    return _Look(
+        colour=PALETTE[series.group % len(PALETTE)],
+        marker=MARKERS[groups.index(series.group) % len(MARKERS)],
+        dash=DASHES[earlier % len(DASHES)],
+        shift=shift,
+        foot=_foot(all_series) if logarithmic else 0.0,
+    )
+
+
+def _foot(all_series: Sequence[Series]) -> float:
+    heights = np.concatenate([s.y for s in all_series if s.style == "bars"] or [np.ones(1)])
+    heights = heights[np.isfinite(heights) & (heights > 0)]
+    return 0.4 * float(heights.min()) if len(heights) else 1.0
+
+
+def _line(axes: Axes, series: Series, look: _Look, bins: int) -> None:
+    rows = peak_rows(series.y, bins)
+    if series.low is not None and series.high is not None:
+        rows = np.unique(
+            np.concatenate([rows, peak_rows(series.low, bins), peak_rows(series.high, bins)])
+        )
+        axes.fill_between(
+            series.x[rows], series.low[rows], series.high[rows], color=look.colour, alpha=0.18, lw=0
+        )
+    width = 1.3 if len(series.y) < 4000 else 0.9
+    axes.plot(
+        series.x[rows],
+        series.y[rows],
+        ls=look.dash,
+        lw=width,
+        color=look.colour,
+        label=series.label,
+        zorder=2.4,
+    )
+
+
+def _steps(axes: Axes, series: Series, look: _Look, bins: int) -> None:
+    rows = peak_rows(series.y, bins)
+    axes.step(
+        series.x[rows],
+        series.y[rows],
+        where="post",
+        ls=look.dash,
+        lw=1.1,
+        color=look.colour,
+        label=series.label,
+    )
+
+
+def _points(axes: Axes, series: Series, look: _Look, bins: int) -> None:
+    many, crowded = len(series.y) > VECTOR_POINTS, len(series.y) > CROWDED_POINTS
+    rows = scatter_rows(series.x, series.y) if many else np.arange(len(series.y))
+    size = 1.2 if many else 1.8 if crowded else 3.4
+    # Points lie under lines: where there are many of them the curve through them must still be seen.
+    style: dict[str, Any] = {
+        "ls": "none",
+        "marker": "o" if crowded else look.marker,
+        "ms": size,
+        "zorder": 2.0,
+    }
+    style |= {
+        "color": look.colour,
+        "mfc": look.colour if crowded else "white",
+        "label": series.label,
+    }
+    style["mew"] = 0.0 if crowded else 0.7
+    if series.low is None or series.high is None or many:
+        axes.plot(
+            series.x[rows], series.y[rows], rasterized=many, alpha=0.55 if crowded else 1.0, **style
+        )
+        return
+    style["elinewidth"] = 0.9
+    axes.errorbar(series.x[rows], series.y[rows], yerr=_arms(series, rows), capsize=1.8, **style)
+
+
+def _bars(axes: Axes, series: Series, look: _Look, bins: int) -> None:
+    from matplotlib.transforms import ScaledTranslation
+
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    beside = axes.transData + ScaledTranslation(look.shift / 72.0, 0.0, figure.dpi_scale_trans)
+    rows = peak_rows(series.y, bins)
+    axes.vlines(
+        series.x[rows],
+        look.foot,
+        series.y[rows],
+        color=look.colour,
+        lw=2.0,
+        transform=beside,
+        label=series.label,
+    )
+    if series.low is not None and series.high is not None:
+        low, high = _arms(series, rows)
+        axes.vlines(
+            series.x[rows],
+            series.y[rows] - low,
+            series.y[rows] + high,
+            color=INK,
+            lw=0.8,
+            transform=beside,
+            zorder=3,
+        )
+    axes.update_datalim(np.column_stack([series.x[rows], np.nan_to_num(series.y[rows])]))
+    axes.update_datalim([(float(np.nanmin(series.x)), look.foot)])
+    axes.autoscale_view()
+    if axes.get_yscale() == "log":
+        axes.set_ylim(bottom=look.foot)
+
+
+def _arms(series: Series, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Lengths (2, n) of the error bars below and above the points."""
+    assert series.low is not None
+    assert series.high is not None
+    y = series.y[rows]
+    return np.nan_to_num(np.maximum([y - series.low[rows], series.high[rows] - y], 0.0))
+
+
+_PAINTERS: dict[str, Callable[[Axes, Series, _Look, int], None]] = {
+    "line": _line,
+    "band": _line,
+    "steps": _steps,
+    "points": _points,
+    "bars": _bars,
+}
+
+
+def _legend(axes: Axes, plot: Plot, size: tuple[float, float]) -> None:
+    """The legend above the axes, in as many columns as fit: it hides nothing."""
+    labels = [s.label for s in plot.series if s.label]
+    if len(labels) < 2 and not (labels and plot.series[0].style == "points"):
+        return
+    characters = max(len(label) for label in labels) + 6
+    columns = max(1, min(len(labels), int(size[0] * 15.5 / characters)))
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.2,
+        handlelength=1.9,
+        columnspacing=1.4,
+        labelspacing=0.3,
+        markerscale=1.0,
+    )
+
+
+def _ticks(axes: Axes, plot: Plot) -> None:
+    """Plain numbers on logarithmic axes (10, 100, 1000), and no scientific offsets without need."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+    pointed = [series for series in plot.series if series.style == "points"]
+    places = [np.asarray(series.x, dtype=np.float64) for series in pointed or plot.series]
+    if plot.x_scale != "log" and places and all(np.array_equal(x, np.round(x)) for x in places):
+        # Runs, orders, segments: nothing lies between them.
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    for axis, scale in ((axes.xaxis, plot.x_scale), (axes.yaxis, plot.y_scale)):
+        if scale != "log":
+            continue
+        low, high = sorted(axis.get_view_interval())
+        wide = low <= 0 or high / low > 30
+        axis.set_major_locator(LogLocator(10.0, (1.0,) if wide else (1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(_plain))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _plain(value: float, _: object = None) -> str:
+    return f"{value:g}" if 1e-4 <= abs(value) < 1e6 else f"{value:.0e}"
+
+
+def _watermark(axes: Axes, origin: str, size: tuple[float, float]) -> None:
+    """The word that tells a simulated, replayed or imported run, across the data and behind it."""
+    word = printable(WATERMARKS.get(origin, origin.upper()))
+    if word:
+        axes.text(
+            0.5,
+            0.5,
+            word,
+            transform=axes.transAxes,
+            ha="center",
+            va="center",
+            rotation=16,
+            zorder=0.5,
+            fontsize=7.5 * size[0] if size[0] < 5 else 5.6 * size[0],
+            fontweight="bold",
+            color="#24292F",
+            alpha=0.10,
+            gid="watermark",
+            clip_on=True,
+        )
+
+
+_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_ID = re.compile(r'(\bid="|url\(#|href="#)([^")]+)')
+
+
+def _inline(text: str, identifier: str, label: str) -> str:
+    """The bare svg element: ids made unique within the page, coordinates to a hundredth of a point,
+    and a name for it.
+    """
+    from xml.sax.saxutils import escape, quoteattr
+
+    body = text[text.index("<svg") :]
+    head, _, rest = body.partition(">")
+    rest = re.sub(r"<metadata>.*?</metadata>", "", rest, count=1, flags=re.DOTALL)
+    rest = re.sub(r' d="[^"]*"', lambda m: _NUMBER.sub(lambda n: f"{float(n[0]):.2f}", m[0]), rest)
+    rest = _ID.sub(lambda m: f"{m[1]}{identifier}-{m[2]}", rest)
+    rest = re.sub(r"\n\s*", "\n", rest)
+    return f'{head} role="img" aria-label={quoteattr(label)}>\n<title>{escape(label)}</title>{rest.strip()}'

@@ -1,0 +1,285 @@
+"""The report of one gear over its life: its passport as a page, with the same content on screen and on paper."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from rig.analysis.passport.content import Passport, PassportSeries
+from rig.analysis.wording import decimals_of, fixed, number
+from rig.present import catalogue, content, definitions, provenance
+from rig.present import figure as figures
+from rig.present.content import Grid, Overall, Part
+from rig.present.gear_runs import gear_alarms, gear_files, newest_fits
+from rig.present.page import ORIGIN_SENTENCES, TITLES, Figure, Signature, run_line
+from rig.present.provenance import Provenance
+
+if TYPE_CHECKING:
+    from rig.analysis.fit import Fit
+
+_STYLES = {
+    "in control": "pass",
+    "to be watched": "marginal",
+    "out of control": "fail",
+    "no control limits yet": "open",
+}
+_WORDS = {
+    "in control": "IN CONTROL",
+    "to be watched": "TO BE WATCHED",
+    "out of control": "OUT OF CONTROL",
+    "no control limits yet": "NO CONTROL LIMITS YET",
+}
+_WORST = ("out of control", "to be watched", "no control limits yet", "in control")
+
+
+def gear_context(passport: Passport, *, created: str) -> dict[str, Any]:
+    """What the report of a gear shows, under the names that the page's template knows.
+
+    The verdict and the catalogue are those of the newest analysed run of every kind; the charts are
+    those of all its runs.
+    """
+    with newest_fits(passport) as fits:
+        return {**_of_all_runs(passport), **_of_newest(passport, fits), "created": created}
+
+
+def _of_all_runs(passport: Passport) -> dict[str, Any]:
+    """Who and what the gear is, its charts, and the runs that count."""
+    origins = list(dict.fromkeys(run.origin for run in passport.runs))
+    words = [
+        word
+        for word in (figures.WATERMARKS.get(origin, origin.upper()) for origin in origins)
+        if word
+    ]
+    starts = sorted(run.start[:10] for run in passport.runs if run.start)
+    days = (
+        "not stated"
+        if not starts
+        else starts[0]
+        if starts[0] == starts[-1]
+        else f"{starts[0]} to {starts[-1]}"
+    )
+    counted = f"{len(passport.runs)} {'run counts' if len(passport.runs) == 1 else 'runs count'}"
+    return {
+        "note": f"{counted} for this gear; they are listed in the annex.",
+        "number": _number(passport),
+        "gear_name": passport.gear or "not stated",
+        "heading": f"Passport of gear {passport.serial}",
+        "subtitle": "Catalogue values of the newest runs, and every followed quantity over the life of the gear",
+        "serial": passport.serial,
+        "operators": ", ".join(
+            dict.fromkeys(run.operator or "not stated" for run in passport.runs)
+        ),
+        "dates": days,
+        "words": words,
+        "origin_sentences": [
+            ORIGIN_SENTENCES[origin] for origin in origins if origin in ORIGIN_SENTENCES
+        ],
+        "alarms": gear_alarms(passport),
+        "run_line": run_line([run.run_id for run in passport.runs]),
+        "warnings": _warnings(passport),
+        "parts": tuple(_parts(passport)),
+        "truth": None,
+        "truth_note": "",
+        "paper_figures": (),
+        "run_word": "Runs with",
+        "annex_title": "runs",
+        "parameter_sets": (_run_grid(passport),),
+        "definitions": _definitions(passport),
+        "not_measured": definitions.NOT_MEASURED,
+        "paper": definitions.PAPER,
+        "signature": _signature(words),
+        "version": content.program_version(),
+        "key_results": _newest(passport.series),
+    }
+
+
+def _of_newest(passport: Passport, fits: Sequence[Fit]) -> dict[str, Any]:
+    """Verdict, catalogue, conditions, calibrations and provenance of the newest analysed runs, and the files of all."""
+    titles = [
+        f"{TITLES.get(fit.result.kind, fit.result.kind)}, run {fit.result.run}" for fit in fits
+    ]
+    told = list(zip(titles, map(provenance.provenance_of, fits), strict=True))
+    verdict = (
+        content.overall(fits)
+        if fits
+        else Overall("NOT JUDGED", "No run of this gear is analysed.", "open")
+    )
+    verdict = (
+        replace(verdict, sentence=f"{verdict.sentence} This is of the newest run of every kind.")
+        if fits
+        else verdict
+    )
+    return {
+        "overall": verdict,
+        "states": (verdict, _state(passport.series)),
+        "verdicts": content.verdict_lines(fits),
+        "catalogue": catalogue.catalogue_grid(fits, [found.conditions for _, found in told]),
+        "files": gear_files(passport, fits),
+        "conditions": provenance.side_by_side([(title, found.conditions) for title, found in told]),
+        "calibrations": provenance.side_by_side(
+            [(title, found.calibrations) for title, found in told]
+        ),
+        "identities": provenance.side_by_side(
+            [(title, found.rows) for title, found in told], "Newest runs"
+        ),
+        "conventions": provenance.side_by_side(
+            [(title, found.options) for title, found in told], "Conventions of the analyses"
+        ),
+        "settings": provenance.side_by_side(
+            [(title, found.settings) for title, found in told],
+            "Parameters of the protocols and settings of the analyses",
+        ),
+    }
+
+
+def _number(passport: Passport) -> str:
+    """A number that follows from the points: the same runs and analyses give the same."""
+    digest = hashlib.sha256(passport.serial.encode())
+    for series in passport.series:
+        digest.update(
+            "".join(f"{series.key}{p.run}{p.analysis}{p.value!r}" for p in series.points).encode()
+        )
+    return "HP-" + digest.hexdigest()[:10].upper()
+
+
+def _state(series: Sequence[PassportSeries]) -> Overall:
+    """The worst state of all charts."""
+    states = [one.state for one in series]
+    if not states:
+        return Overall(
+            "NOTHING TO FOLLOW",
+            "No run of this gear has an analysis with a quantity that is followed.",
+            "open",
+        )
+    worst = next(state for state in _WORST if state in states)
+    counted = ", ".join(f"{states.count(state)} {state}" for state in _WORST if state in states)
+    return Overall(_WORDS[worst], f"{len(states)} quantities over time: {counted}.", _STYLES[worst])
+
+
+def _warnings(passport: Passport) -> list[tuple[str, str, str, str]]:
+    """What is missing, and runs that do not count, as lines with a place to go to."""
+    found = [("Missing", one) for one in passport.missing] + [
+        ("Left out", one) for one in passport.left_out
+    ]
+    told = []
+    for title, one in found:
+        what = f"{one.run}: {one.what}" if one.run else one.what
+        told.append((title, "parameters", one.run, f"{what}. {one.remedy}" if one.remedy else what))
+    return told
+
+
+def _parts(passport: Passport) -> list[Part]:
+    tables = dict(zip((series.key for series in passport.series), passport.tables, strict=False))
+    plots = [(series.title, series.plot, series) for series in passport.series]
+    made = []
+    for index, (title, plot, series) in enumerate(plots, 1):
+        table = tables.get(series.key)
+        grid = content.data_grid(table) if table is not None else None
+        facts = "; ".join(f"{name}: {value}" for name, value in series.conditions.items())
+        made.append(
+            _part(
+                index,
+                title,
+                (_drawn(plot, series.origin, index),),
+                grid,
+                tuple(series.notes),
+                facts or "all",
+            )
+        )
+    origin = passport.runs[-1].origin if passport.runs else "simulated"
+    spectra = tuple(
+        _drawn(plot, origin, len(plots) + k) for k, plot in enumerate(passport.spectra, 1)
+    )
+    if spectra:
+        made.append(
+            _part(len(plots) + 1, "Order spectra", spectra, run="the kinematic error identified")
+        )
+    return made
+
+
+def _part(
+    index: int,
+    title: str,
+    drawn: tuple[Figure, ...],
+    grid: Grid | None = None,
+    warnings: tuple[str, ...] = (),
+    run: str = "all",
+) -> Part:
+    return Part(
+        f"part-{index}",
+        title,
+        run,
+        "",
+        None,
+        None,
+        None,
+        None,
+        (grid,) if grid else (),
+        (),
+        warnings,
+        Provenance(),
+        drawn,
+    )
+
+
+def _drawn(plot: Any, origin: str, number_: int) -> Figure:
+    drawing = figures.draw_svg(plot, origin, f"f{number_}", figures.FULL_WIDTH)
+    note = " ".join(part for part in (plot.note, *drawing.remarks) if part)
+    return Figure(number_, f"figure-{number_}", Markup(drawing.svg), plot.title, "", note, False)
+
+
+def _newest(series: Sequence[PassportSeries]) -> tuple[tuple[str, str, str, str], ...]:
+    """The newest value of every quantity with its state."""
+    rows = []
+    for one in series:
+        newest = one.points[-1]
+        value, doubt = newest.value / one.factor, newest.expanded_uncertainty / one.factor
+        decimals = decimals_of(doubt)
+        shown = (
+            number(value)
+            if decimals is None
+            else f"{fixed(value, decimals)} ± {fixed(doubt, decimals)}"
+        )
+        text = f"{shown} {one.display_unit}".rstrip()
+        rows.append((one.kind, f"{one.title} ({one.state})", text, newest.identifiability))
+    return tuple(rows)
+
+
+def _run_grid(passport: Passport) -> Grid:
+    rows = tuple(
+        (
+            run.run_id,
+            run.start[:16].replace("T", " "),
+            run.protocol,
+            run.operator or "not stated",
+            run.outcome,
+            run.origin,
+        )
+        for run in passport.runs
+    )
+    return Grid(
+        "Runs that count",
+        ("Run", "Started", "Protocol", "Operator", "Outcome", "Origin"),
+        rows,
+        (False,) * 6,
+    )
+
+
+def _definitions(passport: Passport) -> list[tuple[str, str]]:
+    """What is followed, what the signals of the charts mean, and how uncertainty and verdict are to be read."""
+    found = {one.title: one.definition for one in passport.series}
+    signals = ((f"Signal {name}", meaning) for name, meaning in passport.rules.items())
+    return [*found.items(), *signals, *definitions.definitions_for(())]
+
+
+def _signature(words: Sequence[str]) -> Signature:
+    if words:
+        return Signature(
+            False,
+            f"This passport holds runs marked {', '.join(words)}. There is no room for a signature on it.",
+        )
+    return Signature(True)

@@ -1,0 +1,143 @@
+"""The runs behind a gear's report: the newest of every kind as fits, the files with their hashes,
+what is wrong with a scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from rig.errors import RigError
+from rig.present.content import Grid
+from rig.present.provenance import alarms_of
+
+if TYPE_CHECKING:
+    from rig.analysis.fit import Fit
+    from rig.analysis.passport.content import Passport, PassportPoint
+    from rig.analysis.store import Analysis
+
+FILE_COLUMNS = ("Run", "Outcome", "SHA-256 of the run file")
+
+
+@contextmanager
+def newest_fits(passport: Passport) -> Iterator[tuple[Fit, ...]]:
+    """The newest analysed run of every kind that the passport follows, as it lies in the store;
+    closed when it is left.
+    """
+    from rig.analysis.passport.gather import moment
+    from rig.runfile.read import close_recording
+
+    newest: dict[str, PassportPoint] = {}
+    for series in passport.series:
+        last = series.points[-1]
+        held = newest.get(series.kind)
+        if held is None or (moment(last.start), last.number) > (moment(held.start), held.number):
+            newest[series.kind] = last
+    fits: list[Fit] = []
+    try:
+        for kind, point in newest.items():
+            fits.append(_stored_fit(kind, point))
+        yield tuple(fits)
+    finally:
+        for fit in fits:
+            close_recording(fit.recording)
+
+
+def _stored_fit(kind: str, point: PassportPoint) -> Fit:
+    """A run with the analysis that the passport read. Raises `RigError` for one that is none."""
+    from model.gear_file import gear_from_mapping, shipped_gear
+    from rig.analysis.fit import Fit
+    from rig.analysis.result_data import result_from_mapping
+    from rig.runfile.read import open_run
+
+    analysis = _analysis(point)
+    recording = open_run(point.path)
+    try:
+        result = result_from_mapping(analysis.result)
+    except (KeyError, TypeError, ValueError) as error:
+        raise RigError(
+            "the stored analysis holds no result",
+            where=str(analysis.path),
+            value=str(error),
+            remedy=f"Move it away and analyse the run again: rig fit {point.path} --kind {kind}",
+        ) from None
+    leaned_on = analysis.content.get("gear")
+    gear = (
+        gear_from_mapping(leaned_on, str(analysis.path)) if leaned_on else recording.metadata.gear
+    )
+    return Fit(
+        recording,
+        gear or shipped_gear(),
+        result,
+        point.path,
+        settings=dict(analysis.content.get("settings", {})),
+        stored=point.analysis,
+        gear_known=recording.metadata.gear is not None,
+    )
+
+
+def _analysis(point: PassportPoint) -> Analysis:
+    from rig.analysis.store import read_analyses
+
+    name = point.analysis.rpartition("/")[2]
+    for analysis in read_analyses(point.path):
+        if analysis.path.name == name:
+            return analysis
+    raise RigError(
+        "the analysis that the passport read is gone", where=str(point.path), value=point.analysis
+    )
+
+
+def gear_files(passport: Passport, fits: Sequence[Fit]) -> Grid:
+    """Every run that counts with the hash of its file, and the tares that the newest analyses lean on."""
+    from rig.runfile.seal import recorded_sha256
+
+    rows = [
+        (run.run_id, run.outcome or "not stated", recorded_sha256(run.path) or "not sealed")
+        for run in passport.runs
+    ]
+    known = {row[0] for row in rows}
+    for fit in fits:
+        tare = _analysis_tare(fit)
+        if tare and tare[0] not in known:
+            known.add(tare[0])
+            rows.append((tare[0], "motor tare", tare[1] or "not stated"))
+    return Grid("Run files", FILE_COLUMNS, tuple(rows), (False, False, False))
+
+
+def _analysis_tare(fit: Fit) -> tuple[str, str] | None:
+    """Run and hash of the tare that a stored analysis names."""
+    from rig.analysis.store import read_analyses
+
+    name = fit.stored.rpartition("/")[2]
+    for analysis in read_analyses(fit.path) if fit.path else ():
+        tare = analysis.content.get("tare") or {}
+        if analysis.path.name == name and tare:
+            return str(tare.get("run", "")), str(tare.get("sha256", ""))
+    return None
+
+
+def gear_alarms(passport: Passport) -> tuple[str, ...]:
+    """What makes the scales of these runs doubtful, each alarm once with the runs that it concerns."""
+    from rig.runfile.read import close_recording, open_run
+
+    found: dict[str, list[str]] = {}
+    for run in passport.runs:
+        recording = open_run(run.path, digest=False)
+        try:
+            for alarm in alarms_of(recording):
+                found.setdefault(alarm, []).append(run.run_id)
+        finally:
+            close_recording(recording)
+    return tuple(f"{alarm} ({_named(runs)})" for alarm, runs in found.items())
+
+
+def _named(runs: Sequence[str]) -> str:
+    if len(runs) == 1:
+        return f"run {runs[0]}"
+    return (
+        f"runs {', '.join(runs)}"
+        if len(runs) <= 3
+        else f"{len(runs)} runs, {runs[0]} to {runs[-1]}"
+    )

@@ -1,0 +1,148 @@
+"""The figures of a preview as data: the window, a report and `rig preview` draw the same ones."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.result import Plot, Series
+from model.units import ARCMIN, DEGREE, RPM
+from rig.bench import limits as lim
+from rig.present.decimate import peak_rows
+from rig.present.preview.plan import PlanPreview
+
+FloatArray = NDArray[np.float64]
+
+BINS = 1500
+"""Bins along a curve that keep their extremes: more than a screen has columns for."""
+LONG = 600.0
+"""s above which a plan's time is shown in minutes."""
+NEAR = 2.5
+"""A limit is drawn where it is within so many times the largest value; farther off it is told in the title."""
+
+
+def figures_of(preview: PlanPreview) -> dict[str, Plot]:
+    """The figures by name: "speed", "torque", "friction", and with a gear "output" and "kinematic-error"."""
+    found = {"speed": _speed(preview), "torque": _torque(preview)}
+    if preview.error is not None:
+        found |= {"output": _output(preview), "kinematic-error": _error(preview)}
+    return {**found, "friction": _friction(preview)}
+
+
+def _axis(preview: PlanPreview) -> tuple[float, str]:
+    """Factor and label of the time axis."""
+    minutes = preview.timeline.duration > LONG
+    return (1.0 / 60.0, "nominal time [min]") if minutes else (1.0, "nominal time [s]")
+
+
+def _speed(preview: PlanPreview) -> Plot:
+    scale, label = _axis(preview)
+    time, speed = preview.timeline.polyline()
+    rows = _thinned(speed)
+    series = [Series("set-point", scale * time[rows], speed[rows] / RPM)]
+    limit, title = _limit(preview, lim.INPUT_SPEED, 1.0 / RPM, "r/min", speed / RPM)
+    series += limit
+    prompts = [mark for mark in preview.marks if mark.kind == "prompt"]
+    if prompts:
+        at = scale * np.array([mark.time for mark in prompts])
+        series.append(Series(f"prompts: {len(prompts)}", at, np.zeros(len(at)), "points", group=3))
+    return Plot("preview-speed", f"Input speed{title}", label, "speed [r/min]", tuple(series))
+
+
+def _torque(preview: PlanPreview) -> Plot:
+    scale, label = _axis(preview)
+    torque = preview.torque
+    rows = _thinned(torque.low, torque.high)
+    series = [
+        Series(
+            "predicted, with 95 % band",
+            scale * preview.time[rows],
+            torque.value[rows],
+            "band",
+            low=torque.low[rows],
+            high=torque.high[rows],
+        )
+    ]
+    time, setpoint = preview.timeline.torque_line()
+    if len(time):
+        series.append(Series("torque ramps", scale * time, setpoint, group=2))
+    limit, title = _limit(
+        preview, lim.MOTOR_TORQUE, 1.0, "N m", np.concatenate([torque.low, torque.high])
+    )
+    return Plot(
+        "preview-torque", f"Torque at the motor{title}", label, "torque [N m]", (*series, *limit)
+    )
+
+
+def _output(preview: PlanPreview) -> Plot:
+    scale, label = _axis(preview)
+    rows = _thinned(
+        preview.output_speed - preview.output_ripple, preview.output_speed + preview.output_ripple
+    )
+    speed, ripple = preview.output_speed[rows] / RPM, preview.output_ripple[rows] / RPM
+    series = Series(
+        "with the ripple of the kinematic error",
+        scale * preview.time[rows],
+        speed,
+        "band",
+        low=speed - ripple,
+        high=speed + ripple,
+        group=2,
+    )
+    return Plot("preview-output", "Output speed", label, "speed [r/min]", (series,))
+
+
+def _error(preview: PlanPreview) -> Plot:
+    error = preview.error
+    assert error is not None
+    value, doubt = error.value / ARCMIN, error.uncertainty / ARCMIN
+    series = Series(
+        "of the parameter set, with 95 % band",
+        error.angle / DEGREE,
+        value,
+        "band",
+        low=value - doubt,
+        high=value + doubt,
+        group=1,
+    )
+    title = "Kinematic error over one input revolution"
+    return Plot("preview-kinematic-error", title, "input angle [deg]", "error [arcmin]", (series,))
+
+
+def _friction(preview: PlanPreview) -> Plot:
+    curve = preview.curve
+    of = "motor and gear" if preview.error is not None else "the motor"
+    series = Series(
+        f"{of}, with 95 % band",
+        preview.curve_speed / RPM,
+        curve.value,
+        "band",
+        low=curve.low,
+        high=curve.high,
+    )
+    title = f"Running torque of {of} over speed"
+    return Plot(
+        "preview-friction", title, "input speed [r/min]", "torque [N m]", (series,), x_scale="log"
+    )
+
+
+def _thinned(*curves: FloatArray) -> NDArray[np.intp]:
+    """Rows that must stay so that curves over the same instants look the same, peaks included."""
+    return np.unique(np.concatenate([peak_rows(curve, BINS) for curve in curves]))
+
+
+def _limit(
+    preview: PlanPreview, quantity: str, factor: float, unit: str, values: FloatArray
+) -> tuple[list[Series], str]:
+    """A limit on both sides where the values come near it; what the title says of it where they do not."""
+    limit = preview.planned.limits.value(quantity) * factor
+    if not math.isfinite(limit):
+        return [], ""
+    if limit > NEAR * float(np.max(np.abs(values), initial=0.0)):
+        return [], f" (limit ±{limit:.4g} {unit}, outside the picture)"
+    end = _axis(preview)[0] * preview.timeline.duration
+    ends = np.array([0.0, end, np.nan, 0.0, end])
+    sides = limit * np.array([1.0, 1.0, np.nan, -1.0, -1.0])
+    return [Series(f"limit ±{limit:.4g} {unit}", ends, sides, group=1)], ""

@@ -1,1 +1,0 @@
-"""The report: figures and one self-contained page, made from results. Start in `page`."""

@@ -1,0 +1,54 @@
+"""What a run takes from the card of its gear: the request completed by it, and the preflight's view of it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from rig.gears.card import EXPECTED, GearCard, conditions_of, gear_of, in_words, known
+from rig.run.preflight import Check
+from rig.run.start import RunRequest
+
+
+def with_card(request: RunRequest, card: GearCard, *, parameters_given: bool = False) -> RunRequest:
+    """A run request with what the gear's card tells: part (unless a parameter file was named), load inertia, mounting,
+    conditions. Done twice it changes nothing more. Raises `ParameterError` for a part that cannot be read."""
+    facts = dataclasses.replace(card.facts, part="") if parameters_given else card.facts
+    return dataclasses.replace(
+        request,
+        gear=gear_of(facts, request.gear),
+        mounting=card.facts.mounting or request.mounting,
+        conditions={**conditions_of(card), **request.conditions},
+    )
+
+
+def card_checks(card: GearCard | None, serial: str) -> tuple[Check, ...]:
+    """A preflight's view of a card: is there one, is it confirmed, is anything unknown that results are told with."""
+    if card is None:
+        told = f"nothing is known of gear {serial}" if serial.strip() else "no gear is named"
+        return (Check("gear card", "failed", told, "Fill in its card and confirm it."),)
+    if not card.is_confirmed:
+        return (
+            Check(
+                "gear card",
+                "failed",
+                card.warning,
+                "Look at the gear, then confirm the card by name.",
+            ),
+        )
+    confirmation = card.confirmation
+    assert confirmation is not None
+    checks = [
+        Check("gear card", "ok", f"{card.serial} confirmed by {confirmation.by}, {confirmation.at}")
+    ]
+    unknown = [name for name in EXPECTED if name not in known(card.facts)]
+    if unknown:
+        words = ", ".join(in_words(name) for name in unknown)
+        checks.append(
+            Check(
+                "gear card",
+                "warning",
+                f"not known of {card.serial}: {words}",
+                "Reports will say so.",
+            )
+        )
+    return tuple(checks)

@@ -1,0 +1,1 @@
+"""The whole chain on the simulated rig, in one command. Start in `chain`."""

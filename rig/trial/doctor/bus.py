@@ -1,0 +1,199 @@
+"""The nodes of a CAN bus: who is there, what each says of itself, its state and heartbeat, what it
+lacks, what it told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from drivers.bus import NodeWatch, PumpedBus
+from drivers.cia301 import NmtState
+from drivers.cyclic import CanRig
+from drivers.device import Identity, Missing, RemoteDevice
+from rig.run.devices import DeviceEvent
+from rig.trial.doctor.drive import inspect_drive
+from rig.trial.doctor.finding import Finding, Verdict, judged
+
+PROFILES = {"servo amplifier": 402, "counter": 406, "analog module": 401}
+"""The device profile that belongs to each kind of node."""
+LOST_AFTER = 3
+"""Heartbeats that may stay away before a node counts as lost: the drivers arm that much."""
+SLOW_HEARTBEAT = 1.5
+"""Periods that may pass from one heartbeat to the next."""
+GRAVE_EVENTS = frozenset({"counts-per-revolution"})
+"""What the drivers only warn of, and what makes every angle wrong."""
+_BETWEEN_NS = 1_000_000
+LEVELS: Mapping[str, Verdict] = {"error": "failed", "warning": "warning"}
+
+
+def inspect_bus(port: CanRig, heard: Mapping[int, Sequence[int]]) -> Iterable[Finding]:
+    """Everything about the nodes; `heard` are the instants [ns] at which each node's heartbeat was heard."""
+    nodes = port.nodes
+    for (name, identity), device in zip(nodes.identities.items(), nodes.devices, strict=True):
+        group = f"node {device.node_id}, {name}"
+        yield _identity(group, name, identity)
+        yield _firmware(group, identity)
+        yield _state(group, device)
+        yield _heartbeat(group, device.watch, heard.get(device.node_id, ()))
+        yield _missing(group, device.missing)
+    yield from inspect_drive(nodes.drive, nodes.drive.device.bus.own_node_id)
+
+
+def heartbeat_period_ns(watch: NodeWatch) -> int:
+    """The heartbeat period that a node was asked for, or told; 0 where it produces none."""
+    return watch.timeout_ns // LOST_AFTER
+
+
+def _identity(group: str, name: str, identity: Identity) -> Finding:
+    kind = next((kind for kind in PROFILES if name.startswith(kind)), "")
+    text = (
+        f"{identity.name or 'no name'}, profile {identity.profile}, vendor 0x{identity.vendor_id:08X}, product "
+        f"0x{identity.product_code:08X}, serial number {identity.serial_number or 'not told'}"
+    )
+    wanted = PROFILES.get(kind, identity.profile)
+    return judged(
+        group,
+        "identity",
+        identity.profile == wanted,
+        text,
+        limit=f"profile {wanted}",
+        otherwise="warning",
+        remedy="Is this the node that the configuration means? Check its node-ID.",
+    )
+
+
+def _firmware(group: str, identity: Identity) -> Finding:
+    told = [text for text in (identity.hardware_version, identity.software_version) if text]
+    text = (
+        f"hardware {identity.hardware_version or '-'}, software {identity.software_version or '-'}"
+    )
+    text += f", revision 0x{identity.revision:08X}"
+    remedy = "The device does not tell its version: note it from the nameplate."
+    return judged(
+        group,
+        "firmware",
+        bool(told) or identity.revision != 0,
+        text,
+        remedy=remedy,
+        otherwise="warning",
+    )
+
+
+def _state(group: str, device: RemoteDevice) -> Finding:
+    watch = device.watch
+    text = (
+        f"NMT {watch.state.name.replace('_', '-')}, {watch.boots} boot-up messages, "
+        f"{watch.emergencies} emergency messages"
+    )
+    remedy = "Check supply, cable and termination."
+    if watch.is_lost:
+        text = (
+            f"lost: no heartbeat for more than {watch.timeout_ns * 1e-6:.0f} ms; before that {text}"
+        )
+        return Finding(group, "state", "failed", text, remedy=remedy)
+    if watch.state is NmtState.UNKNOWN:
+        return Finding(group, "state", "warning", "its NMT state was never heard", remedy=remedy)
+    if watch.state is not NmtState.OPERATIONAL:
+        return Finding(group, "state", "failed", text, limit="OPERATIONAL", remedy=remedy)
+    return judged(
+        group,
+        "state",
+        not watch.emergencies,
+        text,
+        limit="OPERATIONAL, no emergency",
+        otherwise="warning",
+        remedy="Look the emergency code up in the manual.",
+    )
+
+
+def _heartbeat(group: str, watch: NodeWatch, heard: Sequence[int]) -> Finding:
+    asked = heartbeat_period_ns(watch) * 1e-6
+    remedy = "Does the node have object 0x1017?"
+    if not asked:
+        text = "none is produced: the loss of this node is only seen by its missing data"
+        return Finding(group, "heartbeat", "warning", text, remedy=remedy)
+    if len(heard) < 3:
+        text = f"{len(heard)} heard where one every {asked:g} ms was asked for"
+        return Finding(
+            group,
+            "heartbeat",
+            "failed",
+            text,
+            unit="ms",
+            limit=f"<= {SLOW_HEARTBEAT * asked:g} ms",
+            remedy=remedy,
+        )
+    period = float(np.median(np.diff(np.asarray(heard)))) * 1e-6
+    text = f"every {period:.0f} ms over {len(heard)} of them, asked for every {asked:g} ms"
+    return judged(
+        group,
+        "heartbeat",
+        period <= SLOW_HEARTBEAT * asked,
+        text,
+        value=period,
+        unit="ms",
+        limit=f"<= {SLOW_HEARTBEAT * asked:g} ms",
+        otherwise="warning",
+        remedy="The node beats more slowly than it was asked to.",
+    )
+
+
+def _missing(group: str, missing: Sequence[Missing]) -> Finding:
+    if not missing:
+        return Finding(group, "objects", "ok", "every object that is used is there", 0.0)
+    by_consequence: dict[str, list[str]] = {}
+    for entry in missing:
+        by_consequence.setdefault(entry.consequence or "nothing follows from it", []).append(
+            f"0x{entry.index:04X}:{entry.subindex} {entry.name}".rstrip()
+        )
+    told = "; ".join(
+        f"{', '.join(entries)}: {consequence}" for consequence, entries in by_consequence.items()
+    )
+    text = f"{len(missing)} are missing. {told}"
+    return Finding(
+        group,
+        "objects",
+        "warning",
+        text,
+        float(len(missing)),
+        "",
+        "",
+        "Decide whether the rig can do without.",
+    )
+
+
+def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
+    """What the devices and the drivers told while they were brought up and watched; the same words once."""
+    told: dict[tuple[str, str, str], tuple[Verdict, int]] = {}
+    for event in events:
+        verdict = "failed" if event.code in GRAVE_EVENTS else LEVELS.get(event.level)
+        if verdict is not None:
+            key = (event.source, event.code, event.text)
+            told[key] = (verdict, told.get(key, (verdict, 0))[1] + 1)
+    for (source, code, text), (verdict, times) in told.items():
+        often = f" ({times} times)" if times > 1 else ""
+        yield Finding(
+            "told by the devices", code, verdict, f"{source}: {text}{often}", float(times)
+        )
+    if not told:
+        yield Finding("told by the devices", "events", "ok", "no warning and no error")
+
+
+def scan(bus: PumpedBus, patience_ns: int = 300_000_000) -> dict[int, int]:
+    """Who answers on the bus: node-ID to device profile, asked by SDO for object 0x1000 at all 127 node-IDs."""
+    found: dict[int, int] = {}
+
+    def hear(node_id: int, data: bytes) -> None:
+        if len(data) == 8:
+            is_number = data[0] & 0xE0 == 0x40
+            found[node_id] = int.from_bytes(data[4:6], "little") if is_number else 0
+
+    for node_id in range(1, 128):
+        bus.subscribe(0x580 + node_id, lambda data, stamp_ns, node_id=node_id: hear(node_id, data))
+        bus.send(0x600 + node_id, bytes([0x40, 0x00, 0x10, 0x00, 0, 0, 0, 0]))
+        # One frame at a time: the send buffer of an adapter is a few frames deep.
+        bus.idle(_BETWEEN_NS)
+    bus.idle(patience_ns)
+    return dict(sorted(found.items()))

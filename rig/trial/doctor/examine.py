@@ -1,0 +1,344 @@
+"""Looks a rig over: standing first, then in motion where that is allowed; every line with its evidence."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers.bus import PumpedBus
+from drivers.cyclic import CanRig
+from drivers.errors import DriverError
+from drivers.nd287 import ReadoutConfig
+from drivers.port import Command, Guard, Mode
+from experiments.errors import ExperimentError
+from rig.bench.backends.assembly import Bench
+from rig.errors import ConfigurationError, RigError
+from rig.run.arming import guard_check
+from rig.run.devices import TellsEvents
+from rig.run.dry_run import PlannedRun, plan_run
+from rig.run.latch import TripLatch
+from rig.run.order import RunReport
+from rig.run.start import MOUNTINGS, RunRequest, run_on
+from rig.run.stop import StopRequest
+from rig.runfile.read import close_recording, open_run
+from rig.trial.doctor import motion
+from rig.trial.doctor.bus import heartbeat_period_ns, inspect_bus, inspect_events, scan
+from rig.trial.doctor.finding import Finding
+from rig.trial.doctor.standing import Stand, inspect_stand
+from rig.trial.doctor.surroundings import calendar, calibrations, disk, drive_limits, guard, readout
+
+STANDING_TIME, LONGEST_STAND = 1.5, 10.0
+"""s of cycles that are looked at with the servo off; more where heartbeats are slow, so many at most."""
+HEARTBEATS = 4
+"""Periods of the slowest heartbeat that are waited for."""
+BLOCK_TIME = 0.02
+"""s of cycles per exchange: how finely heartbeats are timed."""
+HARMLESS = frozenset({"calibration", "readout"})
+"""Groups whose failed lines do not make motion unsafe."""
+
+
+@dataclass(frozen=True)
+class Examination:
+    """The whole checklist of one rig; `was_stopped`: the operator ended it before it was complete."""
+
+    backend: str
+    findings: tuple[Finding, ...]
+    was_stopped: bool = False
+
+    @property
+    def is_fine(self) -> bool:
+        """Whether it is complete and nothing failed; warnings and what was skipped are the reader's to judge."""
+        return not self.was_stopped and all(finding.result != "failed" for finding in self.findings)
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `rig doctor --json` prints."""
+        return {
+            "backend": self.backend,
+            "ok": self.is_fine,
+            "checks": [finding.as_json() for finding in self.findings],
+        }
+
+
+def examine(
+    make: Callable[[], Bench],
+    request: RunRequest,
+    *,
+    moves: bool,
+    why_not: str = "",
+    readout_config: ReadoutConfig | None = None,
+    on_stage: Callable[[str], None] = lambda stage: None,
+    stop: StopRequest | None = None,
+) -> Examination:
+    """Look a rig over. `make` puts it together anew for each stage; `why_not` tells why nothing may move.
+
+    Whatever goes wrong on the way becomes a line that failed; the rig is left with the servo off.
+    Raises only what `make` and the plan raise: a configuration that cannot be used.
+    """
+    planned, stop = plan_of(request), stop or StopRequest()
+    on_stage("standing")
+    bench = make()
+    findings = [disk(request.output), calendar(bench.clock), *examine_standing(bench, planned)]
+    findings.append(readout(readout_config, bench.clock))
+    refused = any(
+        finding.result == "failed" and finding.group not in HARMLESS for finding in findings
+    )
+    if stop.level or refused or not moves:
+        reason = why_not if not moves else "not before the lines that failed are in order"
+        reason = "stopped by the operator" if stop.level else reason
+        findings.append(Finding("motion", "direction and ratio", "skipped", reason))
+    else:
+        on_stage("motion")
+        findings += examine_motion(make(), request, planned, stop)
+    return Examination(request.backend, tuple(findings), stop.level > 0)
+
+
+def plan_of(request: RunRequest) -> PlannedRun:
+    """The planned motion with its limits. Raises `PlanError`, `LimitError`, `ConfigurationError`."""
+    if request.mounting not in MOUNTINGS:
+        allowed = ", ".join(MOUNTINGS)
+        raise ConfigurationError(
+            "no such mounting", where="--mounting", value=repr(request.mounting), limit=allowed
+        )
+    return plan_run(
+        motion.EXPERIMENT,
+        motion.DoctorParameters(),
+        request.gear,
+        request.motor,
+        request.mounting,
+        sample_rate=request.sample_rate,
+        configured=request.limits,
+    )
+
+
+# --- standing
+
+
+@dataclass
+class Looked:
+    """What the parts of the checklist look at: the open rig, what is planned, and the cycles with the servo off."""
+
+    bench: Bench
+    planned: PlannedRun
+    stand: Stand | None = None
+    heard: Mapping[int, Sequence[int]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part of the checklist; what it raises becomes a line of its own under `group` and `name`."""
+
+    group: str
+    name: str
+    inspect: Callable[[Looked], Iterable[Finding]]
+
+
+def _take_stand(looked: Looked) -> Iterable[Finding]:
+    """Cycles with the servo off, and when each node's heartbeat was heard."""
+    port, heard, blocks = looked.bench.port, {}, []
+    cycles = max(1, round(BLOCK_TIME * 1e9 / port.cycle_ns))
+    left = round(_standing_time(looked) * 1e9 / port.cycle_ns)
+    looked.heard = heard
+    while left > 0:
+        block = port.exchange(Command(Mode.OFF), min(cycles, left), Guard())
+        if not len(block):
+            raise RigError(
+                "no cycle came back", where="standing", remedy="Check the bus and the SYNC."
+            )
+        blocks.append(block)
+        left -= len(block)
+        if isinstance(port, CanRig):
+            _note_beats(port, heard)
+    looked.stand = Stand(
+        tuple(port.channels),
+        np.concatenate([b.counts for b in blocks]),
+        np.concatenate([b.flags for b in blocks]),
+        np.concatenate([b.time_ns for b in blocks]),
+        port.cycle_ns,
+        port.time_base,
+        looked.planned.motor.rated_torque,
+    )
+    return ()
+
+
+def _standing_time(looked: Looked) -> float:
+    port = looked.bench.port
+    if not isinstance(port, CanRig):
+        return STANDING_TIME
+    slowest = max((heartbeat_period_ns(device.watch) for device in port.nodes.devices), default=0)
+    return min(max(STANDING_TIME, HEARTBEATS * slowest * 1e-9), LONGEST_STAND)
+
+
+def _note_beats(port: CanRig, heard: dict[int, list[int]]) -> None:
+    for device in port.nodes.devices:
+        beats = heard.setdefault(device.node_id, [])
+        latest = device.watch.heard_ns
+        if latest and (not beats or beats[-1] != latest):
+            beats.append(latest)
+
+
+def _limits(looked: Looked) -> Iterable[Finding]:
+    return (drive_limits(looked.bench.port, looked.planned.limits.drive_limits()),)
+
+
+def _guard(looked: Looked) -> Iterable[Finding]:
+    if looked.bench.real_time:
+        return (guard(guard_check(looked.bench.guard)),)
+    return (Finding("safety", "guard", "skipped", f"the rig '{looked.bench.name}' has no guard"),)
+
+
+def _nodes(looked: Looked) -> Iterable[Finding]:
+    port = looked.bench.port
+    if isinstance(port, CanRig):
+        return inspect_bus(port, looked.heard)
+    return (Finding("nodes", "bus", "skipped", f"the rig '{looked.bench.name}' has no bus"),)
+
+
+def _channels(looked: Looked) -> Iterable[Finding]:
+    return () if looked.stand is None else inspect_stand(looked.stand)
+
+
+def _calibrations(looked: Looked) -> Iterable[Finding]:
+    today = datetime.fromtimestamp(looked.bench.clock.calendar_ns() * 1e-9, UTC).date()
+    return calibrations(looked.bench.port.channels, today)
+
+
+def _events(looked: Looked) -> Iterable[Finding]:
+    port = looked.bench.port
+    return inspect_events(port.events()) if isinstance(port, TellsEvents) else ()
+
+
+PARTS: tuple[Part, ...] = (
+    Part("safety", "drive limits", _limits),
+    Part("safety", "guard", _guard),
+    Part("acquisition", "cycles", _take_stand),
+    Part("nodes", "bus", _nodes),
+    Part("acquisition", "channels", _channels),
+    Part("calibration", "certificates", _calibrations),
+    Part("told by the devices", "events", _events),
+)
+"""What is looked at while the rig stands open, in this order."""
+
+
+def examine_standing(bench: Bench, planned: PlannedRun) -> list[Finding]:
+    """Everything that can be seen with the servo off."""
+    port, looked = bench.port, Looked(bench, planned)
+    found: list[Finding] = []
+    try:
+        description = port.open()
+        found.append(
+            Finding("rig", "connection", "ok", f"{description.title} ({description.origin})")
+        )
+        for part in PARTS:
+            try:
+                # One by one: what was found before an error stays.
+                for finding in part.inspect(looked):
+                    found.append(finding)
+            except (DriverError, RigError) as error:
+                found.append(
+                    Finding(
+                        part.group,
+                        part.name,
+                        "failed",
+                        str(error),
+                        remedy="Supply, cables, termination.",
+                    )
+                )
+    except (DriverError, RigError) as error:
+        found.append(
+            Finding(
+                "rig",
+                "connection",
+                "failed",
+                str(error),
+                remedy="Supply, cables, node-IDs, bit rate.",
+            )
+        )
+        found += [*_answering(bench), *_events(looked)]
+    finally:
+        port.close()
+    return found
+
+
+def _answering(bench: Bench) -> Iterable[Finding]:
+    """Who is on the bus all the same, where the rig cannot be opened and the bus can."""
+    if bench.second_bus is None:
+        return
+    try:
+        bus = PumpedBus(bench.second_bus(), bench.clock)
+        try:
+            nodes = scan(bus)
+        finally:
+            bus.close()
+    except DriverError as error:
+        yield Finding("nodes", "scan", "failed", str(error))
+        return
+    told = ", ".join(
+        f"node {node_id} (profile {profile or 'not told'})" for node_id, profile in nodes.items()
+    )
+    yield Finding(
+        "nodes", "scan", "ok" if nodes else "failed", told or "nobody answers", float(len(nodes))
+    )
+
+
+# --- in motion
+
+
+def examine_motion(
+    bench: Bench, request: RunRequest, planned: PlannedRun, stop: StopRequest
+) -> list[Finding]:
+    """Creep, turn, whole turn of the output; recorded into a folder that is thrown away. A trip is
+    latched as of any run.
+    """
+    with tempfile.TemporaryDirectory(prefix="harmonic-rig-doctor-") as folder:
+        try:
+            report = run_on(bench, replace(request, output=Path(folder)), planned, stop)
+            found = [_ending(report), *_inspected(report, planned)]
+            _latch(Path(folder), request.output)
+        except (DriverError, RigError, ExperimentError) as error:
+            return [Finding("motion", "run", "failed", str(error))]
+    return found
+
+
+def _latch(folder: Path, output: Path) -> None:
+    """Bring the latch of a trip from the folder that is thrown away to the one where the next run would be refused."""
+    trip = TripLatch(folder).read()
+    if trip is not None:
+        output.mkdir(parents=True, exist_ok=True)
+        TripLatch(output).leave(trip)
+
+
+def _ending(report: RunReport) -> Finding:
+    safe = report.make_safe
+    stands = "STANDSTILL NOT VERIFIED"
+    if safe is not None and safe.safe:
+        stands = "standstill verified by " + ", ".join(safe.verified_by)
+    text = f"{report.outcome}, {stands}" + (f": {report.message}" if report.message else "")
+    if report.outcome == "ABORTED" and report.safe:
+        return Finding(
+            "motion",
+            "run",
+            "warning",
+            text,
+            remedy="Stopped by the operator: look the rig over again.",
+        )
+    fine = report.outcome == "PASS" and report.safe
+    remedy = (
+        "Find the cause before anything else is run; a trip is taken away by name: rig acknowledge."
+    )
+    return Finding("motion", "run", "ok" if fine else "failed", text, remedy="" if fine else remedy)
+
+
+def _inspected(report: RunReport, planned: PlannedRun) -> Iterable[Finding]:
+    if not report.readable:
+        return [Finding("motion", "recording", "failed", "the recorded motion cannot be read")]
+    recording = open_run(report.path)
+    try:
+        return list(motion.inspect_motion(recording, planned.gear))
+    finally:
+        close_recording(recording)

@@ -1,0 +1,317 @@
+"""What only motion can tell: which way the encoders count, and whether the ratio is the one that was described.
+
+The input creeps by one degree, turns once, then as often as the output takes to turn once. It is a
+protocol like any other: planned, limited, supervised and made safe by the session that runs them
+all. Creeping by a degree moves the output by half a minute of arc, less than two counts of the
+encoder: its sense is read from the whole turn of the input.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.channel import INDEX_SEEN, OUTPUT_INDEX
+from experiments import steps as s
+from experiments.contract import Evidence, Experiment
+from experiments.evidence import BAD_CYCLE, usable
+from experiments.recording import Recording, Segment
+from experiments.result import Result
+from model.gear import HarmonicDrive
+from model.units import DEGREE, REVOLUTION, RPM
+from rig.bench.limits import kinematic_error_margin, torsion_stiffness
+from rig.trial.doctor.finding import Finding, judged
+from rig.trial.doctor.standing import LARGEST_MISSED
+
+CREEP = DEGREE
+CREEP_SPEED = 1.0 * RPM
+TURN_SPEED = 30.0 * RPM
+RATIO_SPEED = 300.0 * RPM
+ACCELERATION = 50.0
+CREEP_TOLERANCE = 0.25
+"""Share by which the creep may differ from a degree: the speed loop rings a little on so short a way."""
+LARGEST_DOUBT = 0.05
+"""Share of the ratio above which what was measured says nothing about it."""
+LEAST_COUNTS = 8.0
+"""Counts that the output must have to turn by before its sense is believed; with half of them it moves at all."""
+LEAST_TORQUE = 0.01
+"""N m that the motion must cost before the sense of the torque is believed."""
+TORQUE_SCALE = 0.2
+"""Share by which port and drive may differ in what the motion costs."""
+
+
+@dataclass(frozen=True)
+class DoctorParameters:
+    """There is nothing to choose."""
+
+
+def plan(parameters: DoctorParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
+    """Servo off, a degree, a turn of the input, a turn of the output, servo off."""
+    yield s.ServoOff(0.5, s.SegmentLabel("zero-before"))
+    yield s.MoveRevolutions(
+        CREEP / REVOLUTION, CREEP_SPEED, ACCELERATION, 5.0, s.SegmentLabel("creep", CREEP, 1)
+    )
+    yield s.HoldTime(0.2)
+    yield s.MoveRevolutions(
+        1.0, TURN_SPEED, ACCELERATION, 15.0, s.SegmentLabel("turn", TURN_SPEED, 1)
+    )
+    yield s.Ramp(RATIO_SPEED, ACCELERATION)
+    turns = gear.ratio + 1.0
+    longest = 2.0 * turns * REVOLUTION / RATIO_SPEED
+    yield s.HoldRevolutions(turns, longest, s.SegmentLabel("output-turn", RATIO_SPEED, 1))
+    yield s.Ramp(0.0, ACCELERATION)
+    yield s.ServoOff(0.5, s.SegmentLabel("zero-after"))
+
+
+def analyse(recording: Recording, evidence: Evidence) -> Result:
+    """The findings are made by `inspect_motion`; a run of this protocol has no estimates of its own."""
+    return Result(recording.metadata.run_id, "doctor", {}, {}, (), ())
+
+
+EXPERIMENT = Experiment(
+    "doctor",
+    "look over the rig",
+    "direction of both encoders and the ratio",
+    DoctorParameters,
+    plan,
+    analyse,
+    needs=("input_angle",),
+)
+
+
+def inspect_motion(recording: Recording, gear: HarmonicDrive) -> Iterable[Finding]:
+    """Directions, ratio, torque and index marks out of the recorded motion, also of one that was tripped on the way."""
+    creep, turn, whole = (_last(recording, label) for label in ("creep", "turn", "output-turn"))
+    outward = _outward(recording)
+    yield _creep(recording, creep)
+    if recording.has("output_angle"):
+        # Of a motion that was tripped on the way, what there is of it.
+        yield _output_sense(recording, turn or outward, gear)
+        yield _ratio(recording, whole or outward, gear)
+    else:
+        text = "no output encoder: which way the output turns and the ratio cannot be told"
+        yield Finding("motion", "output direction and ratio", "skipped", text)
+    yield from _torque(recording, turn or outward)
+    yield _missed(recording)
+    yield _index(recording)
+
+
+def _last(recording: Recording, label: str) -> Segment | None:
+    found = recording.labelled(label)
+    return found[-1] if found else None
+
+
+def _outward(recording: Recording) -> Segment:
+    """From the start to where the input was farthest."""
+    angle = recording.si("input_angle")
+    farthest = int(np.argmax(np.abs(angle - angle[0]))) if len(angle) else 0
+    return Segment(0, "outward", 0, farthest + 1)
+
+
+def _not_reached(name: str) -> Finding:
+    return Finding("motion", name, "skipped", "the motion ended before it")
+
+
+def _moved(recording: Recording, segment: Segment, output: bool) -> float:
+    """The angle turned over a segment [rad], complete cycles only."""
+    good = usable(recording, segment)
+    angle = recording.output_angle(segment) if output else recording.si("input_angle", segment)
+    angle = angle[good]
+    return float(angle[-1] - angle[0]) if len(angle) > 1 else 0.0
+
+
+def _creep(recording: Recording, segment: Segment | None) -> Finding:
+    if segment is None:
+        return _not_reached("input direction")
+    moved = _moved(recording, segment, output=False)
+    text = f"told to creep by +1 deg, moved by {moved / DEGREE:+.3f} deg"
+    remedy = "Turn `direction` of the motor encoder, or the drive's own sense, until a positive speed counts up."
+    if moved > 0.0 and not abs(moved - CREEP) <= CREEP_TOLERANCE * CREEP:
+        remedy = "Lines and multiplication of the motor encoder do not fit the way it went."
+    return judged(
+        "motion",
+        "input direction",
+        abs(moved - CREEP) <= CREEP_TOLERANCE * CREEP,
+        text,
+        value=moved / DEGREE,
+        unit="deg",
+        limit=f"1 +- {CREEP_TOLERANCE:g} deg",
+        remedy=remedy,
+    )
+
+
+def _output_sense(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Finding:
+    inner, outer = _moved(recording, segment, output=False), _moved(recording, segment, output=True)
+    least = LEAST_COUNTS * recording.signals["output_angle"].quantum
+    mounting = recording.metadata.mounting
+    text = f"{outer / DEGREE:+.3f} deg at the output for {inner / DEGREE:+.1f} deg at the input, {mounting}"
+    if abs(inner) / gear.mounted_ratio(mounting) < least:
+        return Finding(
+            "motion", "output direction", "skipped", f"the motion was too short to tell it: {text}"
+        )
+    if abs(outer) < 0.5 * least:
+        remedy = "Is the output encoder coupled, and its signal there?"
+        return Finding(
+            "motion",
+            "output direction",
+            "failed",
+            f"{text}: it does not move",
+            outer / DEGREE,
+            "deg",
+            "",
+            remedy,
+        )
+    return judged(
+        "motion",
+        "output direction",
+        outer * inner > 0.0,
+        text,
+        value=outer / DEGREE,
+        unit="deg",
+        remedy="Turn `direction` of the output counter; check --mounting: it sets the sense in which the output turns.",
+    )
+
+
+def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Finding:
+    expected = gear.mounted_ratio(recording.metadata.mounting)
+    inner, outer = _moved(recording, segment, output=False), _moved(recording, segment, output=True)
+    least = LEAST_COUNTS * recording.signals["output_angle"].quantum
+    if abs(inner) / expected < least:
+        return Finding(
+            "motion",
+            "ratio",
+            "skipped",
+            f"the motion was too short to tell it: {inner / DEGREE:+.1f} deg",
+        )
+    if abs(outer) < 0.5 * least:
+        return Finding(
+            "motion",
+            "ratio",
+            "failed",
+            "the output does not move",
+            remedy="Is the output encoder coupled?",
+        )
+    found = abs(inner / outer)
+    doubt = found * angle_doubt(recording, gear) / abs(outer)
+    turns = abs(outer) / REVOLUTION
+    text = f"{found:.4f} +- {doubt:.4f} over {turns:.3f} turns of the output, described as {expected:g}"
+    if doubt > LARGEST_DOUBT * expected and abs(found - expected) <= doubt:
+        return Finding("motion", "ratio", "skipped", f"the motion was too short to tell it: {text}")
+    remedy = "Check ratio and mounting, and lines x multiplication of both encoders."
+    other = (
+        expected + 1.0 if recording.metadata.mounting == "circular-spline-fixed" else expected - 1.0
+    )
+    if abs(found - other) <= doubt:
+        remedy = f"{other:g} is the ratio of the other mounting: check --mounting."
+    return judged(
+        "motion",
+        "ratio",
+        abs(found - expected) <= doubt,
+        text,
+        value=found,
+        unit="1",
+        limit=f"{expected:g} +- {doubt:.4f}",
+        remedy=remedy,
+    )
+
+
+def angle_doubt(recording: Recording, gear: HarmonicDrive) -> float:
+    """What two positions of the output may be wrong by [rad]: a count and the accuracy at each end,
+    kinematic error between,
+    and the wind-up by a friction that changes."""
+    wind_up = gear.ratings.running_torque * gear.ratio / torsion_stiffness(gear)
+    accuracy = recording.signals["output_angle"].accuracy
+    return (
+        2.0 * (recording.signals["output_angle"].quantum + accuracy)
+        + kinematic_error_margin(gear)
+        + wind_up
+    )
+
+
+def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
+    """What the motion costs, by the port and by the drive: the same sense, and about the same number."""
+    if not recording.has("torque", "drive_torque"):
+        yield Finding(
+            "motion",
+            "torque direction",
+            "skipped",
+            "port and drive cannot be compared: one of them is not there",
+        )
+        return
+    zero, good = _last(recording, "zero-before"), usable(recording, segment)
+    means = []
+    for name in ("torque", "drive_torque"):
+        moving = recording.si(name, segment)[good]
+        at_rest = recording.si(name, zero) if zero is not None else moving[:0]
+        means.append(
+            (float(moving.mean()) if len(moving) else 0.0)
+            - (float(at_rest.mean()) if len(at_rest) else 0.0)
+        )
+    port, drive = means
+    text = (
+        f"the motion costs {1e3 * port:+.1f} mN m by the port, {1e3 * drive:+.1f} mN m by the drive"
+    )
+    if abs(drive) < LEAST_TORQUE:
+        yield Finding("motion", "torque direction", "skipped", f"too little to tell it: {text}")
+        return
+    scale = port / drive
+    if scale < 0.5:
+        remedy = "Turn `direction` of the torque input or of the motor encoder; check that the port is connected."
+        yield Finding(
+            "motion", "torque direction", "failed", text, scale, "1", "the same sense", remedy
+        )
+        return
+    yield Finding("motion", "torque direction", "ok", text, scale, "1", "the same sense")
+    yield judged(
+        "motion",
+        "torque scale",
+        abs(scale - 1.0) <= TORQUE_SCALE,
+        f"{scale:.3f} by the port for 1 by the drive",
+        value=scale,
+        unit="1",
+        limit=f"1 +- {TORQUE_SCALE:g}",
+        otherwise="warning",
+        remedy="Check volts per rated torque of the port and the rated torque (0x6076).",
+    )
+
+
+def _missed(recording: Recording) -> Finding:
+    share = float(np.mean((recording.flags() & BAD_CYCLE) != 0)) if recording.rows else 1.0
+    text = f"{100.0 * share:.2f} % of {recording.rows} cycles cannot be used"
+    return judged(
+        "motion",
+        "cycles",
+        share <= LARGEST_MISSED,
+        text,
+        value=share,
+        unit="1",
+        limit=f"<= {LARGEST_MISSED:g}",
+        otherwise="warning",
+        remedy="Look at the bus load, the cable and the termination, and what disturbs them in motion.",
+    )
+
+
+def _index(recording: Recording) -> Finding:
+    if not recording.has(OUTPUT_INDEX, INDEX_SEEN):
+        text = "no latch of index marks: phases are not carried from run to run"
+        return Finding(
+            "motion",
+            "index marks",
+            "warning",
+            text,
+            remedy="Map the objects of the latch, where there are any.",
+        )
+    seen = int(recording.si(INDEX_SEEN)[-1])
+    text = (
+        f"input {'seen' if seen & 1 else 'not seen'}, output {'seen' if seen & 2 else 'not seen'}"
+    )
+    return judged(
+        "motion",
+        "index marks",
+        seen & 3 == 3,
+        text,
+        otherwise="warning",
+        remedy="The output may not have passed its mark: turn it further, or look at the cable.",
+    )

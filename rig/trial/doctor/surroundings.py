@@ -1,0 +1,171 @@
+"""What stands around the rig: disk, calendar, certificates, the guard, the drive's limits, the readout."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterable, Sequence
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+
+from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, TORQUE, Channel
+from drivers.clock import Clock
+from drivers.errors import DriverError
+from drivers.nd287 import Readout, ReadoutConfig, open_port
+from drivers.port import DriveLimits, RigPort
+from rig.errors import LimitError
+from rig.run.preflight import Check, limits_check
+from rig.trial.doctor.finding import Finding, judged
+
+ENOUGH_SPACE, LEAST_SPACE = 1_000_000_000, 100_000_000
+"""Bytes that an hour at 1 kHz and a margin take; bytes below which no run should be begun."""
+SOON = timedelta(days=30)
+"""Time before its due date from which on a calibration is reminded of."""
+PLAUSIBLE_YEARS = (2024, 2100)
+CALIBRATED = (INPUT_ANGLE, OUTPUT_ANGLE, TORQUE)
+"""Channels whose certificate matters to results."""
+
+
+def disk(folder: Path) -> Finding:
+    """Free space where the runs go."""
+    place = folder
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    if not place.is_dir() or not os.access(place, os.W_OK):
+        what = f"{place} is no folder that can be written"
+        return Finding(
+            "computer", "disk", "failed", what, remedy="Name another folder with --output."
+        )
+    try:
+        free = shutil.disk_usage(place).free
+    except OSError as error:
+        return Finding(
+            "computer",
+            "disk",
+            "failed",
+            f"{place}: {error.strerror or error}",
+            remedy="Name another folder.",
+        )
+    return judged(
+        "computer",
+        "disk",
+        free >= ENOUGH_SPACE,
+        f"{free / 1e9:.1f} GB free for {folder}",
+        value=free / 1e9,
+        unit="GB",
+        limit=f">= {ENOUGH_SPACE / 1e9:g} GB",
+        otherwise="warning" if free >= LEAST_SPACE else "failed",
+        remedy="Free space: a run stops when the disk is full.",
+    )
+
+
+def calendar(clock: Clock) -> Finding:
+    """Whether the computer's calendar can be the right one."""
+    now = datetime.fromtimestamp(clock.calendar_ns() * 1e-9, UTC)
+    low, high = PLAUSIBLE_YEARS
+    return judged(
+        "computer",
+        "calendar",
+        low <= now.year < high,
+        f"{now.isoformat(timespec='seconds')}",
+        remedy="Set the clock: start times and due dates rest on it.",
+    )
+
+
+def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
+    """Certificate, date and due date of every channel whose scale matters."""
+    for channel in channels:
+        if channel.name not in CALIBRATED:
+            continue
+        found, title = channel.calibration, channel.name.replace("_", " ")
+        text = ", ".join(
+            part
+            for part in (
+                found.certificate or "no certificate",
+                f"of {found.date}" if found.date else "",
+                f"due {found.due}" if found.due else "no due date",
+            )
+            if part
+        )
+        due = _date(found.due)
+        if due is not None and due < today:
+            yield Finding(
+                "calibration",
+                title,
+                "failed",
+                f"{text}: overdue",
+                remedy="Have it calibrated; reports will say so.",
+            )
+        elif due is not None and due - today <= SOON:
+            text += f": in {(due - today).days} days"
+            yield Finding("calibration", title, "warning", text, remedy="Plan its calibration.")
+        else:
+            yield judged(
+                "calibration",
+                title,
+                bool(found.certificate) and (due is not None or not found.due),
+                text,
+                otherwise="warning",
+                remedy="Results rest on a tolerance that nobody has checked.",
+            )
+
+
+def _date(text: str) -> date | None:
+    """A date as YYYY-MM-DD; None where there is none that can be read."""
+    try:
+        return date.fromisoformat(text[:10])
+    except ValueError:
+        return None
+
+
+def guard(check: Check) -> Finding:
+    """The guard's contact, as arming sees it."""
+    return Finding("safety", "guard", check.result, check.evidence, remedy=check.remedy)
+
+
+def drive_limits(port: RigPort, wanted: DriveLimits) -> Finding:
+    """Write the limits that a run would write, and compare what reads back."""
+    try:
+        return Finding(
+            "safety", "drive limits", "ok", limits_check(wanted, port.write_limits(wanted)).evidence
+        )
+    except (LimitError, DriverError) as error:
+        return Finding(
+            "safety",
+            "drive limits",
+            "failed",
+            str(error),
+            remedy="A drive that holds other limits is not armed.",
+        )
+
+
+def readout(config: ReadoutConfig | None, clock: Clock) -> Finding:
+    """One measured value of the readout on the serial line, where one is configured."""
+    if config is None:
+        return Finding("readout", "ND 287", "skipped", "none is configured")
+    try:
+        port = open_port(config)
+    except DriverError as error:
+        return Finding("readout", "ND 287", "failed", str(error))
+    try:
+        reading = Readout(port, clock, config).read()
+    except DriverError as error:
+        return Finding(
+            "readout",
+            "ND 287",
+            "failed",
+            str(error),
+            remedy="Check baud rate, data bits and parity on both sides.",
+        )
+    finally:
+        port.close()
+    text = f"{reading.value:.6g} {reading.unit}, last place {reading.quantum:.2g} {reading.unit}"
+    return judged(
+        "readout",
+        "ND 287",
+        not reading.is_fault,
+        text,
+        value=reading.value,
+        unit=reading.unit,
+        remedy="The readout itself says that its value is none: look at its display.",
+    )

@@ -1,0 +1,101 @@
+"""Disks that fail: a run file whose writer has no room any more, and one whose disk takes nothing for a while."""
+
+from __future__ import annotations
+
+import errno
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.port import RigDescription
+from drivers.samples import SampleBlock
+from rig.library.folder import claim_run
+from rig.run.opening import begin_inline_run, header_of
+from rig.run.order import OpenRun, RunOrder
+from rig.run.recorder import InlineRecorder, Recorder, ThreadedRecorder
+from rig.runfile.write import RunWriter
+
+
+class FullDiskWriter(RunWriter):
+    """A writer whose disk has no room left once `full_at` rows have been taken; what was flushed before stays."""
+
+    full_at = 2**62
+
+    def append(self, block: SampleBlock) -> None:
+        """Take rows; flush at every block, so that it is the disk that refuses and not the end of the run."""
+        super().append(block)
+        self.flush()
+
+    def _store_rows(self) -> None:
+        if self.rows > self.full_at:
+            with self._disk("cannot be written"):
+                raise OSError(errno.ENOSPC, "No space left on device")
+        super()._store_rows()
+
+
+class StalledWriter(RunWriter):
+    """A writer whose disk takes nothing until `released`."""
+
+    def __init__(self, *arguments: object, **more: object) -> None:
+        self.released = threading.Event()
+        super().__init__(*arguments, **more)  # type: ignore[arg-type]
+
+    def append(self, block: SampleBlock) -> None:
+        """Wait, then take rows. The wait has an end, so that no drill can hang."""
+        self.released.wait(30.0)
+        super().append(block)
+
+
+@dataclass(frozen=True)
+class DrilledRun:
+    """An open run on a disk that fails."""
+
+    run_id: str
+    writer: RunWriter
+    recorder: Recorder
+
+    @property
+    def part(self) -> Path:
+        """The file while it is written."""
+        return self.writer.part
+
+    def flush(self) -> None:
+        """Bring everything so far into the file."""
+        self.writer.flush()
+
+
+@dataclass
+class FailingDisk:
+    """Begins runs on a disk that fails in one way, at a row."""
+
+    how: str
+    row: int
+    writer: RunWriter | None = None
+
+    def begin(
+        self, order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
+    ) -> OpenRun:
+        """As `begin_inline_run`, on this disk."""
+        if self.how not in ("disk full", "writer stalled"):
+            return begin_inline_run(order, description, epoch_ns, start_time)
+        place = claim_run(order.output, order.planned.experiment.name, order.gear_serial)
+        header = header_of(order, description, place.run_id, epoch_ns, start_time)
+        if self.how == "disk full":
+            full = FullDiskWriter(place.path, header, compress=False, chunk_rows=1024)
+            full.full_at = self.row
+            self.writer = full
+            return DrilledRun(place.run_id, full, InlineRecorder(full))
+        stalled = StalledWriter(place.path, header, compress=False)
+        self.writer = stalled
+        rate = 1e9 / order.port.cycle_ns
+        recorder = ThreadedRecorder(stalled, rate, ring_seconds=self.row / rate, smallest_ring=1)
+        return DrilledRun(place.run_id, stalled, recorder)
+
+    def release(self) -> None:
+        """The disk works again."""
+        if isinstance(self.writer, StalledWriter):
+            self.writer.released.set()
+
+    def free_space(self, rows: int) -> int:
+        """Bytes that are said to be free."""
+        return 1_000_000 if self.how == "disk nearly full" and rows > self.row else 10**12

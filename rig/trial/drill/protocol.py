@@ -1,0 +1,94 @@
+"""The run in which a fault happens: every state that a run can be in, in under two seconds, and an
+analysis that judges.
+
+The analysis asks what a lost, doubled or invented count would spoil: whether the output has turned
+by 1/N of the input over each hold, within what the gear's compliance allows. Where it cannot say,
+it refuses; a broken rig must never fail a gear.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments import steps as s
+from experiments.contract import Evidence, Experiment
+from experiments.evidence import check_recording, usable
+from experiments.recording import Recording, Segment
+from experiments.result import Result, judge_upper
+from model.gear import HarmonicDrive
+from model.identify.estimate import Estimate
+
+SPEED = 60.0
+"""rad/s at the input."""
+ACCELERATION = 1500.0
+CLOSURE_LIMIT = math.radians(0.2)
+"""rad at the output: far above the gear's wind-up and kinematic error, far below a lost revolution
+of the input (3 deg).
+"""
+
+
+@dataclass(frozen=True)
+class DrillParameters:
+    """A drill has nothing to choose."""
+
+
+def plan(parameters: DrillParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
+    """Servo off, forward, reverse, standstill with the servo on, a torque that moves nothing, servo off."""
+    yield s.ServoOff(0.1, s.SegmentLabel("zero-before"))
+    yield s.Ramp(SPEED, ACCELERATION)
+    yield s.HoldTime(0.3, s.SegmentLabel("hold", SPEED, 1))
+    yield s.Ramp(-SPEED, ACCELERATION, s.SegmentLabel("reversal"))
+    yield s.HoldTime(0.15, s.SegmentLabel("hold", -SPEED, -1))
+    yield s.Ramp(0.0, ACCELERATION)
+    yield s.HoldTime(0.08, s.SegmentLabel("stand"))
+    yield s.TorqueRamp(0.2, 0.02, 0.05, s.SegmentLabel("torque-ramp"))
+    yield s.ServoOff(0.08, s.SegmentLabel("zero-after"))
+
+
+def analyse(recording: Recording, evidence: Evidence) -> Result:
+    """|theta_o - theta_i/N| turned over each hold, in complete cycles: the worst of them against its limit."""
+    checked = check_recording(recording, "drill", 0.05)
+    holds = recording.labelled("hold")
+    worst = max((_closure(recording, hold) for hold in holds), default=math.nan)
+    torque = float(
+        np.mean(
+            [abs(np.mean(recording.si("torque", hold)[usable(recording, hold)])) for hold in holds]
+        )
+    )
+    # Input and output encoder: a count each, and the gear's kinematic error.
+    doubt = 2e-4
+    estimate = Estimate("closure", worst, "rad", worst - doubt, worst + doubt)
+    source = "no revolution of the input is lost"
+    verdict = judge_upper(
+        "closure", "|theta_o - theta_i/N| over a hold", estimate, CLOSURE_LIMIT, "measured", source
+    )
+    metrics = {"closure": worst, "running_torque": torque, "flagged": float(checked.missed)}
+    return Result(
+        recording.metadata.run_id,
+        "drill",
+        {"closure": estimate},
+        metrics,
+        checked.warnings,
+        (verdict,),
+    )
+
+
+def _closure(recording: Recording, hold: Segment) -> float:
+    good = np.flatnonzero(usable(recording, hold))
+    inner, outer = recording.si("input_angle", hold)[good], recording.output_angle(hold)[good]
+    return abs(float(outer[-1] - outer[0]) - float(inner[-1] - inner[0]) / recording.metadata.ratio)
+
+
+EXPERIMENT = Experiment(
+    "drill",
+    "fault drill",
+    "a short run in which something goes wrong",
+    DrillParameters,
+    plan,
+    analyse,
+    needs=("input_angle", "output_angle", "torque"),
+)

@@ -1,0 +1,1 @@
+"""The plots that every page draws with, on pyqtgraph."""

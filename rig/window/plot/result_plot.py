@@ -1,0 +1,282 @@
+"""The figures of a result in the window: the same data drawn by the same rules as in the report.
+
+Colour by group, dash by place within the group, points under lines, bars from zero (or from below the smallest on a
+logarithmic axis), error bars and bands, and a sentence for what a logarithmic axis cannot show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pyqtgraph as pg
+from numpy.typing import NDArray
+from PySide6.QtCore import QSize, Qt
+from PySide6.QtGui import QTextDocument
+from PySide6.QtWidgets import QLabel, QListWidget, QListWidgetItem, QSplitter, QVBoxLayout, QWidget
+
+from experiments.result import Plot, Series
+from rig.present.decimate import scatter_rows
+from rig.window.plot.plots import Curve, CurveStyle, LabPlot
+from rig.window.shell.palette import Palette
+from rig.window.shell.session import WindowSession
+
+CROWDED_POINTS = 120
+"""More points than this are drawn small."""
+MANY_POINTS = 1500
+"""More points than this are thinned to those that fall on different pixels."""
+LONG_LINE = 4000
+"""More points than this are thinned to the pixels of the view by their peaks."""
+BAR_WIDTH, ARM_WIDTH = 4.0, 1.2
+"""Pixels of a bar and of the arms of its uncertainty."""
+_DASHES: tuple[CurveStyle, ...] = ("line", "dashed", "dotted")
+
+
+class ResultPlot(LabPlot):
+    """One figure of a result. `shown` is what it draws, `remarks` what a reader must know about it."""
+
+    def __init__(self, session: WindowSession, *, mark: str = "") -> None:
+        super().__init__(session, mark=mark)
+        self._legend.setWordWrap(True)
+        self.shown: Plot | None = None
+        self.remarks: tuple[str, ...] = ()
+
+    def show_data(self, plot: Plot) -> None:
+        """Draw a figure: its series, error bars, bands, scales and labels."""
+        self.clear_data()
+        self.shown = plot
+        logs = plot.x_scale == "log", plot.y_scale == "log"
+        drawable, self.remarks = without_what_logs_lose(plot)
+        self.set_labels(plot.title, plot.x_label, plot.y_label)
+        self.item.setLogMode(x=logs[0], y=logs[1])
+        for number, series in enumerate(drawable.series):
+            if series.style == "bars":
+                self._add_bars(drawable.series, number, logs)
+            else:
+                self._add_line_or_points(drawable.series, number, logs)
+        if not any(np.isfinite(series.y).any() for series in drawable.series):
+            self._say_no_data()
+        self.item.enableAutoRange()
+
+    def _add_line_or_points(
+        self, all_series: Sequence[Series], number: int, logs: tuple[bool, bool]
+    ) -> None:
+        series = all_series[number]
+        rows = np.arange(len(series.x))
+        if series.style == "points" and len(rows) > MANY_POINTS:
+            rows = scatter_rows(series.x, series.y)
+        low, high = (
+            None if edge is None or len(rows) < len(edge) else edge
+            for edge in (series.low, series.high)
+        )
+        style = dash_of(all_series, number) if series.style in ("line", "band") else series.style
+        curve = self.add_series(
+            series.label, series.x[rows], series.y[rows], style, series.group, low, high, logs=logs
+        )
+        if series.style == "points":
+            curve.item.setZValue(-1)
+            if len(rows) > CROWDED_POINTS:
+                curve.item.setSymbol("o")
+                curve.item.setSymbolSize(3)
+                curve.item.setSymbolPen(None)
+        elif len(rows) > LONG_LINE and np.all(np.diff(series.x) >= 0):
+            curve.item.setDownsampling(auto=True, method="peak")
+            curve.item.setClipToView(True)
+
+    def _add_bars(self, all_series: Sequence[Series], number: int, logs: tuple[bool, bool]) -> None:
+        """Bars as upright lines of a fixed width in pixels: they are seen on any scale, and
+        logarithmic axes take them.
+        """
+        series = all_series[number]
+        foot = foot_of(all_series) if logs[1] else 0.0
+        x = series.x + shift_of(all_series, number)
+        y = np.where(np.isfinite(series.y), series.y, foot)
+        item = _upright(x, np.full(len(x), foot), y, logs)
+        self.item.addItem(item)
+        made = Curve(item, series.label, series.group, "line")
+        self._curves.append(made)
+        arms: Any = None
+        if series.low is not None and series.high is not None:
+            arms = _upright(
+                x, np.maximum(series.low, foot) if logs[1] else series.low, series.high, logs
+            )
+            self.item.addItem(arms)
+
+        def restyle(palette: Palette) -> None:
+            item.setPen(pg.mkPen(palette.series_colour(series.group), width=BAR_WIDTH))
+            if arms is not None:
+                arms.setPen(pg.mkPen(palette.text, width=ARM_WIDTH))
+
+        restyle(self._session.palette)
+        self._extras.append(restyle)
+        self._draw_legend(self._session.palette)
+
+    def _place_legend(self) -> None:
+        """Beside the title where there is room, else below it in as many lines as it needs."""
+        text = QTextDocument()
+        text.setDefaultFont(self._legend.font())
+        text.setHtml(self._legend.text())
+        room = self.width() - 40 - self._title.sizeHint().width()
+        below = bool(self._legend.text()) and text.idealWidth() > room and self.width() > 100
+        if below != self._legend_below:
+            self._legend_below = below
+            self._head.removeWidget(self._legend)
+            place = (1, 0, 1, 2) if below else (0, 1, 1, 1)
+            self._head.addWidget(self._legend, *place)
+
+    def _say_no_data(self) -> None:
+        text = pg.TextItem("no data", anchor=(0.5, 0.5), color=self._session.palette.muted)
+        self.item.addItem(text, ignoreBounds=True)
+        text.setPos(0.5, 0.5)
+        self.item.setRange(xRange=(0, 1), yRange=(0, 1), disableAutoRange=False)
+
+
+def _upright(
+    x: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    logs: tuple[bool, bool],
+) -> Any:
+    along = np.column_stack([low, high, np.full(len(x), np.nan)]).ravel()
+    item = pg.PlotDataItem(np.repeat(x, 3), along, connect="finite")
+    item.setLogMode(*logs)
+    return item
+
+
+def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
+    """The figure without values that a logarithmic axis has no place for, and the sentences that say so."""
+    kept, remarks = [], []
+    for series in plot.series:
+        good = np.ones(len(series.x), dtype=bool)
+        if plot.x_scale == "log":
+            good &= ~(series.x <= 0)
+        if plot.y_scale == "log":
+            good &= ~(series.y <= 0)
+        lost = int(len(good) - good.sum())
+        if lost:
+            remarks.append(
+                f"{lost} values of “{series.label}” are not positive and have no place on a logarithmic axis."
+            )
+        low, high = (None if edge is None else edge[good] for edge in (series.low, series.high))
+        if low is not None and plot.y_scale == "log":
+            low = np.where(low > 0, low, np.nan)
+        kept.append(replace(series, x=series.x[good], y=series.y[good], low=low, high=high))
+    return replace(plot, series=tuple(kept)), tuple(remarks)
+
+
+def dash_of(all_series: Sequence[Series], number: int) -> CurveStyle:
+    """How a line is dashed: by its place among the lines of its group."""
+    group = all_series[number].group
+    earlier = sum(
+        s.group == group and s.style in ("line", "steps", "band") for s in all_series[:number]
+    )
+    return _DASHES[earlier % len(_DASHES)]
+
+
+def foot_of(all_series: Sequence[Series]) -> float:
+    """Where bars on a logarithmic axis begin: below the smallest of them."""
+    heights = np.concatenate([s.y for s in all_series if s.style == "bars"])
+    heights = heights[np.isfinite(heights) & (heights > 0)]
+    return 0.4 * float(heights.min()) if len(heights) else 1.0
+
+
+def shift_of(all_series: Sequence[Series], number: int) -> float:
+    """By how much bars stand beside those of the other series: within a third of the least distance of two bars."""
+    barred = [i for i, s in enumerate(all_series) if s.style == "bars"]
+    if len(barred) < 2:
+        return 0.0
+    places = np.unique(np.concatenate([all_series[i].x for i in barred]))
+    gap = float(np.min(np.diff(places))) if len(places) > 1 else 1.0
+    return 0.6 * gap / len(barred) * (barred.index(number) - 0.5 * (len(barred) - 1))
+
+
+class PlotGallery(QWidget):
+    """The figures of a result: a list of their titles and the chosen one, with its note under it."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._plots: tuple[Plot, ...] = ()
+        self.titles = QListWidget()
+        self.titles.setWordWrap(True)
+        self.titles.setSpacing(2)
+        self.titles.setMinimumWidth(120)
+        self.titles.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.titles.setAccessibleName("Figures")
+        self.plot = ResultPlot(session)
+        self.note = QLabel()
+        self.note.setProperty("part", "muted")
+        self.note.setContentsMargins(6, 0, 6, 0)
+        self.note.setWordWrap(True)
+        right = QWidget()
+        column = QVBoxLayout(right)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(3)
+        column.addWidget(self.plot, 1)
+        column.addWidget(self.note)
+        both = QSplitter(Qt.Orientation.Horizontal)
+        both.setChildrenCollapsible(False)
+        both.addWidget(self.titles)
+        both.addWidget(right)
+        both.setStretchFactor(1, 1)
+        both.setSizes([170, 700])
+        whole = QVBoxLayout(self)
+        whole.setContentsMargins(4, 6, 4, 4)
+        whole.addWidget(both)
+        self.titles.currentRowChanged.connect(self._show)
+
+    @property
+    def plots(self) -> tuple[Plot, ...]:
+        """The figures that can be chosen."""
+        return self._plots
+
+    def show_plots(self, plots: Sequence[Plot], mark: str, *, keep: bool = False) -> None:
+        """Other figures; with `keep` the one of the same name stays chosen."""
+        row = self.titles.currentRow()
+        before = self._plots[row].name if keep and 0 <= row < len(self._plots) else ""
+        self._plots = tuple(plots)
+        self.plot.set_mark(mark)
+        self.titles.blockSignals(True)
+        self.titles.clear()
+        for title in distinct_titles(plots):
+            item = QListWidgetItem(title)
+            item.setToolTip(title)
+            self.titles.addItem(item)
+        self.titles.blockSignals(False)
+        if not plots:
+            self.plot.clear_data()
+            self.plot.set_labels("", "", "")
+            self.note.clear()
+            return
+        names = [plot.name for plot in plots]
+        self.titles.setCurrentRow(names.index(before) if before in names else 0)
+
+    def choose(self, name: str) -> None:
+        """Show the figure of a name."""
+        self.titles.setCurrentRow([plot.name for plot in self._plots].index(name))
+
+    def sizeHint(self) -> QSize:
+        """Enough for one figure."""
+        return QSize(760, 380)
+
+    def _show(self, row: int) -> None:
+        if not 0 <= row < len(self._plots):
+            return
+        plot = self._plots[row]
+        self.plot.show_data(plot)
+        figure = f"Figure {plot.figure} of the paper." if plot.figure else ""
+        note = f"{plot.note[:1].upper()}{plot.note[1:]}".rstrip(".")
+        text = " ".join(
+            part for part in (f"{note}." if note else "", figure, *self.plot.remarks) if part
+        )
+        self.note.setText(text)
+        self.note.setVisible(bool(text))
+
+
+def distinct_titles(plots: Sequence[Plot]) -> list[str]:
+    """The titles; two figures of one title are told apart by what their name adds."""
+    titles = [plot.title for plot in plots]
+    twice = {a for a, b in pairwise(sorted(titles)) if a == b}
+    return [f"{plot.title} ({plot.name})" if plot.title in twice else plot.title for plot in plots]

@@ -1,0 +1,295 @@
+"""The gear on the Prepare page: the cards of known gears to choose from, the card as a form, its
+confirmation by name.
+"""
+
+from __future__ import annotations
+
+from importlib import resources
+from typing import Any
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from experiments.errors import PlanError
+from experiments.parameters import parameter_fields
+from rig.errors import RigError
+from rig.gears.card import (
+    CHOICES,
+    GearCard,
+    GearFacts,
+    ListedCard,
+    card_for,
+    known,
+    list_cards,
+    make_facts,
+    now_text,
+    save_card,
+    with_changes,
+    with_confirmation,
+)
+from rig.window.prepare.form import CalmComboBox, ParameterForm
+from rig.window.prepare.preview_plot import restyled, short_name
+from rig.window.shell.session import WindowSession
+
+NEW_GEAR = "another gear …"
+
+
+class GearSection(QWidget):
+    """What is mounted. `changed` tells that the facts, or what is stored of them, are others."""
+
+    changed = Signal()
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self._stored: GearCard | None = None
+        self._operator = ""
+        self.choice: QComboBox = CalmComboBox()
+        self.choice.setAccessibleName("Gear")
+        # A long serial number must not make the whole column wider than the window shows.
+        self.choice.setSizeAdjustPolicy(
+            QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
+        )
+        self.choice.setMinimumContentsLength(12)
+        self.choice.activated.connect(lambda _: self.choose(self.choice.currentData() or ""))
+        self.form = ParameterForm(
+            parameter_fields(GearFacts), _check_fact, CHOICES, {"part": shipped_parts()}
+        )
+        self.form.rows["serial"].editor.setAccessibleName("Serial number of the gear")
+        self.status, self.digest = QLabel(), QLabel()
+        for label in (self.status, self.digest):
+            label.setWordWrap(True)
+            label.setTextFormat(Qt.TextFormat.PlainText)
+        self.details_button = QPushButton("Card d&etails")
+        self.details_button.setCheckable(True)
+        self.details_button.toggled.connect(self._show_details)
+        self.confirm_button = QPushButton("&Confirm this card")
+        self.confirm_button.clicked.connect(self.confirm)
+        self.revert_button = QPushButton("&Undo changes")
+        self.revert_button.clicked.connect(
+            lambda: self.choose(self._stored.serial if self._stored else "")
+        )
+        self.form.changed.connect(self._show_status)
+        self.form.changed.connect(self.changed)
+        self._lay_out()
+        self.refresh_choice()
+        remembered = str(session.recall("gear", ""))
+        self.choose(remembered if remembered in self._serials() else "")
+
+    def _lay_out(self) -> None:
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        row = QHBoxLayout()
+        label = QLabel("&Gear")
+        label.setBuddy(self.choice)
+        row.addWidget(label)
+        row.addWidget(self.choice, 1)
+        row.addWidget(self.details_button)
+        column.addLayout(row)
+        column.addWidget(self.status)
+        column.addWidget(self.digest)
+        column.addWidget(self.form)
+        buttons = QHBoxLayout()
+        buttons.addWidget(self.confirm_button)
+        buttons.addWidget(self.revert_button)
+        buttons.addStretch(1)
+        column.addLayout(buttons)
+
+    @property
+    def facts(self) -> GearFacts | None:
+        """The gear as the form has it; None while something is refused or there is no serial number."""
+        try:
+            return make_facts(self.form.values())
+        except PlanError:
+            return None
+
+    @property
+    def card(self) -> GearCard | None:
+        """The card as it is stored, if the form shows just that; None while changes wait for their confirmation."""
+        facts = self.facts
+        return (
+            self._stored
+            if self._stored is not None and facts is not None and facts == self._stored.facts
+            else None
+        )
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether what the form shows is stored and confirmed."""
+        card = self.card
+        return card is not None and card.is_confirmed
+
+    def set_operator(self, name: str) -> None:
+        """Who would confirm."""
+        self._operator = name.strip()
+        self._show_status()
+
+    def choose(self, serial: str) -> None:
+        """Show the card of a gear; "" an empty one."""
+        try:
+            self._stored = card_for(self._session.folder, serial)
+        except RigError as error:
+            self._stored = None
+            self._session.message.emit(str(error))
+        self.choice.setCurrentIndex(max(self.choice.findData(serial if self._stored else ""), 0))
+        self.form.set_values(known(self._stored.facts) if self._stored else {})
+        # A confirmed card needs no room; one that is not has to be looked at.
+        self.details_button.setChecked(not self.is_confirmed)
+        self._show_details(not self.is_confirmed)
+
+    def refresh(self) -> None:
+        """Look again which cards there are, and whether this one was changed elsewhere; what is being edited stays."""
+        self.refresh_choice()
+        stored = self._stored
+        if stored is None or self.facts != stored.facts:
+            return
+        try:
+            if card_for(self._session.folder, stored.serial) != stored:
+                self.choose(stored.serial)
+        except RigError as error:
+            self._session.message.emit(str(error))
+
+    def refresh_choice(self) -> None:
+        """Look again which cards there are."""
+        chosen = self.choice.currentData()
+        self.choice.clear()
+        for listed in list_cards(self._session.folder):
+            self._add(listed)
+        self.choice.addItem(NEW_GEAR, "")
+        self.choice.setCurrentIndex(
+            max(self.choice.findData(chosen), 0) if chosen else self.choice.count() - 1
+        )
+
+    def _add(self, listed: ListedCard) -> None:
+        if listed.card is not None:
+            facts = known(listed.card.facts)
+            words = f"{listed.card.serial} · {facts.get('part', 'part not known')}"
+            self.choice.addItem(
+                words if listed.card.is_confirmed else f"{words} · not confirmed",
+                listed.card.serial,
+            )
+        else:
+            self._session.message.emit(listed.problem)
+
+    def _serials(self) -> set[str]:
+        return {str(self.choice.itemData(i)) for i in range(self.choice.count())}
+
+    def confirm(self) -> None:
+        """Store what the form shows, and that the operator confirms it."""
+        if not self.form.check():
+            self._session.message.emit("The gear card has fields that are refused.")
+            return
+        try:
+            values: dict[str, Any] = self.form.values()
+            folder = self._session.folder
+            before = card_for(folder, str(values["serial"]))
+            if before is not None and (
+                self._stored is None or self._stored.serial != before.serial
+            ):
+                # Empty fields of a fresh form must not make the card forget what is known.
+                self.choose(before.serial)
+                self._session.message.emit(
+                    f"Gear {before.serial} is known: this is its card. Look at it, then confirm it."
+                )
+                return
+            card = with_changes(before, values, self._operator, now_text())
+            self._stored = with_confirmation(card, self._operator, now_text())
+            save_card(folder, self._stored)
+        except PlanError as error:
+            self.form.mark(error.where, error.what)
+            self._session.message.emit(str(error))
+            return
+        except RigError as error:
+            restyled(self.status, "bad")
+            self.status.setText(f"✗ {error}")
+            return
+        self._session.remember("gear", self._stored.serial)
+        self.refresh_choice()
+        self.choose(self._stored.serial)
+
+    def _show_details(self, shown: bool) -> None:
+        self.form.setVisible(shown)
+        self.details_button.setText("Hide d&etails" if shown else "Card d&etails")
+        self.digest.setVisible(not shown)
+        for button in (self.confirm_button, self.revert_button):
+            button.setVisible(shown)
+
+    def _why_not(self, shown: GearFacts | None) -> str:
+        """What the confirmation waits for; "" when it may be given."""
+        if not self.form.is_valid:
+            return "A field is refused: put it right first."
+        if shown is None or not shown.serial:
+            return "The serial number is missing."
+        return "" if self._operator else "The operator has to be named first."
+
+    def _show_status(self) -> None:
+        stored, shown = self._stored, self.facts
+        edited = stored is None or shown != stored.facts
+        self.revert_button.setEnabled(edited and stored is not None)
+        who = (
+            f"&Confirm as {short_name(self._operator)}" if self._operator else "&Confirm this card"
+        )
+        self.confirm_button.setText(who)
+        self.confirm_button.setEnabled(bool(self._operator) and shown is not None)
+        self.confirm_button.setToolTip(self._why_not(shown))
+        last = stored.confirmation if stored is not None else None
+        if edited:
+            text, part = (
+                "Look at the gear, fill in what is known, then confirm it by name.",
+                "warning",
+            )
+            if stored is not None:
+                text = "Changed, not confirmed."
+            if why := self._why_not(shown):
+                text += f" {why}"
+        elif stored is not None and stored.is_confirmed and last is not None:
+            text, part = f"✓ Confirmed by {last.by}, {_day(last.at)}", "good"
+        else:
+            text, part = f"Not confirmed: {stored.warning if stored else ''}.", "warning"
+        self.digest.setText(digest_of(stored.facts) if stored is not None else "")
+        self.status.setText(text if part == "good" else f"! {text}")
+        restyled(self.status, part)
+
+
+def digest_of(facts: GearFacts) -> str:
+    """A card in two lines."""
+    told = known(facts)
+    words = [str(told[name]) for name in ("part", "mounting", "lubricant") if name in told]
+    if facts.hours is not None:
+        words.append(f"{facts.hours:g} h")
+    if facts.load_inertia_kg_m2 is not None:
+        doubt = facts.load_inertia_uncertainty_kg_m2
+        words.append(
+            f"load inertia {facts.load_inertia_kg_m2:g}"
+            + (f" ± {doubt:g}" if doubt is not None else "")
+            + " kg m²"
+        )
+    return " · ".join(words)
+
+
+def _check_fact(name: str, value: Any) -> None:
+    """Raises `PlanError` for a fact that the card's model refuses."""
+    if name == "serial":
+        # An empty card is not wrong, it is empty: it says so itself.
+        make_facts({"serial": value or "?"})
+        return
+    values = {"serial": "?", name: value}
+    if name == "load_inertia_uncertainty_kg_m2" and value:
+        values["load_inertia_kg_m2"] = 1.0
+    make_facts(values)
+
+
+def shipped_parts() -> tuple[str, ...]:
+    """The parameter sets that come with the program, by name."""
+    folder = resources.files("model") / "gears"
+    return tuple(
+        sorted(
+            entry.name.removesuffix(".toml")
+            for entry in folder.iterdir()
+            if entry.name.endswith(".toml")
+        )
+    )
+
+
+def _day(at: str) -> str:
+    return at.replace("T", " ").replace("+00:00", " UTC")

@@ -1,0 +1,90 @@
+"""A latched trip on the Prepare page: what it was, what was found and done about it, and its
+acknowledgement by name.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QDialog,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from rig.errors import RigError
+from rig.gears.card import now_text
+from rig.run.latch import LatchedTrip, TripLatch
+from rig.run.trips import rule_of
+from rig.window.prepare.preview_plot import restyled, short_name
+
+
+class AcknowledgeDialog(QDialog):
+    """What tripped, and a field for what was found and done: without a word in it nothing is acknowledged."""
+
+    def __init__(self, folder: Path, operator: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("Acknowledge a trip")
+        self.resize(560, 220)
+        self._latch, self._operator = TripLatch(folder), operator
+        trip = self._latch.read()
+        self.what = QLabel(
+            trip_in_words(trip) if trip is not None else "No trip is latched any more."
+        )
+        self.what.setWordWrap(True)
+        self.what.setTextFormat(Qt.TextFormat.PlainText)
+        self.remark = QLineEdit()
+        self.remark.setPlaceholderText("what was found and done; kept with your name")
+        self.remark.setAccessibleName("What was found and done")
+        self.remark.textChanged.connect(
+            lambda text: self.accept_button.setEnabled(bool(text.strip()) and trip is not None)
+        )
+        self.problem = QLabel()
+        self.problem.setWordWrap(True)
+        self.problem.hide()
+        self.accept_button = QPushButton(f"&Acknowledge as {short_name(operator)}")
+        self.accept_button.setEnabled(False)
+        self.accept_button.clicked.connect(self.acknowledge)
+        later = QPushButton("&Not yet")
+        later.setDefault(True)
+        later.clicked.connect(self.reject)
+        row = QHBoxLayout()
+        row.addStretch(1)
+        row.addWidget(self.accept_button)
+        row.addWidget(later)
+        column = QVBoxLayout(self)
+        for widget in (self.what, self.remark, self.problem):
+            column.addWidget(widget)
+        column.addStretch(1)
+        column.addLayout(row)
+        self.remark.setFocus()
+
+    def acknowledge(self) -> None:
+        """Release the latch in the operator's name. Nothing starts by itself."""
+        try:
+            self._latch.acknowledge(self._operator, now_text(), self.remark.text().strip())
+        except RigError as error:
+            restyled(self.problem, "bad")
+            self.problem.setText(f"✗ {error}")
+            self.problem.show()
+            return
+        self.accept()
+
+
+def trip_in_words(trip: LatchedTrip) -> str:
+    """A trip as somebody has to read it before anything turns again."""
+    safe = (
+        "Standstill was verified."
+        if trip.standstill_verified
+        else "Standstill was NOT verified: look at the rig first."
+    )
+    rule = rule_of(trip.cause)
+    return (
+        f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}. {trip.message}\n{safe}\n"
+        f"What it means: {rule.what}. Find and remove the cause; then acknowledge it, and the next run may be started."
+    )

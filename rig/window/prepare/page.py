@@ -1,0 +1,446 @@
+"""The Prepare page: the gear that is mounted, who runs it, the protocol, what it will do, the checklist, and Start.
+
+The page only gathers and shows; `prepare_request` plans, previews and checks, in a thread of its
+own, so that typing is never held up. Start is one button that says what it is waiting for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from PySide6.QtCore import Qt, QThreadPool, QTimer, Signal
+from PySide6.QtGui import QHideEvent, QShowEvent
+from PySide6.QtWidgets import (
+    QCompleter,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QScrollArea,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
+
+from experiments.errors import ExperimentError
+from model.errors import ModelError
+from rig.errors import RigError
+from rig.run.preflight import Check
+from rig.window.prepare.checklist import Checklist
+from rig.window.prepare.checklist_doctor import checks_from
+from rig.window.prepare.form import refusal_text
+from rig.window.prepare.gear import GearSection
+from rig.window.prepare.job import OutlookJob
+from rig.window.prepare.preview_plot import (
+    PreviewPlots,
+    restyled,
+    short_name,
+    summary,
+    summary_label,
+)
+from rig.window.prepare.process import SideProcess
+from rig.window.prepare.protocol import ProtocolSection
+from rig.window.prepare.request import (
+    Intent,
+    Outlook,
+    RigChoice,
+    arguments_for,
+    doctor_arguments,
+    is_armed,
+    look_ahead,
+    obstacles,
+    sign_off_notes,
+    title_of,
+    write_parameters,
+)
+from rig.window.shell.session import WindowSession
+from rig.window.work.prepared import PreparedRun
+
+TYPING_PAUSE = 250
+"""ms without a change after which the plan is worked out anew."""
+OPERATORS_KEPT = 12
+"""Names that are offered again."""
+
+
+class PreparePage(QWidget):
+    """Everything that is decided before a run. `start_requested` carries a `PreparedRun`."""
+
+    start_requested = Signal(object)
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self.outlook: Outlook | None = None
+        self._wanted, self._answered = 0, 0
+        self.doctor_checks: tuple[Check, ...] = ()
+        """What the rig answered for this run."""
+        self._timer = QTimer(self)
+        self._timer.setSingleShot(True)
+        self._timer.setInterval(TYPING_PAUSE)
+        self._timer.timeout.connect(self._look_ahead)
+        self.operator = self._operator_field()
+        self.gear = GearSection(session)
+        self.protocol = ProtocolSection(session)
+        self.plots = PreviewPlots(session)
+        self.summary, self.refusal = summary_label(), summary_label()
+        self.checklist = Checklist()
+        self.confirmation = QLineEdit()
+        self.start_button = QPushButton("&Start the run")
+        self.sign_button = QPushButton("Sign &all")
+        self.doctor_button = QPushButton("Ask the &rig")
+        self.training_button = QPushButton("&Training …")
+        self.acknowledge_button = QPushButton("Ac&knowledge the trip …")
+        self.waiting = QLabel()
+        self._doctor = SideProcess(self)
+        self._lay_out()
+        self._connect()
+        self._show_for_protocol()
+        self._ask_for_outlook()
+
+    def _operator_field(self) -> QLineEdit:
+        field = QLineEdit()
+        field.setAccessibleName("Operator")
+        names = [str(name) for name in self._session.recall("operators", [])]
+        last = self._session.operator
+        field.setPlaceholderText(f"your name (last here: {last})" if last else "your name")
+        completer = QCompleter(names)
+        completer.setCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
+        # An open list takes the next click wherever it goes: once the name is whole, it has nothing more to offer.
+        offered = completer.popup()
+        if offered is not None:
+            field.textEdited.connect(
+                lambda text: QTimer.singleShot(0, offered.hide) if text in names else None
+            )
+        field.setCompleter(completer)
+        return field
+
+    def _lay_out(self) -> None:
+        inner = QWidget()
+        left = QVBoxLayout(inner)
+        left.setContentsMargins(8, 8, 8, 8)
+        left.setSpacing(8)
+        row = QHBoxLayout()
+        label = QLabel("&Name")
+        label.setBuddy(self.operator)
+        row.addWidget(label)
+        row.addWidget(self.operator, 1)
+        holder = QWidget()
+        holder.setLayout(row)
+        row.setContentsMargins(0, 0, 0, 0)
+        self.gear_card = _card("2  Gear", self.gear)
+        for card in (
+            _card("1  Operator", holder),
+            self.gear_card,
+            _card("3  Protocol", self.protocol),
+        ):
+            left.addWidget(card)
+        left.addStretch(1)
+        scroll = self._scroll = _scrolled(inner)
+        scroll.setMinimumWidth(380)
+        whole = QSplitter(Qt.Orientation.Horizontal)
+        whole.setChildrenCollapsible(False)
+        whole.addWidget(scroll)
+        whole.addWidget(self._right_side())
+        whole.setStretchFactor(0, 0)
+        whole.setStretchFactor(1, 1)
+        whole.setSizes([440, 900])
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.addWidget(whole, 1)
+
+    def _right_side(self) -> QWidget:
+        preview = QWidget()
+        column = QVBoxLayout(preview)
+        column.setContentsMargins(8, 8, 8, 4)
+        column.addWidget(self.summary)
+        column.addWidget(self.refusal)
+        column.addWidget(self.plots, 1)
+        checks = QWidget()
+        below = QVBoxLayout(checks)
+        below.setContentsMargins(8, 4, 8, 8)
+        head = QHBoxLayout()
+        title = QLabel("4  Pre-flight")
+        title.setProperty("part", "heading")
+        head.addWidget(title)
+        head.addStretch(1)
+        # The one whose words change stands first, so that no other moves under the mouse.
+        for button in (
+            self.acknowledge_button,
+            self.sign_button,
+            self.training_button,
+            self.doctor_button,
+        ):
+            head.addWidget(button)
+        below.addLayout(head)
+        below.addWidget(_scrolled(self.checklist), 1)
+        below.addLayout(self._start_row())
+        both = QSplitter(Qt.Orientation.Vertical)
+        both.setChildrenCollapsible(False)
+        both.addWidget(preview)
+        both.addWidget(checks)
+        both.setStretchFactor(0, 3)
+        both.setStretchFactor(1, 2)
+        both.setSizes([420, 260])
+        return both
+
+    def _start_row(self) -> QHBoxLayout:
+        row = QHBoxLayout()
+        self.waiting.setWordWrap(True)
+        self.waiting.setTextFormat(Qt.TextFormat.PlainText)
+        row.addWidget(self.waiting, 1)
+        self.confirmation.setAccessibleName("Confirmation")
+        self.confirmation.setMaximumWidth(240)
+        self.confirmation.setVisible(self._session.is_hardware)
+        row.addWidget(self.confirmation)
+        self.start_button.setProperty("part", "primary")
+        self.start_button.setMinimumHeight(36)
+        row.addWidget(self.start_button)
+        return row
+
+    def _connect(self) -> None:
+        self.operator.textChanged.connect(self.gear.set_operator)
+        for signal in (
+            self.operator.textChanged,
+            self.confirmation.textChanged,
+            self.gear.changed,
+            self.protocol.changed,
+        ):
+            signal.connect(lambda *_: self._ask_for_outlook())
+        self.protocol.changed.connect(self._show_for_protocol)
+        self.checklist.changed.connect(self._show_readiness)
+        self.sign_button.clicked.connect(self.checklist.tick_all)
+        self.start_button.clicked.connect(self.start)
+        self.acknowledge_button.hide()
+        self.acknowledge_button.clicked.connect(self.acknowledge_trip)
+        self.training_button.setVisible(not self._session.is_hardware)
+        self.training_button.clicked.connect(self.open_training)
+        self.doctor_button.setToolTip(
+            "Connect and look: nodes, directions, torque zero, limits (rig doctor)"
+        )
+        self.doctor_button.clicked.connect(self.ask_the_rig)
+        self._doctor.finished.connect(self.show_doctor)
+        self._session.runs_changed.connect(self._ask_for_outlook)
+
+    @property
+    def intent(self) -> Intent:
+        """What the page says now."""
+        rig = RigChoice(self._session.backend, self._session.folder, self._session.configuration)
+        mounted = self.protocol.gear_mounted
+        return Intent(
+            rig,
+            self.protocol.protocol,
+            self.protocol.values,
+            self.gear.facts if mounted else None,
+            self.gear.card if mounted else None,
+            self.operator.text().strip(),
+            self.confirmation.text(),
+        )
+
+    @property
+    def obstacles(self) -> list[str]:
+        """What Start is waiting for, the most important first; nothing when the run may begin."""
+        if self.is_stale:
+            return ["the plan is being worked out"]
+        found = obstacles(self.intent, self.outlook)
+        if not self.protocol.form.is_valid:
+            found.insert(0, "a parameter of the protocol is refused")
+        if self._session.is_hardware and not self.doctor_checks:
+            found.append("the rig has not been asked")
+        found += [
+            f"{check.name}: {check.evidence}"
+            for check in self.doctor_checks
+            if check.result == "failed"
+        ]
+        left = len(self.checklist.open)
+        if left:
+            found.append(f"{left} {'item' if left == 1 else 'items'} of the checklist not signed")
+        return found
+
+    @property
+    def is_stale(self) -> bool:
+        """Whether the preview is not yet that of what the page says."""
+        under_way = self._timer.isActive() or self._answered != self._wanted
+        return self.outlook is None or under_way or self.outlook.intent != self.intent
+
+    def start(self) -> None:
+        """Hand the prepared run over, if nothing stands in the way."""
+        outlook = self.outlook
+        if self.obstacles or outlook is None or outlook.request is None or outlook.planned is None:
+            self._show_readiness()
+            return
+        try:
+            parameters = write_parameters(outlook.request)
+        except (RigError, ModelError) as error:
+            self._session.message.emit(str(error))
+            return
+        request = outlook.request
+        self._remember(request.operator, request.protocol)
+        prepared = PreparedRun(
+            request,
+            outlook.planned,
+            arguments_for(request, parameters),
+            outlook.preview,
+            title_of(request, outlook.planned),
+            sign_off_notes(self.checklist.checks, request.operator),
+        )
+        # A signature and a confirmation are for one run.
+        self.checklist.clear_ticks()
+        self.confirmation.clear()
+        self.doctor_checks = ()
+        self.start_requested.emit(prepared)
+
+    def scroll_to(self, widget: QWidget) -> None:
+        """Bring something of the left side into view."""
+        self._scroll.ensureWidgetVisible(widget)
+
+    def ask_the_rig(self) -> None:
+        """Run `rig doctor` on the rig of this window. A rig of hardware turns only once it is armed."""
+        intent, request, parameters = self.intent, None, None
+        if self.outlook is not None and not self.is_stale and self.outlook.request is not None:
+            request = self.outlook.request
+            try:
+                parameters = write_parameters(request)
+            except (RigError, ModelError) as error:
+                self._session.message.emit(str(error))
+                return
+            if not is_armed(intent):
+                request = replace(request, confirmation="")
+        if self._doctor.start(doctor_arguments(request, intent.rig, parameters)):
+            self.doctor_button.setEnabled(False)
+            self.doctor_button.setText("Asking the rig …")
+
+    def acknowledge_trip(self) -> None:
+        """Show the trip that is latched; it is released by name and with what was found."""
+        from rig.window.prepare.latch import AcknowledgeDialog
+
+        AcknowledgeDialog(self._session.folder, self.operator.text().strip(), self).exec()
+        self._ask_for_outlook()
+
+    def open_training(self) -> None:
+        """Open the training drills; nothing of them exists where hardware is."""
+        if self._session.is_hardware:
+            return
+        from rig.window.prepare.training import TrainingDialog
+
+        TrainingDialog(self).exec()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Coming back, look again: cards, latch and disk may have changed."""
+        super().showEvent(event)
+        if not self.operator.text():
+            self.operator.setFocus()
+        self.gear.refresh()
+        self._ask_for_outlook()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """Nothing is worked out for a page that nobody sees."""
+        self._timer.stop()
+        super().hideEvent(event)
+
+    def _remember(self, operator: str, protocol: str) -> None:
+        names = [
+            operator,
+            *(name for name in self._session.recall("operators", []) if name != operator),
+        ]
+        self._session.remember("operators", names[:OPERATORS_KEPT])
+        self._session.remember("operator", operator)
+        self._session.remember("protocol", protocol)
+
+    def _show_for_protocol(self) -> None:
+        self.gear_card.setEnabled(self.protocol.gear_mounted)
+        from rig.run.arming import WITHOUT_GEAR
+
+        what = "the gear's serial number" if self.protocol.gear_mounted else WITHOUT_GEAR
+        self.confirmation.setPlaceholderText(f"type {what} to arm")
+
+    def _ask_for_outlook(self) -> None:
+        self._timer.start()
+        self._show_readiness()
+
+    def _look_ahead(self) -> None:
+        self._wanted += 1
+        job = OutlookJob(self._wanted, self.intent, look_ahead)
+        job.told.done.connect(self._take_outlook)
+        QThreadPool.globalInstance().start(job)
+
+    def _take_outlook(self, number: int, outlook: Outlook) -> None:
+        if number != self._wanted:
+            return
+        self.outlook, self._answered = outlook, number
+        self._show_outlook(outlook)
+        self._show_readiness()
+
+    def _show_outlook(self, outlook: Outlook) -> None:
+        preview, problem = outlook.preview, outlook.problem
+        self.protocol.form.check()
+        if isinstance(problem, ExperimentError):
+            self.protocol.form.mark(problem.where, refusal_text(problem))
+        self.plots.show_preview(preview)
+        self.summary.setText(summary(preview) if preview is not None else "No plan.")
+        lines = [f"! {warning.text}" for warning in preview.warnings] if preview is not None else []
+        if problem is not None:
+            lines = [f"✗ {problem}"]
+        self.refusal.setText("\n".join(lines))
+        self.refusal.setVisible(bool(lines))
+        restyled(self.refusal, "bad" if problem is not None else "warning")
+        self.checklist.set_checks((*outlook.checks, *self.doctor_checks))
+
+    def show_doctor(self, found: Any, code: int, told: str) -> None:
+        """Take over what `rig doctor` said: its JSON object, exit code, standard error."""
+        self.doctor_button.setEnabled(True)
+        self._name_doctor_button()
+        self.doctor_checks = checks_from(found, code, told)
+        self.checklist.set_checks(
+            (*(self.outlook.checks if self.outlook else ()), *self.doctor_checks)
+        )
+        self._show_readiness()
+
+    def _name_doctor_button(self) -> None:
+        if self._doctor.is_running:
+            return
+        moves = self._session.is_hardware and is_armed(self.intent)
+        self.doctor_button.setText("Ask the &rig (it will turn)" if moves else "Ask the &rig")
+
+    def _show_readiness(self) -> None:
+        reasons = self.obstacles
+        self._name_doctor_button()
+        self.start_button.setEnabled(not reasons)
+        name = self.operator.text().strip()
+        self.sign_button.setText(f"Sign &all as {short_name(name)}" if name else "Sign &all")
+        self.sign_button.setEnabled(bool(name) and bool(self.checklist.open))
+        self.acknowledge_button.setVisible(
+            any(check.name == "trip latch" for check in self.checklist.failed)
+        )
+        self.acknowledge_button.setEnabled(bool(name))
+        self.acknowledge_button.setToolTip("" if name else "The operator has to be named first")
+        self.start_button.setToolTip("\n".join(reasons) or "Ctrl+2 shows the run")
+        if reasons:
+            more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+            self.waiting.setText(f"Start waits: {reasons[0]}{more}")
+            self.waiting.setToolTip("\n".join(reasons))
+        else:
+            self.waiting.setText("✓ Ready.")
+        restyled(self.waiting, "muted" if reasons else "good")
+
+
+def _card(title: str, content: QWidget) -> QFrame:
+    frame = QFrame()
+    frame.setProperty("part", "card")
+    column = QVBoxLayout(frame)
+    column.setContentsMargins(12, 8, 12, 10)
+    heading = QLabel(title)
+    heading.setProperty("part", "heading")
+    column.addWidget(heading)
+    column.addWidget(content)
+    return frame
+
+
+def _scrolled(inner: QWidget) -> QScrollArea:
+    area = QScrollArea()
+    area.setWidgetResizable(True)
+    area.setFrameShape(QFrame.Shape.NoFrame)
+    area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+    area.setWidget(inner)
+    return area

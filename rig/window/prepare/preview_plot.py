@@ -1,0 +1,191 @@
+"""The plan as pictures: speed and predicted torque over the nominal time, the output, friction over
+speed, the margins.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QHeaderView,
+    QLabel,
+    QSplitter,
+    QTableWidget,
+    QTableWidgetItem,
+    QTabWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from model.units import RPM
+from rig.analysis.wording import number, pretty
+from rig.present.preview.figures import figures_of
+from rig.present.preview.plan import PlanPreview, PredictedMargin, percent
+from rig.window.plot.plots import LabPlot
+from rig.window.shell.session import WindowSession
+
+FIGURES = {
+    "speed": ("Input speed", "nominal time [s]", "speed [r/min]"),
+    "torque": ("Torque at the motor", "nominal time [s]", "torque [N m]"),
+    "output": ("Output speed", "nominal time [s]", "speed [r/min]"),
+    "kinematic-error": ("Kinematic error", "input angle [deg]", "error [arcmin]"),
+    "friction": ("Running torque", "input speed [r/min]", "torque [N m]"),
+}
+"""The plots and what they are called while they are empty."""
+MARGIN_HEADINGS = ("limit on", "predicted", "limit", "margin", "least margin", "held by", "where")
+PREDICTION = "PREDICTION"
+LONGEST_NAME = 16
+"""Letters of a name on a button."""
+
+
+class PreviewPlots(QTabWidget):
+    """A plan's preview in tabs. `show_preview(None)` empties them."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self._preview: PlanPreview | None = None
+        self.plots = {
+            name: LabPlot(session, *labels, mark=PREDICTION) for name, labels in FIGURES.items()
+        }
+        """Every plot by the name of its figure."""
+        self.margins = _table(MARGIN_HEADINGS)
+        plots = self.plots
+        for name in ("torque", "output"):
+            plots[name].item.setXLink(plots["speed"].item)
+        self.addTab(_stacked(plots["speed"], plots["torque"]), "P&lan")
+        self.addTab(_stacked(plots["output"], plots["kinematic-error"]), "&Output")
+        self.addTab(_stacked(plots["friction"]), "&Friction")
+        self.addTab(self.margins, "&Margins")
+        session.theme_changed.connect(lambda _: self.show_preview(self._preview))
+
+    def show_preview(self, preview: PlanPreview | None) -> None:
+        """Draw a preview."""
+        self._preview = preview
+        for name, plot in self.plots.items():
+            plot.clear_data()
+            plot.set_labels(*FIGURES[name])
+        self.margins.setRowCount(0)
+        if preview is None:
+            return
+        figures = figures_of(preview)
+        self.setTabEnabled(1, "output" in figures)
+        for name, figure in figures.items():
+            plot = self.plots[name]
+            plot.show_data(figure)
+            if figure.x_scale == "log":
+                low, high = float(figure.series[0].x[0]), float(figure.series[0].x[-1])
+                plot.item.getAxis("bottom").setTicks(log_ticks(low, high))
+        self._fill_margins(preview.margins)
+
+    def _fill_margins(self, margins: Sequence[PredictedMargin]) -> None:
+        palette = self._session.palette
+        self.margins.setRowCount(len(margins))
+        for row, margin in enumerate(margins):
+            for column, text in enumerate(_cells(margin)):
+                item = QTableWidgetItem(text)
+                item.setToolTip(f"{text}\n{margin.limit}")
+                if column in (3, 4):
+                    item.setTextAlignment(
+                        Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+                    )
+                if margin.touches:
+                    item.setForeground(QColor(palette.warning))
+                self.margins.setItem(row, column, item)
+
+
+def _cells(margin: PredictedMargin) -> tuple[str, ...]:
+    factor, unit = (
+        (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, pretty(margin.limit.unit))
+    )
+    doubt = f" ± {margin.uncertainty / factor:.2g}" if margin.uncertainty else ""
+    least = f"{'! ' if margin.touches else ''}{percent(margin.least_margin)}"
+    known = (
+        f" ({margin.limit.provenance})"
+        if margin.limit.provenance in ("recalled", "assumed")
+        else ""
+    )
+    return (
+        margin.quantity.replace("_", " "),
+        f"{number(margin.value / factor, 4)}{doubt} {unit}",
+        f"{number(margin.limit.value / factor, 4)} {unit}",
+        percent(margin.margin),
+        least,
+        f"{margin.limit.tier}{known}",
+        margin.where,
+    )
+
+
+def log_ticks(low: float, high: float) -> list[list[tuple[float, str]]]:
+    """Ticks of a logarithmic axis: 1, 2, 5 of every decade with a number, the others without."""
+    major, minor = [], []
+    for decade in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
+        for digit in range(1, 10):
+            value = digit * 10.0**decade
+            (major if digit in (1, 2, 5) else minor).append(
+                (math.log10(value), f"{value:g}" if digit in (1, 2, 5) else "")
+            )
+    return [major, minor]
+
+
+def _stacked(*plots: LabPlot) -> QWidget:
+    page = QWidget()
+    column = QVBoxLayout(page)
+    column.setContentsMargins(4, 4, 4, 4)
+    both = QSplitter(Qt.Orientation.Vertical)
+    both.setChildrenCollapsible(False)
+    for plot in plots:
+        both.addWidget(plot)
+    column.addWidget(both)
+    return page
+
+
+def _table(headings: Sequence[str]) -> QTableWidget:
+    table = QTableWidget(0, len(headings))
+    table.setHorizontalHeaderLabels(list(headings))
+    table.verticalHeader().hide()
+    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    table.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
+    table.setTabKeyNavigation(False)
+    table.setWordWrap(False)
+    table.setAccessibleName("Margins to every limit")
+    header = table.horizontalHeader()
+    header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+    header.setSectionResizeMode(len(headings) - 1, QHeaderView.ResizeMode.Stretch)
+    return table
+
+
+def summary(preview: PlanPreview) -> str:
+    """The plan in one line."""
+    from rig.run.progress import in_words
+
+    planned = preview.planned
+    return (
+        f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most · "
+        f"{planned.input_revolutions:.0f} input "
+        f"revolutions · {len(planned.plan)} steps · about {planned.file_size() / 1e6:.1f} MB"
+    )
+
+
+def summary_label() -> QLabel:
+    """The line that `summary` is shown in."""
+    label = QLabel()
+    label.setWordWrap(True)
+    return label
+
+
+def short_name(name: str) -> str:
+    """A name as it fits on a button."""
+    text = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1].rstrip()}…"
+    return text.replace("&", "&&")
+
+
+def restyled(widget: QWidget, part: str) -> None:
+    """Give a widget another part of the style sheet, at once."""
+    widget.setProperty("part", part)
+    widget.style().unpolish(widget)
+    widget.style().polish(widget)

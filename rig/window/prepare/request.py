@@ -1,0 +1,378 @@
+"""From what the Prepare page was told to a run: the request, its preview, its checks, and the arguments of `rig run`.
+
+No Qt in here: the page calls it from a worker thread, tests call it as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, cast
+
+from experiments import catalogue
+from experiments.errors import ExperimentError
+from experiments.parameters import ParameterField
+from model.errors import ModelError
+from model.gear import HarmonicDrive, Mounting
+from model.gear_file import save_gear, shipped_gear
+from model.motor import ServoMotor, shipped_motor
+from rig.bench.backends.registry import HARDWARE
+from rig.errors import ConfigurationError, RigError
+from rig.gears.card import (
+    GearCard,
+    GearFacts,
+    card_path,
+    conditions_of,
+    gear_of,
+    in_words,
+)
+from rig.present.preview.plan import PlanPreview, percent, preview_plan
+from rig.run.arming import Arming, refuse_unarmed
+from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun
+from rig.run.gear import card_checks
+from rig.run.latch import TripLatch
+from rig.run.preflight import Check, static_checks
+from rig.run.progress import in_words as time_in_words
+from rig.run.start import RunRequest, plan_request
+
+KNOWN_BY_THE_RIG = ("mounting", "sync_rate")
+"""Parameters of protocols that follow from the gear card and the rig: not asked for twice."""
+
+
+@dataclass(frozen=True)
+class RigChoice:
+    """Which rig, described where, and where its runs go."""
+
+    backend: str
+    folder: Path
+    configuration: Path | None = None
+
+    @property
+    def is_hardware(self) -> bool:
+        """Whether something real turns."""
+        return self.backend == HARDWARE
+
+
+@dataclass(frozen=True)
+class Intent:
+    """What somebody at the window wants to run. `facts` is the gear as the form has it, `card` as it is stored."""
+
+    rig: RigChoice
+    protocol: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+    facts: GearFacts | None = None
+    card: GearCard | None = None
+    operator: str = ""
+    confirmation: str = ""
+
+
+@dataclass(frozen=True)
+class Outlook:
+    """What came of an intent: the planned run with its preview and its checks, or why there is none."""
+
+    intent: Intent
+    request: RunRequest | None = None
+    planned: PlannedRun | None = None
+    preview: PlanPreview | None = None
+    checks: tuple[Check, ...] = ()
+    problem: Exception | None = None
+
+
+def request_for(intent: Intent) -> RunRequest:
+    """The request of an intent. Raises `ConfigurationError`, `ParameterError`; nothing is connected."""
+    rig, facts = intent.rig, intent.facts
+    gear, motor, limits, rate, path = _described(rig)
+    mounted = catalogue.load(intent.protocol).gear_mounted
+    mounting: Mounting = "circular-spline-fixed"
+    if facts is not None:
+        gear = gear_of(facts, gear)
+        if facts.mounting:
+            mounting = cast(Mounting, facts.mounting)
+    if path is not None:
+        from rig.bench.config.apply import with_ratings
+        from rig.bench.config.load import load_configuration
+
+        gear = with_ratings(gear, load_configuration(path).ratings)
+    return RunRequest(
+        intent.protocol,
+        gear,
+        motor,
+        rig.folder,
+        dict(intent.values),
+        rig.backend,
+        mounting,
+        facts.serial if facts is not None and mounted else "unknown",
+        intent.operator.strip(),
+        sample_rate=rate,
+        conditions=conditions_of(intent.card) if intent.card is not None and mounted else {},
+        configuration=path,
+        limits=limits,
+        confirmation=intent.confirmation.strip(),
+    )
+
+
+def _described(
+    rig: RigChoice,
+) -> tuple[HarmonicDrive, ServoMotor, Mapping[str, float], float, Path | None]:
+    """Gear, motor, limits, SYNC rate and the file that describes the rig."""
+    path = rig.configuration
+    if path is None and rig.is_hardware:
+        from rig.bench.config.load import DEFAULT_PATH
+
+        path = DEFAULT_PATH
+    if path is None:
+        return shipped_gear(), shipped_motor(), {}, DEFAULT_SAMPLE_RATE, None
+    from rig.bench.config.apply import configured_rig
+
+    found = configured_rig(path)
+    return found.gear, found.motor, found.limits, found.configuration.rig.sample_rate_hz, path
+
+
+def look_ahead(intent: Intent) -> Outlook:
+    """Plan, preview and check an intent; what refuses it is part of the answer."""
+    problem: Exception | None = None
+    request, planned, preview = None, None, None
+    checks: list[Check] = []
+    try:
+        request = request_for(intent)
+        planned = plan_request(request)
+        preview = preview_plan(planned)
+    except (RigError, ExperimentError, ModelError) as error:
+        problem = error
+    if planned is not None and preview is not None:
+        checks += (
+            parameters_check(planned, intent.rig),
+            plan_check(planned),
+            *prediction_checks(preview),
+        )
+        checks += static_checks(planned, intent.rig.folder)
+    if catalogue.load(intent.protocol).gear_mounted:
+        serial = intent.facts.serial if intent.facts is not None else ""
+        checks[:0] = [
+            _for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)
+        ]
+    checks += latch_checks(intent.rig.folder)
+    return Outlook(intent, request, planned, preview, tuple(checks), problem)
+
+
+def _for_this_rig(check: Check, rig: RigChoice) -> Check:
+    """What is merely unknown matters on hardware; of a simulated gear nobody can know it."""
+    if check.result == "warning" and not rig.is_hardware:
+        return replace(check, result="ok", evidence=f"{check.evidence} (a simulated gear)")
+    return check
+
+
+def parameters_check(planned: PlannedRun, rig: RigChoice) -> Check:
+    """What plan and prediction rest on: parameter set, mounting, load inertia and where that is from."""
+    if not planned.experiment.gear_mounted:
+        return Check("parameters", "ok", f"{planned.motor.name} without a gear")
+    inertia = planned.gear.value("inertia.output")
+    known = inertia.origin.standard_uncertainty
+    doubt = f" ± {known:g}" if known is not None else ""
+    evidence = (
+        f"{planned.gear.name}, {planned.mounting.replace('-', ' ')}, ratio "
+        f"{planned.load.ratio:g}; load inertia {inertia.value:g}"
+        f"{doubt} kg m² ({inertia.origin.provenance}: {inertia.origin.source or 'no source'})"
+    )
+    doubtful = rig.is_hardware and inertia.origin.provenance not in ("measured", "identified")
+    remedy = "Limits of ramps and torque rest on it: measure it and write it into the gear card."
+    return Check("parameters", "warning" if doubtful else "ok", evidence, remedy)
+
+
+def plan_check(planned: PlannedRun) -> Check:
+    """The plan in one line."""
+    turns = planned.input_revolutions
+    evidence = (
+        f"{len(planned.plan)} steps, {time_in_words(planned.nominal)} nominal, "
+        f"{time_in_words(planned.longest)} at most, "
+        f"{turns:.0f} input revolutions; smallest margin "
+        f"{percent(min((m.margin for m in planned.margins), default=1.0))}"
+    )
+    return Check("plan", "ok", evidence)
+
+
+def prediction_checks(preview: PlanPreview) -> tuple[Check, ...]:
+    """Every prediction that touches a limit; one good line where none does."""
+    if preview.warnings:
+        remedy = "Lower speed or acceleration, or know the parameter better."
+        return tuple(
+            Check("prediction", "warning", warning.text, remedy) for warning in preview.warnings
+        )
+    least = min(preview.margins, key=lambda margin: margin.least_margin, default=None)
+    if least is None:
+        return ()
+    evidence = (
+        f"no limit is touched; nearest {least.quantity.replace('_', ' ')}, "
+        f"{percent(least.least_margin)} left at the upper "
+        f"end of its uncertainty ({least.where})"
+    )
+    return (Check("prediction", "ok", evidence),)
+
+
+def latch_checks(folder: Path) -> tuple[Check, ...]:
+    """Whether an earlier trip is still latched."""
+    trip = TripLatch(folder).read()
+    if trip is None:
+        return (Check("trip latch", "ok", "no trip is latched"),)
+    unsafe = "" if trip.standstill_verified else "; standstill was NOT verified"
+    return (
+        Check(
+            "trip latch",
+            "failed",
+            f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}{unsafe}",
+            "Find and remove the cause, then press Acknowledge the trip.",
+        ),
+    )
+
+
+def obstacles(intent: Intent, outlook: Outlook | None) -> list[str]:
+    """Why a run cannot be started yet, apart from the sign-off: the most important first."""
+    if outlook is None:
+        return ["the plan is being worked out"]
+    found = []
+    if outlook.problem is not None:
+        found.append(short(outlook.problem))
+    found += [
+        f"{check.name}: {check.evidence}" for check in outlook.checks if check.result == "failed"
+    ]
+    if not intent.operator.strip():
+        found.append("no operator is named")
+    if intent.rig.is_hardware:
+        mounted = catalogue.load(intent.protocol).gear_mounted
+        serial = intent.facts.serial if intent.facts is not None else ""
+        try:
+            refuse_unarmed(Arming(intent.operator, serial, intent.confirmation, mounted))
+        except ConfigurationError as error:
+            found.append(short(error))
+    return found
+
+
+def short(error: Exception) -> str:
+    """A refusal in one sentence: what, value, limit; where it is from only if nothing else says so."""
+    what, where = getattr(error, "what", str(error)), getattr(error, "where", "")
+    value, limit = getattr(error, "value", None), getattr(error, "limit", "")
+    text = f"{where}: {what}" if where else str(what)
+    text += f" ({value})" if value is not None else ""
+    return text + (f"; allowed {limit}" if limit else "")
+
+
+def changed_values(
+    fields: Sequence[ParameterField], values: Mapping[str, Any], parameters: Any
+) -> dict[str, Any]:
+    """The values that differ from the protocol's defaults, as they were typed; `parameters` holds them converted."""
+    defaults = {f.name: f.default for f in fields}
+    return {
+        name: value for name, value in values.items() if getattr(parameters, name) != defaults[name]
+    }
+
+
+def write_parameters(request: RunRequest) -> Path | None:
+    """The gear of a request as a parameter file beside the cards, so that what is run is what was planned.
+
+    None where the rig has this gear anyway. Raises `ParameterError` where it cannot be written.
+    """
+    gear, *_ = _described(RigChoice(request.backend, request.output, request.configuration))
+    if request.gear == gear:
+        return None
+    path = card_path(request.output, request.gear_serial)
+    path = path.parent / "parameters" / path.name
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(
+            f"cannot be made: {error.strerror or error}", where=str(path.parent)
+        ) from error
+    save_gear(request.gear, path)
+    return path
+
+
+def arguments_for(request: RunRequest, parameters: Path | None = None, seed: int = 0) -> list[str]:
+    """What follows `python -m rig` to start this request as a child that is spoken to in lines.
+
+    `parameters` is the parameter file of the gear. Every value is tied to its flag by "=": none is
+    taken for another flag.
+    """
+    words = ["run", request.protocol, f"--backend={request.backend}", f"--output={request.output}"]
+    words.append(f"--mounting={request.mounting}")
+    if request.gear_serial != "unknown":
+        words.append(f"--gear={request.gear_serial}")
+    if request.operator:
+        words.append(f"--operator={request.operator}")
+    if request.configuration is not None:
+        words.append(f"--config={request.configuration}")
+    if parameters is not None:
+        words.append(f"--parameters={parameters}")
+    if request.sample_rate != DEFAULT_SAMPLE_RATE:
+        words.append(f"--sample-rate={request.sample_rate:g}")
+    if seed:
+        words.append(f"--seed={seed}")
+    if request.confirmation:
+        words.append(f"--confirm={request.confirmation}")
+    words += [
+        f"--{name.replace('_', '-')}={_as_text(value)}" for name, value in request.values.items()
+    ]
+    return [*words, "--events", "--stdin-control"]
+
+
+def doctor_arguments(
+    request: RunRequest | None, rig: RigChoice, parameters: Path | None = None
+) -> list[str]:
+    """What follows `python -m rig` to have this rig looked over; on hardware it moves only if the
+    run would be armed.
+    """
+    words = ["doctor", "--json", f"--backend={rig.backend}", f"--output={rig.folder}"]
+    if rig.configuration is not None:
+        words.append(f"--config={rig.configuration}")
+    if request is None:
+        return words
+    words.append(f"--mounting={request.mounting}")
+    words += [f"--gear={request.gear_serial}"] if request.gear_serial != "unknown" else []
+    words += [f"--parameters={parameters}"] if parameters is not None else []
+    words += [f"--operator={request.operator}"] if request.operator else []
+    if rig.is_hardware and request.confirmation:
+        words += [f"--confirm={request.confirmation}", "--move"]
+    return words
+
+
+def is_armed(intent: Intent) -> bool:
+    """Whether operator, gear and typed confirmation would arm this rig."""
+    mounted = catalogue.load(intent.protocol).gear_mounted
+    serial = intent.facts.serial if intent.facts is not None else ""
+    try:
+        refuse_unarmed(Arming(intent.operator, serial, intent.confirmation, mounted))
+    except ConfigurationError:
+        return False
+    return True
+
+
+def _as_text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (tuple, list)):
+        return " ".join(f"{number:g}" for number in value)
+    return str(value)
+
+
+def sign_off_notes(checks: Sequence[Check], name: str) -> tuple[str, ...]:
+    """What a run keeps of its signed checklist: the good items in one line, every accepted warning
+    with its evidence.
+    """
+    good = ", ".join(dict.fromkeys(check.name for check in checks if check.result == "ok"))
+    found = [f"checklist signed by {name}: {good}"] if good else []
+    return (
+        *found,
+        *(f"accepted by {name}: {c.name}: {c.evidence}" for c in checks if c.result == "warning"),
+    )
+
+
+def title_of(request: RunRequest, planned: PlannedRun) -> str:
+    """How the run is called in the window."""
+    gear = request.gear_serial if planned.experiment.gear_mounted else "no gear"
+    return f"{planned.experiment.title} · {gear}"
+
+
+def heading(name: str) -> str:
+    """A field's name as a label."""
+    words = in_words(name)
+    return words[:1].upper() + words[1:]

@@ -1,0 +1,152 @@
+"""Training: a fault is let happen on a simulated rig of its own, and what came of it is shown.
+Never where hardware is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import (
+    QDialog,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QListWidget,
+    QListWidgetItem,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from rig.window.prepare.preview_plot import restyled
+from rig.window.prepare.process import SideProcess
+
+
+class TrainingDialog(QDialog):
+    """The list of drills, and the verdict on the one that was run (`rig drill --fault NAME --json`)."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWindowTitle("Training drills")
+        self.resize(640, 520)
+        self.search = QLineEdit()
+        self.search.setPlaceholderText("search, for instance: guard, encoder, heartbeat")
+        self.search.setAccessibleName("Search drills")
+        self.search.textChanged.connect(self._filter)
+        self.drills = QListWidget()
+        self.drills.setAccessibleName("Drills")
+        self.drills.currentItemChanged.connect(lambda *_: self._describe())
+        self.drills.itemActivated.connect(lambda _: self.run())
+        self.what, self.verdict = QLabel(), QLabel()
+        for label in (self.what, self.verdict):
+            label.setWordWrap(True)
+            label.setTextFormat(Qt.TextFormat.PlainText)
+        self.verdict.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.run_button = QPushButton("&Run this drill")
+        self.run_button.setProperty("part", "primary")
+        self.run_button.setDefault(True)
+        self.run_button.clicked.connect(self.run)
+        close = QPushButton("C&lose")
+        close.clicked.connect(self.reject)
+        self._process = SideProcess(self)
+        self._process.finished.connect(self.show_verdict)
+        column = QVBoxLayout(self)
+        explained = QLabel(
+            "Something goes wrong on a simulated rig of its own; the program has to notice, "
+            "make the rig safe and keep the file. "
+            "What would you do at the rig? Decide first, then look."
+        )
+        explained.setWordWrap(True)
+        for widget in (explained, self.search, self.drills, self.what, self.verdict):
+            column.addWidget(widget)
+        row = QHBoxLayout()
+        row.addStretch(1)
+        row.addWidget(self.run_button)
+        row.addWidget(close)
+        column.addLayout(row)
+        self._fill()
+
+    def _fill(self) -> None:
+        from rig.trial.drill.catalogue import DRILLS
+
+        for drill in DRILLS.values():
+            item = QListWidgetItem(drill.name)
+            item.setData(
+                Qt.ItemDataRole.UserRole, f"{drill.what} (on {' or '.join(drill.carriers)})"
+            )
+            self.drills.addItem(item)
+        self.drills.setCurrentRow(0)
+
+    def _filter(self, text: str) -> None:
+        for row in range(self.drills.count()):
+            item = self.drills.item(row)
+            told = f"{item.text()} {item.data(Qt.ItemDataRole.UserRole)}".lower()
+            item.setHidden(text.lower() not in told)
+        # What is run is what is seen: a choice that the search has hidden gives way to the first that was found.
+        shown = [
+            self.drills.item(row)
+            for row in range(self.drills.count())
+            if not self.drills.item(row).isHidden()
+        ]
+        if self.drills.currentItem() not in shown:
+            self.drills.setCurrentRow(self.drills.row(shown[0]) if shown else -1)
+        self._show_runnable()
+
+    def _describe(self) -> None:
+        item = self.drills.currentItem()
+        self.what.setText(
+            str(item.data(Qt.ItemDataRole.UserRole))
+            if item is not None
+            else "No drill is called so."
+        )
+
+    def _show_runnable(self) -> None:
+        self.run_button.setEnabled(
+            self.drills.currentItem() is not None and not self._process.is_running
+        )
+
+    def run(self) -> None:
+        """Run the chosen drill."""
+        item = self.drills.currentItem()
+        if item is None or not self._process.start(["drill", "--fault", item.text(), "--json"]):
+            return
+        self.run_button.setEnabled(False)
+        restyled(self.verdict, "muted")
+        self.verdict.setText(f"{item.text()}: running on a simulated rig …")
+
+    def show_verdict(self, found: Any, code: int, told: str) -> None:
+        """What came of the drill."""
+        self._show_runnable()
+        rows = found.get("faults") if isinstance(found, dict) else None
+        if not rows:
+            restyled(self.verdict, "bad")
+            self.verdict.setText(f"The drill did not come to an end (exit code {code}). {told}")
+            return
+        row = rows[0]
+        restyled(self.verdict, "good" if row.get("passed") else "bad")
+        self.verdict.setText(verdict_text(row))
+
+    def done(self, result: int) -> None:
+        """Close; a drill that is at work is ended."""
+        self._process.stop()
+        super().done(result)
+
+
+def verdict_text(row: dict[str, Any]) -> str:
+    """One row of `rig drill --json` in sentences."""
+    passed = "✓ ended as it must" if row.get("passed") else "✗ did NOT end as it must"
+    safe = "the motor stands without power" if row.get("safe") else "the motor does NOT stand"
+    verified = (
+        "standstill verified"
+        if row.get("verified")
+        else "standstill not verified: the loudest alarm there is"
+    )
+    readable = "file readable" if row.get("file_readable") else "file NOT readable"
+    text = (
+        f"{passed}: {row.get('fault')}\nDetected: {row.get('detected')}, after "
+        f"{row.get('cycles')} SYNC cycles. Action: "
+        f"{row.get('action')}; {safe}; {verified}.\nOutcome: {row.get('outcome')} (must be "
+        f"{row.get('expected')}); {readable}."
+    )
+    return text + (f"\n{row['message']}" if row.get("message") else "")

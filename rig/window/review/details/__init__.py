@@ -1,0 +1,1 @@
+"""One run in detail: header, facts, comparison, events, files. Start in `page`."""

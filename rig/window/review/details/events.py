@@ -1,0 +1,71 @@
+"""Events of a run and the operator's notes on one clock; opening one shows the signals around it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+from experiments.recording import Event, Recording
+from rig.window.review.grid import GridTable
+from rig.window.shell.session import WindowSession
+
+COLUMNS = ("time [s]", "level", "source", "code", "what")
+FILTERS = ("everything", "notes and answers", "warnings and errors")
+
+
+class RunEventsView(QWidget):
+    """The events. `moment_chosen` carries a time since the first row [s]."""
+
+    moment_chosen = Signal(float)
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._events: tuple[tuple[float, Event], ...] = ()
+        self._shown: list[tuple[float, Event]] = []
+        self.table = GridTable(session, "Events and notes", judged=("level",))
+        self.filter = QComboBox()
+        self.filter.addItems(FILTERS)
+        self.filter.setAccessibleName("Which events")
+        self.filter.currentIndexChanged.connect(lambda _: self._fill())
+        self.count = QLabel()
+        self.count.setProperty("part", "muted")
+        self.table.activated.connect(
+            lambda index: self.moment_chosen.emit(self._shown[index.row()][0])
+        )
+        head = QHBoxLayout()
+        head.addWidget(QLabel("show"))
+        head.addWidget(self.filter)
+        head.addWidget(self.count, 1)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(6, 6, 6, 4)
+        column.addLayout(head)
+        column.addWidget(self.table, 1)
+
+    def show_recording(self, recording: Recording) -> None:
+        """The events of a run."""
+        first = int(recording.source.time_ns(0, 1)[0]) if recording.rows else 0
+        origin = first or (recording.events[0].time_ns if recording.events else 0)
+        events = tuple(((event.time_ns - origin) * 1e-9, event) for event in recording.events)
+        if events != self._events or not self.table.columnCount():
+            self._events = events
+            self._fill()
+
+    def _fill(self) -> None:
+        wanted = FILTERS.index(self.filter.currentText())
+        self._shown = [pair for pair in self._events if _passes(pair[1], wanted)]
+        rows = [(f"{moment:.3f}", e.level, e.source, e.code, e.text) for moment, e in self._shown]
+        self.table.show_rows(COLUMNS, rows, (True,))
+        self.count.setText(_count(self._shown, len(self._events)))
+
+
+def _passes(event: Event, wanted: int) -> bool:
+    if wanted == 1:
+        return event.source == "operator"
+    return wanted == 0 or event.level != "info"
+
+
+def _count(shown: Sequence[object], every: int) -> str:
+    text = f"{every} events" if len(shown) == every else f"{len(shown)} of {every} events"
+    return f"{text}. Enter or double click shows the signals around one." if shown else text

@@ -1,0 +1,150 @@
+"""Conditions and calibration of a run in words: parameters, conditions, limits, calibration of
+every channel, versions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments import catalogue
+from experiments.parameters import parameter_fields
+from experiments.recording import Recording
+from model.units import RPM
+from rig.analysis.wording import number, readable
+from rig.present.content import Grid
+from rig.present.provenance import conditions_of
+from rig.present.run_words import acquisition_facts
+from rig.runfile.header import RunHeader
+from rig.runfile.read import read_run_header
+from rig.window.review.words import facts_html, grid_html
+from rig.window.shell.palette import Palette
+
+Pairs = tuple[tuple[str, str], ...]
+CALIBRATION_COLUMNS = (
+    "channel",
+    "one count",
+    "unit",
+    "scale uncertainty",
+    "accuracy",
+    "certificate",
+    "dated",
+    "due",
+    "device",
+)
+OF_THE_PROGRAM = ("program_version", "git_commit", "backend", "seed", "motor", "rig")
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known of a run besides its signals."""
+
+    parameters: Pairs
+    conditions: Pairs
+    limits: Pairs
+    calibration: Grid
+    acquisition: Pairs
+    program: Pairs
+
+    def page(self, palette: Palette) -> str:
+        """All of it as rich text."""
+        return "".join(
+            (
+                facts_html("Conditions", self.conditions, palette),
+                facts_html("Parameters of the protocol", self.parameters, palette),
+                grid_html(self.calibration, palette),
+                facts_html("Limits that held", self.limits, palette),
+                facts_html("Acquisition", self.acquisition, palette),
+                facts_html("Program", self.program, palette),
+            )
+        )
+
+
+def facts_of(recording: Recording, path: Path) -> Facts:
+    """The facts of a run; reads it once from end to end. Raises `RunFileError`."""
+    m = recording.metadata
+    header = read_run_header(path)
+    parameters = parameters_of(m.experiment, m.parameters)
+    program = tuple(
+        (readable(name), _text(m.process[name]))
+        for name in OF_THE_PROGRAM
+        if m.process.get(name) not in (None, "")
+    )
+    acquisition = tuple(acquisition_facts(m.process.get("acquisition")))
+    conditions = conditions_of(recording, m.gear if m.gear_mounted else None)
+    return Facts(
+        parameters,
+        conditions,
+        _limits(header.limits),
+        calibration_grid(header),
+        acquisition,
+        program,
+    )
+
+
+def parameters_of(protocol: str, values: Mapping[str, Any]) -> Pairs:
+    """The parameters of a protocol with the units of its parameter model."""
+    units = {}
+    if protocol in catalogue.kinds():
+        units = {f.name: f.unit for f in parameter_fields(catalogue.load(protocol).parameters)}
+    made = []
+    for name, value in values.items():
+        unit = units.get(name, "")
+        text = {"True": "yes", "False": "no"}.get(str(value), _text(value))
+        made.append(
+            (
+                readable(name).removesuffix(" rpm"),
+                f"{text} {unit}" if unit not in ("", "1") and text else text,
+            )
+        )
+    return tuple(made)
+
+
+def calibration_grid(header: RunHeader) -> Grid:
+    """One row per channel: what a count is worth and why that can be believed."""
+    rows = []
+    for c in header.columns:
+        k = c.calibration
+        relative = (
+            f"{100.0 * k.scale_relative_uncertainty:.2g} %" if k.scale_relative_uncertainty else "–"
+        )
+        accuracy = f"{number(k.accuracy, 2)} {c.unit}" if k.accuracy else "–"
+        quantum = number(c.quantum) if c.quantum else "–"
+        device = " ".join(part for part in (c.model, c.serial_number) if part) or "–"
+        due = (
+            f"{k.due} (overdue)"
+            if k.due and k.due < header.metadata.start_time[:10]
+            else k.due or "–"
+        )
+        certificate = k.certificate or "–", k.date or "–", due
+        rows.append((c.name, quantum, c.unit, relative, accuracy, *certificate, device))
+    numeric = (False, True, False, True, True, False, False, False, False)
+    return Grid("Calibration of the channels", CALIBRATION_COLUMNS, tuple(rows), numeric)
+
+
+def _limits(limits: Mapping[str, Any]) -> Pairs:
+    made = []
+    for name, told in limits.items():
+        if isinstance(told, Mapping) and isinstance(told.get("value"), (int, float)):
+            value, unit = float(told["value"]), str(told.get("unit", ""))
+            shown = f"{number(value / RPM)} r/min" if unit == "rad/s" else f"{number(value)} {unit}"
+            origin = ", ".join(
+                str(told[key]) for key in ("tier", "origin", "provenance") if told.get(key)
+            )
+            made.append((readable(name), f"{shown} ({origin})" if origin else shown))
+        else:
+            made.append((readable(name), _text(told)))
+    return tuple(made)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "; ".join(f"{readable(str(k))}: {_text(v)}" for k, v in value.items())
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ", ".join(_text(part) for part in value)
+    if isinstance(value, float) and math.isfinite(value):
+        return number(value, 6)
+    return str(value)

@@ -1,0 +1,121 @@
+"""The files of a run: the run file with its checks, and the analyses that lie beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QUrl, Signal
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from rig.analysis.store import Analysis, analysis_folder
+from rig.runfile.seal import recorded_sha256
+from rig.runfile.verify import Finding, verify_run
+from rig.window.review.errand import Errand
+from rig.window.review.grid import GridTable
+from rig.window.review.table_model import local_time
+from rig.window.shell.session import WindowSession
+
+COLUMNS = ("#", "kind of fit", "made", "verdict", "tare", "program", "file")
+Opener = Callable[[QUrl], object]
+
+
+class RunFilesView(QWidget):
+    """The files. `analysis_chosen` carries the `Analysis` that was opened."""
+
+    analysis_chosen = Signal(object)
+
+    def __init__(self, session: WindowSession, opener: Opener) -> None:
+        super().__init__()
+        self._opener = opener
+        self._path: Path | None = None
+        self._analyses: tuple[Analysis, ...] = ()
+        self.file, self.findings = QLabel(), QLabel()
+        for label in (self.file, self.findings):
+            label.setWordWrap(True)
+            label.setTextFormat(Qt.TextFormat.PlainText)
+            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.verify, self.folder = QPushButton("Ch&eck the file"), QPushButton("Open its f&older")
+        self.verify.setToolTip(
+            "Is the file what was recorded? Hash, counters, time, flags, segments, calibrations"
+        )
+        self.verify.clicked.connect(self._verify)
+        self.folder.clicked.connect(self._open_folder)
+        self.table = GridTable(session, "Analyses", judged=("verdict",))
+        self.table.activated.connect(
+            lambda index: self.analysis_chosen.emit(self._analyses[index.row()])
+        )
+        self.says = QLabel()
+        self.says.setProperty("part", "muted")
+        self.says.setWordWrap(True)
+        self._errand = Errand(self)
+        self._errand.done.connect(self._show_findings)
+        self._errand.failed.connect(self.findings.setText)
+        head = QHBoxLayout()
+        head.addWidget(self.file, 1)
+        head.addWidget(self.verify, 0, Qt.AlignmentFlag.AlignTop)
+        head.addWidget(self.folder, 0, Qt.AlignmentFlag.AlignTop)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(8, 8, 8, 4)
+        column.addLayout(head)
+        column.addWidget(self.findings)
+        column.addWidget(self.table, 1)
+        column.addWidget(self.says)
+
+    def show_run(self, path: Path, analyses: Sequence[Analysis], problem: str = "") -> None:
+        """The files of a run; `problem` says why its analyses cannot be read."""
+        if path != self._path:
+            self.findings.clear()
+            self.findings.hide()
+            self._errand.forget()
+        self._path, self._analyses = path, tuple(analyses)
+        sha = recorded_sha256(path)
+        self.file.setText(
+            f"{path}\nSHA-256 {sha}"
+            if sha
+            else f"{path}\nno SHA-256: not sealed yet, or its note is missing"
+        )
+        rows = []
+        for a in self._analyses:
+            tare = str(a.content.get("tare", {}).get("run", "")) or "none"
+            version = str(a.content.get("program_version", ""))
+            made = local_time(str(a.content.get("created", "")))
+            rows.append(
+                (
+                    str(a.number),
+                    a.kind,
+                    made,
+                    str(a.content.get("outcome", "")),
+                    tare,
+                    version,
+                    a.path.name,
+                )
+            )
+        self.table.show_rows(COLUMNS, rows, (True,))
+        where = analysis_folder(path).name
+        self.says.setText(
+            problem
+            or (
+                f"Analyses in {where}, appended and never edited. Enter or double click shows one."
+                if rows
+                else "No analysis yet: use Fit on the page Results."
+            )
+        )
+
+    def _verify(self) -> None:
+        path = self._path
+        if path is not None:
+            self.findings.setText("Reading the file from end to end …")
+            self.findings.show()
+            self._errand.start(lambda: verify_run(path))
+
+    def _show_findings(self, findings: Sequence[Finding]) -> None:
+        lines = [
+            f"{'ok' if f.level == 'ok' else f.level.upper()}   {f.check}: {f.text}"
+            for f in findings
+        ]
+        self.findings.setText("\n".join(lines))
+
+    def _open_folder(self) -> None:
+        if self._path is not None:
+            self._opener(QUrl.fromLocalFile(str(self._path.parent)))

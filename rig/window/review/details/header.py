@@ -1,0 +1,111 @@
+"""The head of a run: what it is, when, who, on which gear, how it ended, and the hash that names its file."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPushButton, QSizePolicy
+
+from experiments.recording import Recording
+from rig.analysis.wording import fixed
+from rig.present.run_words import duration_text
+from rig.runfile.header import ORIGIN_WORDS
+from rig.runfile.seal import recorded_sha256
+from rig.window.review.signals_data import duration_of
+from rig.window.review.table_model import COLOURS, local_time, with_sign
+from rig.window.shell.session import WindowSession
+
+SHOWN_HASH = 16
+"""Characters of the SHA-256 that are shown; the whole of it is in the tip and can be copied."""
+
+
+class RunHeaderView(QFrame):
+    """The head. `show_recording`, or `show_problem` for a file that cannot be read."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self.setProperty("part", "card")
+        self.title, self.outcome, self.mark, self.facts, self.file = (QLabel() for _ in range(5))
+        self.title.setProperty("part", "title")
+        self.mark.setProperty("part", "mark")
+        self.file.setProperty("part", "muted")
+        for label in (self.facts, self.file):
+            label.setWordWrap(True)
+        for label in (self.title, self.facts, self.file):
+            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.report = QPushButton("Open &report")
+        self.report.setToolTip("Write the report of this run as a web page (HTML) and open it")
+        self.pdf = QPushButton("PDF")
+        self.pdf.setToolTip("Write the report of this run for paper (PDF) and open it")
+        first = QHBoxLayout()
+        first.setSpacing(14)
+        first.addWidget(self.title, 1)
+        first.addWidget(self.mark)
+        first.addWidget(self.outcome)
+        first.addWidget(self.report)
+        first.addWidget(self.pdf)
+        grid = QGridLayout(self)
+        grid.setContentsMargins(12, 7, 12, 7)
+        grid.setVerticalSpacing(2)
+        grid.addLayout(first, 0, 0)
+        grid.addWidget(self.facts, 1, 0)
+        grid.addWidget(self.file, 2, 0)
+
+    def show_recording(self, recording: Recording, path: Path, state: str) -> None:
+        """The head of a run; `state` as the library knows it."""
+        m = recording.metadata
+        self.title.setText(m.run_id or path.name)
+        self.title.setToolTip(str(path))
+        self.mark.setText(ORIGIN_WORDS[m.origin])
+        self.allow_report(state == "sealed")
+        self._show_outcome(m.outcome or (state if state != "sealed" else ""))
+        gear = (
+            " ".join(part for part in (m.gear.name if m.gear else "", m.gear_serial) if part)
+            or "gear not stated"
+        )
+        facts = [
+            m.experiment or "no protocol",
+            gear if m.gear_mounted else "no gear mounted",
+            m.mounting.replace("-", " "),
+            local_time(m.start_time) or "time not stated",
+            duration_text(duration_of(recording)),
+            m.operator or "nobody named",
+        ]
+        self.facts.setText(" · ".join(facts))
+        rate = "" if math.isnan(m.sample_rate) else f" at {m.sample_rate:g} Hz"
+        backend = ", ".join(f"{k} {m.process[k]}" for k in ("backend", "seed") if k in m.process)
+        parts = [f"{fixed(recording.rows, 0)} rows{rate}", backend, _hash_words(path)]
+        self.file.setText(" · ".join(part for part in parts if part))
+        self.file.setToolTip(recorded_sha256(path))
+
+    def allow_report(self, allowed: bool) -> None:
+        """Whether a report can be asked for."""
+        self.report.setEnabled(allowed)
+        self.pdf.setEnabled(allowed)
+
+    def show_problem(self, path: Path) -> None:
+        """A file that cannot be read."""
+        self.title.setText(path.name)
+        self.mark.clear()
+        self.allow_report(False)
+        self._show_outcome("unreadable")
+        self.facts.setText(str(path))
+        self.file.clear()
+
+    def _show_outcome(self, outcome: str) -> None:
+        self.outcome.setText(with_sign(outcome))
+        part = COLOURS.get(outcome, "bad") if outcome else "muted"
+        self.outcome.setProperty("part", "heading" if part == "accent" else part)
+        self.outcome.style().unpolish(self.outcome)
+        self.outcome.style().polish(self.outcome)
+
+
+def _hash_words(path: Path) -> str:
+    if path.name.endswith(".part"):
+        return "not sealed"
+    found = recorded_sha256(path)
+    return f"SHA-256 {found[:SHOWN_HASH]}…" if found else "no SHA-256 noted"

@@ -1,0 +1,421 @@
+"""One run in the review: its head, and pages of results, figures, signals, events, conditions and files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QTimer, QUrl, Signal
+from PySide6.QtWidgets import QLabel, QStackedLayout, QTabWidget, QTextBrowser, QVBoxLayout, QWidget
+
+from experiments import catalogue
+from experiments.recording import Recording
+from experiments.result import Result
+from model.gear import HarmonicDrive
+from model.gear_file import load_gear
+from rig.analysis.passport.gather import COUNTED_OUTCOMES
+from rig.analysis.result_data import result_from_mapping
+from rig.analysis.store import Analysis, read_analyses
+from rig.errors import RigError
+from rig.library.index import IndexedRun
+from rig.runfile.header import ORIGIN_WORDS
+from rig.runfile.read import follow, open_run
+from rig.window.plot.result_plot import PlotGallery
+from rig.window.review.details.comparison import ComparisonView
+from rig.window.review.details.events import RunEventsView
+from rig.window.review.details.facts import Facts, facts_of
+from rig.window.review.details.files import RunFilesView
+from rig.window.review.details.header import RunHeaderView
+from rig.window.review.errand import Errand
+from rig.window.review.fit import FitDesk, FitOrder, ResultCache, in_words, order_of
+from rig.window.review.library_table import HTML, PDF
+from rig.window.review.results import TARE, TARED, ChooseFile, FitBar, ResultsView
+from rig.window.review.signals import SignalsView
+from rig.window.shell.session import WindowSession
+from rig.window.work.background import BackgroundCommand
+
+GROWING_MS = 1000
+"""ms between two looks at a run that is being written."""
+PAGES = ("Results", "Figures", "Signals", "Events && notes", "Conditions && calibration", "Files")
+
+
+class RunDetails(QWidget):
+    """The details of one run. `show_run` opens a file; a file that cannot be read says why in its place."""
+
+    report_requested = Signal(object, str)
+    """Carries the list of the one path, and the suffix of the report."""
+
+    def __init__(
+        self,
+        session: WindowSession,
+        cache: ResultCache,
+        opener: Callable[[QUrl], object],
+        choose_file: ChooseFile | None = None,
+    ) -> None:
+        super().__init__()
+        self._session = session
+        self.path: Path | None = None
+        self.recording: Recording | None = None
+        self._state = "sealed"
+        self._library: tuple[IndexedRun, ...] = ()
+        self._analyses: tuple[Analysis, ...] = ()
+        self._wanted: FitOrder | None = None
+        self._facts: Facts | None = None
+        self._comparing: BackgroundCommand | None = None
+        self.header = RunHeaderView(session)
+        self.desk = FitDesk(cache, self)
+        self.bar = FitBar(choose_file)
+        self.results = ResultsView(session, self.bar)
+        self.gallery = PlotGallery(session)
+        self.signals = SignalsView(session)
+        self.events = RunEventsView(session)
+        self.conditions = QTextBrowser()
+        self.files = RunFilesView(session, opener)
+        self.comparison = ComparisonView(session)
+        self.problem = QLabel()
+        self.problem.setWordWrap(True)
+        self._reader = Errand(self)
+        self._growing = QTimer(self)
+        self._growing.setInterval(GROWING_MS)
+        self._lay_out()
+        self._connect()
+
+    def _lay_out(self) -> None:
+        self.tabs = QTabWidget()
+        self.figures = QWidget()
+        self._figure_stack = QStackedLayout(self.figures)
+        self.figure_hint = QLabel()
+        self.figure_hint.setWordWrap(True)
+        self.figure_hint.setProperty("part", "muted")
+        self.figure_hint.setMargin(24)
+        self._figure_stack.addWidget(self.figure_hint)
+        self._figure_stack.addWidget(self.gallery)
+        pages = (self.results, self.figures, self.signals, self.events, self.conditions, self.files)
+        for name, page in zip(PAGES, pages, strict=True):
+            self.tabs.addTab(page, name)
+        self.problem.setMargin(24)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(4, 8, 8, 4)
+        column.setSpacing(6)
+        column.addWidget(self.header)
+        column.addWidget(self.problem, 1)
+        column.addWidget(self.tabs, 1)
+        self.problem.hide()
+
+    def _connect(self) -> None:
+        self.header.report.clicked.connect(lambda: self.report_requested.emit([self.path], HTML))
+        self.header.pdf.clicked.connect(lambda: self.report_requested.emit([self.path], PDF))
+        self.tabs.currentChanged.connect(lambda _: self._fill_page())
+        self.bar.fit_requested.connect(self.fit)
+        self.bar.compare_requested.connect(self.compare)
+        self.bar.save_requested.connect(self.save_parameters)
+        self.bar.cancelled.connect(self.cancel)
+        self.desk.fitted.connect(self._take_result)
+        self.desk.refused.connect(self._take_refusal)
+        self.events.moment_chosen.connect(self._jump)
+        self.files.analysis_chosen.connect(self._show_analysis)
+        self._reader.done.connect(self._take_facts)
+        self._reader.failed.connect(self.conditions.setPlainText)
+        self._growing.timeout.connect(self.refresh)
+        self._session.theme_changed.connect(lambda _: self._write_conditions())
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a fit or a comparison is at work."""
+        return self.desk.is_running or self._comparing is not None
+
+    def set_library(self, runs: Sequence[IndexedRun]) -> None:
+        """The runs of the folder: where tares come from."""
+        self._library = tuple(runs)
+
+    def show_run(self, path: Path, state: str = "sealed") -> None:
+        """Open a run. `state` as the library knows it."""
+        if path == self.path and state == self._state and self.recording is not None:
+            return
+        self.cancel()
+        self._reader.forget()
+        self._facts = None
+        self.path, self._state = path, state
+        try:
+            self.recording = open_run(path, digest=False)
+        except RigError as error:
+            self._show_problem(path, str(error))
+            return
+        self.problem.hide()
+        self.tabs.show()
+        self.header.show_recording(self.recording, path, state)
+        self.signals.clear()
+        self._read_analyses()
+        self._show_newest()
+        self._forget_comparison()
+        self._growing.start() if state == "being written" else self._growing.stop()
+        self._fill_page()
+
+    def refresh(self) -> None:
+        """Look at a growing run again; one that was sealed meanwhile is opened under its new name."""
+        if self.path is None or self.recording is None or self._state != "being written":
+            return
+        final = self.path.with_name(self.path.name.removesuffix(".part"))
+        if not self.path.exists():
+            if final.exists():
+                self.show_run(final)
+            else:
+                self._growing.stop()
+            return
+        self.recording = follow(self.recording)
+        self.header.show_recording(self.recording, self.path, self._state)
+        if self.tabs.currentWidget() in (self.signals, self.events):
+            self._fill_page()
+
+    def fit(self, order: FitOrder) -> None:
+        """Fit in a process of its own."""
+        self._wanted = order
+        self.bar.set_busy(True, f"Fitting {order.run.name} …")
+        self.desk.ask(order)
+
+    def compare(self, order: FitOrder) -> None:
+        """Hold a parameter set against the run, in a process of its own."""
+        assert order.parameters is not None
+        arguments = ["compare", str(order.run), "--parameters", str(order.parameters), "--json"]
+        arguments += ["--kind", order.kind] if order.kind else []
+        arguments += ["--tare", str(order.tare)] if order.tare else []
+        self._comparing = BackgroundCommand(arguments, self)
+        parameters = order.parameters
+        self._comparing.done.connect(
+            lambda _, out, aside: self._take_comparison(parameters, out, aside)
+        )
+        self.bar.set_busy(True, f"Comparing with {parameters.name} …")
+        self._comparing.start()
+
+    def save_parameters(self, order: FitOrder, target: Path) -> None:
+        """Write what a run identifies into a parameter set, in a process of its own; the set can be chosen at once."""
+        words = [word for word in order.arguments if word not in ("--plots",)]
+        self._comparing = BackgroundCommand([*words, "--parameters-out", str(target)], self)
+        self._comparing.done.connect(lambda code, _, aside: self._take_saved(target, code, aside))
+        self.bar.set_busy(True, f"Writing {target.name} …")
+        self._comparing.start()
+
+    def _take_saved(self, target: Path, code: int, complaint: str) -> None:
+        self._comparing = None
+        self.bar.set_busy(False)
+        if code in (2, 6) or not target.exists():
+            self.bar.say(in_words(complaint), "bad")
+            return
+        own = (
+            {value.path: value.value for value in self._gear.values()}
+            if self._gear is not None
+            else {}
+        )
+        fresh = sum(own.get(value.path) != value.value for value in load_gear(target).values())
+        if fresh:
+            values = f"{fresh} identified {'value' if fresh == 1 else 'values'}"
+            self.bar.say(
+                f"Parameter set: {target}, with {values}. Another run can be compared with it.",
+                "good",
+            )
+        else:
+            why = (
+                " (friction of motor and gear together stays out: choose a tare)"
+                if self.bar.tare.isVisible()
+                else ""
+            )
+            self.bar.say(
+                f"Parameter set: {target}. Nothing that was identified here belongs into it{why}.",
+                "warning",
+            )
+
+    def cancel(self) -> None:
+        """Give up what is at work."""
+        busy = self.is_busy
+        self.desk.cancel()
+        if self._comparing is not None:
+            self._comparing.cancel()
+            self._comparing = None
+        self._wanted = None
+        self.bar.set_busy(False)
+        if busy:
+            self.bar.say("Given up.")
+            self.figure_hint.setText("Given up. Choose this page again to work the figures out.")
+
+    def _show_problem(self, path: Path, problem: str) -> None:
+        self.recording = None
+        self._growing.stop()
+        self.header.show_problem(path)
+        self.tabs.hide()
+        self.problem.setText(f"This file cannot be read.\n\n{problem}")
+        self.problem.show()
+
+    def _read_analyses(self) -> None:
+        assert self.path is not None
+        problem = ""
+        try:
+            self._analyses = read_analyses(self.path)
+        except RigError as error:
+            self._analyses, problem = (), str(error)
+        self.files.show_run(self.path, self._analyses, problem)
+
+    @property
+    def _gear(self) -> HarmonicDrive | None:
+        return self.recording.metadata.gear if self.recording is not None else None
+
+    def _show_newest(self) -> None:
+        """The newest stored analysis, and the fit bar set as it was made."""
+        assert self.path is not None
+        assert self.recording is not None
+        metadata = self.recording.metadata
+        newest = self._analyses[-1] if self._analyses else None
+        used = order_of(newest, self.path, self._known_runs()) if newest else None
+        # A run that was broken off is no tare: it lacks speeds.
+        tares = [
+            r
+            for r in self._library
+            if r.protocol == TARE
+            and r.origin == metadata.origin
+            and r.state == "sealed"
+            and r.outcome in COUNTED_OUTCOMES
+            and r.path != self.path
+        ]
+        self.bar.show_run(self.path, metadata.experiment, tares, used)
+        self.bar.setEnabled(self._state != "being written")
+        self._set_figures((), self._why_no_figures())
+        if newest is not None:
+            self._show_analysis(newest, front=False)
+        elif self._state == "being written":
+            self.results.show_nothing(
+                "The run is being written. Its results can be fitted once it is sealed."
+            )
+        else:
+            self.results.show_nothing("Nothing has been identified from this run yet. Press Fit.")
+
+    def _known_runs(self) -> Mapping[str, Path]:
+        return {run.run_id: run.path for run in self._library if run.state == "sealed"}
+
+    def _show_analysis(self, analysis: Analysis, *, front: bool = True) -> None:
+        try:
+            result = result_from_mapping(analysis.result, analysis.content.get("tables", ()))
+        except (ValueError, KeyError, TypeError) as error:
+            self.results.show_nothing(f"Analysis {analysis.number} cannot be read: {error}.")
+            return
+        self.results.show_result(result, self._gear)
+        made = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
+        tare = str(analysis.content.get("tare", {}).get("run", ""))
+        self.bar.say(f"{made}, {analysis.kind}{self._tare_words(tare, analysis.kind)}.")
+        if front:
+            self.tabs.setCurrentWidget(self.results)
+
+    def _tare_words(self, tare: str, kind: str) -> str:
+        """Which tare an analysis was made with; nothing for a kind that has none."""
+        if kind not in TARED:
+            return ""
+        if tare:
+            return f", less the motor by {tare}"
+        ready = self.bar.tare.currentData()
+        return ", of motor and gear together: no tare" + (
+            ". Fit subtracts the tare that is chosen" if ready else ""
+        )
+
+    def _fill_page(self) -> None:
+        """What the page in front shows is read when it is looked at."""
+        if self.recording is None or self.path is None:
+            return
+        page, path, recording = self.tabs.currentWidget(), self.path, self.recording
+        if page is self.figures and not self.gallery.plots:
+            self._ask_figures()
+        elif page is self.signals:
+            self.signals.show_recording(recording, self._mark)
+        elif page is self.events:
+            self.events.show_recording(recording)
+        elif page is self.conditions and self._facts is None:
+            self.conditions.setPlainText("Reading …")
+            self._reader.start(lambda: facts_of(recording, path))
+
+    @property
+    def _mark(self) -> str:
+        return ORIGIN_WORDS[self.recording.metadata.origin] if self.recording is not None else ""
+
+    def _why_no_figures(self) -> str:
+        assert self.recording is not None
+        if self._state == "being written":
+            return (
+                "The run is being written. Its figures can be worked out once it is "
+                "sealed; its signals are on the next page."
+            )
+        if not self._analyses and self.recording.metadata.experiment not in catalogue.kinds():
+            return (
+                "This recording was not made by a protocol of this program. Choose the "
+                "kind of fit on the page Results."
+            )
+        return ""
+
+    def _ask_figures(self) -> None:
+        """The figures of the newest analysis, worked out again without leaving a trace."""
+        assert self.path is not None
+        why = self._why_no_figures()
+        if why or self.desk.is_running:
+            self.figure_hint.setText(why or self.figure_hint.text())
+            return
+        newest = self._analyses[-1] if self._analyses else None
+        order = (
+            order_of(newest, self.path, self._known_runs())
+            if newest
+            else self.bar.order(keep=False)
+        )
+        self._set_figures((), "Working out the figures …")
+        self.fit(order)
+
+    def _set_figures(self, plots: Sequence[object], hint: str = "") -> None:
+        self.gallery.show_plots(plots, self._mark, keep=True)  # type: ignore[arg-type]
+        self.figure_hint.setText(hint)
+        self._figure_stack.setCurrentWidget(self.gallery if plots else self.figure_hint)
+
+    def _take_result(self, order: FitOrder, result: Result) -> None:
+        if order != self._wanted:
+            return
+        self.bar.set_busy(False)
+        tare = order.tare.name.removesuffix(".h5") if order.tare else ""
+        self.bar.say(
+            f"Fitted as {result.kind}{self._tare_words(tare, result.kind)}." if order.keep else ""
+        )
+        self._set_figures(result.plots, "" if result.plots else "This fit has no figures.")
+        self.results.show_result(result, self._gear)
+        if order.keep:
+            self._read_analyses()
+
+    def _take_refusal(self, order: FitOrder, complaint: str) -> None:
+        if order != self._wanted:
+            return
+        self.bar.set_busy(False)
+        self.bar.say(complaint, "bad")
+        self._set_figures((), complaint)
+
+    def _take_comparison(self, parameters: Path, out: str, complaint: str) -> None:
+        self._comparing = None
+        self.bar.set_busy(False)
+        try:
+            told = json.loads(out)
+        except ValueError:
+            self.bar.say(in_words(complaint), "bad")
+            return
+        self.bar.say("")
+        self.comparison.show_comparison(told, parameters)
+        if self.tabs.indexOf(self.comparison) < 0:
+            self.tabs.insertTab(1, self.comparison, "Comparison")
+        self.tabs.setCurrentWidget(self.comparison)
+
+    def _forget_comparison(self) -> None:
+        place = self.tabs.indexOf(self.comparison)
+        if place >= 0:
+            self.tabs.removeTab(place)
+
+    def _jump(self, moment: float) -> None:
+        self.tabs.setCurrentWidget(self.signals)
+        self.signals.jump(moment)
+
+    def _take_facts(self, facts: Facts) -> None:
+        self._facts = facts
+        self._write_conditions()
+
+    def _write_conditions(self) -> None:
+        if self._facts is not None:
+            self.conditions.setHtml(self._facts.page(self._session.palette))

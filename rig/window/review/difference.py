@@ -1,0 +1,128 @@
+"""What differs between two runs, and only that: a table by group, results with the significance of their difference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+from rig.analysis.difference import Change, Difference, difference, in_laboratory_units
+from rig.analysis.wording import readable
+from rig.gears.card import UNITS, in_words
+from rig.window.review.errand import Errand
+from rig.window.review.grid import GridTable
+from rig.window.shell.session import WindowSession
+
+COLUMNS = ("group", "what", "first", "second", "difference ± U_c", "significance", "remark")
+EVERYTHING = "everything that differs"
+WIDEST = 170
+"""Pixels of a column at first, so that the significance of a result is in view."""
+
+
+class DifferenceView(QWidget):
+    """A difference. `show_runs` works it out beside the window."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self.difference: Difference | None = None
+        self.title, self.says = QLabel("Difference"), QLabel()
+        self.title.setProperty("part", "title")
+        self.title.setWordWrap(True)
+        self.says.setProperty("part", "muted")
+        self.says.setWordWrap(True)
+        self.group = QComboBox()
+        self.group.setAccessibleName("Which group")
+        self.group.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        self.group.currentIndexChanged.connect(lambda _: self._fill())
+        self.table = GridTable(session, "Differences", judged=("significance",), widest=WIDEST)
+        self._errand = Errand(self)
+        self._errand.done.connect(self._take)
+        self._errand.failed.connect(self._refuse)
+        head = QHBoxLayout()
+        head.addWidget(QLabel("show"))
+        head.addWidget(self.group)
+        head.addWidget(self.says, 1)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(8, 8, 8, 4)
+        column.addWidget(self.title)
+        column.addLayout(head)
+        column.addWidget(self.table, 1)
+
+    def show_runs(self, first: Path, second: Path) -> None:
+        """Compare two run files."""
+        self.difference = None
+        self.title.setText("Difference")
+        self.group.clear()
+        self.table.show_rows(COLUMNS, ())
+        self.says.setText("Reading both runs …")
+        self._errand.start(lambda: difference(first, second))
+
+    def _take(self, found: Difference) -> None:
+        self.difference = found
+        self.title.setText(f"{found.first}  against  {found.second}")
+        counts = {group: len(found.of(group)) for group in found.compared}
+        self.group.clear()
+        self.group.addItem(EVERYTHING, "")
+        for group, count in counts.items():
+            if count:
+                self.group.addItem(f"{group} ({count})", group)
+        same = [group for group, count in counts.items() if not count and found.compared[group]]
+        looked_at = sum(found.compared.values())
+        text = (
+            f"{len(found.changes)} of {looked_at} things differ."
+            if found.differs
+            else "Nothing differs but number and time."
+        )
+        self.says.setText(text + (f" The same in both: {', '.join(same)}." if same else ""))
+        self._fill()
+
+    def _refuse(self, complaint: str) -> None:
+        self.says.setText(complaint)
+
+    def _fill(self) -> None:
+        if self.difference is None:
+            return
+        group = self.group.currentData()
+        changes = self.difference.of(group) if group else self.difference.changes
+        kinds = {change.name.partition(": ")[0] for change in changes if change.group == "results"}
+        rows = [
+            change_row(change, several_kinds=len(kinds) > 1) for change in _results_first(changes)
+        ]
+        self.table.show_rows(COLUMNS, rows, (False, False, True, True, True, False, False))
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """A parameter or a fact of a gear card as words, and its unit."""
+    for ending, unit in (("_rpm", "r/min"), ("_kg_m2", "kg m²"), ("_um", "µm"), ("_deg", "°")):
+        if name.endswith(ending):
+            return in_words(name), unit
+    return readable(name), UNITS.get(name, "")
+
+
+def _results_first(changes: Sequence[Change]) -> list[Change]:
+    """The order in which a reader asks: what came out, then why."""
+    return sorted(changes, key=lambda change: change.group != "results")
+
+
+def change_row(change: Change, *, several_kinds: bool = True) -> tuple[str, ...]:
+    """One line under `COLUMNS`; results name their kind of fit where there are several."""
+    kind, _, name = (
+        change.name.partition(": ") if change.group == "results" else ("", "", change.name)
+    )
+    words = readable(name) if name else kind
+    if change.group in ("parameters", "conditions"):
+        # The unit is part of the name in files only.
+        words, unit = _without_unit(name)
+        first, second = (
+            f"{text} {unit}".strip() if text else "–" for text in (change.first, change.second)
+        )
+        return (change.group, words, first, second, "", "", change.note)
+    what = f"{kind}: {words}" if name and kind and several_kinds else words
+    if change.difference is None or change.uncertainty is None:
+        return (change.group, what, change.first, change.second, "", "", change.note)
+    shown = in_laboratory_units(change.name, change.difference, change.uncertainty, change.unit)
+    verdict = (
+        "" if change.significant is None else "significant" if change.significant else "within U"
+    )
+    return (change.group, what, change.first, change.second, shown, verdict, change.note)

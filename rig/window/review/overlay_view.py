@@ -1,0 +1,227 @@
+"""Several runs over each other in the window: each is fitted beside the window, then their common
+figures can be chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtGui import QColor, QIcon, QPixmap
+from PySide6.QtWidgets import (
+    QComboBox,
+    QHBoxLayout,
+    QLabel,
+    QListWidget,
+    QListWidgetItem,
+    QProgressBar,
+    QPushButton,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
+
+from experiments.result import Result
+from rig.analysis.store import read_analyses
+from rig.errors import RigError
+from rig.library.index import IndexedRun
+from rig.runfile.header import ORIGIN_WORDS
+from rig.window.plot.overlay import Overlaid, common_figures, mark_of, overlay, short_names
+from rig.window.plot.result_plot import ResultPlot
+from rig.window.review.fit import FitDesk, FitOrder, ResultCache, order_of
+from rig.window.review.table_model import local_time
+from rig.window.shell.session import WindowSession
+
+
+@dataclass
+class _Line:
+    """One run of the overlay as it comes along."""
+
+    run: IndexedRun
+    name: str
+    order: FitOrder
+    result: Result | None = None
+    problem: str = ""
+
+
+class OverlayView(QWidget):
+    """An overlay. `show_runs` begins it; `cancel` leaves the runs that are not there yet out."""
+
+    def __init__(self, session: WindowSession, cache: ResultCache) -> None:
+        super().__init__()
+        self._session = session
+        self._lines: list[_Line] = []
+        self.desk = FitDesk(cache, self)
+        self.title = QLabel("Overlay")
+        self.title.setProperty("part", "title")
+        self.figure = QComboBox()
+        self.figure.setAccessibleName("Figure")
+        self.figure.setMinimumContentsLength(12)
+        self.runs = QListWidget()
+        self.runs.setAccessibleName("Runs of the overlay")
+        self.runs.setMinimumWidth(150)
+        self.runs.setWordWrap(True)
+        self.runs.setSpacing(2)
+        self.plot = ResultPlot(session)
+        self.says = QLabel()
+        self.says.setWordWrap(True)
+        self.says.setProperty("part", "muted")
+        self.busy = QProgressBar()
+        self.busy.setFormat("fitted %v of %m")
+        self.stop = QPushButton("Cancel")
+        self.figure.currentIndexChanged.connect(lambda _: self._draw())
+        self.runs.itemChanged.connect(lambda _: self._offer())
+        self.stop.clicked.connect(self.cancel)
+        self.desk.fitted.connect(self._take)
+        self.desk.refused.connect(self._refuse)
+        self.desk.progressed.connect(self._progress)
+        session.theme_changed.connect(lambda _: self._list())
+        self._lay_out()
+        self._progress(0, 0)
+
+    def _lay_out(self) -> None:
+        head = QHBoxLayout()
+        head.addWidget(self.title)
+        head.addWidget(self.figure, 1)
+        head.addWidget(self.busy)
+        head.addWidget(self.stop)
+        both = QSplitter()
+        both.setChildrenCollapsible(False)
+        both.addWidget(self.runs)
+        both.addWidget(self.plot)
+        both.setStretchFactor(1, 1)
+        both.setSizes([190, 680])
+        column = QVBoxLayout(self)
+        column.setContentsMargins(8, 8, 8, 4)
+        column.addLayout(head)
+        column.addWidget(both, 1)
+        column.addWidget(self.says)
+
+    def show_runs(self, runs: Sequence[IndexedRun], library: Mapping[str, Path]) -> None:
+        """Overlay these runs; `library` knows where the tares of their analyses are."""
+        self.desk.cancel()
+        names = short_names({run.path.name: (run.number, run.gear_serial) for run in runs})
+        self._lines = [_Line(run, names[run.path.name], _order(run, library)) for run in runs]
+        self.title.setText(f"Overlay of {len(runs)} runs")
+        self._list()
+        self._offer()
+        self.desk.ask(*(line.order for line in self._lines))
+
+    def cancel(self) -> None:
+        """Give up the fits that are not done."""
+        self.desk.cancel()
+
+    @property
+    def overlaid(self) -> list[Overlaid]:
+        """The runs that are there and wanted."""
+        made = []
+        for row, line in enumerate(self._lines):
+            item = self.runs.item(row)
+            if (
+                line.result is not None
+                and item is not None
+                and item.checkState() is Qt.CheckState.Checked
+            ):
+                mark = ORIGIN_WORDS.get(line.run.origin, line.run.origin)
+                made.append(Overlaid(line.name, mark, line.result.plots, row))
+        return made
+
+    def _take(self, order: FitOrder, result: Result) -> None:
+        for line in self._lines:
+            if line.order == order:
+                line.result, line.problem = result, ""
+        self._list()
+        self._offer()
+
+    def _refuse(self, order: FitOrder, complaint: str) -> None:
+        for line in self._lines:
+            if line.order == order:
+                line.problem = complaint
+        self._list()
+        self._offer()
+
+    def _progress(self, done: int, asked: int) -> None:
+        running = asked > done
+        self.busy.setVisible(running)
+        self.stop.setVisible(running)
+        if running:
+            self.busy.setRange(0, asked)
+            self.busy.setValue(done)
+        self._draw()
+
+    def _list(self) -> None:
+        """The runs with their colours, and whether they are there."""
+        with QSignalBlocker(self.runs):
+            hidden = [
+                row
+                for row in range(self.runs.count())
+                if (item := self.runs.item(row)) and item.checkState() is Qt.CheckState.Unchecked
+            ]
+            keep = self.runs.count() == len(self._lines)
+            self.runs.clear()
+            for row, line in enumerate(self._lines):
+                state = (
+                    ""
+                    if line.result
+                    else "\ncannot be fitted"
+                    if line.problem
+                    else "\nbeing fitted …"
+                )
+                item = QListWidgetItem(
+                    f"{line.name}\n{line.run.protocol}, {local_time(line.run.start)}{state}"
+                )
+                item.setToolTip(line.problem or line.run.path.name)
+                item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
+                off = keep and row in hidden
+                item.setCheckState(Qt.CheckState.Unchecked if off else Qt.CheckState.Checked)
+                item.setIcon(_swatch(self._session.palette.series_colour(row)))
+                self.runs.addItem(item)
+
+    def _offer(self) -> None:
+        """The figures that at least two runs have."""
+        figures = common_figures(self.overlaid)
+        chosen = self.figure.currentData()
+        with QSignalBlocker(self.figure):
+            self.figure.clear()
+            for name, title in figures.items():
+                self.figure.addItem(title, name)
+            self.figure.setCurrentIndex(max(0, self.figure.findData(chosen)) if figures else -1)
+        self._draw()
+
+    def _draw(self) -> None:
+        name = self.figure.currentData()
+        runs = self.overlaid
+        made = overlay(runs, name) if name else None
+        if made is None:
+            self.plot.clear_data()
+            self.plot.set_labels("", "", "")
+            self.says.setText(self._why_nothing())
+            return
+        self.plot.set_mark(mark_of(runs))
+        self.plot.show_data(made.plot)
+        self.says.setText(" ".join((*made.left_out, *self.plot.remarks)))
+
+    def _why_nothing(self) -> str:
+        problems = [f"{line.name}: {line.problem}" for line in self._lines if line.problem]
+        if problems:
+            return "\n".join(problems)
+        if self.desk.is_running:
+            return "The runs are being fitted. Their figures appear as they are done."
+        return "These runs have no figure in common: choose runs of one protocol."
+
+
+def _order(run: IndexedRun, library: Mapping[str, Path]) -> FitOrder:
+    """The newest stored analysis made again; without one the fit of the run's protocol."""
+    try:
+        stored = read_analyses(run.path)
+    except RigError:
+        stored = ()
+    return order_of(stored[-1], run.path, library) if stored else FitOrder(run.path)
+
+
+def _swatch(colour: str) -> QIcon:
+    made = QPixmap(14, 14)
+    made.fill(QColor(colour))
+    return QIcon(made)

@@ -1,0 +1,217 @@
+"""The Review page: the library of runs on the left; on the right a run, an overlay, a difference or
+a gear's passport.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from datetime import date
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QTimer, QUrl
+from PySide6.QtGui import QDesktopServices, QShowEvent
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QWidget
+
+from rig.analysis.store import read_analyses
+from rig.errors import RigError
+from rig.library.index import IndexedRun
+from rig.window.review.details.page import RunDetails
+from rig.window.review.difference import DifferenceView
+from rig.window.review.fit import ResultCache, in_words, order_of
+from rig.window.review.library_table import HTML, LibraryTable
+from rig.window.review.overlay_view import OverlayView
+from rig.window.review.passport import PassportView
+from rig.window.review.results import ChooseFile
+from rig.window.shell.session import WindowSession
+from rig.window.work.background import BackgroundCommand
+
+EMPTY = (
+    "Choose a run on the left: its results, figures, signals and files appear here.\n\n"
+    "Choose two or more to overlay their figures, two to see what differs. "
+    "Search with Ctrl+F; the arrow keys go through the list."
+)
+SIZES = (490, 860)
+"""Pixels of library and details at first."""
+
+
+class ReviewPage(QWidget):
+    """The page. `opener` opens a file on the desktop; `choose_file` asks for a parameter set; tests
+    hand in their own.
+    """
+
+    def __init__(
+        self,
+        session: WindowSession,
+        *,
+        opener: Callable[[QUrl], object] = QDesktopServices.openUrl,
+        choose_file: ChooseFile | None = None,
+        today: Callable[[], date] = date.today,
+    ) -> None:
+        super().__init__()
+        self._session, self._opener = session, opener
+        self._report: BackgroundCommand | None = None
+        cache: ResultCache = {}
+        self.library = LibraryTable(session, today)
+        self.details = RunDetails(session, cache, opener, choose_file)
+        self.overlay = OverlayView(session, cache)
+        self.difference = DifferenceView(session)
+        self.passport = PassportView(session)
+        self.empty = QLabel(EMPTY)
+        self.empty.setProperty("part", "muted")
+        self.empty.setWordWrap(True)
+        self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.empty.setMargin(40)
+        self.right = QStackedWidget()
+        for view in (self.empty, self.details, self.overlay, self.difference, self.passport):
+            self.right.addWidget(view)
+        both = QSplitter(Qt.Orientation.Horizontal)
+        both.setChildrenCollapsible(False)
+        both.addWidget(self.library)
+        both.addWidget(self.right)
+        both.setStretchFactor(1, 1)
+        both.setSizes(list(SIZES))
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.addWidget(both)
+        self._connect()
+
+    def _connect(self) -> None:
+        library = self.library
+        library.source.changed.connect(self._take_library)
+        library.chosen.connect(self._choose)
+        library.opened.connect(self.show_run)
+        library.overlay_requested.connect(self.show_overlay)
+        library.difference_requested.connect(lambda paths: self.show_difference(*paths))
+        library.passport_requested.connect(self.show_passport)
+        self.passport.run_chosen.connect(self.show_run)
+        self.passport.report_requested.connect(self.make_gear_report)
+        library.report_requested.connect(self.make_report)
+        self.details.report_requested.connect(self.make_report)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """The folder is read when the page is looked at."""
+        super().showEvent(event)
+        QTimer.singleShot(0, self.library.source.look)
+
+    def refresh(self) -> None:
+        """Look at the folder and at the shown run again."""
+        self.library.source.look()
+        self.details.refresh()
+
+    def show_run(self, path: Path) -> None:
+        """Open a run and choose it in the library."""
+        path = Path(path)
+        if self.library.selected != [path]:
+            self.library.select(path)
+        self.library.table.setFocus()
+        self._open(path)
+        self.library.source.look()
+
+    def show_overlay(self, paths: Sequence[Path]) -> None:
+        """The figures of several runs over each other."""
+        runs = [run for path in paths if (run := self.library.run_of(path)) is not None]
+        self.right.setCurrentWidget(self.overlay)
+        self.overlay.show_runs(runs, {run.run_id: run.path for run in self.library.model.runs})
+
+    def show_difference(self, first: Path, second: Path) -> None:
+        """What differs between two runs."""
+        self.right.setCurrentWidget(self.difference)
+        self.difference.show_runs(first, second)
+
+    def show_passport(self, serial: str) -> None:
+        """The runs of a gear over time."""
+        self.right.setCurrentWidget(self.passport)
+        self.passport.show_gear(serial, self.library.model.runs)
+
+    def make_report(self, paths: Sequence[Path], suffix: str = HTML) -> None:
+        """Write the report of runs in a process of its own, then open it."""
+        if self._report is not None:
+            self._session.message.emit("A report is being written already.")
+            return
+        page = report_path(paths, suffix)
+        tare = self._tare_of(paths)
+        words = [str(path) for path in paths] + (["--tare", str(tare)] if tare is not None else [])
+        self._write_report(words, page)
+
+    def make_gear_report(self, serial: str, suffix: str = HTML) -> None:
+        """Write the report of a gear over all its runs of this folder, then open it."""
+        if self._report is not None:
+            self._session.message.emit("A report is being written already.")
+            return
+        folder = self._session.folder
+        page = folder / f"gear-{re.sub(r'[^A-Za-z0-9_.-]+', '_', serial)[:80]}{suffix}"
+        self._write_report(["--gear", serial, "--runs", str(folder)], page)
+
+    def _write_report(self, words: Sequence[str], page: Path) -> None:
+        self._report = BackgroundCommand(["report", *words, "--output", str(page)], self)
+        self._report.done.connect(lambda code, out, aside: self._open_report(page, code, aside))
+        self._say_report(f"Writing the report {page.name} …", busy=True)
+        self._report.start()
+
+    def _tare_of(self, paths: Sequence[Path]) -> Path | None:
+        """The tare that the newest analysis of these runs was made with: what was decided here holds in the report."""
+        known = {run.run_id: run.path for run in self.library.model.runs if run.state == "sealed"}
+        for path in reversed(paths):
+            try:
+                analyses = read_analyses(path)
+            except RigError:
+                continue
+            tare = order_of(analyses[-1], path, known).tare if analyses else None
+            if tare is not None and tare not in paths:
+                return tare
+        return None
+
+    def _open_report(self, page: Path, code: int, complaint: str) -> None:
+        self._report = None
+        if code in (2, 6) or not page.exists():
+            self._say_report(in_words(complaint), busy=False)
+            return
+        opened = self._opener(QUrl.fromLocalFile(str(page.resolve())))
+        self._say_report(
+            f"Report: {page}" + ("" if opened is not False else " (nothing here opens it)"),
+            busy=False,
+        )
+
+    def _say_report(self, text: str, *, busy: bool) -> None:
+        self.library.say(text)
+        if not self.isVisible():
+            self._session.message.emit(text)
+        self.passport.allow_report(not busy)
+        self.details.header.allow_report(not busy)
+
+    def _choose(self, paths: Sequence[Path]) -> None:
+        """The selection has come to rest: one run is opened; several wait for what is to be done with them."""
+        if len(paths) == 1:
+            self._open(paths[0])
+
+    def _open(self, path: Path) -> None:
+        run = self.library.run_of(path)
+        state = run.state if run else "being written" if path.name.endswith(".part") else "sealed"
+        self.details.set_library(self.library.model.runs)
+        self.right.setCurrentWidget(self.details)
+        self.details.show_run(path, state)
+
+    def _take_library(self, runs: Sequence[IndexedRun]) -> None:
+        self.details.set_library(runs)
+        shown = self.details.path
+        if shown is None:
+            return
+        # The shown run may have been sealed, or recovered, since it was opened.
+        now = next(
+            (
+                run
+                for run in runs
+                if run.path.name.removesuffix(".part") == shown.name.removesuffix(".part")
+            ),
+            None,
+        )
+        if now is not None and now.path.name != shown.name:
+            self.details.show_run(now.path, now.state)
+
+
+def report_path(paths: Sequence[Path], suffix: str = HTML) -> Path:
+    """Where the report of runs is written: beside the first of them, by its name."""
+    first = paths[0]
+    more = f"-and-{len(paths) - 1}-more" if len(paths) > 1 else ""
+    return first.with_name(f"{first.name.removesuffix('.h5')}{more}{suffix}")

@@ -1,0 +1,302 @@
+"""A gear's passport in the window: its control charts and spectra, what each chart says, its runs,
+and what is missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QLabel,
+    QProgressBar,
+    QPushButton,
+    QTabWidget,
+    QVBoxLayout,
+    QWidget,
+)
+
+from rig.analysis.store import read_analyses
+from rig.analysis.wording import fixed, number
+from rig.errors import RigError
+from rig.library.index import IndexedRun
+from rig.window.plot.result_plot import PlotGallery
+from rig.window.review.errand import Errand
+from rig.window.review.fit import FitDesk, FitOrder
+from rig.window.review.grid import GridTable
+from rig.window.review.results import TARE, TARED
+from rig.window.review.table_model import local_time, outcome_of, with_sign
+from rig.window.shell.session import WindowSession
+
+if TYPE_CHECKING:
+    from rig.analysis.passport.content import Passport, PassportPoint, PassportSeries
+
+STATE_COLUMNS = (
+    "what",
+    "newest",
+    "unit",
+    "state",
+    "signals",
+    "centre",
+    "control limits",
+    "catalogue limit",
+    "runs",
+    "remarks",
+)
+RUN_COLUMNS = ("#", "started", "protocol", "outcome", "operator", "file")
+MISSING_COLUMNS = ("what", "run", "what to do")
+
+
+class PassportView(QWidget):
+    """The passport of one gear. `show_gear` reads it beside the window; `run_chosen` carries a run that was opened."""
+
+    run_chosen = Signal(Path)
+    report_requested = Signal(str, str)
+    """Carries the serial number and the suffix of the report."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self._serial = ""
+        self._library: tuple[IndexedRun, ...] = ()
+        self._refusals: list[str] = []
+        self.desk = FitDesk(parent=self)
+        self.passport: Passport | None = None
+        self.title, self.mark, self.says = QLabel("Passport"), QLabel(), QLabel()
+        self.title.setProperty("part", "title")
+        self.mark.setProperty("part", "mark")
+        self.says.setProperty("part", "muted")
+        self.says.setWordWrap(True)
+        self.analyse = QPushButton("Fit what is &missing")
+        self.analyse.setToolTip(
+            "Fit every run of this gear that has no analysis yet, friction with the newest "
+            "motor tare; kept beside its run"
+        )
+        self.analyse.clicked.connect(self.fit_missing)
+        self.report, self.pdf = QPushButton("Gear r&eport"), QPushButton("PDF")
+        self.report.setToolTip(
+            "The report of this gear over all its runs, as a web page (HTML), and open it"
+        )
+        self.pdf.setToolTip(
+            "The report of this gear over all its runs, for paper (PDF), and open it"
+        )
+        self.report.clicked.connect(lambda: self.report_requested.emit(self._serial, ".html"))
+        self.pdf.clicked.connect(lambda: self.report_requested.emit(self._serial, ".pdf"))
+        self.charts = PlotGallery(session)
+        self.state = GridTable(session, "What the charts say", judged=("state",))
+        self.runs = GridTable(session, "Runs of the gear")
+        self.missing = GridTable(session, "What is missing")
+        self.runs.activated.connect(lambda index: self._open_run(index.row()))
+        self.busy, self.cancel = QProgressBar(), QPushButton("Cancel")
+        self.busy.setFormat("fitted %v of %m")
+        self.busy.setFixedWidth(150)
+        self.cancel.clicked.connect(self.desk.cancel)
+        self.desk.progressed.connect(self._progress)
+        self.desk.refused.connect(
+            lambda order, why: self._refusals.append(f"{order.run.name}: {why}")
+        )
+        self._errand = Errand(self)
+        self._errand.done.connect(self._take)
+        self._errand.failed.connect(self.says.setText)
+        self._lay_out()
+        self._show_busy(False)
+
+    def _lay_out(self) -> None:
+        head = QHBoxLayout()
+        head.addWidget(self.title, 1)
+        head.addWidget(self.mark)
+        for widget in (self.busy, self.cancel, self.analyse, self.report, self.pdf):
+            head.addWidget(widget)
+        self.tabs = QTabWidget()
+        for page, name in (
+            (self.charts, "Charts"),
+            (self.state, "What they say"),
+            (self.runs, "Runs"),
+            (self.missing, "Missing"),
+        ):
+            self.tabs.addTab(page, name)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(8, 8, 8, 4)
+        column.addLayout(head)
+        column.addWidget(self.says)
+        column.addWidget(self.tabs, 1)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether it is still being read, or runs are being fitted."""
+        return self._errand.is_running or self.desk.is_running
+
+    def show_gear(self, serial: str, library: Sequence[IndexedRun] = ()) -> None:
+        """The passport of a gear by its serial number; `library` are the runs of the folder."""
+        self.desk.cancel()
+        self._serial, self._library, self._refusals = serial, tuple(library), []
+        self._read()
+
+    def _read(self) -> None:
+        serial, self.passport = self._serial, None
+        self.title.setText(f"Passport of {serial}")
+        self.mark.clear()
+        self.charts.show_plots((), "")
+        self.says.setText("Reading the analyses of its runs …")
+        self._errand.start(_reader(self._session.folder, serial))
+
+    def fit_missing(self) -> None:
+        """Fit what has no analysis yet, each run in a process of its own, and read the passport again."""
+        orders = missing_fits(self._library, self._serial)
+        if not orders:
+            self.says.setText("Every run of this gear that can be fitted has been.")
+            return
+        self._refusals = []
+        self._show_busy(True)
+        self.desk.ask(*orders)
+
+    def allow_report(self, allowed: bool) -> None:
+        """Whether a report can be asked for: not while one is being written."""
+        for button in (self.report, self.pdf):
+            button.setEnabled(allowed)
+
+    def _show_busy(self, busy: bool) -> None:
+        self.busy.setVisible(busy)
+        self.cancel.setVisible(busy)
+        self.analyse.setDisabled(busy)
+
+    def _progress(self, done: int, asked: int) -> None:
+        self.busy.setRange(0, max(asked, 1))
+        self.busy.setValue(done)
+        if done == asked:
+            self._show_busy(False)
+            if asked:
+                self._read()
+
+    def _take(self, passport: Passport) -> None:
+        self.passport = passport
+        self.title.setText(
+            f"Passport of {passport.serial}" + (f" · {passport.gear}" if passport.gear else "")
+        )
+        self.mark.setText(passport.mark)
+        self.charts.show_plots(passport.plots, passport.mark, keep=True)
+        numeric = (False, True, False, False, False, True, True, True, True, False)
+        self.state.show_rows(
+            STATE_COLUMNS, [state_row(series) for series in passport.series], numeric
+        )
+        rows = [
+            (
+                str(run.number),
+                local_time(run.start),
+                run.protocol,
+                with_sign(outcome_of(run)),
+                run.operator,
+                run.path.name,
+            )
+            for run in passport.runs
+        ]
+        self.runs.show_rows(RUN_COLUMNS, rows, (True,))
+        gaps = [(m.what, m.run, m.remedy) for m in (*passport.missing, *passport.left_out)]
+        self.missing.show_rows(MISSING_COLUMNS, gaps)
+        self.tabs.setTabText(3, f"Missing ({len(gaps)})" if gaps else "Nothing missing")
+        self.says.setText("\n".join((summary(passport), *self._refusals)))
+
+    def _open_run(self, row: int) -> None:
+        if self.passport is not None:
+            self.run_chosen.emit(self.passport.runs[row].path)
+
+
+def _reader(folder: Path, serial: str) -> Callable[[], Passport]:
+    def read() -> Passport:
+        from rig.analysis.passport.build import passport
+
+        return passport(folder, serial)
+
+    return read
+
+
+def missing_fits(library: Sequence[IndexedRun], serial: str) -> list[FitOrder]:
+    """The fits that the passport of a gear waits for; friction with the newest motor tare of the same kind of rig."""
+    from rig.analysis.passport.gather import COUNTED_OUTCOMES
+    from rig.analysis.passport.quantities import KINDS
+
+    orders = []
+    for run in library:
+        if (
+            run.gear_serial != serial
+            or run.state != "sealed"
+            or run.protocol not in KINDS
+            or run.outcome not in COUNTED_OUTCOMES
+        ):
+            continue
+        tares = [
+            r.path
+            for r in library
+            if r.protocol == TARE
+            and r.origin == run.origin
+            and r.state == "sealed"
+            and r.outcome in COUNTED_OUTCOMES
+        ]
+        tare = tares[-1] if tares and run.protocol in TARED else None
+        try:
+            # At its end a run is fitted without a tare: of the gear alone nothing is known before
+            # it is fitted with one.
+            done = any(
+                analysis.kind == run.protocol and (tare is None or analysis.content.get("tare"))
+                for analysis in read_analyses(run.path)
+            )
+        except RigError:
+            continue
+        if not done:
+            orders.append(FitOrder(run.path, tare=tare, keep=True))
+    return orders
+
+
+def summary(passport: Passport) -> str:
+    """The passport in a sentence."""
+    count = f"{len(passport.runs)} runs, {len(passport.series)} charts"
+    if not passport.series:
+        return f"{count}. Nothing has been fitted yet: fit what is missing."
+    out = [
+        series.title
+        for series in passport.series
+        if series.state in ("out of control", "to be watched")
+    ]
+    return f"{count}. " + (f"To be looked at: {'; '.join(out)}." if out else "No run stands out.")
+
+
+def state_row(series: PassportSeries) -> tuple[str, ...]:
+    """What a chart says of the newest run, under `STATE_COLUMNS`, in the unit of the laboratory."""
+    newest = series.points[-1]
+    value = f"{number(newest.value / series.factor)} ± {number(newest.expanded_uncertainty / series.factor, 2)}"
+    control, limit = series.control, series.limit
+    centre = number(control.centre / series.factor) if control else "–"
+    limits = (
+        f"{number(control.lower / series.factor)} … {number(control.upper / series.factor)}"
+        if control
+        else "–"
+    )
+    catalogue = f"{number(limit.value / series.factor)} ({limit.provenance})" if limit else "–"
+    remarks = "; ".join((*newest.remarks, *series.notes))
+    return (
+        _title(series),
+        value,
+        series.display_unit,
+        series.state,
+        _signals(newest),
+        centre,
+        limits,
+        catalogue,
+        fixed(len(series.points), 0),
+        remarks,
+    )
+
+
+def _title(series: PassportSeries) -> str:
+    conditions = ", ".join(f"{name} {value}" for name, value in series.conditions.items())
+    return f"{series.title} ({conditions})" if conditions else series.title
+
+
+def _signals(point: PassportPoint) -> str:
+    if not point.signals:
+        return "none"
+    words = f"rule {', '.join(point.signals)}"
+    return f"{words}; within U" if point.within_uncertainty else words

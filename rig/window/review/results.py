@@ -1,0 +1,324 @@
+"""The results of a run: what was identified with interval, verdict and catalogue value, and the fit that finds it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFileDialog,
+    QHBoxLayout,
+    QLabel,
+    QProgressBar,
+    QPushButton,
+    QSplitter,
+    QTextBrowser,
+    QVBoxLayout,
+    QWidget,
+)
+
+from experiments import catalogue
+from experiments.result import Result
+from model.gear import HarmonicDrive
+from rig.library.index import IndexedRun
+from rig.window.review.fit import FitOrder
+from rig.window.review.grid import GridTable
+from rig.window.review.table_model import local_time
+from rig.window.review.words import RESULT_COLUMNS, result_page, result_rows
+from rig.window.shell.session import WindowSession
+
+TARE, TARED = "motor-tare", ("friction",)
+"""The protocol that gives a tare, and the kinds of fit that subtract one."""
+ChooseFile = Callable[[], Path | None]
+
+
+class FitBar(QWidget):
+    """What to fit as what, with which tare and parameter set; progress, and a way to give up."""
+
+    fit_requested = Signal(object)
+    """Carries a `FitOrder`."""
+    compare_requested = Signal(object)
+    """Carries a `FitOrder` whose parameter set is to be held against the run."""
+    save_requested = Signal(object, Path)
+    """Carries a `FitOrder` and the file that takes what it identifies as a parameter set."""
+    cancelled = Signal()
+
+    def __init__(self, choose_file: ChooseFile | None = None) -> None:
+        super().__init__()
+        self._run: Path | None = None
+        self._choose_file = choose_file or self._ask_file
+        self.choose_target: ChooseFile = self._ask_target
+        """Asks where a parameter set is to be written."""
+        self.kind, self.tare, self.parameters = QComboBox(), QComboBox(), QComboBox()
+        for box, name in (
+            (self.kind, "kind of fit"),
+            (self.tare, "tare"),
+            (self.parameters, "parameter set"),
+        ):
+            box.setAccessibleName(name.capitalize())
+            box.setSizeAdjustPolicy(
+                QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
+            )
+            box.setMinimumContentsLength(9)
+        self.kind.currentTextChanged.connect(lambda _: self._offer_tare())
+        self.parameters.activated.connect(self._choose_parameters)
+        self.tare_label = QLabel("tare")
+        self.fit = QPushButton("&Fit")
+        self.fit.setProperty("part", "primary")
+        self.fit.setToolTip("Identify the model from this run; the analysis is kept beside it")
+        self.compare = QPushButton("&Compare")
+        self.compare.setToolTip(
+            "Hold a parameter set against this run: what it predicts and what was measured"
+        )
+        self.save = QPushButton("&Save set …")
+        self.save.setToolTip(
+            "Write what this run identifies into a parameter set (TOML): to hold it against "
+            "another run, or to plan with it"
+        )
+        self.save.clicked.connect(self._save)
+        self.cancel = QPushButton("Cancel")
+        self.busy = QProgressBar()
+        self.busy.setRange(0, 0)
+        self.busy.setTextVisible(False)
+        self.busy.setFixedWidth(90)
+        self.says = QLabel()
+        self.says.setWordWrap(True)
+        self.says.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.fit.clicked.connect(lambda: self.fit_requested.emit(self.order(keep=True)))
+        self.compare.clicked.connect(self._compare)
+        self.cancel.clicked.connect(self.cancelled)
+        self._lay_out()
+        self.set_busy(False)
+
+    def _lay_out(self) -> None:
+        row = QHBoxLayout()
+        row.setSpacing(6)
+        for widget in (
+            QLabel("fit as"),
+            self.kind,
+            self.tare_label,
+            self.tare,
+            QLabel("parameters"),
+            self.parameters,
+        ):
+            row.addWidget(widget, 1 if isinstance(widget, QComboBox) else 0)
+        row.addWidget(self.fit)
+        row.addWidget(self.compare)
+        row.addWidget(self.save)
+        below = QHBoxLayout()
+        below.addWidget(self.busy)
+        below.addWidget(self.says, 1)
+        below.addWidget(self.cancel)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(4)
+        column.addLayout(row)
+        column.addLayout(below)
+
+    def show_run(
+        self, run: Path, protocol: str, tares: Sequence[IndexedRun], used: FitOrder | None
+    ) -> None:
+        """Another run: the kind is that of its protocol, the tare the one that its analysis used, else the newest."""
+        self._run, self._tares = run, tuple(tares)
+        kinds = catalogue.kinds()
+        self.kind.blockSignals(True)
+        self.kind.clear()
+        for name in ([protocol] if protocol in kinds else []) + [k for k in kinds if k != protocol]:
+            self.kind.addItem(name, name)
+        chosen = used.kind if used and used.kind else protocol
+        self.kind.setCurrentIndex(max(0, self.kind.findData(chosen)))
+        self.kind.blockSignals(False)
+        self.parameters.clear()
+        self.parameters.addItem("the run's own", "")
+        self.parameters.addItem("from a file …", "?")
+        self._offer_tare()
+        if used is not None and used.tare is not None:
+            self.tare.setCurrentIndex(max(0, self.tare.findData(str(used.tare))))
+        self.say("")
+
+    def order(self, *, keep: bool) -> FitOrder:
+        """The fit as it is set."""
+        assert self._run is not None
+        tare, parameters = (
+            str(self.tare.currentData() or ""),
+            str(self.parameters.currentData() or ""),
+        )
+        with_tare = self.kind.currentData() in TARED and tare
+        return FitOrder(
+            self._run,
+            str(self.kind.currentData() or ""),
+            Path(tare) if with_tare else None,
+            Path(parameters) if parameters not in ("", "?") else None,
+            keep=keep,
+        )
+
+    def set_busy(self, busy: bool, words: str = "") -> None:
+        """Whether a fit is at work."""
+        for widget in (self.fit, self.compare, self.save, self.kind, self.tare, self.parameters):
+            widget.setDisabled(busy)
+        self.busy.setVisible(busy)
+        self.cancel.setVisible(busy)
+        if words or busy:
+            self.say(words)
+
+    def say(self, text: str, part: str = "muted") -> None:
+        """A sentence under the choices; `part` of the style sheet says how grave it is."""
+        self.says.setText(text)
+        self.says.setProperty("part", part)
+        self.says.style().unpolish(self.says)
+        self.says.style().polish(self.says)
+        self.says.setVisible(bool(text))
+
+    def _offer_tare(self) -> None:
+        needs = self.kind.currentData() in TARED
+        self.tare.clear()
+        self.tare.addItem("none", "")
+        for run in self._tares:
+            self.tare.addItem(f"run {run.number}, {local_time(run.start)}", str(run.path))
+            self.tare.setItemData(self.tare.count() - 1, run.path.name, Qt.ItemDataRole.ToolTipRole)
+        self.tare.setCurrentIndex(len(self._tares))
+        self.tare.setVisible(needs)
+        self.tare_label.setVisible(needs)
+
+    def _choose_parameters(self, row: int) -> None:
+        if self.parameters.itemData(row) != "?":
+            return
+        path = self._choose_file()
+        if path is None:
+            self.parameters.setCurrentIndex(0)
+            return
+        self.parameters.insertItem(1, path.name, str(path))
+        self.parameters.setItemData(1, str(path), Qt.ItemDataRole.ToolTipRole)
+        self.parameters.setCurrentIndex(1)
+
+    def _compare(self) -> None:
+        order = self.order(keep=False)
+        if order.parameters is None:
+            path = self._choose_file()
+            if path is None:
+                return
+            self.parameters.insertItem(1, path.name, str(path))
+            self.parameters.setCurrentIndex(1)
+            order = self.order(keep=False)
+        self.compare_requested.emit(order)
+
+    def _save(self) -> None:
+        path = self.choose_target()
+        if path is not None:
+            self.save_requested.emit(self.order(keep=False), path)
+
+    def _ask_target(self) -> Path | None:
+        begin = f"{self._run.name.removesuffix('.h5')}.toml" if self._run is not None else ""
+        title = "Where is the parameter set written?"
+        found, _ = QFileDialog.getSaveFileName(self, title, begin, "Parameter sets (*.toml)")
+        return Path(found).with_suffix(".toml") if found else None
+
+    def _ask_file(self) -> Path | None:
+        title = "Which parameter set is held against this run?"
+        found, _ = QFileDialog.getOpenFileName(self, title, "", "Parameter sets (*.toml)")
+        return Path(found) if found else None
+
+
+class ResultsView(QWidget):
+    """The numbers of one analysis over what there is to beware of."""
+
+    def __init__(self, session: WindowSession, bar: FitBar) -> None:
+        super().__init__()
+        self._session = session
+        self._shown: tuple[Result, HarmonicDrive | None] | None = None
+        self.bar = bar
+        self.table = GridTable(session, "Results", judged=("identifiable", "limit or catalogue"))
+        self.page = QTextBrowser()
+        self.page.setAccessibleName("Warnings, figures of merit, tables")
+        self.page.setOpenLinks(False)
+        self.hint = QLabel()
+        self.hint.setProperty("part", "muted")
+        self.hint.setWordWrap(True)
+        self.hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._parts = QSplitter(Qt.Orientation.Vertical)
+        self._parts.setChildrenCollapsible(False)
+        self.table.setMinimumHeight(90)
+        self.page.setMinimumHeight(70)
+        self._parts.addWidget(self.table)
+        self._parts.addWidget(self.page)
+        self._parts.setSizes([260, 170])
+        column = QVBoxLayout(self)
+        column.setContentsMargins(6, 6, 6, 4)
+        column.setSpacing(6)
+        column.addWidget(bar)
+        column.addWidget(self._parts, 1)
+        column.addWidget(self.hint, 1)
+        session.theme_changed.connect(lambda _: self._write_page())
+        self.show_nothing("")
+
+    @property
+    def result(self) -> Result | None:
+        """The result that is shown."""
+        return self._shown[0] if self._shown else None
+
+    def show_result(self, result: Result, gear: HarmonicDrive | None) -> None:
+        """The numbers of a result; `gear` knows what the catalogue says."""
+        self._shown = result, gear
+        rows = result_rows(result, gear)
+        # A column in which nothing stands takes room from those that say something.
+        full = [
+            place
+            for place in range(len(RESULT_COLUMNS))
+            if place < 5 or any(row[place] for row in rows)
+        ]
+        columns = [RESULT_COLUMNS[place] for place in full]
+        self.table.show_rows(
+            columns, [[row[p] for p in full] for row in rows], [p in (1, 3) for p in full]
+        )
+        self._write_page()
+        self._parts.show()
+        self.hint.hide()
+
+    def show_nothing(self, why: str) -> None:
+        """No result, and why there is none."""
+        self._shown = None
+        self._parts.hide()
+        self.hint.setText(why)
+        self.hint.show()
+
+    def _write_page(self) -> None:
+        if self._shown is not None:
+            text = result_page(self._shown[0], self._session.palette)
+            self.page.setHtml(text)
+            self.page.setVisible(bool(text))
+
+
+def comparison_rows(
+    told: Mapping[str, object], gear: HarmonicDrive | None
+) -> list[tuple[str, ...]]:
+    """What `rig compare --json` found, a row per value of the parameter set."""
+    from rig.analysis.wording import display_unit, number, readable
+
+    described = (
+        {v.path: f"{v.description} {v.symbol}".rstrip() for v in gear.values()}
+        if gear is not None
+        else {}
+    )
+    rows = []
+    comparison = told.get("comparison")
+    for path, row in comparison.items() if isinstance(comparison, Mapping) else ():
+        found = row["identified"]
+        factor, unit = display_unit(path, row["unit"], found)
+        ratio = row["normalised_error"]
+        rows.append(
+            (
+                described.get(path, readable(path.replace(".", " "))),
+                number(row["parameter"] / factor),
+                number(found / factor),
+                number(row["expanded_uncertainty"] / factor, 2),
+                unit,
+                "∞" if ratio is None else number(ratio, 2),
+                "yes" if row["agrees"] else "no",
+            )
+        )
+    return rows
+
+
+COMPARISON_COLUMNS = ("parameter", "set", "run", "± U", "unit", "|Δ| / U", "agrees")

@@ -1,0 +1,285 @@
+"""The recorded channels of a run over time: chosen ones stacked by their unit, with segments, events and a readout."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtWidgets import (
+    QHBoxLayout,
+    QLabel,
+    QListWidget,
+    QListWidgetItem,
+    QPushButton,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
+
+from experiments.recording import Recording
+from rig.window.plot.plots import Curve, LabPlot
+from rig.window.review.errand import Errand
+from rig.window.review.marks import MarksItem, TimeMarks, marks_of, segment_words
+from rig.window.review.signals_data import (
+    SPEEDS,
+    Shape,
+    channels_of,
+    duration_of,
+    shapes_of,
+    values_at,
+)
+from rig.window.shell.palette import Palette
+from rig.window.shell.session import WindowSession
+
+ZOOM_PAUSE_MS = 90
+"""ms after the last movement of the view until finer data are read."""
+AT_FIRST = ("input_speed", "torque")
+"""Channels that are drawn at first, where a run has them."""
+MOST_PLOTS = 4
+"""Units, and with that plots, that stand over each other at most."""
+AXIS_WIDTH = 62
+"""Pixels of the axis beside each plot."""
+EVENT_REACH = 6.0
+"""Pixels within which an event is named."""
+
+
+class SignalsView(QWidget):
+    """Signals of one run. `show_recording` opens, `jump` centres a time."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self._recording: Recording | None = None
+        self._marks = TimeMarks()
+        self._end = 0.0
+        self._mark = ""
+        self.plots: dict[str, LabPlot] = {}
+        """The plots by the unit of their axis."""
+        self.curves: dict[str, Curve] = {}
+        """The curves by channel."""
+        self._drawn_marks: dict[str, MarksItem] = {}
+        session.theme_changed.connect(self._restyle)
+        self._errand, self._marker = Errand(self), Errand(self)
+        self._errand.done.connect(self._draw)
+        self._errand.failed.connect(lambda text: self.readout.setText(text))
+        self._marker.done.connect(self._take_marks)
+        self.channels = QListWidget()
+        self.channels.setAccessibleName("Channels")
+        self.channels.setMinimumWidth(130)
+        self.channels.setSpacing(1)
+        self.channels.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.channels.itemChanged.connect(lambda _: self._rebuild())
+        self.readout = QLabel("Point at a curve to read it; drag or turn the wheel to zoom.")
+        self.readout.setProperty("part", "muted")
+        self.readout.setWordWrap(True)
+        self.whole = QPushButton("&Whole run")
+        self.whole.setToolTip("Show the whole run again")
+        self.whole.clicked.connect(self.show_all)
+        self._stack = QSplitter(Qt.Orientation.Vertical)
+        self._stack.setChildrenCollapsible(False)
+        self._pause = QTimer(self)
+        self._pause.setSingleShot(True)
+        self._pause.setInterval(ZOOM_PAUSE_MS)
+        self._pause.timeout.connect(self._read)
+        self._lay_out()
+
+    def _lay_out(self) -> None:
+        right = QWidget()
+        column = QVBoxLayout(right)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(3)
+        column.addWidget(self._stack, 1)
+        foot = QHBoxLayout()
+        foot.addWidget(self.readout, 1)
+        foot.addWidget(self.whole)
+        column.addLayout(foot)
+        both = QSplitter(Qt.Orientation.Horizontal)
+        both.setChildrenCollapsible(False)
+        both.addWidget(self.channels)
+        both.addWidget(right)
+        both.setStretchFactor(1, 1)
+        both.setSizes([200, 680])
+        whole = QVBoxLayout(self)
+        whole.setContentsMargins(4, 6, 4, 4)
+        whole.addWidget(both)
+
+    @property
+    def chosen(self) -> list[str]:
+        """The channels that are drawn."""
+        items = (self.channels.item(row) for row in range(self.channels.count()))
+        return [
+            item.data(Qt.ItemDataRole.UserRole)
+            for item in items
+            if item.checkState() is Qt.CheckState.Checked
+        ]
+
+    @property
+    def view(self) -> tuple[float, float]:
+        """The stretch in view [s]."""
+        first = next(iter(self.plots.values()), None)
+        return (0.0, self._end) if first is None else tuple(first.item.getViewBox().viewRange()[0])
+
+    def show_recording(self, recording: Recording, mark: str) -> None:
+        """Another run, or the same one that has grown."""
+        same = (
+            self._recording is not None
+            and self._recording.metadata.run_id == recording.metadata.run_id
+        )
+        checked = self.chosen if same else []
+        at_end = not same or self.view[1] >= self._end
+        self._recording, self._mark = recording, mark
+        self._end = duration_of(recording)
+        known = channels_of(recording)
+        checked = (
+            [name for name in checked if name in known]
+            or [name for name in AT_FIRST if name in known][:2]
+            or [*known][:1]
+        )
+        if not same or self.channels.count() != len(known):
+            self._offer(known, checked)
+            self._rebuild()
+        if at_end:
+            self.show_all()
+        self._marker.start(lambda: marks_of(recording))
+
+    def clear(self) -> None:
+        """No run."""
+        self._recording = None
+        self.channels.clear()
+        self._rebuild()
+
+    def choose(self, *names: str) -> None:
+        """Draw these channels and no others."""
+        self.channels.blockSignals(True)
+        for row in range(self.channels.count()):
+            item = self.channels.item(row)
+            wanted = item.data(Qt.ItemDataRole.UserRole) in names
+            item.setCheckState(Qt.CheckState.Checked if wanted else Qt.CheckState.Unchecked)
+        self.channels.blockSignals(False)
+        self._rebuild()
+
+    def show_all(self) -> None:
+        """The whole run in view."""
+        self._look_at(0.0, max(self._end, 1e-3))
+
+    def jump(self, moment: float, width: float = 10.0) -> None:
+        """A few seconds around a moment in view."""
+        self._look_at(moment - 0.5 * width, moment + 0.5 * width)
+
+    def _look_at(self, begin: float, end: float) -> None:
+        for plot in self.plots.values():
+            plot.item.setXRange(begin, end, padding=0.01)
+        self._pause.start()
+
+    def _offer(self, known: dict[str, tuple[str, str]], checked: list[str]) -> None:
+        self.channels.blockSignals(True)
+        self.channels.clear()
+        for name, (what, unit) in known.items():
+            words = name.replace("_", " ")
+            item = QListWidgetItem(f"{words} [{unit}]" if unit not in ("", "1") else words)
+            item.setToolTip(what)
+            item.setData(Qt.ItemDataRole.UserRole, name)
+            item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
+            item.setCheckState(
+                Qt.CheckState.Checked if name in checked else Qt.CheckState.Unchecked
+            )
+            self.channels.addItem(item)
+        self.channels.blockSignals(False)
+
+    def _rebuild(self) -> None:
+        """One plot per unit of the chosen channels."""
+        begin, end = self.view
+        for plot in self.plots.values():
+            plot.setParent(None)
+            plot.deleteLater()
+        self.plots, self.curves, self._drawn_marks = {}, {}, {}
+        if self._recording is None:
+            return
+        known = channels_of(self._recording)
+        for place, name in enumerate(self.chosen):
+            unit = known[name][1]
+            plot = self.plots.get(unit) or (
+                self._new_plot(unit) if len(self.plots) < MOST_PLOTS else None
+            )
+            if plot is not None:
+                self.curves[name] = plot.curve(name.replace("_", " "), place)
+        plots = list(self.plots.values())
+        for plot in plots[:-1]:
+            plot.item.setLabel("bottom", "")
+            plot.item.setXLink(plots[-1].item)
+        self._look_at(begin, end)
+        self._draw_marks()
+
+    def _new_plot(self, unit: str) -> LabPlot:
+        shown = unit if unit not in ("", "1") else "counts"
+        plot = LabPlot(
+            self._session, "", "time since the first row [s]", f"[{shown}]", mark=self._mark
+        )
+        plot.item.enableAutoRange(x=False, y=True)
+        plot.item.setAutoVisible(y=True)
+        # One width for all, so that one moment is at one place in every plot.
+        plot.item.getAxis("left").setWidth(AXIS_WIDTH)
+        plot.item.sigXRangeChanged.connect(lambda *_: self._pause.start())
+        scene: Any = plot.canvas.scene()
+        scene.sigMouseMoved.connect(lambda place, plot=plot: self._point(plot, place))
+        self.plots[unit] = plot
+        self._stack.addWidget(plot)
+        return plot
+
+    def _read(self) -> None:
+        recording, names = self._recording, self.chosen
+        if recording is not None and names:
+            begin, end = self.view
+            self._errand.start(lambda: shapes_of(recording, names, begin, end))
+
+    def _draw(self, shapes: list[Shape]) -> None:
+        for shape in shapes:
+            curve = self.curves.get(shape.name)
+            if curve is not None:
+                curve.item.setData(shape.time, shape.values)
+
+    def _take_marks(self, marks: TimeMarks) -> None:
+        self._marks = marks
+        self._draw_marks()
+
+    def _draw_marks(self) -> None:
+        for unit, plot in self.plots.items():
+            old = self._drawn_marks.pop(unit, None)
+            if old is not None:
+                plot.item.removeItem(old)
+            made = MarksItem(self._marks, self._session.palette)
+            plot.item.addItem(made, ignoreBounds=True)
+            self._drawn_marks[unit] = made
+
+    def _restyle(self, palette: Palette) -> None:
+        for made in self._drawn_marks.values():
+            made.restyle(palette)
+
+    def _point(self, plot: LabPlot, place: Any) -> None:
+        """What stands under the pointer, in words."""
+        box = plot.item.getViewBox()
+        recording = self._recording
+        if recording is None or not box.sceneBoundingRect().contains(place):
+            return
+        moment = float(box.mapSceneToView(place).x())
+        if not 0.0 <= moment <= self._end:
+            return
+        self.readout.setText(
+            "   ".join(self._words(recording, moment, EVENT_REACH * float(box.viewPixelSize()[0])))
+        )
+
+    def _words(self, recording: Recording, moment: float, reach: float) -> list[str]:
+        words = [f"{moment:.3f} s"]
+        for name, value in values_at(
+            recording, [n for n in self.curves if n not in SPEEDS], moment
+        ).items():
+            words.append(
+                f"{name.replace('_', ' ')} {value:.6g} {recording.signals[name].unit}".rstrip()
+            )
+        segment = self._marks.segment_at(moment)
+        if segment is not None:
+            words.append(segment_words(segment, recording.metadata.experiment))
+        event = self._marks.event_near(moment, reach)
+        if event is not None:
+            words.append(f"{event.level}: {event.text}")
+        return words

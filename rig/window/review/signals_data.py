@@ -1,0 +1,111 @@
+"""The channels of a run thinned to what a screen shows: smallest and largest value per pixel, in constant memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.recording import Recording
+from model.units import RPM
+from rig.window.work.live_file import Block, Envelope, SlidingSpeed
+
+FloatArray = NDArray[np.float64]
+BLOCK = 65536
+"""Rows that are read at once."""
+BINS = 2048
+"""Bins per channel over the stretch that is shown."""
+LEAD = 0.03
+"""s before a stretch that are read too: a speed is the difference of an angle over a little time."""
+SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
+"""Speeds that no channel holds and that follow from an angle."""
+SPEED_UNIT = "r/min"
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One channel over one stretch: times since the first row [s] and values in `unit`."""
+
+    name: str
+    unit: str
+    time: FloatArray
+    values: FloatArray
+
+
+def channels_of(recording: Recording) -> dict[str, tuple[str, str]]:
+    """What can be drawn: name, what it is, unit. Speeds first, then the channels as they were recorded, in SI."""
+    found = {
+        name: (f"{name.replace('_', ' ')}, from the angle", SPEED_UNIT)
+        for name, angle in SPEEDS.items()
+        if recording.has(angle) and np.isfinite(recording.metadata.sample_rate)
+    }
+    for name, signal in recording.signals.items():
+        found[name] = (signal.long_name or name.replace("_", " "), signal.unit)
+    return found
+
+
+def duration_of(recording: Recording) -> float:
+    """Time from the first to the last row [s]."""
+    return (
+        float(recording.time(slice(recording.rows - 1, recording.rows))[0])
+        if recording.rows
+        else 0.0
+    )
+
+
+def row_at(recording: Recording, moment: float) -> int:
+    """The first row at or after a time since the first row [s]; the number of rows after the last one."""
+    low, high = 0, recording.rows
+    while low < high:
+        middle = (low + high) // 2
+        if float(recording.time(slice(middle, middle + 1))[0]) < moment:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+def shapes_of(
+    recording: Recording, names: list[str], begin: float, end: float, bins: int = BINS
+) -> list[Shape]:
+    """These channels between two times [s], one row more on either side."""
+    start = max(row_at(recording, begin - LEAD) - 1, 0)
+    stop = min(row_at(recording, end) + 1, recording.rows)
+    known = channels_of(recording)
+    envelopes = {name: Envelope(bins) for name in names if name in known}
+    speeds = {
+        name: SlidingSpeed(1.0 / recording.metadata.sample_rate)
+        for name in envelopes
+        if name in SPEEDS
+    }
+    for block in _blocks(recording, [*envelopes], start, stop):
+        for name, envelope in envelopes.items():
+            if name in speeds:
+                stamps, values = speeds[name].of(block, SPEEDS[name])
+                envelope.add(stamps, values / RPM)
+            else:
+                envelope.add(block.time, block.si[name])
+    return [Shape(name, known[name][1], *envelope.curve()) for name, envelope in envelopes.items()]
+
+
+def values_at(recording: Recording, names: list[str], moment: float) -> dict[str, float]:
+    """The recorded channels at a time: of the row before it."""
+    row = max(row_at(recording, moment) - 1, 0)
+    if not recording.rows:
+        return {}
+    return {
+        name: float(recording.si(name, slice(row, row + 1))[0])
+        for name in names
+        if name in recording.signals
+    }
+
+
+def _blocks(recording: Recording, names: list[str], start: int, stop: int) -> Iterator[Block]:
+    wanted = {SPEEDS.get(name, name) for name in names}
+    for begin in range(start, stop, BLOCK):
+        rows = slice(begin, min(begin + BLOCK, stop))
+        stamps = recording.time(rows)
+        good = (recording.flags(rows) & 1) == 0
+        yield Block(begin, stamps, {name: recording.si(name, rows) for name in wanted}, good)

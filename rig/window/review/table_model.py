@@ -1,0 +1,279 @@
+"""The table of runs as a model: what stands in its cells, how it sorts, and which runs pass the filter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from PySide6.QtCore import (
+    QAbstractTableModel,
+    QModelIndex,
+    QObject,
+    QPersistentModelIndex,
+    QSortFilterProxyModel,
+    Qt,
+)
+from PySide6.QtGui import QColor, QFont
+
+from rig.library.index import IndexedRun
+from rig.present.run_words import duration_text
+from rig.runfile.header import ORIGIN_WORDS
+from rig.window.shell.palette import Palette
+
+NO_SERIAL = "unknown"
+"""What stands in a run file for a gear without a serial number, and for no gear at all."""
+AnyIndex = QModelIndex | QPersistentModelIndex
+_NOWHERE = QModelIndex()
+SORT_ROLE = Qt.ItemDataRole.UserRole + 1
+RUN_ROLE = Qt.ItemDataRole.UserRole + 2
+SIGNS = {
+    "PASS": "✓",
+    "MARGINAL": "≈",
+    "FAIL": "✗",
+    "ABORTED": "■",
+    "TRIPPED": "▲",
+    "ERROR": "✗",
+    "INTERRUPTED": "■",
+}
+"""The sign before an outcome: a colour never carries a meaning alone."""
+COLOURS = {
+    "PASS": "good",
+    "MARGINAL": "warning",
+    "ABORTED": "warning",
+    "INTERRUPTED": "warning",
+    "being written": "accent",
+}
+"""Colours of the palette by outcome; any other one is bad news."""
+
+
+def outcome_of(run: IndexedRun) -> str:
+    """The word for how a run ended, or for what state its file is in."""
+    return run.outcome or ("" if run.state == "sealed" else run.state)
+
+
+def colour_of(outcome: str, palette: Palette) -> str:
+    """The colour of an outcome; that of the text for none."""
+    return getattr(palette, COLOURS.get(outcome, "bad")) if outcome else palette.text
+
+
+def with_sign(outcome: str) -> str:
+    """The outcome with its sign."""
+    sign = SIGNS.get(outcome, "●" if outcome == "being written" else "!" if outcome else "")
+    return f"{sign} {outcome}".strip()
+
+
+def local_time(start: str) -> str:
+    """A calendar time as the clock on the wall shows it; what cannot be read stays as it is."""
+    try:
+        return datetime.fromisoformat(start).astimezone().strftime("%Y-%m-%d %H:%M")
+    except ValueError:
+        return start
+
+
+@dataclass(frozen=True)
+class LibraryColumn:
+    """One column: heading, text of a run, what it is sorted by, whether it is a number."""
+
+    heading: str
+    text: Callable[[IndexedRun], str]
+    key: Callable[[IndexedRun], Any]
+    numeric: bool = False
+
+
+def _duration(run: IndexedRun) -> str:
+    return duration_text(run.duration)
+
+
+def gear_words(run: IndexedRun) -> str:
+    """The serial number of the gear; a bare motor has none."""
+    if run.gear_serial == NO_SERIAL and run.protocol == "motor-tare":
+        return "no gear"
+    return run.gear_serial or "–"
+
+
+COLUMNS = (
+    LibraryColumn(
+        "#", lambda r: str(r.number) if r.number else "–", lambda r: r.number, numeric=True
+    ),
+    LibraryColumn("started", lambda r: local_time(r.start), lambda r: local_time(r.start)),
+    LibraryColumn("protocol", lambda r: r.protocol or "–", lambda r: r.protocol),
+    LibraryColumn("gear", gear_words, lambda r: r.gear_serial),
+    LibraryColumn("outcome", lambda r: with_sign(outcome_of(r)), outcome_of),
+    LibraryColumn("operator", lambda r: r.operator or "–", lambda r: r.operator),
+    LibraryColumn(
+        "time", _duration, lambda r: r.duration if math.isfinite(r.duration) else -1.0, numeric=True
+    ),
+    LibraryColumn(
+        "origin",
+        lambda r: ORIGIN_WORDS.get(r.origin, r.origin) or ("hardware" if r.origin else "–"),
+        lambda r: r.origin,
+    ),
+    LibraryColumn("part", lambda r: r.gear or "–", lambda r: r.gear),
+)
+OUTCOME = next(i for i, column in enumerate(COLUMNS) if column.heading == "outcome")
+
+
+class LibraryModel(QAbstractTableModel):
+    """The runs of a folder, one per row."""
+
+    def __init__(self, palette: Callable[[], Palette], parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._palette = palette
+        self._runs: tuple[IndexedRun, ...] = ()
+
+    @property
+    def runs(self) -> tuple[IndexedRun, ...]:
+        """Every run, filtered or not."""
+        return self._runs
+
+    def set_runs(self, runs: Sequence[IndexedRun]) -> None:
+        """Other runs. Rows of the same files are changed in place, so that a selection stays."""
+        before = [run.path for run in self._runs]
+        after = [run.path for run in runs]
+        if before == after:
+            self._runs = tuple(runs)
+            self._tell_changed(0, len(runs))
+        elif after[: len(before)] == before:
+            self.beginInsertRows(QModelIndex(), len(before), len(after) - 1)
+            self._runs = tuple(runs)
+            self.endInsertRows()
+            self._tell_changed(0, len(before))
+        else:
+            self.beginResetModel()
+            self._runs = tuple(runs)
+            self.endResetModel()
+
+    def restyle(self) -> None:
+        """The theme has changed."""
+        self._tell_changed(0, len(self._runs))
+
+    def _tell_changed(self, first: int, stop: int) -> None:
+        if stop > first:
+            self.dataChanged.emit(self.index(first, 0), self.index(stop - 1, len(COLUMNS) - 1))
+
+    def rowCount(self, parent: AnyIndex = _NOWHERE) -> int:
+        return 0 if parent.isValid() else len(self._runs)
+
+    def columnCount(self, parent: AnyIndex = _NOWHERE) -> int:
+        return 0 if parent.isValid() else len(COLUMNS)
+
+    def headerData(
+        self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole
+    ) -> Any:
+        if orientation is Qt.Orientation.Horizontal and role == Qt.ItemDataRole.DisplayRole:
+            return COLUMNS[section].heading
+        return None
+
+    def data(self, index: AnyIndex, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        if not index.isValid():
+            return None
+        run, column = self._runs[index.row()], COLUMNS[index.column()]
+        if role == Qt.ItemDataRole.DisplayRole:
+            return column.text(run)
+        if role == SORT_ROLE:
+            return column.key(run)
+        if role == RUN_ROLE:
+            return run
+        if role == Qt.ItemDataRole.ToolTipRole:
+            return tool_tip(run)
+        if role == Qt.ItemDataRole.TextAlignmentRole:
+            side = Qt.AlignmentFlag.AlignRight if column.numeric else Qt.AlignmentFlag.AlignLeft
+            return side | Qt.AlignmentFlag.AlignVCenter
+        return self._look(run, index.column(), role)
+
+    def _look(self, run: IndexedRun, column: int, role: int) -> Any:
+        """Colour and weight of a cell."""
+        palette = self._palette()
+        if role == Qt.ItemDataRole.ForegroundRole:
+            if column == OUTCOME:
+                return QColor(colour_of(outcome_of(run), palette))
+            if run.problem:
+                return QColor(palette.muted)
+        if role == Qt.ItemDataRole.FontRole and column == OUTCOME and run.outcome:
+            font = QFont()
+            font.setBold(True)
+            return font
+        return None
+
+
+def tool_tip(run: IndexedRun) -> str:
+    """What does not fit into the row."""
+    facts = [
+        run.path.name,
+        run.problem,
+        f"{run.rows} rows" if run.rows else "",
+        f"backend {run.backend}" if run.backend else "",
+    ]
+    if run.state in ("being written", "left behind"):
+        facts.append(
+            f"{run.state}"
+            + ("; `rig recover` makes a run of it" if run.state == "left behind" else "")
+        )
+    if run.notes:
+        facts.append(f"notes: {run.notes}")
+    return "\n".join(fact for fact in facts if fact)
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the filter lets pass: every word of `text` anywhere, the rest exactly; days as YYYY-MM-DD, both included."""
+
+    text: str = ""
+    gear: str = ""
+    protocol: str = ""
+    outcome: str = ""
+    since: str = ""
+    until: str = ""
+
+    def passes(self, run: IndexedRun) -> bool:
+        """Whether a run is wanted."""
+        for wanted, found in (
+            (self.gear, run.gear_serial),
+            (self.protocol, run.protocol),
+            (self.outcome, outcome_of(run)),
+        ):
+            if wanted and wanted != found:
+                return False
+        day = local_time(run.start)[:10]
+        if (self.since and day < self.since) or (self.until and not day <= self.until):
+            return False
+        if not self.text:
+            return True
+        parts = (
+            run.run_id,
+            run.path.name,
+            run.protocol,
+            run.gear_serial,
+            run.gear,
+            run.operator,
+            outcome_of(run),
+            run.notes,
+            run.problem,
+            ORIGIN_WORDS.get(run.origin, ""),
+            local_time(run.start),
+        )
+        hay = " ".join(parts).casefold()
+        return all(word in hay for word in self.text.casefold().split())
+
+
+class LibraryFilter(QSortFilterProxyModel):
+    """The runs that are wanted, sorted by the column that was asked for."""
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.wanted = Wanted()
+        self.setSortRole(SORT_ROLE)
+        self.setSortCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
+
+    def set_wanted(self, wanted: Wanted) -> None:
+        """Filter anew."""
+        if wanted != self.wanted:
+            self.wanted = wanted
+            self.invalidate()
+
+    def filterAcceptsRow(self, source_row: int, source_parent: AnyIndex) -> bool:
+        source = self.sourceModel()
+        return not isinstance(source, LibraryModel) or self.wanted.passes(source.runs[source_row])

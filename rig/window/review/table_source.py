@@ -1,0 +1,129 @@
+"""The runs of the window's folder, kept up to date: a watcher of the folder, a pause, and the index
+read beside the window.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QCoreApplication, QFileSystemWatcher, QObject, QTimer, Signal
+
+from rig.errors import RigError
+from rig.library.index import IndexedRun, LibraryIndex
+
+PAUSE_MS = 250
+"""ms that must pass without a further change before the folder is read."""
+GROWING_MS = 2000
+"""ms between two looks while a run is being written: its file grows without the folder changing."""
+
+PROGRESS_INTERVAL = 0.2
+"""s between two words about how far the reading is."""
+
+LONGEST_STOP = 5.0
+"""s that the end of the window waits for the file that is being read."""
+
+
+class _StoppedError(Exception):
+    """The window is going: the rest of the folder is not read any more."""
+
+
+class LibrarySource(QObject):
+    """The runs of one folder. `changed` carries them whenever one came, went, grew or was sealed."""
+
+    changed = Signal(object)
+    """Carries a list of `IndexedRun` in the order of their numbers."""
+    failed = Signal(str)
+    """Why the folder cannot be read."""
+    progressed = Signal(int, int)
+    """Files read so far, and how many have to be: none when all were read and nothing has changed."""
+    _read = Signal(object)
+
+    def __init__(self, folder: Path, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self.folder = folder
+        self.runs: tuple[IndexedRun, ...] | None = None
+        """The latest runs; None until they were read once."""
+        self._index = LibraryIndex(folder, self._tell)
+        self._told = -PROGRESS_INTERVAL
+        self._reading = self._again = self._stopped = False
+        self._thread: threading.Thread | None = None
+        self._watcher = QFileSystemWatcher(self)
+        self._watcher.directoryChanged.connect(lambda _: self._pause.start())
+        self._pause, self._growing = QTimer(self), QTimer(self)
+        for timer, interval in ((self._pause, PAUSE_MS), (self._growing, GROWING_MS)):
+            timer.setSingleShot(True)
+            timer.setInterval(interval)
+            timer.timeout.connect(self.look)
+        self._read.connect(self._take)
+        program = QCoreApplication.instance()
+        if program is not None:
+            program.aboutToQuit.connect(self.stop)
+
+    def look(self) -> None:
+        """Read the folder now; at once again if it changes meanwhile."""
+        if self._reading:
+            self._again = True
+            return
+        self._pause.stop()
+        self._watch()
+        self._reading = True
+        self._thread = threading.Thread(target=self._work, name="library", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Read no further, and wait for the file that is being read: a program must not end within the HDF5 library."""
+        self._stopped = True
+        if self._thread is not None:
+            self._thread.join(LONGEST_STOP)
+
+    def _watch(self) -> None:
+        if not self._watcher.directories() and self.folder.is_dir():
+            self._watcher.addPath(str(self.folder))
+
+    def _work(self) -> None:
+        """In a thread of its own: reading a folder for the first time takes milliseconds per run."""
+        found: Sequence[IndexedRun] | str
+        try:
+            found = self._index.search() if self.folder.is_dir() else []
+        except RigError as error:
+            found = str(error)
+        except _StoppedError:
+            return
+        # The window may be gone by now, and its signals with it.
+        with contextlib.suppress(RuntimeError):
+            self._read.emit(found)
+
+    def _tell(self, done: int, of: int) -> None:
+        if self._stopped:
+            raise _StoppedError
+        now = time.monotonic()
+        if now - self._told >= PROGRESS_INTERVAL:
+            self._told = now
+            with contextlib.suppress(RuntimeError):
+                self.progressed.emit(done, of)
+
+    def _take(self, found: Sequence[IndexedRun] | str) -> None:
+        self._reading = False
+        if isinstance(found, str):
+            self.failed.emit(found)
+        elif self.runs is None or _compared(found) != _compared(self.runs):
+            self.runs = tuple(found)
+            self.changed.emit(self.runs)
+        else:
+            self.progressed.emit(0, 0)
+        if self._again:
+            self._again = False
+            self._pause.start()
+        elif (
+            any(run.state == "being written" for run in self.runs or ()) or not self.folder.is_dir()
+        ):
+            self._growing.start()
+
+
+def _compared(runs: Sequence[IndexedRun]) -> list[str]:
+    # By text: a duration that is not known is NaN, which equals nothing.
+    return [repr(run) for run in runs]

@@ -1,0 +1,160 @@
+"""What can be read from three metres: the state in a word, a symbol and a colour; and the one large STOP beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import (
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QSizePolicy,
+    QVBoxLayout,
+    QWidget,
+)
+
+from rig.window.run.state import RunState, State
+from rig.window.shell.theme import BANNER_POINTS
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a state looks: its word, its symbol, background and text colour.
+
+    Symbol and word differ for every state; the colours differ in lightness too, so that no state is told by hue alone.
+    """
+
+    word: str
+    symbol: str
+    background: str
+    text: str
+
+
+LOOKS: dict[State, Look] = {
+    State.IDLE: Look("IDLE", "○", "#8b939c", "#0d1014"),
+    State.ARMED: Look("ARMED", "◎", "#f0e442", "#16191d"),
+    State.RUNNING: Look("RUNNING", "▶", "#0072b2", "#ffffff"),
+    State.STOPPING: Look("STOPPING", "▼", "#e69f00", "#16191d"),
+    State.TRIPPED: Look("TRIPPED", "✖", "#a3150c", "#ffffff"),
+    State.FINISHED: Look("FINISHED", "■", "#cfd6dd", "#16191d"),
+    State.REFUSED: Look("NOT STARTED", "⊘", "#8b939c", "#0d1014"),
+    State.LOST: Look("LOST", "✖", "#a3150c", "#ffffff"),
+}
+"""Okabe-Ito yellow, blue and orange, a dark red and greys of different lightness."""
+OUTCOMES: dict[str, tuple[str, str, str]] = {
+    "PASS": ("✔", "#006b50", "#ffffff"),
+    "MARGINAL": ("≈", "#f0e442", "#16191d"),
+    "FAIL": ("✘", "#8a3800", "#ffffff"),
+    "ABORTED": ("■", "#cfd6dd", "#16191d"),
+    "ERROR": ("✖", "#a3150c", "#ffffff"),
+}
+"""Symbol and colours of a finished run's outcome."""
+
+
+def look_of(state: RunState) -> Look:
+    """The look of a state; of a finished run that of its outcome."""
+    look = LOOKS[state.state]
+    if state.state is State.FINISHED and state.outcome in OUTCOMES:
+        symbol, background, text = OUTCOMES[state.outcome]
+        return Look(f"FINISHED: {state.outcome}", symbol, background, text)
+    return look
+
+
+class Banner(QFrame):
+    """The state of the rig. `show_state` changes it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("banner")
+        self._symbol, self._word, self._what = QLabel(), QLabel(), QLabel()
+        self._title = QLabel()
+        self._look: Look | None = None
+        self._what.setWordWrap(True)
+        self._what.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self._title.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self._symbol.setMinimumWidth(54)
+        self._symbol.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(14, 6, 16, 6)
+        row.setSpacing(12)
+        right = QVBoxLayout()
+        right.setSpacing(2)
+        right.addStretch(1)
+        right.addWidget(self._title)
+        right.addWidget(self._what)
+        right.addStretch(1)
+        row.addWidget(self._symbol)
+        row.addWidget(self._word)
+        row.addLayout(right, 1)
+        self.setMinimumHeight(84)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
+        self.show_state(RunState())
+
+    @property
+    def word(self) -> str:
+        """The word that stands on it."""
+        return self._word.text()
+
+    def show_state(self, state: RunState, title: str = "") -> None:
+        """Show a state and what the rig is doing."""
+        look = look_of(state)
+        self._symbol.setText(look.symbol)
+        self._word.setText(look.word)
+        self._title.setText(title)
+        # Where somebody has to act at once, what to do stands here; elsewhere what the rig is doing.
+        words = state.remedy if state.state is State.LOST or state.safe is False else state.what
+        self._what.setText(_short(words))
+        self._what.setToolTip(state.what)
+        if look == self._look:
+            # Told ten times a second: a style sheet is worked through anew even when it says the same.
+            return
+        self._look = look
+        self.setAccessibleName(f"State of the rig: {look.word}")
+        self.setStyleSheet(
+            f"#banner {{ background: {look.background}; border-radius: 8px; }}"
+            f"#banner QLabel {{ color: {look.text}; background: transparent; font-size: 11pt; }}"
+        )
+        large = f"font-size: {BANNER_POINTS}pt; font-weight: 800; color: {look.text};"
+        self._symbol.setStyleSheet(large)
+        self._word.setStyleSheet(large + " letter-spacing: 2px;")
+        self._title.setStyleSheet(f"font-size: 11pt; font-weight: 600; color: {look.text};")
+
+
+class StopButtons(QWidget):
+    """STOP, large, and ABORT, smaller. Space and Esc are STOP, Shift+Esc is ABORT; the page looks after the keys."""
+
+    stop_pressed = Signal()
+    abort_pressed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stop, self.abort = QPushButton("STOP"), QPushButton("ABORT  (Shift+Esc)")
+        self.stop.setProperty("part", "stop")
+        self.abort.setProperty("part", "abort")
+        self.stop.setToolTip(
+            "Controlled ramp to standstill; the run is kept as ABORTED (Space or Esc)"
+        )
+        self.abort.setToolTip("Quick stop: the shortest ramp that the drive has (Shift+Esc)")
+        self.stop.setAccessibleName("STOP: controlled ramp to standstill")
+        self.stop.setMinimumSize(210, 78)
+        self.stop.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        column = QVBoxLayout(self)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(4)
+        column.addWidget(self.stop, 1)
+        column.addWidget(self.abort)
+        # At the press, not at the release: a finger that slips off has still stopped the rig.
+        self.stop.pressed.connect(self.stop_pressed)
+        self.abort.pressed.connect(self.abort_pressed)
+        self.set_active(False)
+
+    def set_active(self, active: bool) -> None:
+        """Whether there is something to stop."""
+        self.stop.setEnabled(active)
+        self.abort.setEnabled(active)
+
+
+def _short(text: str, longest: int = 180) -> str:
+    return text if len(text) <= longest else text[: longest - 1].rstrip() + "…"

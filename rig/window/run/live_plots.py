@@ -1,0 +1,270 @@
+"""The board of live plots of one run: which plots a protocol shows, and the beat at which they read and draw."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from rig.errors import RunFileError
+from rig.present.preview.plan import PlanPreview
+from rig.run.dry_run import PlannedRun
+from rig.runfile.header import ORIGIN_WORDS
+from rig.window.plot.plots import LabPlot
+from rig.window.run.kinematic_view import OutputView, WaveView
+from rig.window.run.live_axes import RECENT
+from rig.window.run.live_view import LiveContext, LiveView, SpeedView, temperature_view, torque_view
+from rig.window.run.pacing import Pacer
+from rig.window.run.points_view import StartingPoints, TorquePoints
+from rig.window.run.steps_view import StepView
+from rig.window.shell.session import WindowSession
+from rig.window.work.live_file import Block, LiveFile, open_live
+from rig.window.work.segment_work import SegmentWork
+
+BEAT_MS = 25
+"""ms between two looks at the file, and between two frames: forty a second."""
+COUNT_BEATS = 8
+"""Beats between two counts of the rows in words: nobody reads them faster, and each lays the page out anew."""
+READING_ALLOWED = 0.010
+"""s of a beat that reading may take while it catches up."""
+TELLING_ALLOWED = 0.005
+"""s of a beat that the views may take to hear of segments."""
+
+Maker = Callable[[WindowSession, LiveContext], LiveView]
+BOARDS: dict[str, tuple[Maker, ...]] = {
+    "kinematic-error": (SpeedView, WaveView, torque_view, OutputView),
+    "friction": (SpeedView, TorquePoints, torque_view),
+    "motor-tare": (SpeedView, TorquePoints, torque_view),
+    "velocity-steps": (SpeedView, StepView, torque_view),
+    "warm-up": (SpeedView, temperature_view, torque_view),
+    "starting-torque": (SpeedView, StartingPoints, torque_view),
+}
+"""What each protocol shows besides speed (top left) and torque (bottom left): in the order of the
+grid, row by row. A board
+of three gives the second plot the whole height of its column."""
+OTHERS: tuple[Maker, ...] = (SpeedView, WaveView, torque_view, temperature_view)
+"""The board of everything else."""
+
+
+class LivePlots(QWidget):
+    """Draws one growing run. `open` begins, `finish` reads what is left."""
+
+    drawn = Signal()
+    """A beat has brought new rows to the screen."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self.live: LiveFile | None = None
+        self.views: list[LiveView] = []
+        self.plots: list[LabPlot] = []
+        self.mark = ""
+        self.protocol = ""
+        self._beats = 0
+        self._pacer = Pacer()
+        self._work: SegmentWork | None = None
+        self._is_over = False
+        self._waiting_for: Path | None = None
+        self._context: tuple[PlannedRun | None, PlanPreview | None] = (None, None)
+        self._grid_holder = QWidget()
+        self._hint = QLabel("No run yet. Prepare one, then its plots appear here.")
+        self._hint.setProperty("part", "muted")
+        self._hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._recent = QPushButton(f"latest {RECENT:g} s")
+        self._recent.setCheckable(True)
+        self._recent.setToolTip("Show the latest seconds instead of the whole run (Ctrl+L)")
+        self._recent.setShortcut("Ctrl+L")
+        self._recent.toggled.connect(lambda _: self._draw())
+        self._rows = QLabel()
+        self._rows.setProperty("part", "muted")
+        foot = QHBoxLayout()
+        foot.addWidget(self._recent)
+        foot.addStretch(1)
+        foot.addWidget(self._rows)
+        self._column = QVBoxLayout(self)
+        self._column.setContentsMargins(0, 0, 0, 0)
+        self._column.setSpacing(4)
+        self._column.addWidget(self._hint, 1)
+        self._column.addLayout(foot)
+        self._recent.setVisible(False)
+        self._timer = QTimer(self)
+        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
+        self._timer.setInterval(BEAT_MS)
+        self._timer.timeout.connect(self.beat)
+        session.theme_changed.connect(lambda _: self._draw())
+
+    @property
+    def rows_read(self) -> int:
+        """Rows of the run that were drawn."""
+        return self.live.rows_read - self._pacer.waiting if self.live is not None else 0
+
+    def expect(
+        self, planned: PlannedRun | None = None, prediction: PlanPreview | None = None
+    ) -> None:
+        """A run is about to begin: forget the one before."""
+        self.close_file()
+        self.views, self.plots, self.mark, self.protocol = [], [], "", ""
+        self._grid_holder.hide()
+        self._recent.setVisible(False)
+        self._rows.clear()
+        self._hint.setText("The plots appear as soon as the run writes its file.")
+        self._hint.setVisible(True)
+        self._context = planned, prediction
+
+    def open(self, path: Path) -> None:
+        """Follow this file as soon as it can be opened."""
+        if self.live is None and self._waiting_for is None:
+            self._waiting_for = path
+            self._timer.start()
+            self.beat()
+
+    def beat(self) -> None:
+        """One look: read within the time allowed, draw if there is something new."""
+        if self.live is None:
+            self._begin()
+        if self.live is None or self._work is None:
+            return
+        try:
+            fresh = 0 if self._is_over else self._read_more(self.live)
+            ended = self._tell_segments() + self._work.deliver()
+        except RunFileError as error:
+            self._session.message.emit(str(error))
+            self._timer.stop()
+            return
+        if fresh or ended:
+            self._beats += 1
+            self._draw()
+            if self._beats % COUNT_BEATS == 1:
+                self._count()
+            self.drawn.emit()
+        if self._is_over and not ended and self._work.is_idle:
+            self._timer.stop()
+
+    def finish(self, path: Path) -> None:
+        """The run is sealed at `path`: read what is left, from there, and stop looking. What the
+        last segments say may take
+        a little longer to be worked out."""
+        self._timer.stop()
+        if self.live is None:
+            self._waiting_for = self._waiting_for or path
+            self._begin()
+        if self.live is None:
+            return
+        try:
+            self._finish_work()
+            self.live.continue_in(path)
+            self.live.look()
+            self.live.read(float("inf"), self._pacer.put)
+            self._take_all(self._pacer.rest())
+            self._tell_segments()
+        except RunFileError as error:
+            self._session.message.emit(str(error))
+        self._is_over = True
+        self._draw()
+        self._count()
+        self.drawn.emit()
+        self._timer.start()
+
+    def release(self) -> None:
+        """Let go of the file before its writer renames it, where an open file cannot be renamed (Windows)."""
+        if os.name == "nt" and self.live is not None:
+            self._timer.stop()
+            self._finish_work()
+            self.live.close()
+
+    def close_file(self) -> None:
+        """Forget the run."""
+        self._timer.stop()
+        if self._work is not None:
+            self._work.close()
+        if self.live is not None:
+            self.live.close()
+        self._work, self._is_over = None, False
+        self.live, self._waiting_for = None, None
+        self._pacer = Pacer()
+
+    def _begin(self) -> None:
+        if self._waiting_for is None:
+            return
+        live = open_live(self._waiting_for)
+        if live is None or not live.rows:
+            if live is not None:
+                live.close()
+            return
+        self._waiting_for, self.live = None, live
+        metadata = live.recording.metadata
+        self.protocol, self.mark = metadata.experiment, ORIGIN_WORDS[metadata.origin]
+        self._work = SegmentWork()
+        context = LiveContext(live.recording, *self._context, work=self._work)
+        self._lay_out([make(self._session, context) for make in BOARDS.get(self.protocol, OTHERS)])
+        live.want({name for view in self.views for name in view.wanted})
+
+    def _lay_out(self, views: Sequence[LiveView]) -> None:
+        """Two columns: speed and torque on the left, what the protocol is about on the right."""
+        self._hint.setVisible(False)
+        self._recent.setVisible(True)
+        self._column.removeWidget(self._grid_holder)
+        self._grid_holder.deleteLater()
+        self._grid_holder = QWidget()
+        grid = QGridLayout(self._grid_holder)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setSpacing(6)
+        self.views, places = list(views), [(0, 0), (0, 1), (1, 0), (1, 1)]
+        self.plots = [view.plot for view in views]
+        if isinstance(views[1], StepView):
+            self.plots.append(views[1].residual.plot)
+        for plot, (row, column) in zip(self.plots, places, strict=False):
+            spans = 2 if len(self.plots) == 3 and column == 1 else 1
+            grid.addWidget(plot, row, column, spans, 1)
+        for index in (0, 1):
+            grid.setRowStretch(index, 1)
+            grid.setColumnStretch(index, 1)
+        for plot in self.plots:
+            plot.set_mark(self.mark)
+        self._column.insertWidget(0, self._grid_holder, 1)
+
+    def _finish_work(self) -> None:
+        if self._work is not None:
+            self._work.finish()
+
+    def _take_all(self, blocks: Sequence[Block]) -> int:
+        """Give the views the rows of this frame; returns how many."""
+        for block in blocks:
+            for view in self.views:
+                view.take(block)
+        return sum(map(len, blocks))
+
+    def _read_more(self, live: LiveFile) -> int:
+        """Look, read, and give the views the rows of this frame; returns how many."""
+        if self._pacer.expects:
+            live.look()
+        live.read(READING_ALLOWED, self._pacer.put)
+        return self._take_all(self._pacer.due(behind=live.behind > 0))
+
+    def _tell_segments(self) -> int:
+        """Tell the views of segments that have ended, as many as the work on them has room for."""
+        assert self.live is not None
+        begin, told = time.monotonic(), 0
+        while not told or time.monotonic() - begin < TELLING_ALLOWED:
+            segment = None if self._work is None or self._work.is_full else self.live.next_segment()
+            if segment is None:
+                break
+            told += 1
+            for view in self.views:
+                view.ended(segment, self.live.recording)
+        return told
+
+    def _draw(self) -> None:
+        """Bring every view up to date; those that have nothing new change nothing, and are not painted."""
+        for view in self.views:
+            view.draw(self._recent.isChecked())
+
+    def _count(self) -> None:
+        if self.live is not None:
+            self._rows.setText(
+                f"{self.rows_read:,} of {self.live.rows:,} cycles drawn".replace(",", "\u202f")
+            )

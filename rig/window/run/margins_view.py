@@ -1,0 +1,131 @@
+"""How near the run has come to every limit, as bars: the peak so far over the limit, the nearest on top."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from PySide6.QtCore import QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtWidgets import QSizePolicy, QWidget
+
+from model.units import RPM
+from rig.bench.limits import UNITS
+from rig.run.margins import DIFFERENCE, FOLLOWING, MISSED, OUTPUT_SPEED, STALE, TRAVEL
+from rig.window.shell.session import WindowSession
+
+WORDS: dict[str, tuple[str, str, float]] = {
+    OUTPUT_SPEED: ("speed by output encoder", "r/min", RPM),
+    TRAVEL: ("travel", "%", 0.01),
+    FOLLOWING: ("time off set-point", "s", 1.0),
+    MISSED: ("missed cycles", "%", 0.01),
+    STALE: ("stale cycles in a row", "cycles", 1.0),
+    DIFFERENCE: ("torque port against drive", "%", 0.01),
+}
+"""Name, unit and factor from SI of what is watched besides the limited quantities."""
+NEAR = 0.1
+"""Share of a limit below which its bar warns."""
+ROW = 30
+
+
+def worded(quantity: str) -> tuple[str, str, float]:
+    """Name, unit and factor from SI of any watched quantity."""
+    if quantity in WORDS:
+        return WORDS[quantity]
+    unit = UNITS.get(quantity, "")
+    name = quantity.replace("_", " ")
+    return (name, "r/min", RPM) if unit == "rad/s" else (name, {"degC": "°C"}.get(unit, unit), 1.0)
+
+
+def number(value: float) -> str:
+    """Three digits, or all those before the point."""
+    return f"{value:.0f}" if abs(value) >= 99.95 else f"{value:#.3g}"
+
+
+class MarginBars(QWidget):
+    """One bar per limited quantity: filled as far as the peak came, with peak, limit and unit in words."""
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self._margins: list[tuple[str, float, float, float]] = []
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Minimum)
+        session.theme_changed.connect(lambda _: self.update())
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The quantities, the nearest to its limit first; travel last, whose limit lies near by design."""
+        return tuple(entry[0] for entry in self._margins)
+
+    def show_margins(self, margins: Mapping[str, Mapping[str, float]]) -> None:
+        """Peak, limit and share left per quantity, as the supervisor tells them."""
+        entries = [(name, m["peak"], m["limit"], m["margin"]) for name, m in margins.items()]
+        entries.sort(key=lambda e: (e[0] == TRAVEL, e[3]))
+        count = len(self._margins)
+        self._margins = entries
+        self.setAccessibleName("Margins: " + "; ".join(self._text(e) for e in entries[:3]))
+        if len(entries) != count:
+            self.setMinimumHeight(ROW * max(len(entries), 1))
+            self.updateGeometry()
+        self.update()
+
+    def sizeHint(self) -> QSize:
+        """As high as its bars."""
+        return QSize(280, ROW * max(len(self._margins), 1))
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw the bars."""
+        palette = self._session.palette
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        font = painter.font()
+        font.setPointSizeF(9.0)
+        painter.setFont(font)
+        if not self._margins:
+            painter.setPen(QColor(palette.muted))
+            painter.drawText(
+                self.rect(),
+                Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignTop,
+                "Shown while a run goes on.",
+            )
+        for index, entry in enumerate(self._margins):
+            self._paint_bar(painter, index, entry)
+        painter.end()
+
+    def _paint_bar(
+        self, painter: QPainter, index: int, entry: tuple[str, float, float, float]
+    ) -> None:
+        palette, (name, _, _, margin) = self._session.palette, entry
+        near = margin < (0.0 if name == TRAVEL else NEAR)
+        top, width = index * ROW, self.width() - 8
+        painter.setPen(QColor(palette.warning if near else palette.text))
+        label, numbers = self._label(entry), self._numbers(entry)
+        wide = painter.fontMetrics().horizontalAdvance(numbers)
+        left = painter.fontMetrics().elidedText(
+            label, Qt.TextElideMode.ElideRight, max(width - wide - 8, 40)
+        )
+        line = QRectF(0, top, width, 18)
+        painter.drawText(
+            line,
+            Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter,
+            ("⚠ " if near else "") + left,
+        )
+        painter.drawText(line, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, numbers)
+        bar = QRectF(0, top + 19, width, 6)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(QColor(palette.raised))
+        painter.drawRoundedRect(bar, 3, 3)
+        share = min(max(1.0 - margin, 0.0), 1.0)
+        painter.setBrush(
+            QColor(palette.bad if margin < 0.0 else palette.warning if near else palette.accent)
+        )
+        painter.drawRoundedRect(QRectF(0, top + 19, max(share * width, 2.0), 6), 3, 3)
+
+    def _label(self, entry: tuple[str, float, float, float]) -> str:
+        return worded(entry[0])[0]
+
+    def _numbers(self, entry: tuple[str, float, float, float]) -> str:
+        _, unit, factor = worded(entry[0])
+        return f"{number(entry[1] / factor)} of {number(entry[2] / factor)} {unit}"
+
+    def _text(self, entry: tuple[str, float, float, float]) -> str:
+        return f"{self._label(entry)} {self._numbers(entry)}"

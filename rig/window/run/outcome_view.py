@@ -1,0 +1,243 @@
+"""How the run ended: verdict, what was found with its unit, what to do next, and the ways on to review and report.
+
+What was found is worked out by `rig fit` in a process of its own, after the run has been sealed.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Qt, QUrl, Signal
+from PySide6.QtGui import QDesktopServices
+from PySide6.QtWidgets import (
+    QApplication,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QVBoxLayout,
+)
+
+from model.identify.estimate import BudgetLine, Estimate
+from rig.analysis.wording import readable, show
+from rig.run.trips import rule_of
+from rig.window.run.state import RunState, State
+from rig.window.shell.session import WindowSession
+from rig.window.work.background import BackgroundCommand
+
+MOST_LINES = 6
+"""Results that are named here; all of them stand in review and report."""
+RESULTS_ARE = {
+    "kinematic-error": ("transmission_accuracy", "amplitude"),
+    "friction": ("running_torque", "stribeck", "coulomb", "static"),
+    "velocity-steps": ("frequency", "damping_ratio", "stiffness_over_inertia"),
+    "starting-torque": ("starting_torque",),
+}
+"""Which results of a protocol come first, by how their name begins."""
+WITNESSES = {
+    "statusword": "the drive",
+    "input_angle": "the input encoder",
+    "output_angle": "the output encoder",
+}
+"""Who says that the rig stands, in words."""
+
+
+class OutcomeView(QFrame):
+    """Hidden until a run has ended."""
+
+    review_requested = Signal(Path)
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self.setProperty("part", "card")
+        self.headline, self.text, self.results = QLabel(), QLabel(), QLabel()
+        self.headline.setProperty("part", "title")
+        for label in (self.headline, self.text, self.results):
+            label.setWordWrap(True)
+            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.review, self.report = QPushButton("Review this run"), QPushButton("Open report")
+        self.review.setProperty("part", "primary")
+        self.report.setToolTip("Writes the report of this run and opens it in the browser")
+        self.review.clicked.connect(self._ask_review)
+        self.report.clicked.connect(self._make_report)
+        words, ways = QVBoxLayout(), QVBoxLayout()
+        for label in (self.headline, self.text, self.results):
+            words.addWidget(label)
+        words.addStretch(1)
+        ways.addWidget(self.review)
+        ways.addWidget(self.report)
+        ways.addStretch(1)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(14, 8, 14, 8)
+        row.addLayout(words, 1)
+        row.addLayout(ways)
+        self._path: Path | None = None
+        self._work: list[BackgroundCommand] = []
+        self.open_report = True
+        """Whether a report that was written is opened in the browser."""
+        self.hide()
+
+    def clear(self) -> None:
+        """A new run begins."""
+        for command in self._work:
+            command.cancel()
+        self._work.clear()
+        self._path = None
+        self.hide()
+
+    def show_end(
+        self, state: RunState, report: dict[str, Any], path: Path | None, protocol: str
+    ) -> None:
+        """The end of a run. `path` is its sealed file, None where there is none."""
+        self._path = path
+        self.headline.setText(headline_of(state, report))
+        self.text.setText(sentence_of(state, report, self._session.folder))
+        self.text.setVisible(bool(self.text.text()))
+        self.review.setEnabled(path is not None)
+        self.report.setEnabled(path is not None and not str(path).endswith(".part"))
+        self.results.hide()
+        self.show()
+        # The way on, under Enter; what somebody is writing is not taken out of their hands.
+        if self.review.isEnabled() and not isinstance(QApplication.focusWidget(), QLineEdit):
+            self.review.setFocus()
+        if path is not None and state.outcome in ("PASS", "MARGINAL", "FAIL"):
+            self.results.setText("Working out the results …")
+            self.results.show()
+            self._run(
+                ["fit", str(path), "--json"], lambda *told: self._show_results(protocol, *told)
+            )
+
+    def _run(self, arguments: list[str], then: Any) -> None:
+        command = BackgroundCommand(arguments, self)
+        command.done.connect(then)
+        self._work.append(command)
+        command.start()
+
+    def _show_results(self, protocol: str, code: int, out: str, complaint: str) -> None:
+        lines = result_lines(out, protocol)
+        if not lines:
+            self.results.setText(
+                complaint.strip()[-400:] or "The analysis has nothing to tell of this run."
+            )
+        else:
+            self.results.setText("\n".join(("   ·   ".join(lines), *remarks(out))))
+
+    def _ask_review(self) -> None:
+        if self._path is not None:
+            self.review_requested.emit(self._path)
+
+    def _make_report(self) -> None:
+        if self._path is None:
+            return
+        page = self._path.with_name(self._path.name.removesuffix(".h5") + ".html")
+        self.report.setEnabled(False)
+        self.report.setText("Writing the report …")
+
+        def written(code: int, out: str, complaint: str) -> None:
+            self.report.setText("Open report")
+            self.report.setEnabled(True)
+            if code == 6 or not page.exists():
+                self._session.message.emit(
+                    complaint.strip()[-300:] or "The report could not be written."
+                )
+            else:
+                self._session.message.emit(f"Report: {page}")
+                if self.open_report:
+                    self._open(page)
+
+        self._run(["report", str(self._path), "--output", str(page)], written)
+
+    def _open(self, page: Path) -> None:
+        if not QDesktopServices.openUrl(QUrl.fromLocalFile(str(page.resolve()))):
+            self._session.message.emit(f"The report is written, but nothing here opens it: {page}")
+
+
+def headline_of(state: RunState, report: dict[str, Any]) -> str:
+    """One line: outcome and run."""
+    if state.state is State.REFUSED:
+        return "The run was not started"
+    if state.state is State.LOST:
+        return "The acquisition is gone"
+    if state.safe is False:
+        return "STANDSTILL WAS NOT VERIFIED: press the emergency stop, do not touch the rig"
+    return f"{state.outcome}   {report.get('run', '')}"
+
+
+def sentence_of(state: RunState, report: dict[str, Any], folder: Path) -> str:
+    """What happened and what to do next."""
+    parts: list[str] = []
+    trip = report.get("trip") or {}
+    if state.cause:
+        found = rule_of(state.cause)
+        parts.append(f"Cause: {state.cause.replace('_', ' ')}, {found.what}.")
+        if trip.get("value") is not None and trip.get("limit") is not None:
+            unit = f" {trip['unit']}" if trip.get("unit") else ""
+            parts.append(f"Found {trip['value']:.4g}{unit}, limit {trip['limit']:.4g}{unit}.")
+    elif state.what:
+        parts.append(state.what.rstrip(".") + ".")
+    if state.remedy:
+        parts.append(f"What to do: {state.remedy}")
+    made_safe = report.get("make_safe") or {}
+    if made_safe.get("safe"):
+        parts.append(
+            f"Made safe ({made_safe.get('action', '')}), standstill verified by "
+            f"{', '.join(WITNESSES.get(str(w), str(w)) for w in made_safe.get('verified_by', ()))}."
+        )
+    if state.outcome == "TRIPPED":
+        parts.append(
+            "The trip is latched: acknowledge it by name on the page Prepare, "
+            f"or with rig acknowledge --operator NAME --output {folder}"
+        )
+    return " ".join(parts)
+
+
+def result_lines(out: str, protocol: str) -> list[str]:
+    """The first results of `rig fit --json`, each with its interval and unit."""
+    try:
+        told = json.loads(out)
+    except ValueError:
+        return []
+    found = told[0] if isinstance(told, list) and told else told
+    parameters = found.get("parameters", {}) if isinstance(found, dict) else {}
+    first = RESULTS_ARE.get(protocol, ())
+    names = sorted(
+        parameters,
+        key=lambda name: next((k for k, begin in enumerate(first) if name.startswith(begin)), 99),
+    )
+    lines = []
+    for name in names[:MOST_LINES]:
+        lines.append(f"{readable(name)} {_shown(name, parameters[name])}")
+    return lines
+
+
+def remarks(out: str) -> list[str]:
+    """What must not be missed beside the numbers of `rig fit --json`: whose torque it is, and that
+    nothing was judged.
+    """
+    told = json.loads(out)
+    found = told[0] if isinstance(told, list) and told else told
+    if not isinstance(found, dict):
+        return []
+    said = []
+    if (found.get("options") or {}).get("torque_is_of") == "motor + gear":
+        way = " Review fits it with a motor-tare run." if found.get("kind") == "friction" else ""
+        said.append(f"Motor + gear: no tare was subtracted.{way}")
+    outcomes = {str(verdict.get("outcome", "")) for verdict in found.get("verdicts") or ()}
+    if outcomes == {"no verified limit"}:
+        said.append("The gear is not judged: its catalogue limits are not verified.")
+    return said
+
+
+def _shown(name: str, told: dict[str, Any]) -> str:
+    """An estimate out of JSON in the words of the report; what the data cannot tell is said beside it."""
+    low, high = (float("nan") if told[end] is None else float(told[end]) for end in ("low", "high"))
+    expanded = told.get("expanded_uncertainty")
+    budget = () if expanded is None else (BudgetLine("", "A", 0.5 * float(expanded)),)
+    estimate = Estimate(name, float(told["value"]), str(told["unit"]), low, high, budget=budget)
+    known = str(told.get("identifiability", "yes"))
+    words = {"weakly": " (weakly identifiable)", "no": " (not identifiable)"}
+    return show(estimate).with_uncertainty + words.get(known, "")

@@ -1,0 +1,334 @@
+"""The Run page: what the rig is doing, as it does it, and the one large STOP.
+
+The page is the parent of the run (`child`), keeps its state (`run_state`) and draws from its
+growing file (`live_plots`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QKeySequence, QShortcut
+from PySide6.QtWidgets import (
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QMessageBox,
+    QProgressBar,
+    QScrollArea,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
+
+from experiments.recording import Event
+from rig.present.preview.plan import PlanPreview
+from rig.run.dry_run import PlannedRun
+from rig.run.order import Progress
+from rig.run.progress import in_words
+from rig.window.run.banner import Banner, StopButtons, look_of
+from rig.window.run.events_view import EventsView
+from rig.window.run.live_plots import LivePlots
+from rig.window.run.margins_view import MarginBars
+from rig.window.run.outcome_view import OutcomeView
+from rig.window.run.prompt_view import PromptView
+from rig.window.run.state import MAKING_SAFE, RunState, State
+from rig.window.shell.session import WindowSession
+from rig.window.work.child import Ending, RunProcess
+from rig.window.work.prepared import PreparedRun
+
+SIDE_WIDTH = 330
+"""Logical pixels of the column of margins and events."""
+
+
+class RunPage(QWidget):
+    """Watches one run at a time, from its start to its verdict."""
+
+    review_requested = Signal(Path)
+    state_changed = Signal(str)
+    """The word of the state, for whoever shows it elsewhere."""
+    closed_safely = Signal()
+    """The run that the window waited for has ended in verified standstill: it may close."""
+
+    def __init__(
+        self, session: WindowSession, start_process: Callable[[list[str]], RunProcess] = RunProcess
+    ) -> None:
+        super().__init__()
+        self._session, self._start_process = session, start_process
+        self.process: RunProcess | None = None
+        self.state = RunState()
+        self.report: dict[str, Any] = {}
+        self.close_question: QMessageBox | None = None
+        self._title = self._protocol = ""
+        self._closing = False
+        self.banner, self.buttons = Banner(), StopButtons()
+        self.prompt, self.outcome = PromptView(session), OutcomeView(session)
+        self.plots, self.margins, self.events = (
+            LivePlots(session),
+            MarginBars(session),
+            EventsView(session),
+        )
+        self._step, self._times, self.bar = QLabel("No run yet."), QLabel(), QProgressBar()
+        self._lay_out()
+        self._connect()
+        self._show()
+
+    @property
+    def is_active(self) -> bool:
+        """Whether a process of this window may be turning the rig."""
+        return self.state.active
+
+    def start(self, prepared: PreparedRun) -> None:
+        """Start a prepared run and watch it."""
+        request = prepared.request
+        gear = (
+            f"gear {request.gear_serial}"
+            if prepared.planned.experiment.gear_mounted
+            else "bare motor"
+        )
+        self._title = (
+            prepared.title
+            or f"{prepared.planned.experiment.title}, {gear}, {request.operator or 'no operator'}"
+        )
+        self._protocol = request.protocol
+        seen = prepared.prediction if isinstance(prepared.prediction, PlanPreview) else None
+        process = self._start_process(list(prepared.arguments))
+        self._begin(process, prepared.planned, seen)
+        for note in prepared.notes:
+            process.note(note)
+
+    def start_command(self, arguments: list[str], title: str = "", protocol: str = "") -> None:
+        """Start `rig run` with these arguments and watch it, without a plan to compare with."""
+        self._title, self._protocol = title, protocol
+        self._begin(self._start_process(arguments), None, None)
+
+    def stop(self) -> None:
+        """STOP: controlled ramp."""
+        if self.process is not None and self.is_active:
+            self.process.stop()
+            self._change(self.state.pressed("STOP"))
+
+    def abort(self) -> None:
+        """ABORT: quick stop."""
+        if self.process is not None and self.is_active:
+            self.process.abort()
+            self._change(self.state.pressed("ABORT"))
+
+    def may_close(self) -> bool:
+        """Whether the window may be closed now; during a run it asks, and closes later if it is told to."""
+        if not self.is_active:
+            self.outcome.clear()
+            self.plots.close_file()
+            return True
+        if self.close_question is None and not self._closing:
+            self._ask_to_close()
+        return False
+
+    def _begin(
+        self, process: RunProcess, planned: PlannedRun | None, prediction: PlanPreview | None
+    ) -> None:
+        self.process, self.report, self._closing = process, {}, False
+        process.event_told.connect(self._on_event)
+        process.progress.connect(self._on_progress)
+        process.prompt.connect(self.prompt.ask)
+        process.report.connect(self._on_report)
+        process.finished.connect(self._on_finished)
+        self.outcome.clear()
+        self.events.clear()
+        self.margins.show_margins({})
+        self.plots.expect(planned, prediction)
+        self._step.setText("pre-flight")
+        self._times.clear()
+        self.bar.setRange(0, 0)
+        self._change(RunState().armed())
+        self.buttons.stop.setFocus()
+        process.start()
+
+    # What the run tells.
+
+    def _on_event(self, event: Event) -> None:
+        self.events.add(event)
+        self._change(self.state.told(event))
+
+    def _on_progress(self, progress: Progress) -> None:
+        self._change(self.state.went_on(progress))
+        if progress.file:
+            self.plots.open(Path(progress.file))
+        if progress.what == MAKING_SAFE:
+            self.plots.release()
+        if progress.margins:
+            self.margins.show_margins(progress.margins)
+        self._step.setText(f"step {progress.step} of {progress.steps}:  {progress.what}")
+        self._times.setText(f"{in_words(progress.elapsed)} done, {in_words(progress.left)} left")
+        self.bar.setRange(0, 1000)
+        whole = progress.elapsed + progress.left
+        self.bar.setValue(round(1000 * progress.elapsed / whole) if whole > 0.0 else 0)
+        self._take_origin()
+
+    def _on_report(self, report: dict[str, Any]) -> None:
+        self.report = report
+        if report.get("margins"):
+            self.margins.show_margins(report["margins"])
+        self._change(self.state.reported(report))
+
+    def _on_finished(self, ending: Ending) -> None:
+        self.prompt.withdraw()
+        self._change(self.state.gone(ending.reported, ending.complaint, ending.killed))
+        path = Path(self.report["path"]) if self.report.get("path") else None
+        if path is not None:
+            self.plots.finish(path)
+        elif self.plots.live is not None:
+            path = self.plots.live.path
+            self.plots.finish(path)
+        self._take_origin()
+        completed = self.state.outcome in ("PASS", "MARGINAL", "FAIL")
+        if completed or self.bar.maximum() == 0:
+            self.bar.setRange(0, 1000)
+            self.bar.setValue(1000 if completed else 0)
+        if self.report:
+            self._step.setText(
+                "the plan was completed" if completed else f"ended at {self._step.text()}"
+            )
+            self._times.setText(f"{self.report.get('rows', 0)} cycles")
+        self.outcome.show_end(self.state, self.report, path, self._protocol or self.plots.protocol)
+        self._session.runs_changed.emit()
+        self.outcome.review.setFocus()
+        self._close_if_waiting()
+
+    def _take_origin(self) -> None:
+        live = self.plots.live
+        if live is not None:
+            stamps = live.recording.source.time_ns(0, 1)
+            if len(stamps):
+                self.events.set_origin(int(stamps[0]))
+
+    # The window wants to close.
+
+    def _ask_to_close(self) -> None:
+        box = QMessageBox(self)
+        box.setIcon(QMessageBox.Icon.Warning)
+        box.setWindowTitle("A run is going on")
+        box.setText("The rig may be turning. Close the window?")
+        box.setInformativeText(
+            "With STOP the rig comes to a standstill by a controlled ramp, the run is kept as "
+            "ABORTED, and the window closes "
+            "once standstill has been verified."
+        )
+        stay = box.addButton("Stay", QMessageBox.ButtonRole.RejectRole)
+        leave = box.addButton("STOP and close when safe", QMessageBox.ButtonRole.AcceptRole)
+        box.setDefaultButton(stay)
+        box.setEscapeButton(stay)
+        box.finished.connect(lambda _: self._answer_to_close(box.clickedButton() is leave))
+        self.close_question = box
+        box.open()
+
+    def _answer_to_close(self, leave: bool) -> None:
+        self.close_question = None
+        if not leave:
+            return
+        self._closing = True
+        if self.is_active:
+            self.stop()
+        else:
+            self._close_if_waiting()
+
+    def _close_if_waiting(self) -> None:
+        """Close only where nothing is left to be looked at: the rig stands, or never moved."""
+        if not self._closing or self.is_active:
+            return
+        self._closing = False
+        if self.state.safe or self.state.state is State.REFUSED:
+            self.closed_safely.emit()
+
+    # How it looks.
+
+    def _change(self, state: RunState) -> None:
+        self.state = state
+        self._show()
+
+    def _show(self) -> None:
+        self.banner.show_state(self.state, self._title)
+        self.buttons.set_active(self.is_active)
+        self.events.set_active(self.is_active)
+        self.state_changed.emit(
+            "idle" if self.state.state is State.IDLE else look_of(self.state).word.lower()
+        )
+
+    def _lay_out(self) -> None:
+        top = QHBoxLayout()
+        top.setSpacing(10)
+        top.addWidget(self.banner, 1)
+        top.addWidget(self.buttons)
+        strip = QHBoxLayout()
+        strip.setSpacing(12)
+        self._step.setProperty("part", "heading")
+        self.bar.setTextVisible(False)
+        self.bar.setFixedHeight(12)
+        self.bar.setRange(0, 1000)
+        strip.addWidget(self._step)
+        strip.addWidget(self.bar, 1)
+        strip.addWidget(self._times)
+        body = QSplitter(Qt.Orientation.Horizontal)
+        body.setChildrenCollapsible(False)
+        body.addWidget(self.plots)
+        body.addWidget(self._side())
+        body.setStretchFactor(0, 1)
+        body.setStretchFactor(1, 0)
+        body.setSizes([10_000, SIDE_WIDTH])
+        column = QVBoxLayout(self)
+        column.setContentsMargins(10, 8, 10, 6)
+        column.setSpacing(8)
+        column.addLayout(top)
+        column.addWidget(self.prompt)
+        column.addWidget(self.outcome)
+        column.addLayout(strip)
+        column.addWidget(body, 1)
+
+    def _side(self) -> QWidget:
+        """Margins over events, each with room of its own."""
+        side = QSplitter(Qt.Orientation.Vertical)
+        side.setChildrenCollapsible(False)
+        scroll = QScrollArea()
+        scroll.setWidgetResizable(True)
+        scroll.setFrameShape(QFrame.Shape.NoFrame)
+        scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        scroll.setWidget(self.margins)
+        for title, widget in (
+            ("Margins: peak so far of each limit", scroll),
+            ("Events and notes", self.events),
+        ):
+            part = QWidget()
+            column = QVBoxLayout(part)
+            column.setContentsMargins(4, 0, 0, 0)
+            column.setSpacing(4)
+            heading = QLabel(title)
+            heading.setProperty("part", "heading")
+            column.addWidget(heading)
+            column.addWidget(widget, 1)
+            side.addWidget(part)
+        side.setMinimumWidth(280)
+        side.setSizes([260, 300])
+        return side
+
+    def _connect(self) -> None:
+        self.buttons.stop_pressed.connect(self.stop)
+        self.buttons.abort_pressed.connect(self.abort)
+        self.prompt.answered.connect(
+            lambda text: self.process.answer(text) if self.process is not None else None
+        )
+        self.events.note_written.connect(
+            lambda text: self.process.note(text) if self.process is not None else None
+        )
+        self.outcome.review_requested.connect(self.review_requested)
+        # A field that is written in keeps the space bar; everywhere else on the page it is STOP.
+        self._key(Qt.Key.Key_Space, self.stop)
+        self._key("Ctrl+N", self.events.note.setFocus)
+
+    def _key(self, key: Any, action: Callable[[], Any]) -> None:
+        shortcut = QShortcut(QKeySequence(key), self)
+        shortcut.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
+        shortcut.setAutoRepeat(False)
+        shortcut.activated.connect(action)

@@ -1,0 +1,60 @@
+"""A question of the run to the operator, with a field for the answer: the plan waits while the rig stands."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QLineEdit, QPushButton
+
+from rig.window.shell.session import WindowSession
+
+
+class PromptView(QFrame):
+    """Hidden unless something is asked."""
+
+    answered = Signal(str)
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self.setObjectName("prompt")
+        self.question = QLabel()
+        self.question.setWordWrap(True)
+        self.question.setStyleSheet("font-size: 13pt; font-weight: 600;")
+        self.field = QLineEdit()
+        self.field.setMinimumWidth(220)
+        self.field.setPlaceholderText("Answer")
+        self.field.setAccessibleName("Answer to the question of the run")
+        self.give = QPushButton("Answer and go on")
+        self.give.setProperty("part", "primary")
+        row = QHBoxLayout(self)
+        row.setContentsMargins(14, 8, 14, 8)
+        row.addWidget(self.question, 1)
+        row.addWidget(self.field)
+        row.addWidget(self.give)
+        self.field.returnPressed.connect(self._answer)
+        self.give.clicked.connect(self._answer)
+        session.theme_changed.connect(lambda _: self._colour())
+        self._colour()
+        self.hide()
+
+    def ask(self, text: str, key: str) -> None:
+        """Put a question."""
+        self.question.setText(f"?  {text}")
+        self.field.clear()
+        self.field.setToolTip(f"kept in the run as {key}" if key else "kept in the run")
+        self.show()
+        self.field.setFocus()
+
+    def withdraw(self) -> None:
+        """Nothing is asked any more."""
+        self.hide()
+
+    def _answer(self) -> None:
+        self.hide()
+        self.answered.emit(self.field.text().strip())
+
+    def _colour(self) -> None:
+        palette = self._session.palette
+        self.setStyleSheet(
+            f"#prompt {{ background: {palette.surface}; border: 3px solid {palette.accent}; border-radius: 8px; }}"
+        )

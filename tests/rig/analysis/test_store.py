@@ -1,0 +1,134 @@
+"""The analysis store: appended, never edited, valid JSON, traceable to the run file."""
+
+from __future__ import annotations
+
+import json
+import math
+import stat
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig.analysis.store import (
+    Basis,
+    analysis_folder,
+    append_analysis,
+    json_ready,
+    json_text,
+    read_analyses,
+)
+from rig.errors import RunFileError
+from tests.rig.handmade import friction_result, kinematic_result
+
+BASIS = Basis(
+    "cd" * 32,
+    "2024-03-02T09:00:00+01:00",
+    {"name": "CSF-25"},
+    {"run": "R-1", "sha256": "ef" * 32},
+    {"a": 1},
+)
+
+
+def test_analyses_are_numbered_beside_the_run(tmp_path: Path) -> None:
+    run = tmp_path / "R-000042.h5"
+    first = append_analysis(run, friction_result(), BASIS)
+    second = append_analysis(run, kinematic_result(), BASIS)
+    assert first.path == tmp_path / "R-000042.analysis" / "0001.json"
+    assert (first.number, second.number) == (1, 2)
+    assert [a.kind for a in read_analyses(run)] == ["friction", "kinematic-error"]
+    assert not run.exists()
+
+
+def test_a_stored_analysis_names_what_it_rests_on(tmp_path: Path) -> None:
+    stored = append_analysis(tmp_path / "r.h5", friction_result(), BASIS)
+    content = json.loads(stored.path.read_text())
+    assert content["run_sha256"] == "cd" * 32
+    assert content["tare"] == {"run": "R-1", "sha256": "ef" * 32}
+    assert content["gear"] == {"name": "CSF-25"}
+    assert content["settings"] == {"a": 1}
+    assert content["program_version"]
+    assert content["outcome"] == "PASS"
+    assert content["result"]["parameters"]["F_c"]["value"] == 70.31
+    assert read_analyses(tmp_path / "r.h5")[0].result["options"]["torque_balance"] == "energy"
+
+
+def test_a_stored_analysis_is_read_only_and_never_written_again(tmp_path: Path) -> None:
+    run = tmp_path / "r.h5"
+    stored = append_analysis(run, friction_result(), BASIS)
+    before = stored.path.read_bytes()
+    assert not stored.path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH)
+    append_analysis(run, replace(friction_result(), warnings=("other",)), BASIS)
+    assert stored.path.read_bytes() == before
+    assert len(read_analyses(run)) == 2
+    assert sorted(p.name for p in analysis_folder(run).iterdir()) == ["0001.json", "0002.json"]
+
+
+def test_the_same_analysis_is_not_stored_twice(tmp_path: Path) -> None:
+    run = tmp_path / "r.h5"
+    first = append_analysis(run, friction_result(), BASIS)
+    later = replace(BASIS, created="2025-01-01T00:00:00+01:00")
+    assert append_analysis(run, friction_result(), later).path == first.path
+    assert append_analysis(run, friction_result(), replace(later, settings={})).number == 2
+
+
+def test_a_number_that_another_program_has_taken_is_left_to_it(tmp_path: Path) -> None:
+    run = tmp_path / "r.h5"
+    append_analysis(run, friction_result(), BASIS)
+    from rig.analysis import store as results
+
+    stored = results._write_next(
+        analysis_folder(run), {"format": results.STORE_FORMAT, "kind": "x"}, 1
+    )
+    assert stored.number == 2
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"format": "something"}'])
+def test_a_damaged_store_is_refused_by_name(tmp_path: Path, text: str) -> None:
+    folder = analysis_folder(tmp_path / "r.h5")
+    folder.mkdir()
+    (folder / "0001.json").write_text(text)
+    (folder / "notes.txt").write_text("not ours")
+    with pytest.raises(RunFileError, match=r"0001\.json"):
+        read_analyses(tmp_path / "r.h5")
+
+
+def test_a_folder_that_cannot_be_made_is_an_error_of_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "r.analysis").write_text("a file is in the way")
+    with pytest.raises(RunFileError, match="cannot be written"):
+        append_analysis(tmp_path / "r.h5", friction_result(), BASIS)
+
+
+@pytest.mark.parametrize(
+    ("run", "folder"),
+    [
+        ("a.h5", "a.analysis"),
+        ("a.h5.part", "a.analysis"),
+        ("a.b.h5", "a.b.analysis"),
+        ("a.nxs", "a.analysis"),
+    ],
+)
+def test_the_folder_follows_the_name_of_the_run(run: str, folder: str) -> None:
+    assert analysis_folder(run).name == folder
+
+
+def test_everything_becomes_json_that_every_reader_accepts() -> None:
+    odd = {
+        "nan": math.nan,
+        "inf": np.inf,
+        "int": np.int64(3),
+        "array": np.array([1.0, np.nan]),
+        5: ({1},),
+        "path": Path("a"),
+    }
+    found = json.loads(json_text(odd))
+    assert found == {
+        "nan": None,
+        "inf": None,
+        "int": 3,
+        "array": [1.0, None],
+        "5": [[1]],
+        "path": "a",
+    }
+    assert json_ready(True) is True

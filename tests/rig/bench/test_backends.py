@@ -1,0 +1,73 @@
+"""The rigs by name: the direct one and the one on the wire agree, a recorded run comes back, and
+nothing else exists.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.recording import Recording
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from rig.bench.backends.assembly import BenchRequest
+from rig.bench.backends.registry import make_port
+from rig.errors import ConfigurationError
+from rig.run.start import RunRequest, run_request
+from rig.runfile.read import open_run
+
+SHORT = {
+    "speeds_rpm": (900.0,),
+    "repeats": 1,
+    "measure_time": 0.2,
+    "settle_time": 0.1,
+    "zero_time": 0.5,
+}
+
+
+def recorded(backend: str, folder: Path) -> Recording:
+    request = RunRequest(
+        "motor-tare",
+        shipped_gear(),
+        shipped_motor(),
+        folder,
+        SHORT,
+        backend=backend,
+        gear_serial="A1",
+        seed=3,
+    )
+    report = run_request(request, judged=False)
+    assert report.outcome == "PASS", report.message
+    assert report.safe
+    return open_run(report.path)
+
+
+@pytest.fixture(scope="module")
+def direct(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    return recorded("sim", tmp_path_factory.mktemp("sim"))
+
+
+def assert_same(one: Recording, other: Recording) -> None:
+    assert one.rows == other.rows
+    assert one.signals.keys() == other.signals.keys()
+    for name in one.signals:
+        assert np.array_equal(one.stored(name), other.stored(name)), name
+    assert one.segments == other.segments
+
+
+def test_a_protocol_over_the_wire_has_the_same_counts(direct: Recording, tmp_path: Path) -> None:
+    assert_same(recorded("wire", tmp_path), direct)
+
+
+def test_a_recorded_run_goes_through_the_engine_again(direct: Recording, tmp_path: Path) -> None:
+    path = direct.source.path  # type: ignore[attr-defined]
+    again = recorded(f"replay:{path}", tmp_path)
+    assert_same(again, direct)
+    assert again.metadata.origin == "replay"
+
+
+def test_an_unknown_rig_is_refused_with_what_there_is() -> None:
+    with pytest.raises(ConfigurationError, match=r"moon.*sim, wire, hardware, replay"):
+        make_port("moon", BenchRequest(shipped_gear(), shipped_motor()))

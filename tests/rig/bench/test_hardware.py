@@ -1,0 +1,177 @@
+"""The rig of hardware in real time: arming, and runs through the very drivers and the bus interface that hardware has.
+
+The devices are simulated ones in a process of their own, reached over a socketcand hub.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from experiments.recording import Recording
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from rig.bench.backends.registry import HARDWARE
+from rig.errors import ConfigurationError
+from rig.run.arming import RULES, WITHOUT_GEAR, Arming, guard_check, refuse_unarmed
+from rig.run.dry_run import PlannedRun, plan_run
+from rig.run.start import RunRequest, run_request
+from rig.run.stop import StopRequest
+from rig.runfile.read import close_recording, open_run
+from rig.trial.drill.protocol import EXPERIMENT, DrillParameters
+from tests.rig.served_rig import Served, served_rig
+
+RATE = 100.0
+ARMED = Arming("A. Example", "SN-1", "SN-1")
+
+
+@pytest.mark.parametrize(
+    ("arming", "where"),
+    [
+        (replace(ARMED, operator=""), "--operator"),
+        (replace(ARMED, operator=" Unknown "), "--operator"),
+        (replace(ARMED, gear_serial="unknown"), "--gear"),
+        (replace(ARMED, confirmation=""), "--confirm"),
+        (replace(ARMED, confirmation="sn-1"), "--confirm"),
+        (replace(ARMED, confirmation="yes"), "--confirm"),
+        (replace(ARMED, gear_mounted=False), "--confirm"),
+    ],
+)
+def test_a_run_that_is_not_armed_is_refused_with_what_is_missing(
+    arming: Arming, where: str
+) -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        refuse_unarmed(arming)
+    assert refused.value.where == where
+    assert refused.value.remedy
+
+
+def test_what_is_armed_is_not_refused() -> None:
+    refuse_unarmed(ARMED)
+    refuse_unarmed(
+        replace(ARMED, gear_mounted=False, gear_serial="unknown", confirmation=WITHOUT_GEAR)
+    )
+    assert {rule.where for rule in RULES} == {"--operator", "--gear", "--confirm"}
+
+
+def test_the_guard_closed_open_and_not_there() -> None:
+    assert guard_check(lambda: (8, True)).result == "ok"
+    assert guard_check(lambda: (0, False)).result == "failed"
+    assert guard_check(None).result == "warning"
+
+
+def test_an_unarmed_run_connects_to_nothing(tmp_path: Path) -> None:
+    request = RunRequest(
+        "home",
+        shipped_gear(),
+        shipped_motor(),
+        tmp_path,
+        backend=HARDWARE,
+        operator="A",
+        gear_serial="SN-1",
+        configuration=tmp_path / "there-is-none.toml",
+    )
+    with pytest.raises(ConfigurationError, match="SN-1 letter for letter"):
+        run_request(request)
+    assert not list(tmp_path.glob("*.h5*"))
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    with served_rig(RATE) as found:
+        yield found
+
+
+def planned_drill() -> PlannedRun:
+    return plan_run(
+        EXPERIMENT,
+        DrillParameters(),
+        shipped_gear(),
+        shipped_motor(),
+        "circular-spline-fixed",
+        sample_rate=RATE,
+    )
+
+
+def armed_request(folder: Path, configuration: Path) -> RunRequest:
+    return RunRequest(
+        "drill",
+        shipped_gear(),
+        shipped_motor(),
+        folder / "runs",
+        backend=HARDWARE,
+        operator="A. Example",
+        gear_serial="SN-1",
+        confirmation="SN-1",
+        sample_rate=RATE,
+        configuration=configuration,
+    )
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[Recording]:
+    recording = open_run(path)
+    yield recording
+    close_recording(recording)
+
+
+def test_a_run_over_the_hub_is_complete_safe_and_marked_simulated(
+    served: Served, tmp_path: Path
+) -> None:
+    request = armed_request(tmp_path, served.configuration(tmp_path))
+    events = []
+    report = run_request(request, planned_drill(), judged=False, on_event=events.append)
+    assert report.outcome == "PASS", report.message
+    assert report.safe
+    assert report.metrics["missed_share"] == 0.0
+    assert any(event.code == "preflight" and "guard: closed" in event.text for event in events)
+    with opened(report.path) as recording:
+        # Devices that call themselves simulated make it a simulated run, whatever the bus.
+        assert recording.metadata.origin == "simulated"
+        assert recording.metadata.time_base == "host"
+
+
+def test_an_open_guard_keeps_the_rig_still(served: Served, tmp_path: Path) -> None:
+    request = armed_request(tmp_path, served.configuration(tmp_path, guard_closed=0))
+    report = run_request(request, planned_drill(), judged=False)
+    assert report.outcome == "ERROR"
+    assert "guard" in report.message
+    with opened(report.path) as recording:
+        angle = recording.si("input_angle")
+        assert float(angle.max() - angle.min()) < 1e-2
+
+
+def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(
+    served: Served, tmp_path: Path
+) -> None:
+    request = armed_request(tmp_path, served.configuration(tmp_path))
+
+    def kill(progress: object) -> None:
+        if "hold" in str(progress) and served.process.poll() is None:
+            served.process.kill()
+
+    report = run_request(request, planned_drill(), judged=False, on_progress=kill)
+    assert report.outcome == "TRIPPED"
+    assert report.trip is not None
+    assert report.trip.cause in ("bus_lost", "stale_data")
+    # Nobody answers any more: standstill cannot be verified, and that is the loudest thing that is said.
+    assert not report.safe
+    with opened(report.path) as recording:
+        assert recording.rows > 0
+
+
+def test_stop_in_real_time_is_a_controlled_ramp(served: Served, tmp_path: Path) -> None:
+    request, stop = armed_request(tmp_path, served.configuration(tmp_path)), StopRequest()
+    report = run_request(
+        request,
+        planned_drill(),
+        judged=False,
+        stop=stop,
+        on_progress=lambda p: stop.stop() if "hold" in str(p) else None,
+    )
+    assert report.outcome == "ABORTED"
+    assert report.safe

@@ -1,0 +1,298 @@
+"""`rig plan` and `rig run` as people type them: flags, help, refusals, JSON, exit codes."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import typer
+
+from experiments import catalogue
+from experiments.parameters import parameter_fields
+from experiments.recording import Event
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from rig import exits
+from rig.bench.backends.assembly import BenchRequest
+from rig.bench.backends.registry import BACKENDS, make_port
+from rig.commands.running import read_flags, read_protocol
+from rig.errors import ConfigurationError
+from rig.main import run as main
+from rig.run.order import Progress
+from rig.run.progress import in_words, progress_line
+from rig.run.start import RunRequest, plan_request, run_request
+
+FAST = ("--zero-time", "0.5", "--positions", "1")
+
+
+def rig(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as end:
+        main([*arguments])
+    return int(end.value.code or 0)
+
+
+def test_flags_come_from_the_parameter_model() -> None:
+    fields = parameter_fields(catalogue.load("friction").parameters)
+    given = [
+        "--lowest-rpm",
+        "5",
+        "--highest-rpm=100",
+        "--no-up-and-down",
+        "--speeds-rpm",
+        "10",
+        "20",
+        "30",
+        "--points",
+        "4",
+    ]
+    values = read_flags("friction", fields, given)
+    assert values == {
+        "lowest_rpm": "5",
+        "highest_rpm": "100",
+        "up_and_down": False,
+        "speeds_rpm": "10 20 30",
+        "points": "4",
+    }
+    assert read_flags("friction", fields, ["--up-and-down"]) == {"up_and_down": True}
+    assert read_flags("friction", fields, ["--up-and-down", "no", "--points", "2"]) == {
+        "up_and_down": "no",
+        "points": "2",
+    }
+    assert read_flags("friction", fields, ["--lowest-rpm", "-5"]) == {"lowest_rpm": "-5"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "Name the protocol first"),
+        (["--lowest-rpm", "3", "friction"], "Name the protocol first"),
+        (["fricton"], "Did you mean friction"),
+        (["motion"], "no such protocol"),
+        (["friction", "--lowest-rmp", "3"], "Did you mean --lowest-rpm"),
+        (["friction", "7"], "a value without a flag"),
+        (["friction", "--points"], "needs a value"),
+        (["friction", "--points", "3", "--points", "4"], "given twice"),
+    ],
+)
+def test_what_cannot_be_understood_is_a_usage_error(arguments: list[str], words: str) -> None:
+    with pytest.raises(typer.BadParameter, match=words):
+        read_protocol(arguments)
+
+
+def test_a_plan_in_json_is_one_object(capsys: pytest.CaptureFixture[str]) -> None:
+    assert rig("plan", "velocity-steps", "--json", "--repeats", "1") == exits.DONE
+    printed = capsys.readouterr()
+    plan = json.loads(printed.out)
+    assert printed.err == ""
+    assert plan["protocol"] == "velocity-steps"
+    assert plan["parameters"]["repeats"] == 1
+    assert plan["duration"]["nominal"] < plan["duration"]["longest"]
+    assert {margin["quantity"] for margin in plan["margins"]} >= {
+        "input_speed",
+        "motor_torque",
+        "torsion_torque",
+    }
+    assert plan["limits"]["motor_torque"]["tier"] == "rig"
+
+
+def test_a_plan_as_a_table(capsys: pytest.CaptureFixture[str]) -> None:
+    assert rig("plan", "home") == exits.DONE
+    printed = capsys.readouterr().out
+    for words in ("duration", "samples", "Margins", "input", "motor", "torsion"):
+        assert words in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("plan", "friction", "--highest-rpm", "5700"), "5700"),
+        (("plan", "friction", "--acceleration", "15000"), "would break the limit on acceleration"),
+        (("plan", "friction", "--points", "many"), "whole number"),
+        (("plan", "friction", "--points", "0"), "out of range"),
+        (("plan", "no-such"), "no such protocol"),
+        (("plan", "friction", "--mounting", "upside-down"), "no such mounting"),
+        (("run", "home", "--backend", "dream"), "no such rig"),
+        (("plan", "home", "--parameters", "missing.toml"), "cannot be read"),
+    ],
+)
+def test_refusals_have_one_screen_and_exit_code_2(
+    arguments: tuple[str, ...], words: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    extra = ("--output", str(tmp_path)) if arguments[0] == "run" else ()
+    assert rig(*arguments, *extra) == exits.USAGE
+    printed = capsys.readouterr()
+    assert words in " ".join((printed.err + printed.out).replace("│", " ").split())
+    assert "Traceback" not in printed.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_shows_the_flags_of_a_protocol(capsys: pytest.CaptureFixture[str]) -> None:
+    assert rig("run", "friction", "--help") == exits.DONE
+    printed = capsys.readouterr().out
+    assert "--lowest-rpm" in printed
+    assert "r/min" in printed
+    assert "--operator" in printed
+    assert rig("run", "--help") == exits.DONE
+    printed = capsys.readouterr().out
+    for name in catalogue.names():
+        assert name in printed
+
+
+def test_a_run_on_the_simulated_rig(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    arguments = (
+        "run",
+        "starting-torque",
+        *FAST,
+        "--gear",
+        "G7",
+        "--operator",
+        "Ada",
+        "--output",
+        str(tmp_path),
+        "--seed",
+        "4",
+    )
+    assert rig(*arguments, "--json") == exits.DONE
+    printed = capsys.readouterr()
+    report = json.loads(printed.out)
+    assert printed.err == ""
+    assert report["outcome"] == "PASS"
+    assert report["make_safe"]["safe"]
+    assert report["trip"] is None
+    assert Path(report["path"]).is_file()
+    assert 0.0 < report["margins"]["motor_torque"]["margin"] < 1.0
+    assert rig(*arguments) == exits.DONE
+    assert "standstill verified by" in capsys.readouterr().out
+
+
+def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
+    request = RunRequest(
+        "starting-torque",
+        shipped_gear(),
+        shipped_motor(),
+        tmp_path,
+        {"positions": 1, "zero_time": 0.5},
+        gear_serial="G1",
+        seed=5,
+    )
+
+    def counts(**changes: object) -> bytes:
+        from dataclasses import replace
+
+        from rig.runfile.read import close_recording, open_run
+
+        report = run_request(replace(request, **changes), judged=False)  # type: ignore[arg-type]
+        assert report.outcome == "PASS", report.message
+        recording = open_run(report.path)
+        kept = recording.stored("output_angle").tobytes() + recording.stored("torque").tobytes()
+        close_recording(recording)
+        return kept
+
+    first = counts()
+    assert counts() == first
+    assert counts(block_cycles=77) == first
+    assert counts(seed=6) != first
+    assert counts(gear_serial="G2") != first
+
+
+def test_what_the_rig_knows_is_not_asked_for_twice() -> None:
+    gear, motor = shipped_gear(), shipped_motor()
+    request = RunRequest(
+        "kinematic-error", gear, motor, Path(), {}, mounting="flexspline-fixed", sample_rate=500.0
+    )
+    planned = plan_request(request)
+    assert planned.parameters.mounting == "flexspline-fixed"
+    assert planned.parameters.sync_rate == 500.0
+    assert planned.load.ratio == 121.0
+
+
+def test_an_unknown_rig_lists_those_there_are() -> None:
+    with pytest.raises(ConfigurationError, match="no such rig") as refused:
+        make_port("another", BenchRequest(shipped_gear(), shipped_motor()))
+    assert "sim" in refused.value.limit
+    assert "sim" in BACKENDS
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(47.6, "48 s"), (725.0, "12 min 05 s"), (9000.0, "2 h 30 min")]
+)
+def test_durations_are_told_as_people_say_them(seconds: float, words: str) -> None:
+    assert in_words(seconds) == words
+
+
+def test_the_progress_line_needs_a_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = Progress(3, 9, "hold 30 r/min", 4.0, 60.0, 3.14, 0)
+    bad = Event(0, "warning", "x", "test", "beware [of] brackets")
+    with progress_line("friction G1", 64.0) as (on_progress, on_event):
+        on_progress(now)
+        on_event(bad)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with progress_line("friction G1", 64.0) as (on_progress, on_event):
+        on_progress(now)
+        on_event(bad)
+    assert "warning: beware [of] brackets" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(
+    os.name == "nt", reason="a console process cannot be sent Ctrl-C alone on Windows"
+)
+def test_ctrl_c_is_a_stop_and_the_file_is_sealed_as_aborted(tmp_path: Path) -> None:
+    # Long enough that nobody's computer finishes it before the signal.
+    command = [
+        sys.executable,
+        "-c",
+        "from rig.main import run; run()",
+        "run",
+        "warm-up",
+        "--at-most",
+        "86400",
+    ]
+    command += ["--tolerance", "1e-9", "--window", "60", "--output", str(tmp_path), "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while (
+        not list(tmp_path.glob("*.part")) and time.monotonic() < deadline and process.poll() is None
+    ):
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(0.05)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == exits.ABORTED, err
+    report = json.loads(out)
+    assert report["outcome"] == "ABORTED"
+    assert report["make_safe"]["action"] == "controlled stop"
+    assert report["make_safe"]["safe"]
+    assert Path(report["path"]).suffix == ".h5"
+    assert "STOP: controlled ramp" in err
+
+
+def test_the_card_of_a_gear_tells_a_run_its_mounting_and_its_conditions(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from rig.commands.ordering import request_of
+    from rig.gears.card import now_text, save_card, with_changes
+
+    values = {"serial": "SN-7", "mounting": "flexspline-fixed", "lubricant": "SK-1A"}
+    save_card(tmp_path, with_changes(None, values, "A. Example", now_text()))
+    request = request_of("friction", {}, output=tmp_path, gear_serial="SN-7")
+    assert request.mounting == "flexspline-fixed"
+    assert request.conditions["lubricant"] == "SK-1A"
+    assert "never been confirmed" in capsys.readouterr().err
+    with pytest.raises(ConfigurationError, match="rig gear set"):
+        request_of(
+            "friction", {}, output=tmp_path, gear_serial="SN-7", mounting="circular-spline-fixed"
+        )
+    assert (
+        request_of("friction", {}, output=tmp_path, gear_serial="SN-8").mounting
+        == "circular-spline-fixed"
+    )

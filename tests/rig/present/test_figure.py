@@ -1,0 +1,177 @@
+"""Figures: the same bytes for the same data, nothing lost, marked where the run is not from hardware."""
+
+from __future__ import annotations
+
+import io
+import xml.etree.ElementTree as ElementTree
+from functools import cache
+
+import matplotlib.figure
+import numpy as np
+import pytest
+
+from experiments.result import Plot, Series
+from rig.present import figure as figures
+from rig.present.decimate import peak_rows, scatter_rows
+from tests.rig.handmade import friction_plot
+
+
+def text_of(svg: str) -> str:
+    return " ".join(ElementTree.fromstring(svg).itertext())
+
+
+@cache
+def friction_svg(origin: str, identifier: str = "f1") -> str:
+    """The friction figure, drawn once."""
+    return figures.draw_svg(friction_plot(), origin, identifier).svg
+
+
+def plot(*series: Series, **more: object) -> Plot:
+    return Plot("p", "A title", "Input angle [rad]", "Kinematic error [arcmin]", series, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("origin", "word"),
+    [("simulated", "SIMULATED"), ("replay", "REPLAY"), ("imported", "IMPORTED"), ("hardware", "")],
+)
+def test_every_figure_carries_the_word_of_its_origin(origin: str, word: str) -> None:
+    shown = text_of(friction_svg(origin))
+    assert (
+        (word in shown)
+        if word
+        else not any(w in shown for w in ("SIMULATED", "REPLAY", "IMPORTED"))
+    )
+
+
+def test_the_same_data_give_the_same_bytes() -> None:
+    assert figures.draw_svg(friction_plot(), "simulated", "f1").svg == friction_svg("simulated")
+    assert figures.draw_png(friction_plot(), "replay") == figures.draw_png(
+        friction_plot(), "replay"
+    )
+
+
+def test_labels_and_units_are_text_in_the_figure() -> None:
+    shown = text_of(friction_svg("hardware"))
+    for word in (
+        "Input speed [r/min]",
+        "Torque [N m]",
+        "measured, forward",
+        "fit, reverse",
+        "1000",
+    ):
+        assert word in shown
+
+
+def test_two_figures_share_no_identifier() -> None:
+    drawings = [friction_svg("simulated", name) for name in ("f1", "f2")]
+    ids = [
+        {e.get("id") for e in ElementTree.fromstring(svg).iter() if e.get("id")} for svg in drawings
+    ]
+    assert ids[0]
+    assert not ids[0] & ids[1]
+
+
+def test_hostile_labels_stay_text() -> None:
+    evil = 'x</text><script>alert(1)</script> $\\frac{ "quoted"\x00\x1b'
+    x = np.arange(5.0)
+    made = Plot(
+        evil, evil, evil, evil, (Series(evil, x, x), Series("b", x, x * 2, group=1)), note=evil
+    )
+    svg = figures.draw_svg(made, evil, "f1").svg
+    root = ElementTree.fromstring(svg)
+    assert not [e for e in root.iter() if e.tag.endswith("script")]
+    assert "<script" not in svg
+
+
+def test_what_a_logarithmic_axis_cannot_show_is_said() -> None:
+    y = np.array([1.0, 0.0, -2.0, 4.0])
+    drawing = figures.draw_svg(
+        plot(Series("spectrum", np.arange(4.0), y, "bars"), y_scale="log"), "hardware", "f1"
+    )
+    assert drawing.remarks == (
+        "2 values of “spectrum” are not positive and have no place on a logarithmic axis.",
+    )
+
+
+@pytest.mark.parametrize("style", ["line", "points", "band", "steps", "bars"])
+@pytest.mark.parametrize("scale", ["linear", "log"])
+def test_every_style_is_drawn_on_every_axis(style: str, scale: str) -> None:
+    x = np.linspace(1.0, 10.0, 30)
+    y = 2.0 + np.sin(x)
+    series = Series("s", x, y, style, y - 0.1, y + 0.1)  # type: ignore[arg-type]
+    other = Series("t", x, y * 1.1, style, group=1)  # type: ignore[arg-type]
+    made = plot(series, other, x_scale=scale, y_scale=scale)
+    data = figures.draw_svg(made, "hardware", "f1").svg.partition("legend_1")[0]
+    assert all(colour.lower() in data for colour in figures.PALETTE[:2])
+
+
+@pytest.mark.parametrize("y", [np.array([]), np.full(6, np.nan), np.array([1.0]), np.full(6, 3.0)])
+def test_poor_data_make_a_figure_all_the_same(y: np.ndarray) -> None:
+    made = plot(Series("s", np.arange(float(len(y))), y))
+    shown = text_of(figures.draw_svg(made, "simulated", "f1").svg)
+    assert ("no data" in shown) == (not np.isfinite(y).any())
+
+
+def test_a_day_of_samples_stays_small_and_keeps_its_peak() -> None:
+    x = np.linspace(0.0, 750.0, 400_000)
+    y = np.sin(x)
+    y[123_457] = 50.0
+    svg = figures.draw_svg(
+        plot(Series("raw", x, y), Series("raw", x, y, "points", group=1)), "simulated", "f1"
+    ).svg
+    assert len(svg) < 400_000
+    assert "50" in text_of(svg)
+
+
+def test_the_legend_hides_no_data(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[matplotlib.figure.Figure] = []
+    save = matplotlib.figure.Figure.savefig
+
+    def keep(figure: matplotlib.figure.Figure, *args: object, **kwargs: object) -> None:
+        save(figure, *args, **kwargs)  # type: ignore[arg-type]
+        seen.append(figure)
+
+    monkeypatch.setattr(matplotlib.figure.Figure, "savefig", keep)
+    for size in (figures.FULL_WIDTH, figures.HALF_WIDTH):
+        figures.draw_png(friction_plot(), "simulated", size)
+    for figure in seen:
+        axes = figure.axes[0]
+        legend = axes.get_legend()
+        assert legend is not None
+        box = legend.get_window_extent()
+        assert not box.overlaps(axes.get_window_extent())
+        assert box.x1 <= figure.bbox.x1 + 1
+
+
+def test_png_is_a_png() -> None:
+    from PIL import Image
+
+    with Image.open(io.BytesIO(figures.draw_png(friction_plot(), "simulated", dpi=100))) as image:
+        assert image.size == (710, 310)
+
+
+def test_thinning_keeps_extremes_and_gaps() -> None:
+    rng = np.random.default_rng(5)
+    y = rng.normal(size=20_000)
+    y[[17, 9_999]] = 40.0, -40.0
+    y[5_000:6_000] = np.nan
+    rows = peak_rows(y, 300)
+    assert len(rows) <= 5 * 300
+    assert {17, 9_999, 0, len(y) - 1} <= set(rows.tolist())
+    assert np.isnan(y[rows]).any()
+    assert np.all(np.diff(rows) > 0)
+
+
+def test_thinning_leaves_short_curves_alone() -> None:
+    assert peak_rows(np.arange(100.0), 300).tolist() == list(range(100))
+
+
+def test_scattered_points_keep_their_outline() -> None:
+    rng = np.random.default_rng(6)
+    x, y = rng.normal(size=(2, 50_000))
+    x[7] = np.nan
+    rows = scatter_rows(x, y)
+    assert 7 not in rows
+    assert x[rows].max() == np.nanmax(x)
+    assert y[rows].min() == y[np.isfinite(x)].min()
+    assert len(rows) < 50_000

@@ -1,0 +1,234 @@
+"""The report on paper: the same words and numbers as on screen, marked on every page, deaf to what
+looks like markup.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pypdf
+import pytest
+from matplotlib.image import imread
+
+from drivers.channel import Calibration
+from experiments.recording import Origin
+from experiments.result import Table
+from rig.analysis.fit import Fit
+from rig.present.page import report_context
+from rig.present.paper import draw_pages, paper_content, render_pdf
+from rig.runfile.layout import Column
+from tests.rig import handmade
+
+CREATED = "2026-11-21 08:00:00+00:00"
+
+
+@dataclass(frozen=True)
+class Paper:
+    """A report on paper: what it was made of, and the text of its pages."""
+
+    context: dict[str, Any]
+    pages: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        return squeezed("".join(self.pages))
+
+
+def squeezed(text: str) -> str:
+    """Without what line breaks, hyphens and thin spaces make of it."""
+    return re.sub(r"[\s\u200b\u2060\u00ad\u2009\u202f-]+", "", text)
+
+
+def printed(fits: Sequence[Fit], *, annex: bool = False, **more: Any) -> Paper:
+    """The report read back; without its annex, which takes the most of the reading, unless that is asked for."""
+    context = report_context(fits, **{"created": CREATED, **more})
+    if not annex:
+        context |= {"parameter_sets": ()}
+    made = render_pdf(context)
+    assert made.startswith(b"%PDF")
+    return Paper(
+        context, tuple(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(made)).pages)
+    )
+
+
+@cache
+def paper(origin: Origin) -> Paper:
+    """The report of a friction run; only the simulated one has its figure and its annex."""
+    fit = handmade.fit(origin)
+    if origin == "simulated":
+        return printed([fit], annex=True)
+    return printed([replace(fit, result=replace(fit.result, plots=()))])
+
+
+def test_it_has_the_numbers_of_the_page() -> None:
+    found = paper("simulated")
+    context, text = found.context, found.text
+    for wanted in (
+        context["number"],
+        context["overall"].word,
+        "SN-0815",
+        "HarmonicGreaseSK-1A",
+        "A.Example",
+    ):
+        assert squeezed(wanted) in text, wanted
+    for line in context["verdicts"]:
+        assert squeezed(line.value) in text
+        assert squeezed(line.limit) in text
+    for row in context["parts"][0].estimates.rows:
+        for cell in row[:5]:
+            # A symbol such as F_c is printed with its index below the line.
+            assert squeezed(cell).replace("_", "") in text.replace("_", ""), cell
+
+
+def test_hashes_stand_whole_in_one_line() -> None:
+    assert any(
+        "ab" * 32 in line
+        for page in paper("simulated").pages
+        for line in page.replace("\u200b", "").splitlines()
+    )
+
+
+def test_the_catalogue_stands_beside_the_results() -> None:
+    found = paper("simulated")
+    grid = found.context["catalogue"]
+    assert grid is not None
+    for cell in (grid.title, *grid.rows[0]):
+        assert squeezed(cell) in found.text, cell
+    assert found.text.index(squeezed(grid.title)) < found.text.index("Summary")
+
+
+@pytest.mark.parametrize(
+    ("origin", "word"), [("simulated", "SIMULATED"), ("replay", "REPLAY"), ("imported", "IMPORTED")]
+)
+def test_what_is_no_measurement_says_so_on_every_page_and_is_not_signed(
+    origin: Origin, word: str
+) -> None:
+    found = paper(origin).pages
+    # In the footer, across the page, and on the figures.
+    assert all(page.count(word) >= 2 for page in found)
+    assert not any("Approved by" in page for page in found)
+
+
+def test_a_run_from_hardware_has_room_for_two_signatures_and_no_mark() -> None:
+    whole = " ".join(paper("hardware").pages)
+    assert "Tested by" in whole
+    assert "Approved by" in whole
+    assert "SIMULATED" not in whole
+
+
+def test_every_page_is_numbered_and_names_its_runs() -> None:
+    found = paper("simulated").pages
+    for number, page in enumerate(found, 1):
+        assert f"page {number} of {len(found)}" in page
+        assert "Run R-000042" in page
+
+
+def test_an_expired_calibration_is_loud_and_an_unsealed_file_is_not_signed() -> None:
+    fit = handmade.fit("hardware", replace(handmade.friction_result(), plots=()), sha256="")
+    column = Column(
+        "torque",
+        "N m",
+        "int32",
+        1e-3,
+        0.0,
+        calibration=Calibration("C-7", "2020-01-01", "2021-01-01"),
+    )
+    object.__setattr__(fit.recording.source, "columns", (column,))
+    found = printed([fit])
+    alarm = squeezed(
+        "The calibration of torque (C-7) was due on 2021-01-01: EXPIRED WHEN THE RUN BEGAN."
+    )
+    assert squeezed(found.pages[0]).index(alarm) < squeezed(found.pages[0]).index(
+        "Judgedquantities"
+    )
+    assert squeezed("C-7, of 2020-01-01, due 2021-01-01: EXPIRED WHEN THE RUN BEGAN") in found.text
+    assert "Approvedby" not in found.text
+    assert squeezed("Not sealed, so that it could still change: R-000042") in found.text
+
+
+HOSTILE = (
+    '#import "x": *',
+    "$ x^2 $ *bold* _it_ @ref <label>",
+    '\\u{1F600} \\ `raw` "]#panic()',
+    "<script>alert(1)</script>",
+    "\x07\x00tab\tbell",
+    "= heading // comment",
+    "a_b~c--d'e",
+)
+
+
+def test_text_that_looks_like_markup_comes_out_as_it_stands() -> None:
+    serial, operator, lubricant, fact, warning, run, note = HOSTILE
+    result = replace(handmade.friction_result(), plots=(), warnings=(warning,), run=run)
+    fit = handmade.fit(
+        "simulated",
+        result,
+        gear_serial=serial,
+        operator=operator,
+        conditions={fact: lubricant},
+        run_id=run,
+        title=note,
+    )
+    found = printed([replace(fit, gear=replace(fit.gear, name=note))], note=note)
+    for wanted in HOSTILE:
+        plain = "".join(c for c in wanted if c.isprintable() or c == " ")
+        assert (
+            squeezed(plain) in found.text or squeezed(plain[:1].upper() + plain[1:]) in found.text
+        ), wanted
+
+
+def test_the_same_content_gives_the_same_plain_values() -> None:
+    first, second = (paper_content(paper("replay").context) for _ in range(2))
+    assert first == second
+    tables = paper_content(paper("simulated").context)["annex"]
+    assert tables
+    assert all(len(table["widths"]) == len(table["columns"]) for table in tables)
+
+
+def test_nothing_stands_in_the_margins() -> None:
+    """Long numbers of runs, long words and tables of many columns stay within the text of their page."""
+    long = "W" * 60
+    tables = tuple(
+        Table(
+            f"wide{n}",
+            f"{n} columns",
+            tuple(f"column {k} [mN m]" for k in range(n)),
+            ((0.123456,) * n,) * 40,
+        )
+        for n in (18, 40)
+    )
+    named = {"run": f"00042-friction-{long}", "warnings": (long * 9,)}
+    result = replace(handmade.friction_result(), tables=tables, plots=(), **named)
+    more = {
+        "gear_serial": long,
+        "operator": long,
+        "process": {"git_commit": "0123456789" * 4, "backend": long},
+        "conditions": {long: long * 3, "note": "word " * 300},
+    }
+    fits = [
+        handmade.fit(result=result, **more),
+        handmade.fit(result=handmade.kinematic_result(), **more),
+    ]
+    crosswise = 0
+    for page in draw_pages(report_context(fits, created=CREATED), 72.0):
+        picture = imread(io.BytesIO(page))[:, :, :3].min(axis=2)
+        height, width = picture.shape
+        crosswise += width > height
+        across, down = (
+            width / (297.0 if width > height else 210.0),
+            height / (210.0 if width > height else 297.0),
+        )
+        left, bottom, top = round(17.0 * across), round(7.0 * down), round(8.0 * down)
+        # The mark across the page is pale; ink is not.
+        assert picture[:, :left].min() > 0.6
+        assert picture[:, -left:].min() > 0.6
+        assert picture[-bottom:, :].min() > 0.6
+        assert picture[:top, :].min() > 0.6
+        assert np.count_nonzero(picture < 0.5) > 100, "an empty page"
+    assert crosswise

@@ -1,0 +1,186 @@
+"""What the supervisor sees beyond one cycle: heat, torque port, a lost clock, what devices tell,
+how near each limit came.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.port import Command, Guard, Mode
+from drivers.samples import CycleFlag
+from experiments.steps import HoldTime, Ramp
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from rig.bench import limits as lim
+from rig.bench.backends.assembly import Bench
+from rig.run import margins
+from rig.run.bounds import Watch
+from rig.run.order import Progress, RunReport
+from rig.run.session import execute
+from rig.run.start import watchdog_of
+from rig.run.stop import StopRequest
+from rig.run.torque_review import TorqueReview, TorqueState, heat_integral
+from rig.run.trips import UNKNOWN_RULE, Trip, rule_of
+from rig.trial.drill.rigs import Happening, drilled_rig
+from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+
+HOLD = (Ramp(20.0, 500.0), HoldTime(0.8), Ramp(0.0, 500.0))
+
+
+def run_with(rig: FakeRig, **more: object) -> tuple[ListRun, RunReport]:
+    run = ListRun()
+    return run, execute(order_of(planned_of(*HOLD), rig, Path(), 50), lambda *_: run, **more)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("cuts", [1, 7, 5000])
+def test_heat_does_not_depend_on_how_the_run_is_cut(cuts: int) -> None:
+    load = np.random.default_rng(1).uniform(0.0, 2.0, 10_000)
+    expected, heat = [], 0.3
+    for value in load:
+        heat += (value - heat) * -np.expm1(-1e-3 / 3.0)
+        expected.append(heat)
+    found, before = [], 0.3
+    for start in range(0, len(load), cuts):
+        part = heat_integral(before, load[start : start + cuts], 1e-3 / 3.0)
+        before = float(part[-1])
+        found.append(part)
+    assert np.allclose(np.concatenate(found), expected, rtol=1e-9)
+
+
+def test_a_torque_that_hums_about_the_right_mean_is_an_event_and_then_a_trip() -> None:
+    review, state = TorqueReview(Watch(), 0.637, 1e-3), TorqueState()
+    hum = 0.1 + 0.3 * np.sin(2.0 * np.pi * np.arange(250) / 20.3)
+    state, trips, notes = review.compared(state, hum, np.full(250, 0.1), 0)
+    assert (trips, notes[0][0]) == ([], "torque-disagreement")
+    state, trips, _ = review.compared(state, hum, np.full(250, 0.1), 250)
+    assert trips[0].cause == "torque_disagreement"
+    calm = TorqueState()
+    for start in range(0, 2000, 250):
+        calm, trips, notes = review.compared(calm, np.full(250, 0.11), np.full(250, 0.1), start)
+        assert (trips, notes) == ([], ())
+    assert calm.share < 0.5
+
+
+def test_a_clock_that_was_there_and_is_lost_trips_but_a_host_clock_does_not() -> None:
+    def lose(rig: FakeRig) -> None:
+        rig.physics.flags = int(CycleFlag.HOST_TIME)
+
+    _, report = run_with(FakeRig({500: lose}))
+    assert report.trip is not None
+    assert report.trip.cause == "time_base"
+    always = FakeRig()
+    lose(always)
+    _, report = run_with(always)
+    assert report.outcome == "PASS"
+
+
+@dataclass
+class Told:
+    """An event of a device."""
+
+    time_ns: int
+    level: str
+    code: str
+    source: str
+    text: str
+
+
+class TalkingRig(FakeRig):
+    """A rig whose devices tell something at a cycle."""
+
+    at = 500
+
+    def events(self) -> list[Told]:
+        if self.physics.cycle < self.at:
+            return []
+        self.at = 10**9
+        return [Told(123, "error", "emcy", "node 1", "0x4310 drive temperature")]
+
+
+def test_what_devices_tell_is_in_the_file_at_its_own_time() -> None:
+    run, report = run_with(TalkingRig())
+    (event,) = [event for event in run.events if event.code == "emcy"]
+    assert (event.text, event.source) == ("0x4310 drive temperature", "node 1")
+    assert event.time_ns % 10**9 == 123
+    assert "0x4310 drive temperature" in report.warnings
+
+
+def test_a_cause_that_only_the_port_knows_is_made_safe_all_the_same() -> None:
+    trip = Trip("gremlins", 3, float("nan"), float("nan"))
+    assert rule_of("gremlins") is UNKNOWN_RULE
+    assert trip.action is UNKNOWN_RULE.action
+    assert "TRIPPED gremlins" in str(trip)
+
+
+def test_how_near_every_limit_came_is_told_live_and_in_the_report() -> None:
+    seen: list[Progress] = []
+    _, report = run_with(FakeRig(), on_progress=seen.append)
+    expected = {
+        lim.INPUT_SPEED,
+        lim.MOTOR_TORQUE,
+        lim.TORSION_TORQUE,
+        lim.RMS_TORQUE,
+        lim.HOUSING_TEMPERATURE,
+        margins.OUTPUT_SPEED,
+        margins.TRAVEL,
+        margins.FOLLOWING,
+        margins.STALE,
+        margins.MISSED,
+        margins.DIFFERENCE,
+    }
+    assert expected == set(report.margins)
+    for found in report.margins.values():
+        assert found["margin"] == pytest.approx(1.0 - found["peak"] / found["limit"])
+        assert found["margin"] > 0.0
+    nearest = min(report.margins, key=lambda name: report.margins[name]["margin"])
+    assert seen[-1].nearest == nearest
+    assert seen[-1].margin == pytest.approx(report.margins[nearest]["margin"])
+    assert report.margins[margins.OUTPUT_SPEED]["peak"] == pytest.approx(20.0, rel=0.2)
+    assert report.margins[lim.HOUSING_TEMPERATURE]["peak"] == pytest.approx(25.0)
+
+
+@pytest.mark.parametrize("lost", [1, 3])
+def test_the_longest_run_of_lost_cycles_is_kept(lost: int) -> None:
+    def flag(value: int) -> Callable[[FakeRig], None]:
+        return lambda rig: setattr(rig.physics, "flags", value)
+
+    rig = FakeRig({500: flag(int(CycleFlag.INCOMPLETE)), 500 + lost: flag(0)})
+    _, report = run_with(rig)
+    assert report.outcome == "PASS"
+    assert report.margins[margins.STALE]["peak"] == lost
+
+
+@dataclass(frozen=True)
+class TwoHandledBench(Bench):
+    """A rig with a second handle on its bus."""
+
+    second_bus: Callable[[], object] = object
+
+
+def test_the_watchdog_stops_the_drive_over_its_own_bus_without_the_loop() -> None:
+    rig = drilled_rig("wire", shipped_gear(), shipped_motor(), Happening(2**62), StopRequest(), 0)
+    assert rig.bench is not None
+    port, bench = rig.port, rig.bench
+    watchdog = watchdog_of(TwoHandledBench("wire", port, rig.clock, True, bench.bus), 20)
+    assert watchdog is not None
+    port.open()
+    port.exchange(Command(Mode.SPEED, np.full(150, 20.0)), 150, Guard())
+    assert bench.plant.input_speed == pytest.approx(20.0, rel=0.1)
+    watchdog._quick_stop()
+    for _ in range(10):
+        port.exchange(Command(Mode.SPEED, np.full(1, 20.0)), 1, Guard())
+        if bench.drive.drive_state.value != "operation enabled":
+            break
+    assert bench.drive.drive_state.value in ("quick stop active", "switch on disabled")
+    watchdog.stop()
+    port.close()
+
+
+def test_a_rig_without_a_second_handle_has_no_watchdog() -> None:
+    rig = FakeRig()
+    assert watchdog_of(Bench("fake", rig, rig.clock), 20) is None

@@ -1,0 +1,233 @@
+"""What is seen with the servo off: every wrong is put into a rig on the wire, and the line that names it must fail."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from drivers.channel import OUTPUT_ANGLE, Calibration, encoder_channel
+from drivers.nd287 import ReadoutConfig, open_port
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from rig.bench.backends.assembly import BenchRequest
+from rig.bench.backends.registry import make_port
+from rig.run.stop import StopRequest
+from rig.trial.doctor import surroundings
+from rig.trial.doctor.examine import examine
+from sim_backend.faults import Fault
+from sim_backend.wire import faults
+from sim_backend.wire.bench import DRIVE_NODE
+from tests.rig.trial.doctor_rigs import (
+    RATE,
+    Change,
+    counter,
+    failed,
+    line,
+    look,
+    motor_encoder,
+    on_the_wire,
+    request,
+    torque_input,
+    wire_bench,
+)
+
+
+def test_what_a_rig_on_the_wire_tells_of_itself(tmp_path: Path) -> None:
+    found = look(tmp_path, on_the_wire)
+    assert found.is_fine, failed(found)
+    assert line(found, "node 1", "identity").evidence.startswith(
+        "Simulated servo amplifier, profile 402"
+    )
+    assert "software 1.0" in line(found, "node 3", "firmware").evidence
+    assert line(found, "node 2", "heartbeat").value == pytest.approx(100.0, abs=25.0)
+    # Every object that is missing is named, with what follows from it; nothing is cut off.
+    objects = line(found, "node 1", "objects")
+    assert objects.value == objects.evidence.count("0x")
+    assert "counts per revolution must stand in the configuration" in objects.evidence
+    assert line(found, "drive", "abort connection option").evidence == "3, quick stop"
+    assert line(found, "drive", "watch over the computer").unit == "ms"
+    assert line(found, "drive", "electronic gear").value == 1.0
+    assert line(found, "acquisition", "rate").value == pytest.approx(RATE, rel=1e-3)
+    skipped = line(found, "motion", "direction and ratio")
+    assert (skipped.result, skipped.evidence) == ("skipped", "not asked to")
+
+
+def test_the_direct_rig_has_no_bus_and_is_examined_all_the_same(tmp_path: Path) -> None:
+    wanted = BenchRequest(shipped_gear(), shipped_motor(), sample_rate=RATE)
+    found = look(tmp_path, lambda: make_port("sim", wanted))
+    assert line(found, "nodes", "bus").result == "skipped"
+    assert line(found, "torque", "zero").result == "ok"
+
+
+@pytest.mark.parametrize(
+    ("fault", "group", "name", "words"),
+    [
+        (faults.NodeSilent(50, node_id=DRIVE_NODE), "node 1", "state", "lost"),
+        (faults.NodeSilent(50), "node 2", "state", "lost"),
+        (faults.HeartbeatLost(10), "node 1", "heartbeat", "1 heard"),
+        (faults.NodeReset(120), "told by the devices", "boot-up", "node 2: the node has restarted"),
+        (faults.EmergencyMessage(50), "told by the devices", "emcy", "0x4310"),
+        (faults.DriveTrip(50), "drive", "state", "0x8611 following error"),
+        (faults.TpdoLost(50), "acquisition", "cycles", "incomplete"),
+        (faults.ClockJump(50), "acquisition", "clock", "1 of"),
+        (faults.ReadsBackDifferently(0), "safety", "drive limits", "reads back differently"),
+        (faults.SdoSilent(0, index=0x6041), "rig", "connection", "0x6041"),
+        (faults.HubGone(50), "acquisition", "cycles", "gone"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, Fault) else None,
+)
+def test_a_fault_is_found_and_keeps_the_rig_still(
+    tmp_path: Path, fault: Fault, group: str, name: str, words: str
+) -> None:
+    found = look(tmp_path, lambda: on_the_wire(lambda c: c, fault), moves=True)
+    finding = line(found, group, name)
+    assert finding.result == "failed"
+    assert words in finding.evidence
+    assert not found.is_fine
+    skipped = line(found, "motion", "direction and ratio")
+    assert (skipped.result, skipped.evidence) == (
+        "skipped",
+        "not before the lines that failed are in order",
+    )
+
+
+@pytest.mark.parametrize(
+    ("fault", "name", "words"),
+    [
+        (faults.SafeTorqueOff(20), "state", "no voltage at the power stage"),
+        (faults.SdoAborted(0, index=0x6007), "abort connection option", "not there"),
+        (faults.SdoAborted(0, index=0x1016), "watch over the computer", "does not notice"),
+    ],
+)
+def test_what_is_left_to_judgement_is_a_warning(
+    tmp_path: Path, fault: Fault, name: str, words: str
+) -> None:
+    finding = line(look(tmp_path, lambda: on_the_wire(lambda c: c, fault)), "drive", name)
+    assert finding.result == "warning"
+    assert words in finding.evidence
+    assert finding.remedy
+
+
+@pytest.mark.parametrize(
+    ("change", "group", "name", "result", "words"),
+    [
+        (
+            lambda c: motor_encoder(c, lines=2048),
+            "told by the devices",
+            "counts-per-revolution",
+            "failed",
+            "32768",
+        ),
+        (lambda c: torque_input(c, zero_volts=0.4), "torque", "zero", "failed", "-25"),
+        (lambda c: torque_input(c, zero_volts=0.06), "torque", "zero", "warning", "-4"),
+    ],
+)
+def test_a_wrong_description_is_found(
+    tmp_path: Path, change: Change, group: str, name: str, result: str, words: str
+) -> None:
+    found = look(tmp_path, lambda: on_the_wire(change))
+    finding = line(found, group, name)
+    assert finding.result == result
+    assert words in finding.evidence
+    # Port and drive are compared too: 0.4 V are more than they may differ by, 0.06 V are not.
+    assert line(found, "torque", "cross-check").result == ("failed" if words == "-25" else "ok")
+
+
+@pytest.mark.parametrize(
+    ("due", "result", "words"),
+    [
+        ("2021-01-01", "failed", "overdue"),
+        ("2026-10-01", "warning", "in 10 days"),
+        ("2027-01-01", "ok", "certificate 7"),
+        ("next autumn", "warning", "next autumn"),
+        ("", "ok", "no due date"),
+    ],
+)
+def test_a_calibration_ends(due: str, result: str, words: str) -> None:
+    channel = encoder_channel(
+        OUTPUT_ANGLE,
+        lines=18000,
+        multiplication=4,
+        calibration=Calibration("certificate 7", "", due),
+    )
+    (finding,) = surroundings.calibrations([channel], date(2026, 9, 21))
+    assert finding.result == result
+    assert words in finding.evidence
+
+
+def test_a_node_that_says_nothing_is_named_and_who_is_there_instead(tmp_path: Path) -> None:
+    bench = wire_bench()
+    rig = on_the_wire(lambda c: counter(c, node_id=9), bench=bench)
+    found = look(tmp_path, lambda: replace(rig, second_bus=bench.bus))
+    assert "node 9" in line(found, "rig", "connection").evidence
+    told = "node 1 (profile 402), node 2 (profile 406), node 3 (profile 401)"
+    assert line(found, "nodes", "scan").evidence == told
+
+
+def test_an_open_guard_fails(tmp_path: Path) -> None:
+    found = look(
+        tmp_path,
+        lambda: replace(on_the_wire(), real_time=True, guard=lambda: (0, False)),
+        moves=True,
+    )
+    assert line(found, "safety", "guard").result == "failed"
+    assert line(found, "motion", "direction and ratio").result == "skipped"
+
+
+def test_a_folder_that_cannot_take_runs_fails(tmp_path: Path) -> None:
+    taken = tmp_path / "runs"
+    taken.write_text("a file", encoding="utf-8")
+    assert surroundings.disk(taken).result == "failed"
+    assert surroundings.disk(tmp_path / "not" / "yet" / "there").result != "failed"
+
+
+@pytest.mark.parametrize(
+    ("fault", "result", "words"),
+    [
+        (None, "ok", "rad"),
+        (faults.ReadoutEncoderFault(0), "failed", ""),
+        (faults.ReadoutGarbage(0), "failed", ""),
+        (faults.ReadoutSilent(0), "failed", "does not answer"),
+    ],
+)
+def test_the_readout_is_asked_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Fault | None, result: str, words: str
+) -> None:
+    bench = wire_bench(*([] if fault is None else [fault]))
+    monkeypatch.setattr(surroundings, "open_port", lambda config: bench.serial())
+    finding = surroundings.readout(ReadoutConfig("/dev/ttyUSB0"), bench.clock)
+    assert finding.result == result
+    assert words in finding.evidence
+    assert finding.remedy or result == "ok"
+
+
+def test_a_readout_that_fails_does_not_keep_the_rig_from_moving(tmp_path: Path) -> None:
+    stop, there_is_none = StopRequest(), ReadoutConfig(str(tmp_path / "no-such-line"))
+    found = examine(
+        on_the_wire,
+        request(tmp_path),
+        moves=True,
+        readout_config=there_is_none,
+        stop=stop,
+        on_stage=lambda stage: stop.stop() if stage == "motion" else None,
+    )
+    assert failed(found) == [("readout", "ND 287")]
+    assert "standstill verified" in line(found, "motion", "run").evidence
+
+
+@pytest.mark.skipif(
+    sys.platform == "win32", reason="pseudo-terminals are a matter of POSIX systems"
+)
+def test_the_line_of_a_pseudo_terminal_opens_as_often_as_it_is_asked(tmp_path: Path) -> None:
+    controller, terminal = os.openpty()
+    try:
+        for _ in range(3):
+            open_port(ReadoutConfig(os.ttyname(terminal))).close()
+    finally:
+        os.close(controller)
+        os.close(terminal)
