@@ -137,7 +137,7 @@ def render_page(context: dict[str, Any]) -> str:
     from markupsafe import Markup
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("rig", "report"),
+        loader=jinja2.PackageLoader("rig", "present"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
