@@ -74,11 +74,11 @@ class Stage:
 
         values = read_flags(protocol, parameter_fields(catalogue.load(protocol).parameters), flags)
         request = RunRequest(
-            protocol,
-            shipped_gear(),
-            shipped_motor(),
-            self.folder,
-            values,
+            protocol=protocol,
+            gear=shipped_gear(),
+            motor=shipped_motor(),
+            output=self.folder,
+            values=values,
             gear_serial="SN-0815",
             operator="A. Example",
         )
@@ -339,11 +339,11 @@ def _some_runs() -> Path:
         serial = "" if protocol == "motor-tare" else "SN-0815"
         run_request(
             RunRequest(
-                protocol,
-                shipped_gear(),
-                shipped_motor(),
-                folder,
-                values,
+                protocol=protocol,
+                gear=shipped_gear(),
+                motor=shipped_motor(),
+                output=folder,
+                values=values,
                 gear_serial=serial,
                 operator="A. Example",
                 seed=seed,

@@ -15,7 +15,7 @@ _BINS: Final = np.concatenate([[0.0], np.geomspace(1e2, 1e11, 541)])
 """Edges [ns] of the histogram that percentiles are read from: 60 per decade, so within 4 %."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AcquisitionReport:
     """What the acquisition did since the rig was opened; times in seconds, rates in Hz, shares of 1."""
 

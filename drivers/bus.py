@@ -97,7 +97,7 @@ class Emergency:
     vendor: bytes
 
 
-@dataclass
+@dataclass(kw_only=True)
 class NodeWatch:
     """What is known of a node by listening: NMT state, when it was heard last, heartbeat time-out, boots, loss."""
 
@@ -262,7 +262,7 @@ class PumpedBus:
             raise DriverError(
                 "not a CANopen node-ID", where="bus", value=node_id, limit=f"1 to {HIGHEST_NODE_ID}"
             )
-        node = self.nodes.setdefault(node_id, NodeWatch(node_id))
+        node = self.nodes.setdefault(node_id, NodeWatch(node_id=node_id))
         node.timeout_ns, node.heard_ns, node.is_lost = timeout_ns, self._clock.monotonic_ns(), False
         return node
 

@@ -53,7 +53,7 @@ class Calibration:
     accuracy: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Channel:
     """One measured quantity: SI = direction * scale * counts + offset.
 
@@ -116,9 +116,9 @@ def encoder_channel(
         )
     scale = 2.0 * np.pi / (lines * multiplication)
     return Channel(
-        name,
-        "rad",
-        scale,
+        name=name,
+        unit="rad",
+        scale=scale,
         direction=direction,
         modulus=modulus,
         lines=lines,

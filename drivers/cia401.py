@@ -28,7 +28,7 @@ DELTA: Final = 0x6426
 _MS: Final = 1_000_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AnalogInput:
     """One input of the module: the object that carries it, its scale, its range, and what it measures.
 
@@ -64,9 +64,9 @@ class AnalogInput:
         """The input as a channel in its SI unit; its offset is the negative zero."""
         scale = self.volts_per_count * self.unit_per_volt
         return Channel(
-            self.channel,
-            self.unit,
-            scale,
+            name=self.channel,
+            unit=self.unit,
+            scale=scale,
             offset=-self.direction * self.zero_volts * self.unit_per_volt,
             direction=self.direction,
             long_name=self.long_name,
@@ -117,11 +117,11 @@ def torque_input(
             limit="> 0",
         )
     return AnalogInput(
-        "torque",
-        "N m",
-        ObjectRef(index, subindex, data_type, "torque monitor"),
-        volts_per_count,
-        rated_torque / volts_per_rated_torque,
+        channel="torque",
+        unit="N m",
+        source=ObjectRef(index, subindex, data_type, "torque monitor"),
+        volts_per_count=volts_per_count,
+        unit_per_volt=rated_torque / volts_per_rated_torque,
         **details,  # type: ignore[arg-type]
     )
 

@@ -35,7 +35,7 @@ _RESET_MS: Final = 3000
 """How long a drive may take to come out of a fault: some restart their power stage or their encoder for it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DriveConfig:
     """What has to be known of a servo amplifier beforehand. Zero or None: ask the drive.
 
@@ -70,7 +70,7 @@ class DriveConfig:
     """Torque of one count of `actual_torque` [N m]; None: a thousandth of the rated torque, as 0x6077 has it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DriveReadings:
     """What the drive said of itself when it was brought up: identity, units, gains, options, and what it lacks."""
 
@@ -145,15 +145,17 @@ class ServoAmplifier:
         )
         self._is_mode_unknown = supported is None
         self._readings = DriveReadings(
-            identity,
-            units.rated_torque(device, config.rated_torque),
-            counts,
-            velocity_unit,
-            units.acceleration_unit(device, config.acceleration_unit, velocity_unit, counts),
-            self._choose(config.speed_modes, supported),
-            self._choose(config.torque_modes, supported),
-            settings,
-            [],
+            identity=identity,
+            rated_torque=units.rated_torque(device, config.rated_torque),
+            counts_per_revolution=counts,
+            velocity_unit=velocity_unit,
+            acceleration_unit=units.acceleration_unit(
+                device, config.acceleration_unit, velocity_unit, counts
+            ),
+            speed_mode=self._choose(config.speed_modes, supported),
+            torque_mode=self._choose(config.torque_modes, supported),
+            settings=settings,
+            missing=[],
         )
         self._read_torque_slope(self._readings)
         self._readings.missing.extend(device.missing)

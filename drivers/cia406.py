@@ -31,7 +31,7 @@ WARNINGS: Final = ObjectRef(0x6505, 0, U16, "warnings")
 _MS: Final = 1_000_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CounterConfig:
     """A counter: node-ID, lines and multiplication of its encoder, the object that carries the count, and its range.
 

@@ -24,7 +24,7 @@ _DOUBTFUL: Final = CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | C
 """Marks of the pairing: such a value may belong to another cycle, or to nobody."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Column:
     """One channel of the blocks: what kind of number it is and which fields of the record it comes from.
 

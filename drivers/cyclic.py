@@ -51,7 +51,7 @@ _CONTROLWORD: Final = {
 _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CanRigConfig:
     """A rig on one bus: SYNC period [ns], the drive and its encoder, counters and analog modules, the guard's contact.
 
@@ -149,13 +149,13 @@ class CanRig:
         config = self._config
         try:
             nodes = RigNodes(
-                bus,
-                config.cycle_ns,
-                config.drive,
-                config.motor_encoder,
-                config.counters,
-                config.modules,
-                config.guard,
+                bus=bus,
+                cycle_ns=config.cycle_ns,
+                drive=config.drive,
+                motor_encoder=config.motor_encoder,
+                counters=config.counters,
+                modules=config.modules,
+                guard=config.guard,
             )
             nodes.bring_up()
             self._nodes = nodes
@@ -522,7 +522,13 @@ class CanRig:
         flags = self._store.flags()
         sent = np.array(self._sent[:rows], dtype=np.int64)
         counts = self._decoder.block(
-            raw, bad, flags, speeds[:rows], torques[:rows], self._store.absent(), sent
+            raw,
+            bad,
+            flags,
+            speeds=speeds[:rows],
+            torques=torques[:rows],
+            absent=self._store.absent(),
+            sent=sent,
         )
         host_rows = [row for row in self._host_rows if row < rows]
         flags[host_rows] |= np.uint16(CycleFlag.HOST_TIME)

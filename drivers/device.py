@@ -46,7 +46,7 @@ class Missing:
     consequence: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Identity:
     """Who a device says that it is: 0x1000, 0x1018, 0x1008 to 0x100A; 0 or empty where it says nothing."""
 
@@ -224,16 +224,17 @@ class RemoteDevice:
             )
         ]
         vendor, product, revision, serial = (int(n or 0) for n in numbers)
-        texts = [
-            self._text(index, name)
-            for index, name in (
-                (0x1008, "device name"),
-                (0x1009, "hardware version"),
-                (0x100A, "software version"),
-            )
-        ]
         kind = int(self.read_optional(DEVICE_TYPE, "the device does not say what it is") or 0)
-        return Identity(kind, vendor, product, revision, serial, *texts)
+        return Identity(
+            device_type=kind,
+            vendor_id=vendor,
+            product_code=product,
+            revision=revision,
+            serial_number=serial,
+            name=self._text(0x1008, "device name"),
+            hardware_version=self._text(0x1009, "hardware version"),
+            software_version=self._text(0x100A, "software version"),
+        )
 
     def _text(self, index: int, name: str) -> str:
         try:

@@ -61,7 +61,7 @@ _WHAT_IT_IS: Final = "Is this an EDS or DCF file (text with sections like [1000]
 Section = dict[str, str]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EdsEntry:
     """One entry of the object dictionary as the file describes it; numbers are None where the file gives none."""
 
@@ -82,7 +82,7 @@ class EdsEntry:
         return ObjectRef(self.index, self.subindex, self.data_type, self.name)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DeviceDescription:
     """What an EDS or DCF says of a device: who made it, its entries by (index, sub-index), and the file's defects."""
 
@@ -271,7 +271,13 @@ def _take_object(
         if compact := _number_or(section, "compactsubobj", 0, where, defects):
             count = max(0, min(int(compact), _MOST_COMPACT))
             entries[index, 0] = EdsEntry(
-                index, 0, "Number of entries", DATA_TYPES[0x05], "ro", False, default=count
+                index=index,
+                subindex=0,
+                name="Number of entries",
+                data_type=DATA_TYPES[0x05],
+                access="ro",
+                is_pdo_mappable=False,
+                default=count,
             )
             each = _entry(index, 1, section, node_id, defects)
             entries.update(
@@ -309,12 +315,12 @@ def _entry(
         )
         low = high = None
     return EdsEntry(
-        index,
-        subindex,
-        unquoted(section.get("parametername", "")),
-        data_type,
-        access,
-        bool(_number_or(section, "pdomapping", 0, where, defects)),
+        index=index,
+        subindex=subindex,
+        name=unquoted(section.get("parametername", "")),
+        data_type=data_type,
+        access=access,
+        is_pdo_mappable=bool(_number_or(section, "pdomapping", 0, where, defects)),
         default=value_of(section.get("defaultvalue"), data_type, node_id),
         configured=value_of(section.get("parametervalue"), data_type, node_id),
         low=low,
@@ -366,16 +372,16 @@ def _rename_compact(
         entry = entries.get((index, subindex)) if subindex is not None else None
         if entry is not None and subindex:
             entries[index, subindex] = EdsEntry(
-                index,
-                subindex,
-                name,
-                entry.data_type,
-                entry.access,
-                entry.is_pdo_mappable,
-                entry.default,
-                entry.configured,
-                entry.low,
-                entry.high,
+                index=index,
+                subindex=subindex,
+                name=name,
+                data_type=entry.data_type,
+                access=entry.access,
+                is_pdo_mappable=entry.is_pdo_mappable,
+                default=entry.default,
+                configured=entry.configured,
+                low=entry.low,
+                high=entry.high,
             )
 
 
@@ -388,16 +394,16 @@ def _fill_compact(
         entry = entries.get((index, subindex)) if subindex is not None else None
         if entry is not None and subindex:
             entries[index, subindex] = EdsEntry(
-                index,
-                subindex,
-                entry.name,
-                entry.data_type,
-                entry.access,
-                entry.is_pdo_mappable,
-                entry.default,
-                value_of(text, entry.data_type, node_id),
-                entry.low,
-                entry.high,
+                index=index,
+                subindex=subindex,
+                name=entry.name,
+                data_type=entry.data_type,
+                access=entry.access,
+                is_pdo_mappable=entry.is_pdo_mappable,
+                default=entry.default,
+                configured=value_of(text, entry.data_type, node_id),
+                low=entry.low,
+                high=entry.high,
             )
 
 

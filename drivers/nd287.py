@@ -51,7 +51,7 @@ CLASSES: Final = frozenset("<=>? ")
 MODES: Final = frozenset("SAGD12F ")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Reading:
     """One measured value in SI; NaN with `is_fault` when the readout itself says that it is none (`?`).
 
@@ -98,13 +98,25 @@ def parse_line(line: bytes) -> Reading:
             "a character stands in the wrong column", where="ND 287", value=_shown(line)
         )
     if unit == "?" or sorting == "?":
-        return Reading(math.nan, UNITS.get(unit, ("", 0.0))[0], math.nan, sorting, mode, True)
+        return Reading(
+            value=math.nan,
+            unit=UNITS.get(unit, ("", 0.0))[0],
+            quantum=math.nan,
+            sorting=sorting,
+            mode=mode,
+            is_fault=True,
+        )
     if unit not in UNITS:
         raise DecodeError("unknown unit", where="ND 287", value=repr(unit), limit=" ".join(UNITS))
     si, factor = UNITS[unit]
     value, last = _sexagesimal(number, line) if unit == "M" else _decimal(number, line)
     return Reading(
-        (-value if sign == "-" else value) * factor, si, last * factor, sorting, mode, False
+        value=(-value if sign == "-" else value) * factor,
+        unit=si,
+        quantum=last * factor,
+        sorting=sorting,
+        mode=mode,
+        is_fault=False,
     )
 
 
@@ -146,7 +158,7 @@ class SerialPort(Protocol):
     def close(self) -> None: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ReadoutConfig:
     """The serial line: URL for `serial_for_url`, rate, framing as set in the readout's INTERFACE SETTINGS, delays.
 
@@ -221,13 +233,13 @@ class Readout:
         reading = parse_line(line)
         latched = asked + round(self._config.storage_delay_ms * _MS / 2.0)
         return Reading(
-            reading.value,
-            reading.unit,
-            reading.quantum,
-            reading.sorting,
-            reading.mode,
-            reading.is_fault,
-            latched,
+            value=reading.value,
+            unit=reading.unit,
+            quantum=reading.quantum,
+            sorting=reading.sorting,
+            mode=reading.mode,
+            is_fault=reading.is_fault,
+            time_ns=latched,
         )
 
     def read_again(self, attempts: int = 3) -> Reading:

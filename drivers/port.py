@@ -41,7 +41,7 @@ class Command:
     target: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Bound:
     """A linear quantity of the counts that must stay within [low, high] in every complete cycle.
 

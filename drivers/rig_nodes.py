@@ -41,7 +41,7 @@ _PROBE_LATCHED = 0x0002
 """Bit 1 of the touch probe status: a position of the positive edge is stored."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MotorEncoder:
     """The motor encoder as the drive reports it in 0x6064: lines and multiplication apart, sense,
     largest speed [rad/s].
@@ -89,7 +89,7 @@ class GuardContact:
     closed: int
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Source:
     """A channel before its place in the frames is known."""
 
@@ -190,8 +190,10 @@ class RigNodes:
         device, readings, sense = self.drive.device, self.drive.readings, self._encoder.direction
         node_id = device.node_id
         wanted, optional = [obj.STATUSWORD], []
-        status = Channel(names.STATUSWORD, "1", 1.0, long_name="CiA 402 statusword")
-        self._sources.append(_Source(status, "plain", node_id, obj.STATUSWORD))
+        status = Channel(name=names.STATUSWORD, unit="1", scale=1.0, long_name="CiA 402 statusword")
+        self._sources.append(
+            _Source(channel=status, kind="plain", node_id=node_id, entry=obj.STATUSWORD)
+        )
         if not any(c.config.channel == names.INPUT_ANGLE for c in self.counters):
             wanted.append(obj.POSITION)
             encoder = self._encoder
@@ -201,10 +203,10 @@ class RigNodes:
                 step = 1 + math.ceil(turns * encoder.lines * encoder.multiplication)
             self._sources.append(
                 _Source(
-                    encoder.as_channel(names.INPUT_ANGLE),
-                    "count",
-                    node_id,
-                    obj.POSITION,
+                    channel=encoder.as_channel(names.INPUT_ANGLE),
+                    kind="count",
+                    node_id=node_id,
+                    entry=obj.POSITION,
                     largest_step=step,
                 )
             )
@@ -216,8 +218,16 @@ class RigNodes:
         if self._is_offered(torque, "no cross-check of the torque port") and unit > 0.0:
             optional.append(torque)
             long_name = f"torque by the drive (0x{torque.index:04X})"
-            channel = Channel(names.DRIVE_TORQUE, "N m", unit, direction=sense, long_name=long_name)
-            self._sources.append(_Source(channel, "plain", node_id, torque))
+            channel = Channel(
+                name=names.DRIVE_TORQUE,
+                unit="N m",
+                scale=unit,
+                direction=sense,
+                long_name=long_name,
+            )
+            self._sources.append(
+                _Source(channel=channel, kind="plain", node_id=node_id, entry=torque)
+            )
         optional += self._guard_of(node_id, [*wanted, *optional])
         mapped = map_objects(
             device,
@@ -237,18 +247,24 @@ class RigNodes:
             entries.append(obj.TARGET_VELOCITY)
             if readings.velocity_unit > 0.0:
                 channel = Channel(
-                    names.TARGET_SPEED, "rad/s", readings.velocity_unit, direction=sense
+                    name=names.TARGET_SPEED,
+                    unit="rad/s",
+                    scale=readings.velocity_unit,
+                    direction=sense,
                 )
-                self._sources.append(_Source(channel, "target_speed"))
+                self._sources.append(_Source(channel=channel, kind="target_speed"))
         if readings.torque_mode is not None and self._is_offered(
             obj.TARGET_TORQUE, "no torque mode"
         ):
             entries.append(obj.TARGET_TORQUE)
             if readings.rated_torque > 0.0:
                 channel = Channel(
-                    names.TARGET_TORQUE, "N m", readings.rated_torque / 1000.0, direction=sense
+                    name=names.TARGET_TORQUE,
+                    unit="N m",
+                    scale=readings.rated_torque / 1000.0,
+                    direction=sense,
                 )
-                self._sources.append(_Source(channel, "target_torque"))
+                self._sources.append(_Source(channel=channel, kind="target_torque"))
         optional = frozenset({obj.TARGET_TORQUE.key})
         mapped = map_objects(self.drive.device, entries, is_transmit=False, optional=optional)
         if all(pdo.offset_of(obj.TARGET_TORQUE.key) is None for pdo in mapped):
@@ -279,7 +295,14 @@ class RigNodes:
         seen = (device.node_id, status, mask) if status is not None else None
         channel = encoder.as_channel(names.INPUT_INDEX)
         self._sources.append(
-            _Source(channel, "latch", device.node_id, position, of=names.INPUT_ANGLE, seen=seen)
+            _Source(
+                channel=channel,
+                kind="latch",
+                node_id=device.node_id,
+                entry=position,
+                of=names.INPUT_ANGLE,
+                seen=seen,
+            )
         )
         self._seen[0] = seen
         return objects
@@ -290,10 +313,10 @@ class RigNodes:
         channel = config.as_channel(whole)
         self._sources.append(
             _Source(
-                channel,
-                "count",
-                config.node_id,
-                config.position,
+                channel=channel,
+                kind="count",
+                node_id=config.node_id,
+                entry=config.position,
                 largest_step=config.largest_step(self._cycle_ns),
             )
         )
@@ -311,10 +334,10 @@ class RigNodes:
             )
             self._sources.append(
                 _Source(
-                    latch,
-                    "latch",
-                    config.node_id,
-                    config.index_position,
+                    channel=latch,
+                    kind="latch",
+                    node_id=config.node_id,
+                    entry=config.index_position,
                     of=config.channel,
                     seen=seen,
                 )
@@ -329,10 +352,10 @@ class RigNodes:
         for analog in module.config.inputs:
             self._sources.append(
                 _Source(
-                    analog.as_channel(),
-                    "plain",
-                    module.config.node_id,
-                    analog.source,
+                    channel=analog.as_channel(),
+                    kind="plain",
+                    node_id=module.config.node_id,
+                    entry=analog.source,
                     quantum=analog.quantum,
                     analog=analog,
                 )
@@ -351,9 +374,13 @@ class RigNodes:
         guard = self._guard
         if guard is None or guard.node_id != node_id:
             return []
-        channel = Channel(names.GUARD_CLOSED, "1", 1.0, long_name="the guard's contact is closed")
+        channel = Channel(
+            name=names.GUARD_CLOSED, unit="1", scale=1.0, long_name="the guard's contact is closed"
+        )
         seen = (node_id, guard.entry, guard.mask)
-        self._sources.append(_Source(channel, "contact", seen=seen, closed=guard.closed))
+        self._sources.append(
+            _Source(channel=channel, kind="contact", seen=seen, closed=guard.closed)
+        )
         return [guard.entry] if guard.entry.key not in {other.key for other in others} else []
 
     def _is_offered(self, entry: ObjectRef, consequence: str) -> bool:
@@ -365,7 +392,12 @@ class RigNodes:
         """Fields and columns from the sources, in the order of the channels' names."""
         if any(self._seen):
             self._sources.append(
-                _Source(Channel(names.INDEX_SEEN, "1", 1.0, long_name="index marks seen"), "seen")
+                _Source(
+                    channel=Channel(
+                        name=names.INDEX_SEEN, unit="1", scale=1.0, long_name="index marks seen"
+                    ),
+                    kind="seen",
+                )
             )
         fields: list[Field] = []
         place: dict[tuple[int, tuple[int, int]], int] = {}
@@ -429,9 +461,9 @@ class RigNodes:
             else -1
         )
         return Column(
-            source.channel,
-            cast("Kind", source.kind),
-            own,
+            channel=source.channel,
+            kind=cast("Kind", source.kind),
+            field=own,
             of=column_of.get(source.of, -1),
             seen_fields=seen,
             largest_step=source.largest_step,

@@ -29,7 +29,7 @@ class Evidence:
     settings: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Experiment:
     """A protocol. `parameters` is a frozen dataclass whose annotations are the only definition of
     flags, form and ranges.

@@ -37,7 +37,7 @@ class Help:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ParameterField:
     """One parameter as flags, forms and tables need it. `kind` is float, int, bool, str or tuple (of floats).
 
@@ -86,7 +86,16 @@ def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
         default = f.default if f.default is not dataclasses.MISSING else None
         kind = typing.cast(type, base)
         found.append(
-            ParameterField(f.name, kind, default, unit, text, limit, checks, type(None) in arms)
+            ParameterField(
+                name=f.name,
+                kind=kind,
+                default=default,
+                unit=unit,
+                help=text,
+                limit=limit,
+                checks=checks,
+                optional=type(None) in arms,
+            )
         )
     return tuple(found)
 

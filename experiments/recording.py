@@ -19,7 +19,7 @@ TimeBase = Literal["hardware", "device", "virtual", "host", "nominal", "none"]
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Signal:
     """What a channel of a recording is: SI = scale * stored + offset; `quantum` is the size of one
     count in SI (0: none).
@@ -37,7 +37,7 @@ class Signal:
     accuracy: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Segment:
     """A labelled interval of rows [start, stop) of a run."""
 
@@ -61,7 +61,7 @@ class Event:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunMetadata:
     """Who, what, when and on what a run was made. `experiment` is the protocol's name ("" for a foreign recording)."""
 

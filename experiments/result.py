@@ -21,7 +21,7 @@ VERIFIED_PROVENANCES: frozenset[Provenance] = frozenset(
 """A limit of any other provenance gives "no verified limit", never PASS or FAIL."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Series:
     """One curve: x and y (n,) in the units of the plot's axes; `low`, `high` (n,) draw error bars or a band."""
 
@@ -35,7 +35,7 @@ class Series:
     """Series of one group share a colour."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plot:
     """A figure as data: the report and the window draw it. Axis labels carry their unit. `figure` names the paper's."""
 
@@ -61,7 +61,7 @@ class Table:
     note: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Verdict:
     """One measured quantity against its limit, with U (k = 2): MARGINAL when the limit lies inside the interval."""
 
@@ -91,10 +91,18 @@ def judge_upper(
         outcome = "FAIL"
     else:
         outcome = "MARGINAL"
-    return Verdict(name, definition, estimate, limit, source, provenance, outcome)
+    return Verdict(
+        name=name,
+        definition=definition,
+        estimate=estimate,
+        limit=limit,
+        limit_source=source,
+        limit_provenance=provenance,
+        outcome=outcome,
+    )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Result:
     """All that one analysis found of one run."""
 

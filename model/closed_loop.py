@@ -63,7 +63,7 @@ class ServoLimits:
     quick_stop_deceleration: float = 1e6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Thermal:
     """Two lumped heat stores, housing (with the grease) and motor, and what warming does to
     friction and torque constant.
@@ -89,7 +89,7 @@ class Thermal:
     torque_constant_per_kelvin: float = 0.0010
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Deviations:
     """What a rig has and equation 2 has not. The default is none of it.
 

@@ -41,7 +41,7 @@ BLOCK = 1 << 15
 """Fine samples handled at once, which bounds the memory of a long record."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PrescribedResponse:
     """What equation 2 answers to a prescribed input, at the samples of the input (arrays of shape (n,)).
 
@@ -110,12 +110,29 @@ def simulate_prescribed(
     angle, speed, load = _checked_input(input_angle, sample_interval, input_speed, load_torque)
     p = parameters or dynamic_parameters(gear)
     steps = _substeps(gear, speed, sample_interval, substeps)
-    inputs = _Inputs(gear, p.ratio, angle, speed, load, sample_interval, steps, smoothing_speed)
+    inputs = _Inputs(
+        gear=gear,
+        ratio=p.ratio,
+        angle=angle,
+        speed=speed,
+        load=load,
+        interval=sample_interval,
+        steps=steps,
+        smoothing=smoothing_speed,
+    )
     result = np.empty((1, len(OUTPUTS), angle.size))
     final = inputs.propagate([p], start, result)
     output_angle, output_speed, torsion, torque = result[0]
     return PrescribedResponse(
-        sample_interval, angle, speed, output_angle, output_speed, torsion, torque, final[0], steps
+        sample_interval=sample_interval,
+        input_angle=angle,
+        input_speed=speed,
+        output_angle=output_angle,
+        output_speed=output_speed,
+        torsion_torque=torsion,
+        wave_generator_torque=torque,
+        final_state=final[0],
+        substeps=steps,
     )
 
 
@@ -139,7 +156,16 @@ def simulate_batch(
     angle, speed, load = _checked_input(input_angle, sample_interval, input_speed, load_torque)
     ratio = common_ratio(sets)
     steps = _substeps(gear, speed, sample_interval, substeps)
-    inputs = _Inputs(gear, ratio, angle, speed, load, sample_interval, steps, smoothing_speed)
+    inputs = _Inputs(
+        gear=gear,
+        ratio=ratio,
+        angle=angle,
+        speed=speed,
+        load=load,
+        interval=sample_interval,
+        steps=steps,
+        smoothing=smoothing_speed,
+    )
     result = np.empty((len(sets), 2, angle.size))
     inputs.propagate(sets, start, result)
     return BatchResponse(sample_interval, result[:, 0], result[:, 1], steps)

@@ -308,7 +308,7 @@ class Cup(Section):
             )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Bearing(Section):
     """The thin-walled ball bearing of the wave generator (equations 14, 15, 18)."""
 
@@ -429,7 +429,7 @@ class Harmonic:
         return math.hypot(self.cosine, self.sine)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Ratings(Section):
     """What the catalogue promises of the unit and what must never be exceeded on the rig."""
 
@@ -499,7 +499,7 @@ class ModelOptions:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class HarmonicDrive:
     """One harmonic drive: all parameters of the model in SI, validated, with the origin of each number.
 

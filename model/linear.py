@@ -27,7 +27,7 @@ from model.stiffness import drive_stiffness
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DynamicParameters:
     """What equation 2 needs of a gear, as plain SI numbers, so that an identification can vary each of them.
 

@@ -23,7 +23,7 @@ FORMAT = "servo-motor-1"
 """The value of `format` in the files of a motor."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ServoMotor(Section):
     """One servo motor; torques and speeds at its shaft, friction of motor and seal alone (gear removed)."""
 

@@ -47,7 +47,7 @@ QUAD = 4
 """Modes are padded to a multiple of this, because the compiled loop advances four side by side."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Propagator:
     """Parameter sets (first axis, S) over one interval: arrays with real and imaginary parts apart, m modes.
 

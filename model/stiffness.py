@@ -76,7 +76,7 @@ class BearingStiffness:
     total: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DriveStiffness:
     """Everything elastic between wave generator and output, and their sum by the statics of equation 2.
 

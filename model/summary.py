@@ -101,7 +101,7 @@ class FrictionPoint:
     mesh: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Summary:
     """What `derived_quantities` found.
 

@@ -175,11 +175,11 @@ class SimulatedRig:
         return tell(
             self._plant.loop,
             self._motor,
-            self._on,
-            self._condition,
-            self._instruments,
-            seeds,
-            self._sense,
+            on=self._on,
+            condition=self._condition,
+            instruments=self._instruments,
+            seeds=seeds,
+            output_sense=self._sense,
         )
 
     def write_limits(self, limits: DriveLimits) -> DriveLimits:

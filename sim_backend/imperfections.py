@@ -23,7 +23,7 @@ from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
 from sim_backend.streams import stream
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sizes:
     """How large each imperfection is, in SI. Random ones are drawn about these.
 
@@ -83,7 +83,7 @@ class Sizes:
     output_skew: float = 12e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Imperfections:
     """The switches. Off means: as the model has it, or as a perfect instrument would.
 
@@ -173,7 +173,7 @@ class TorquePort:
     noise: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Condition:
     """One rig on one day: everything that was drawn. `deviations` go into the plant, the rest into the instruments."""
 

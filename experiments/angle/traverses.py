@@ -43,10 +43,29 @@ def stretches(
             continue
         sense = int(direction[begin])
         if sense != 0:
-            segment = _trimmed(recording, edges, starts, begin, end, size, sense, approach)
+            segment = _trimmed(
+                recording,
+                edges,
+                starts=starts,
+                begin=begin,
+                end=end,
+                size=size,
+                sense=sense,
+                approach=approach,
+            )
             if segment is not None:
                 start, stop, speed = segment
-                found.append(Segment(len(found), label, start, stop, speed, sense, repeats[sense]))
+                found.append(
+                    Segment(
+                        index=len(found),
+                        label=label,
+                        start=start,
+                        stop=stop,
+                        setpoint=speed,
+                        direction=sense,
+                        repeat=repeats[sense],
+                    )
+                )
                 repeats[sense] += 1
         begin = end
     return tuple(found)

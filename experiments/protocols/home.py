@@ -29,7 +29,7 @@ from model.units import DEGREE, REVOLUTION, RPM
 NAME = "home"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameters:
     """What a homing run can be told."""
 
@@ -121,7 +121,12 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     )
     metrics = {f"{name}_spread": e.high - e.low for name, e in estimates.items()}
     return Result(
-        recording.metadata.run_id, NAME, estimates, metrics, tuple(warnings), tables=(table,)
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates=estimates,
+        metrics=metrics,
+        warnings=tuple(warnings),
+        tables=(table,),
     )
 
 
@@ -149,15 +154,24 @@ def _circular_mean(name: str, marks: list[float], signal: Signal) -> Estimate:
         BudgetLine("passes", "A", spread),
         BudgetLine("one count of the encoder", "B", quantum),
     )
-    return Estimate(name, mean, "rad", mean - half, mean + half, "yes", note, budget)
+    return Estimate(
+        name=name,
+        value=mean,
+        unit="rad",
+        low=mean - half,
+        high=mean + half,
+        identifiable="yes",
+        note=note,
+        budget=budget,
+    )
 
 
 EXPERIMENT = Experiment(
-    NAME,
-    "Index marks",
-    "index marks of both encoders, slowly, from one side",
-    Parameters,
-    plan,
-    analyse,
+    name=NAME,
+    title="Index marks",
+    summary="index marks of both encoders, slowly, from one side",
+    parameters=Parameters,
+    plan=plan,
+    analyse=analyse,
     needs=("input_angle", "input_index", "index_seen"),
 )

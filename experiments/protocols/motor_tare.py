@@ -37,7 +37,7 @@ from model.units import RPM
 NAME = "motor-tare"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameters:
     """What a motor-tare run can be told; speeds are those of the friction protocol."""
 
@@ -155,26 +155,29 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         )
         metrics["strongest_cogging_order"] = float(np.argmax(amplitude) + 1)
         bars = Series(
-            "half-sum of the directions", patterns.cogging.orders, amplitude * 1e3, "bars"
+            label="half-sum of the directions",
+            x=patterns.cogging.orders,
+            y=amplitude * 1e3,
+            style="bars",
         )
         plots.append(
             Plot(
-                "cogging",
-                "Cogging of the bare motor",
-                "order per input revolution",
-                "amplitude [mN m]",
-                (bars,),
+                name="cogging",
+                title="Cogging of the bare motor",
+                x_label="order per input revolution",
+                y_label="amplitude [mN m]",
+                series=(bars,),
             )
         )
     scale = torque_scale(recording, zero)
     if scale is not None:
         estimates[scale.name] = scale
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        estimates,
-        metrics,
-        (*warnings, *remarks),
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates=estimates,
+        metrics=metrics,
+        warnings=(*warnings, *remarks),
         plots=tuple(plots),
         tables=(tare_table(tare), budget_table(estimates.values())),
         options={"torque_is_of": "motor"},
@@ -201,14 +204,29 @@ def _straight_line(recording: Recording, points: FrictionPoints) -> dict[str, Es
     ):
         budget = (BudgetLine("scatter about the line", "A", error), scale_line(recording, value))
         estimates[name] = Estimate(
-            name, value, unit, low, high, "yes" if math.isfinite(low) else "no", "", budget
+            name=name,
+            value=value,
+            unit=unit,
+            low=low,
+            high=high,
+            identifiable="yes" if math.isfinite(low) else "no",
+            note="",
+            budget=budget,
         )
     offset = points.offset[points.paired]
     if len(offset) > 1:
         spread = float(offset.std(ddof=1)) / math.sqrt(len(offset))
         mean, half = float(offset.mean()), student_quantile(len(offset) - 1) * spread
         note = "half-sum of the directions: rest of the zero and asymmetry"
-        estimates["offset"] = Estimate("offset", mean, "N m", mean - half, mean + half, "yes", note)
+        estimates["offset"] = Estimate(
+            name="offset",
+            value=mean,
+            unit="N m",
+            low=mean - half,
+            high=mean + half,
+            identifiable="yes",
+            note=note,
+        )
     return estimates
 
 
@@ -239,7 +257,14 @@ def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
         BudgetLine("inertia of disc and rotor", "B", 0.005, "assumed"),
     )
     return Estimate(
-        "torque_scale", float(fit.values[0]), "1", low, high, "yes", "disc of known inertia", budget
+        name="torque_scale",
+        value=float(fit.values[0]),
+        unit="1",
+        low=low,
+        high=high,
+        identifiable="yes",
+        note="disc of known inertia",
+        budget=budget,
     )
 
 
@@ -270,29 +295,37 @@ def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
         y = np.array([direction * p.torque * 1e3 for p in chosen])
         spread = np.array([1.96e3 * p.standard_error for p in chosen])
         series.append(
-            Series(label, x, y, "points", y - spread, y + spread, 0 if direction > 0 else 1)
+            Series(
+                label=label,
+                x=x,
+                y=y,
+                style="points",
+                low=y - spread,
+                high=y + spread,
+                group=0 if direction > 0 else 1,
+            )
         )
     every = [abs(h.torque.speed) for h in holds]
     speed = np.geomspace(min(every), max(every), 200)
     line = estimates["motor_coulomb"].value + estimates["motor_viscous"].value * speed
-    series.append(Series("Coulomb + viscous", speed / RPM, line * 1e3, group=2))
+    series.append(Series(label="Coulomb + viscous", x=speed / RPM, y=line * 1e3, group=2))
     return Plot(
-        "motor-friction",
-        "Friction of the bare motor",
-        "input speed [r/min]",
-        "torque [mN m]",
-        tuple(series),
+        name="motor-friction",
+        title="Friction of the bare motor",
+        x_label="input speed [r/min]",
+        y_label="torque [mN m]",
+        series=tuple(series),
         x_scale="log",
     )
 
 
 EXPERIMENT = Experiment(
-    NAME,
-    "Motor tare",
-    "friction and cogging of the bare motor, gear removed",
-    Parameters,
-    plan,
-    analyse,
+    name=NAME,
+    title="Motor tare",
+    summary="friction and cogging of the bare motor, gear removed",
+    parameters=Parameters,
+    plan=plan,
+    analyse=analyse,
     needs=("input_angle", "torque"),
     gear_mounted=False,
 )

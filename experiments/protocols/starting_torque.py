@@ -32,7 +32,7 @@ from model.units import DEGREE, REVOLUTION, RPM
 NAME = "starting-torque"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameters:
     """What a starting-torque run can be told."""
 
@@ -157,15 +157,15 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         "The starting torque is that of motor + gear: the motor's own breakaway is not known."
     )
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        estimates,
-        _metrics(ramps),
-        tuple(warnings),
-        tuple(verdicts),
-        (_plot(ramps),),
-        (_table(ramps), budget_table(estimates.values())),
-        {"torque_is_of": "motor + gear"},
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates=estimates,
+        metrics=_metrics(ramps),
+        warnings=tuple(warnings),
+        verdicts=tuple(verdicts),
+        plots=(_plot(ramps),),
+        tables=(_table(ramps), budget_table(estimates.values())),
+        options={"torque_is_of": "motor + gear"},
     )
 
 
@@ -221,11 +221,11 @@ def _estimates(
             scale_line(recording, values.mean()),
         )
         estimates[name] = Estimate(
-            name,
-            float(values.mean()),
-            "N m",
-            float(values.mean()) - half,
-            float(values.mean()) + half,
+            name=name,
+            value=float(values.mean()),
+            unit="N m",
+            low=float(values.mean()) - half,
+            high=float(values.mean()) + half,
             budget=budget,
         )
     if len(means) == 2:
@@ -236,14 +236,14 @@ def _estimates(
         )
         budget = (BudgetLine("between positions", "A", error), scale_line(recording, value))
         estimates["starting_torque"] = Estimate(
-            "starting_torque",
-            value,
-            "N m",
-            value - half,
-            value + half,
-            "yes",
-            "motor + gear",
-            budget,
+            name="starting_torque",
+            value=value,
+            unit="N m",
+            low=value - half,
+            high=value + half,
+            identifiable="yes",
+            note="motor + gear",
+            budget=budget,
         )
     return estimates
 
@@ -265,14 +265,22 @@ def _plot(ramps: list[Breakaway]) -> Plot:
             y = np.array([abs(b.torque) * 1e3 for b in chosen])
             spread = np.array([1.96e3 * b.standard_error for b in chosen])
             series.append(
-                Series(label, x, y, "points", y - spread, y + spread, 0 if direction > 0 else 1)
+                Series(
+                    label=label,
+                    x=x,
+                    y=y,
+                    style="points",
+                    low=y - spread,
+                    high=y + spread,
+                    group=0 if direction > 0 else 1,
+                )
             )
     return Plot(
-        "starting-torque",
-        "No-load starting torque over wave-generator position",
-        "wave-generator angle [deg]",
-        "starting torque, motor + gear [mN m]",
-        tuple(series),
+        name="starting-torque",
+        title="No-load starting torque over wave-generator position",
+        x_label="wave-generator angle [deg]",
+        y_label="starting torque, motor + gear [mN m]",
+        series=tuple(series),
     )
 
 
@@ -283,11 +291,11 @@ def _table(ramps: list[Breakaway]) -> Table:
 
 
 EXPERIMENT = Experiment(
-    NAME,
-    "No-load starting torque",
-    "slow torque ramps at several wave-generator positions, ended by first motion",
-    Parameters,
-    plan,
-    analyse,
+    name=NAME,
+    title="No-load starting torque",
+    summary="slow torque ramps at several wave-generator positions, ended by first motion",
+    parameters=Parameters,
+    plan=plan,
+    analyse=analyse,
     needs=("input_angle", "torque"),
 )

@@ -40,7 +40,7 @@ from model.units import RPM
 NAME = "warm-up"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameters:
     """What a warm-up run can be told."""
 
@@ -127,14 +127,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         budget = (BudgetLine("whole revolutions", "A", error), scale_line(recording, value))
         half = student_quantile(float(points.freedom[at])) * error
         estimates["running_torque"] = Estimate(
-            "running_torque",
-            value,
-            "N m",
-            value - half,
-            value + half,
-            "yes",
-            "motor + gear, half-difference of the directions",
-            budget,
+            name="running_torque",
+            value=value,
+            unit="N m",
+            low=value - half,
+            high=value + half,
+            identifiable="yes",
+            note="motor + gear, half-difference of the directions",
+            budget=budget,
         )
     metrics = {
         "last_change": change,
@@ -142,20 +142,20 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         "time_until_steady": _steady_since(time, torque, tolerance),
         "steady": float(steady),
     }
-    series = Series("mean per window", time - time[0], torque * 1e3, "points")
+    series = Series(label="mean per window", x=time - time[0], y=torque * 1e3, style="points")
     plot = Plot(
-        "warm-up",
-        "Running torque while warming up",
-        "time [s]",
-        "torque of motor + gear [mN m]",
-        (series,),
+        name="warm-up",
+        title="Running torque while warming up",
+        x_label="time [s]",
+        y_label="torque of motor + gear [mN m]",
+        series=(series,),
     )
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        estimates,
-        metrics,
-        (*warnings, *remarks),
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates=estimates,
+        metrics=metrics,
+        warnings=(*warnings, *remarks),
         plots=(plot,),
         options={"torque_is_of": "motor + gear"},
     )
@@ -194,11 +194,11 @@ def _steady_since(time: np.ndarray, torque: np.ndarray, tolerance: float) -> flo
 
 
 EXPERIMENT = Experiment(
-    NAME,
-    "Warm-up",
-    "turn until the running torque is steady",
-    Parameters,
-    plan,
-    analyse,
+    name=NAME,
+    title="Warm-up",
+    summary="turn until the running torque is steady",
+    parameters=Parameters,
+    plan=plan,
+    analyse=analyse,
     needs=("input_angle", "torque"),
 )

@@ -41,7 +41,7 @@ EVEN = 0.01
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Channels:
     """Time [s], position and effort on an even time axis, with their units."""
 
@@ -75,11 +75,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         "filter": dataclasses.asdict(_recipe(settings)),
     }
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        estimates,
-        dict(fit.metrics),
-        (*data.warnings, *fit.warnings),
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates=estimates,
+        metrics=dict(fit.metrics),
+        warnings=(*data.warnings, *fit.warnings),
         plots=plots,
         tables=(budget_table(estimates.values()),),
         options=options,
@@ -150,7 +150,13 @@ def _channels(
     time, place, force, said = _even(time, place[good], force)
     signals = recording.signals
     return _Channels(
-        time, place, force, signals[position].unit, signals[effort].unit, effort, warnings + said
+        time=time,
+        position=place,
+        effort=force,
+        position_unit=signals[position].unit,
+        effort_unit=signals[effort].unit,
+        effort_name=effort,
+        warnings=warnings + said,
     )
 
 
@@ -217,16 +223,16 @@ def _with_units(recording: Recording, fit: MotionFit, data: _Channels) -> dict[s
 
 def _force_plot(fit: MotionFit, data: _Channels) -> Plot:
     series = (
-        Series("measured", fit.time, fit.measured, "line", group=0),
-        Series("inverse dynamics", fit.time, fit.predicted, "line", group=1),
-        Series("residual", fit.time, fit.measured - fit.predicted, "line", group=2),
+        Series(label="measured", x=fit.time, y=fit.measured, style="line", group=0),
+        Series(label="inverse dynamics", x=fit.time, y=fit.predicted, style="line", group=1),
+        Series(label="residual", x=fit.time, y=fit.measured - fit.predicted, style="line", group=2),
     )
     return Plot(
-        "motion-effort",
-        f"{data.effort_name}, measured and predicted",
-        "time [s]",
-        f"{data.effort_name} [{data.effort_unit}]",
-        series,
+        name="motion-effort",
+        title=f"{data.effort_name}, measured and predicted",
+        x_label="time [s]",
+        y_label=f"{data.effort_name} [{data.effort_unit}]",
+        series=series,
     )
 
 
@@ -236,23 +242,27 @@ def _friction_plot(fit: MotionFit, data: _Channels) -> Plot:
     order = np.argsort(fit.velocity)
     acceleration = np.gradient(fit.velocity, fit.time)
     friction = fit.measured - inertia * acceleration
-    series = (Series("effort without inertia", fit.velocity[order], friction[order], "points"),)
+    series = (
+        Series(
+            label="effort without inertia", x=fit.velocity[order], y=friction[order], style="points"
+        ),
+    )
     return Plot(
-        "motion-friction",
-        "Friction over velocity",
-        f"velocity [{data.position_unit}/s]",
-        f"{data.effort_name} [{data.effort_unit}]",
-        series,
+        name="motion-friction",
+        title="Friction over velocity",
+        x_label=f"velocity [{data.position_unit}/s]",
+        y_label=f"{data.effort_name} [{data.effort_unit}]",
+        series=series,
     )
 
 
 EXPERIMENT = Experiment(
-    NAME,
-    "Inertia and friction from any motion",
-    "inertia and friction from any motion (inverse dynamics)",
-    NoParameters,
-    no_plan,
-    analyse,
+    name=NAME,
+    title="Inertia and friction from any motion",
+    summary="inertia and friction from any motion (inverse dynamics)",
+    parameters=NoParameters,
+    plan=no_plan,
+    analyse=analyse,
     needs=(),
     has_plan=False,
 )

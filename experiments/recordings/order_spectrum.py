@@ -58,11 +58,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             remedy="Record at least one whole revolution.",
         )
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        _strongest(found, unit),
-        {f"revolutions_{_way(d)}": float(s.revolutions) for d, s in found.items()},
-        tuple(warnings),
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates=_strongest(found, unit),
+        metrics={f"revolutions_{_way(d)}": float(s.revolutions) for d, s in found.items()},
+        warnings=tuple(warnings),
         plots=(_plot(found, channel, unit, angle_name),),
         tables=(_table(found, unit),),
         options={"channel": channel, "angle": angle_name},
@@ -94,7 +94,16 @@ def _longest_each_way(recording: Recording, angle_name: str) -> list[Segment]:
             recording.si(angle_name, slice(recording.rows - 1, None))[0]
             - recording.si(angle_name, slice(0, 1))[0]
         )
-        candidates = (Segment(0, "traverse", 0, recording.rows, 0.0, 1 if way >= 0.0 else -1),)
+        candidates = (
+            Segment(
+                index=0,
+                label="traverse",
+                start=0,
+                stop=recording.rows,
+                setpoint=0.0,
+                direction=1 if way >= 0.0 else -1,
+            ),
+        )
     best: dict[int, Segment] = {}
     for segment in candidates:
         known = best.get(segment.direction)
@@ -133,7 +142,9 @@ def _strongest(found: dict[int, OrderPeaks], unit: str) -> dict[str, Estimate]:
         # The floor is the mean power of noise: half of it lies in phase with the order.
         half = 1.96 * float(np.sqrt(0.5 * np.mean(np.square(floors)) / len(floors)))
         name = f"amplitude_{order:.6g}"
-        estimates[name] = Estimate(name, value, unit, max(value - half, 0.0), value + half)
+        estimates[name] = Estimate(
+            name=name, value=value, unit=unit, low=max(value - half, 0.0), high=value + half
+        )
     return estimates
 
 
@@ -142,19 +153,23 @@ def _plot(found: dict[int, OrderPeaks], channel: str, unit: str, angle_name: str
         series
         for d, s in found.items()
         for series in (
-            Series(_way(d), s.orders, s.amplitude, "line", group=0 if d > 0 else 1),
+            Series(label=_way(d), x=s.orders, y=s.amplitude, style="line", group=0 if d > 0 else 1),
             Series(
-                f"noise floor, {_way(d)}", s.orders, s.noise_floor, "line", group=2 if d > 0 else 3
+                label=f"noise floor, {_way(d)}",
+                x=s.orders,
+                y=s.noise_floor,
+                style="line",
+                group=2 if d > 0 else 3,
             ),
         )
     )
     name = angle_name.replace("_", " ")
     return Plot(
-        "order-spectrum",
-        f"Orders of the {channel.replace('_', ' ')}",
-        f"order per revolution of the {name}",
-        f"amplitude [{unit}]",
-        series,
+        name="order-spectrum",
+        title=f"Orders of the {channel.replace('_', ' ')}",
+        x_label=f"order per revolution of the {name}",
+        y_label=f"amplitude [{unit}]",
+        series=series,
         y_scale="log",
     )
 
@@ -172,12 +187,12 @@ def _table(found: dict[int, OrderPeaks], unit: str) -> Table:
 
 
 EXPERIMENT = Experiment(
-    NAME,
-    "Order spectrum",
-    "order spectrum of a channel over an angle",
-    NoParameters,
-    no_plan,
-    analyse,
+    name=NAME,
+    title="Order spectrum",
+    summary="order spectrum of a channel over an angle",
+    parameters=NoParameters,
+    plan=no_plan,
+    analyse=analyse,
     needs=(),
     has_plan=False,
 )

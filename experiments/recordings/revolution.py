@@ -72,11 +72,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         angle, value = _averaged(angle, value, highest)
         fit = fit_revolution(angle, value, highest_order=highest, unit=unit)
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        fit.estimates,
-        dict(fit.metrics),
-        (*warnings, *said, *fit.warnings),
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates=fit.estimates,
+        metrics=dict(fit.metrics),
+        warnings=(*warnings, *said, *fit.warnings),
         plots=_plots(fit, channel, unit),
         tables=(_table(fit, unit),),
         options={"channel": channel, "angle": angle_name, "phases_count_from": reference},
@@ -137,32 +137,34 @@ def _averaged(angle: FloatArray, value: FloatArray, highest: int) -> tuple[Float
 def _plots(fit: RevolutionFit, channel: str, unit: str) -> tuple[Plot, ...]:
     degrees = fit.angle / DEGREE
     label = f"{channel.replace('_', ' ')} [{unit}]"
-    series = [Series("mean of the directions", degrees, fit.mean_curve, "line", group=0)]
+    series = [
+        Series(label="mean of the directions", x=degrees, y=fit.mean_curve, style="line", group=0)
+    ]
     for name, curve, group in (
         ("forward", fit.forward_curve, 1),
         ("reverse", fit.reverse_curve, 2),
     ):
         if curve is not None:
-            series.append(Series(name, degrees, curve, "line", group=group))
+            series.append(Series(label=name, x=degrees, y=curve, style="line", group=group))
     orders = fit.spectrum_order.astype(np.float64)
     spectrum = (
-        Series("amplitude", orders, fit.spectrum_amplitude, "bars", group=0),
-        Series("noise floor", orders, fit.noise_floor, "line", group=1),
+        Series(label="amplitude", x=orders, y=fit.spectrum_amplitude, style="bars", group=0),
+        Series(label="noise floor", x=orders, y=fit.noise_floor, style="line", group=1),
     )
     return (
         Plot(
-            "revolution",
-            f"{channel.replace('_', ' ')} over one revolution",
-            "angle [deg]",
-            label,
-            tuple(series),
+            name="revolution",
+            title=f"{channel.replace('_', ' ')} over one revolution",
+            x_label="angle [deg]",
+            y_label=label,
+            series=tuple(series),
         ),
         Plot(
-            "revolution-orders",
-            "Orders and their noise floor",
-            "order per revolution",
-            f"amplitude [{unit}]",
-            spectrum,
+            name="revolution-orders",
+            title="Orders and their noise floor",
+            x_label="order per revolution",
+            y_label=f"amplitude [{unit}]",
+            series=spectrum,
             y_scale="log",
         ),
     )
@@ -183,12 +185,12 @@ def _table(fit: RevolutionFit, unit: str) -> Table:
 
 
 EXPERIMENT = Experiment(
-    NAME,
-    "Fourier series per revolution",
-    "Fourier series of a channel per revolution, both ways",
-    NoParameters,
-    no_plan,
-    analyse,
+    name=NAME,
+    title="Fourier series per revolution",
+    summary="Fourier series of a channel per revolution, both ways",
+    parameters=NoParameters,
+    plan=no_plan,
+    analyse=analyse,
     needs=(),
     has_plan=False,
 )

@@ -120,13 +120,13 @@ def _pieces(recording: Recording, stretch: Segment, least_time: float) -> list[S
             start, stop = stretch.start + int(marks[begin]), stretch.start + int(marks[end]) + 1
             found.append(
                 Segment(
-                    len(found),
-                    "hold",
-                    start,
-                    stop,
-                    stretch.setpoint,
-                    stretch.direction,
-                    stretch.repeat,
+                    index=len(found),
+                    label="hold",
+                    start=start,
+                    stop=stop,
+                    setpoint=stretch.setpoint,
+                    direction=stretch.direction,
+                    repeat=stretch.repeat,
                 )
             )
             begin = end

@@ -96,7 +96,7 @@ NEIGHBOURS = 2
 """Blocks to each side whose correlation counts."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sums:
     """What a stream of samples leaves behind: normal equations per block, bins over one input revolution, totals.
 
@@ -283,7 +283,7 @@ class AngleRegression:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AngleFit:
     """The solved regression: which columns were kept, values and covariance over all columns (zero where left out).
 

@@ -26,7 +26,7 @@ EDGE_DENSITY = 0.25
 """Counts per sample below which only the instants of a changing count are used."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CountedMotion:
     """A counted angle, smoothed and differentiated on its own time stamps: arrays of shape (n,), SI.
 
@@ -111,7 +111,15 @@ def speed_from_counts(
     steps = np.arange(-half, half + 1, dtype=np.float64)
     gain = np.linalg.pinv(np.vander(steps, DEGREE + 1, increasing=True))[1] / period
     noise = even_noise * float(np.linalg.norm(gain))
-    return CountedMotion(clock, back[0], back[1], back[2], width * period, noise, bool(slow))
+    return CountedMotion(
+        time=clock,
+        angle=back[0],
+        speed=back[1],
+        acceleration=back[2],
+        window=width * period,
+        speed_noise=noise,
+        from_edges=bool(slow),
+    )
 
 
 def _odd(samples: float) -> int:

@@ -33,7 +33,7 @@ IN_PHASE = 30.0 * DEGREE
 """Largest phase difference [rad] at which two extremes are still called the same place."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CombinedKinematicError:
     """Forward and reverse of one gear: mean curve (kinematic error) and half difference (wind-up and skew).
 
@@ -139,7 +139,15 @@ def _lost_motion(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> Esti
         variance += float(weights @ fit.covariance[:2, :2] @ weights)
     half = student_quantile(min(ahead.freedom, back.freedom)) * math.sqrt(max(variance, 0.0))
     note = "wind-up by friction and skew between the channels together; runs at several speeds tell them apart"
-    return Estimate("lost_motion", value, "rad", value - half, value + half, "weakly", note)
+    return Estimate(
+        name="lost_motion",
+        value=value,
+        unit="rad",
+        low=value - half,
+        high=value + half,
+        identifiable="weakly",
+        note=note,
+    )
 
 
 def _whole_orders(basis: Basis, values: Array, angle: Array) -> Array:
@@ -171,16 +179,24 @@ def polar_estimates(
     note = "" if verdict == "yes" else "not above the noise"
     return (
         Estimate(
-            f"amplitude_{label}",
-            size,
-            unit,
-            max(size - radial, 0.0),
-            size + radial,
-            verdict,
-            note,
-            (BudgetLine("residual, blocks of whole revolutions", "A", error),),
+            name=f"amplitude_{label}",
+            value=size,
+            unit=unit,
+            low=max(size - radial, 0.0),
+            high=size + radial,
+            identifiable=verdict,
+            note=note,
+            budget=(BudgetLine("residual, blocks of whole revolutions", "A", error),),
         ),
-        Estimate(f"phase_{label}", phase, "rad", phase - turn, phase + turn, verdict, note),
+        Estimate(
+            name=f"phase_{label}",
+            value=phase,
+            unit="rad",
+            low=phase - turn,
+            high=phase + turn,
+            identifiable=verdict,
+            note=note,
+        ),
     )
 
 
@@ -192,7 +208,7 @@ def fit_over_angle(angle: ArrayLike, value: ArrayLike, basis: Basis) -> AngleFit
     return solve_angle(regression.sums())[0]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PhaseRelation:
     """Figure 16: does the friction torque have its extremes where the kinematic error has them?
 
@@ -259,13 +275,13 @@ def phase_relation(
         sentence=_phase_sentence(label, difference, half, verdict),
         estimates={
             "phase_difference": Estimate(
-                "phase_difference",
-                difference,
-                "rad",
-                difference - half,
-                difference + half,
-                known,
-                ""
+                name="phase_difference",
+                value=difference,
+                unit="rad",
+                low=difference - half,
+                high=difference + half,
+                identifiable=known,
+                note=""
                 if known == "yes"
                 else "the friction torque at this order is not above the noise",
             ),

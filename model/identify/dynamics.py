@@ -47,7 +47,7 @@ STRAY_LIMIT = 0.15
 """Distance from the median of K/J_o at which a step is taken for a stray; hardening within a run is less."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StepFit:
     """Resonance and damping from one velocity step.
 
@@ -295,33 +295,33 @@ def _step_estimates(
         verdict, note = "weakly", "the frequency is known to no better than 10 %"
     poor = verdict if verdict != "yes" else "weakly" if error[1] > damping else "yes"
     ratio = Estimate(
-        "stiffness_over_inertia",
-        w2,
-        "1/s2",
-        w2 * (1 - 2 * error[0]),
-        w2 * (1 + 2 * error[0]),
-        verdict,
-        note,
+        name="stiffness_over_inertia",
+        value=w2,
+        unit="1/s2",
+        low=w2 * (1 - 2 * error[0]),
+        high=w2 * (1 + 2 * error[0]),
+        identifiable=verdict,
+        note=note,
     )
     return {
         "stiffness_over_inertia": ratio,
         "frequency": Estimate(
-            "frequency",
-            frequency,
-            "Hz",
-            frequency * (1 - error[0]),
-            frequency * (1 + error[0]),
-            verdict,
-            note,
+            name="frequency",
+            value=frequency,
+            unit="Hz",
+            low=frequency * (1 - error[0]),
+            high=frequency * (1 + error[0]),
+            identifiable=verdict,
+            note=note,
         ),
         "damping_ratio": Estimate(
-            "damping_ratio",
-            damping,
-            "1",
-            max(damping - error[1], 0.0),
-            damping + error[1],
-            poor,
-            note,
+            name="damping_ratio",
+            value=damping,
+            unit="1",
+            low=max(damping - error[1], 0.0),
+            high=damping + error[1],
+            identifiable=poor,
+            note=note,
         ),
         "wind_up": _nuisance("wind_up", linear, 3, error, "rad"),
         "skew": _nuisance("skew", linear, 4, error, "s"),
@@ -336,11 +336,17 @@ def _nuisance(name: str, linear: LinearFit, index: int, error: Array, unit: str)
         else ""
     )
     return Estimate(
-        name, value, unit, value - float(error[index]), value + float(error[index]), "weakly", note
+        name=name,
+        value=value,
+        unit=unit,
+        low=value - float(error[index]),
+        high=value + float(error[index]),
+        identifiable="weakly",
+        note=note,
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CombinedSteps:
     """All steps of a run together: weighted mean of K/J_o and damping, by all and by direction, and each step's value.
 
@@ -453,4 +459,4 @@ def _weighted(name: str, parts: Sequence[Estimate]) -> Estimate:
         * birge
         / math.sqrt(float(np.sum(errors**-2.0)))
     )
-    return Estimate(name, mean, parts[0].unit, mean - half, mean + half)
+    return Estimate(name=name, value=mean, unit=parts[0].unit, low=mean - half, high=mean + half)

@@ -66,7 +66,7 @@ class TorqueUncertainty:
     bearing: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrictionFit:
     """Friction of a gear (or of motor and gear together), fitted, with what is needed to judge and to plot it.
 
@@ -155,12 +155,12 @@ def fit_friction(
     sources = _type_b(
         uncertainty or TorqueUncertainty(),
         fit,
-        points,
-        torque,
-        tare_torque,
-        drag,
-        force_error,
-        lever,
+        points=points,
+        torque=torque,
+        tare=tare_torque,
+        drag=drag,
+        force_error=force_error,
+        lever=lever,
     )
     for k, name in enumerate(NAMES):
         lines = [
@@ -250,7 +250,15 @@ def _estimates(fit: StribeckFit, intervals: Array, speed: Array) -> dict[str, Es
             verdict, note = "weakly", "the interval is wider than the value"
         elif unpinned and name in ("static", "stribeck_velocity", "shape"):
             verdict, note = "weakly", "the slowest speed is above a tenth of the Stribeck velocity"
-        found[name] = Estimate(name, value, UNITS[name], low, high, verdict, note)
+        found[name] = Estimate(
+            name=name,
+            value=value,
+            unit=UNITS[name],
+            low=low,
+            high=high,
+            identifiable=verdict,
+            note=note,
+        )
     return found
 
 
@@ -296,9 +304,19 @@ def _offset(points: FrictionPoints) -> dict[str, Estimate]:
     chi = float(np.sum((offset / u - design @ values) ** 2)) / max(len(speed) - 2, 1)
     half = 2.0 * np.sqrt(np.diag(covariance) * max(chi, 1.0))
     return {
-        "offset": Estimate("offset", values[0], "N m", values[0] - half[0], values[0] + half[0]),
+        "offset": Estimate(
+            name="offset",
+            value=values[0],
+            unit="N m",
+            low=values[0] - half[0],
+            high=values[0] + half[0],
+        ),
         "asymmetry": Estimate(
-            "asymmetry", values[1], "N m s/rad", values[1] - half[1], values[1] + half[1]
+            name="asymmetry",
+            value=values[1],
+            unit="N m s/rad",
+            low=values[1] - half[1],
+            high=values[1] + half[1],
         ),
     }
 

@@ -64,7 +64,7 @@ class Encoders:
     input_accuracy: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class OrderEstimate:
     """One order of the kinematic error: a cos + b sin = amplitude cos(v theta - phase), with 95 % intervals.
 
@@ -80,7 +80,7 @@ class OrderEstimate:
     significant: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class KinematicErrorFit:
     """The kinematic error of one direction, fitted, with what is needed to judge and to plot it.
 
@@ -293,13 +293,19 @@ def _slope(fit: AngleFit, encoders: Encoders) -> tuple[dict[str, Estimate], list
     closure, error = float(fit.values[1]), math.sqrt(max(float(fit.covariance[1, 1]), 0.0))
     half = fit.quantile() * error
     slope = Estimate(
-        "slope", closure / scale, "rad/rad", (closure - half) / scale, (closure + half) / scale
+        name="slope",
+        value=closure / scale,
+        unit="rad/rad",
+        low=(closure - half) / scale,
+        high=(closure + half) / scale,
     )
     seen = 1.0 / (1.0 / ratio + slope.value)
     spread = ratio**2 * half / scale
     estimates = {
         "slope": slope,
-        "ratio": Estimate("ratio", seen, "1", seen - spread, seen + spread),
+        "ratio": Estimate(
+            name="ratio", value=seen, unit="1", low=seen - spread, high=seen + spread
+        ),
     }
     quantum = encoders.output_quantum if math.isfinite(encoders.output_quantum) else 2.0 * ARCSEC
     matters = abs(closure) > max(0.1 * quantum, 0.5 * ARCSEC)
@@ -339,32 +345,48 @@ def _order(fit: AngleFit, index: int, encoders: Encoders) -> OrderEstimate:
             )
         )
     amplitude = Estimate(
-        f"amplitude_{label}",
-        size,
-        "rad",
-        max(size - t * radial, 0.0),
-        size + t * radial,
-        verdict,
-        note,
-        tuple(lines),
+        name=f"amplitude_{label}",
+        value=size,
+        unit="rad",
+        low=max(size - t * radial, 0.0),
+        high=size + t * radial,
+        identifiable=verdict,
+        note=note,
+        budget=tuple(lines),
     )
     amplitude = above_encoders(amplitude)
     verdict, note = amplitude.identifiable, amplitude.note
     return OrderEstimate(
         order=order,
         label=label,
-        cosine=Estimate(f"cosine_{label}", a, "rad", a - half_a, a + half_a, verdict, note),
-        sine=Estimate(f"sine_{label}", b, "rad", b - half_b, b + half_b, verdict, note),
+        cosine=Estimate(
+            name=f"cosine_{label}",
+            value=a,
+            unit="rad",
+            low=a - half_a,
+            high=a + half_a,
+            identifiable=verdict,
+            note=note,
+        ),
+        sine=Estimate(
+            name=f"sine_{label}",
+            value=b,
+            unit="rad",
+            low=b - half_b,
+            high=b + half_b,
+            identifiable=verdict,
+            note=note,
+        ),
         amplitude=amplitude,
         phase=Estimate(
-            f"phase_{label}",
-            phase,
-            "rad",
-            phase - turn,
-            phase + turn,
-            verdict,
-            note,
-            phase_budget(amplitude, tangential),
+            name=f"phase_{label}",
+            value=phase,
+            unit="rad",
+            low=phase - turn,
+            high=phase + turn,
+            identifiable=verdict,
+            note=note,
+            budget=phase_budget(amplitude, tangential),
         ),
         significant=significant and not left_out,
     )

@@ -26,7 +26,7 @@ def student_quantile(freedom: float, level: float = 0.95) -> float:
     return float(scipy.special.stdtrit(max(float(freedom), 1.0), 0.5 + 0.5 * level))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LinearFit:
     """Solution of a linear least-squares problem.
 

@@ -43,7 +43,7 @@ class MotionFilter:
     decimation: int = 10
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MotionFit:
     """Inertia and friction of a motion, with what is needed to judge and to plot them.
 
@@ -180,7 +180,9 @@ def _estimates(fit: LinearFit, variant: Variant, rotary: bool) -> dict[str, Esti
         relative = name != "offset"
         verdict = "yes" if not relative or share < 0.3 else "weakly" if share < 1.0 else "no"
         note = "" if verdict == "yes" else f"the interval is ±{100 * share:.0f} % of the value"
-        found[name] = Estimate(name, value, unit, low, high, verdict, note)
+        found[name] = Estimate(
+            name=name, value=value, unit=unit, low=low, high=high, identifiable=verdict, note=note
+        )
     return found
 
 

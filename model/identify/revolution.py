@@ -51,7 +51,7 @@ class DirectionSeries:
     samples: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RevolutionFit:
     """A channel over one revolution: orders chosen by significance, strongest first.
 
@@ -232,7 +232,15 @@ def fit_revolution(
     final = {s: _coefficients(theta[m], y[m], np.sort(chosen)) for s, m in covered.items()}
     series = {s: _series(found, np.sort(chosen), chosen) for s, found in final.items()}
     return _revolution_fit(
-        chosen, series, final, mean, floor, candidates, warnings, unit, np.ptp(theta) / REVOLUTION
+        chosen,
+        series,
+        final=final,
+        spectrum=mean,
+        floor=floor,
+        candidates=candidates,
+        warnings=warnings,
+        unit=unit,
+        revolutions=np.ptp(theta) / REVOLUTION,
     )
 
 
@@ -310,9 +318,15 @@ def _order_estimates(
         half = t * math.sqrt(0.5 * float(floor[n - 1]))
         angle = min(half / max(size, 1e-300), math.pi)
         found[f"amplitude_{n}"] = Estimate(
-            f"amplitude_{n}", size, unit, max(size - half, 0.0), size + half
+            name=f"amplitude_{n}",
+            value=size,
+            unit=unit,
+            low=max(size - half, 0.0),
+            high=size + half,
         )
-        found[f"phase_{n}"] = Estimate(f"phase_{n}", turn, "rad", turn - angle, turn + angle)
+        found[f"phase_{n}"] = Estimate(
+            name=f"phase_{n}", value=turn, unit="rad", low=turn - angle, high=turn + angle
+        )
     return found
 
 
@@ -329,13 +343,25 @@ def _direction_estimates(
         half = 1.96 * errors[only]
         value = series[only].constant
         note = "one direction only: friction and offset cannot be separated"
-        return {"mean": Estimate("mean", value, unit, value - half, value + half, "weakly", note)}
+        return {
+            "mean": Estimate(
+                name="mean",
+                value=value,
+                unit=unit,
+                low=value - half,
+                high=value + half,
+                identifiable="weakly",
+                note=note,
+            )
+        }
     ahead, back = series[1.0], series[-1.0]
     half = 0.5 * 1.96 * math.hypot(errors[1.0], errors[-1.0])
     total, apart = 0.5 * (ahead.constant + back.constant), 0.5 * (ahead.constant - back.constant)
     found = {
-        "mean": Estimate("mean", total, unit, total - half, total + half),
-        "friction": Estimate("friction", apart, unit, apart - half, apart + half),
+        "mean": Estimate(name="mean", value=total, unit=unit, low=total - half, high=total + half),
+        "friction": Estimate(
+            name="friction", value=apart, unit=unit, low=apart - half, high=apart + half
+        ),
     }
     if len(orders):
         phases = np.arctan2(ahead.sine, ahead.cosine) - np.arctan2(back.sine, back.cosine)
@@ -345,7 +371,7 @@ def _direction_estimates(
         shift = float(weight @ shifts / weight.sum())
         spread = 2.0 * math.sqrt(float(weight @ (shifts - shift) ** 2 / weight.sum()) / len(orders))
         found["direction_shift"] = Estimate(
-            "direction_shift", shift, "rad", shift - spread, shift + spread
+            name="direction_shift", value=shift, unit="rad", low=shift - spread, high=shift + spread
         )
     return found
 

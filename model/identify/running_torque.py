@@ -29,7 +29,7 @@ REST_LIMIT = 5.0 * DEGREE
 """Standstill, in angle that a steady speed would have turned, above which a hold counts as stick."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunningTorque:
     """Mean torque of one hold: speed [rad/s, signed], torque [N m, signed], its standard error and degrees of freedom.
 
@@ -154,7 +154,7 @@ def _error_within(turned: Array, effort: Array, whole: int) -> tuple[float, floa
     return max(float(fit.standard_error[0]), floor), max(fit.freedom, 2.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrictionPoints:
     """Friction and offset over speed: arrays of shape (n,), SI.
 
@@ -235,8 +235,16 @@ def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) 
             "of the torque zero enters their "
             "friction in full."
         )
+    speed, friction, standard_error, freedom, offset, offset_error = table.T
     return FrictionPoints(
-        *table.T, paired=np.array([row[6] for row in rows]), warnings=tuple(warnings)
+        speed=speed,
+        friction=friction,
+        standard_error=standard_error,
+        freedom=freedom,
+        offset=offset,
+        offset_error=offset_error,
+        paired=np.array([row[6] for row in rows]),
+        warnings=tuple(warnings),
     )
 
 

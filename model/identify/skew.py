@@ -88,7 +88,14 @@ def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 
             )
         )
     found = Estimate(
-        "encoder_skew", value, "s", value - half, value + half, "yes", "", tuple(lines)
+        name="encoder_skew",
+        value=value,
+        unit="s",
+        low=value - half,
+        high=value + half,
+        identifiable="yes",
+        note="",
+        budget=tuple(lines),
     )
     notes = (
         []
@@ -137,7 +144,14 @@ def torque_skew(
             )
         )
     estimate = Estimate(
-        "torque_skew", delay, "s", delay - half, delay + half, "yes", "", tuple(lines)
+        name="torque_skew",
+        value=delay,
+        unit="s",
+        low=delay - half,
+        high=delay + half,
+        identifiable="yes",
+        note="",
+        budget=tuple(lines),
     )
     if half > needed:
         return _judged(
@@ -256,16 +270,24 @@ def _smoothed(
 
 def _judged(found: Estimate, verdict: str, notes: list[str]) -> Estimate:
     return Estimate(
-        found.name,
-        found.value,
-        found.unit,
-        found.low,
-        found.high,
-        cast("Identifiable", verdict),
-        "; ".join(notes),
-        found.budget,
+        name=found.name,
+        value=found.value,
+        unit=found.unit,
+        low=found.low,
+        high=found.high,
+        identifiable=cast("Identifiable", verdict),
+        note="; ".join(notes),
+        budget=found.budget,
     )
 
 
 def _unknown(name: str, why: str) -> Estimate:
-    return Estimate(name, math.nan, "s", math.nan, math.nan, "no", why)
+    return Estimate(
+        name=name,
+        value=math.nan,
+        unit="s",
+        low=math.nan,
+        high=math.nan,
+        identifiable="no",
+        note=why,
+    )

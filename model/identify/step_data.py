@@ -27,7 +27,7 @@ SPEED_SMOOTHING = 0.5
 """rad/s at the input; the sign of the friction is smoothed over this speed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StepData:
     """One step: stamps [s], input and output angle [rad] (n,), quanta of both counts [rad], ratio, kinematic error."""
 
@@ -82,11 +82,17 @@ def step_data(
             remedy="Check ratio, mounting, signs, lines and multiplication of both encoders.",
         )
     return StepData(
-        clock, theta_i, theta_o, ratio, output_quantum, input_quantum, tuple(kinematic_error)
+        time=clock,
+        input_angle=theta_i,
+        output_angle=theta_o,
+        ratio=ratio,
+        output_quantum=output_quantum,
+        input_quantum=input_quantum,
+        kinematic_error=tuple(kinematic_error),
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StepScore:
     """How a prediction of the output does against rigid gears, on one step. Speeds [rad/s], deviations x [rad].
 
@@ -177,7 +183,13 @@ def score_step(data: StepData, predicted: ArrayLike, *, ideal: Array | None = No
         metrics[f"overshoot_{name}"] = float(curve.max()) - 1.0
         metrics[f"ripple_{name}"] = float(np.ptp(curve[last]))
     return StepScore(
-        metrics, data.time, speeds["measured"], speeds["predicted"], speeds["rigid"], x, x_hat
+        metrics=metrics,
+        time=data.time,
+        measured_speed=speeds["measured"],
+        predicted_speed=speeds["predicted"],
+        rigid_speed=speeds["rigid"],
+        measured_deviation=x,
+        predicted_deviation=x_hat,
     )
 
 

@@ -126,7 +126,13 @@ def fit_step_inertia(
         )
         known = "no" if name == "output_inertia" and not fit.resolvable else known
         estimates[name] = Estimate(
-            name, value, unit, low, high, known, "" if known == "yes" else "the output hardly rings"
+            name=name,
+            value=value,
+            unit=unit,
+            low=low,
+            high=high,
+            identifiable=known,
+            note="" if known == "yes" else "the output hardly rings",
         )
     ratio, inertia = fit.estimates["stiffness_over_inertia"], estimates["output_inertia"]
     relative = 0.5 * math.hypot(
@@ -135,13 +141,13 @@ def fit_step_inertia(
     stiffness = ratio.value * inertia.value
     half = abs(stiffness) * relative
     estimates["output_stiffness"] = Estimate(
-        "output_stiffness",
-        stiffness,
-        "N m/rad",
-        stiffness - half,
-        stiffness + half,
-        inertia.identifiable,
-        "dynamic, small-signal: from the resonance, not from a loaded output",
+        name="output_stiffness",
+        value=stiffness,
+        unit="N m/rad",
+        low=stiffness - half,
+        high=stiffness + half,
+        identifiable=inertia.identifiable,
+        note="dynamic, small-signal: from the resonance, not from a loaded output",
     )
     warnings = (
         ()

@@ -37,7 +37,7 @@ class StribeckBounds:
         return np.log(np.array([self.stribeck_velocity, self.shape]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StribeckFit:
     """Best parameters (5,) in the order of `NAMES`, chi-square, degrees of freedom, linearised covariance (5, 5).
 
@@ -144,14 +144,14 @@ def fit_stribeck(
     if linear[1] <= 0.0:
         at_bound.append("static")
     return StribeckFit(
-        values,
-        float(chi),
-        freedom,
-        float(scale),
-        covariance,
-        stribeck_curve(v, values),
-        jacobian,
-        tuple(at_bound),
+        values=values,
+        chi_square=float(chi),
+        freedom=freedom,
+        scale=float(scale),
+        covariance=covariance,
+        fitted=stribeck_curve(v, values),
+        jacobian=jacobian,
+        at_bound=tuple(at_bound),
     )
 
 

@@ -51,7 +51,13 @@ def transmission_accuracy(fit: AngleFit, highest_order: float) -> tuple[Estimate
     gradient[3::2] = use * (np.sin(orders * angle[top]) - np.sin(orders * angle[bottom]))
     half = fit.quantile() * math.sqrt(max(float(gradient @ fit.covariance @ gradient), 0.0))
     return (
-        Estimate("transmission_accuracy", value, "rad", max(value - half, 0.0), value + half),
+        Estimate(
+            name="transmission_accuracy",
+            value=value,
+            unit="rad",
+            low=max(value - half, 0.0),
+            high=value + half,
+        ),
         angle,
         curve,
     )

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +56,7 @@ SAME_NUMBER = 1e-12
 """Relative; numbers nearer than this are one number."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
     """One thing that is not the same: where, both values as they are shown, and for results what the difference means.
 
@@ -126,7 +126,9 @@ def difference(first: str | Path, second: str | Path) -> Difference:
         names = list(dict.fromkeys((*left, *right)))
         compared[group] = len(names)
         for name in names:
-            change = Change(group, name, left.get(name, ""), right.get(name, ""))
+            change = Change(
+                group=group, name=name, first=left.get(name, ""), second=right.get(name, "")
+            )
             (same if change.first == change.second else changes).append(change)
     results = list(_results(a, b))
     compared["results"] = len(results)
@@ -268,13 +270,19 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
         if left is None or right is None:
             texts = ("not analysed", "analysed") if left is None else ("analysed", "not analysed")
             missing = a.run_id if left is None else b.run_id
-            yield Change("results", kind, *texts, note=f"{missing} has no {kind} analysis: rig fit")
+            yield Change(
+                group="results",
+                name=kind,
+                first=texts[0],
+                second=texts[1],
+                note=f"{missing} has no {kind} analysis: rig fit",
+            )
             continue
         yield Change(
-            "results",
-            f"{kind}: outcome",
-            str(left.content.get("outcome")),
-            str(right.content.get("outcome")),
+            group="results",
+            name=f"{kind}: outcome",
+            first=str(left.content.get("outcome")),
+            second=str(right.content.get("outcome")),
         )
         apart = list(_analysed_otherwise(kind, left, right))
         yield from apart
@@ -304,7 +312,12 @@ def _analysed_otherwise(kind: str, left: Analysis, right: Analysis) -> Iterable[
     ]
     first, second = (_flat(table) for table in tables)
     for name in dict.fromkeys((*first, *second)):
-        yield Change("results", f"{kind}: {name}", first.get(name, ""), second.get(name, ""))
+        yield Change(
+            group="results",
+            name=f"{kind}: {name}",
+            first=first.get(name, ""),
+            second=second.get(name, ""),
+        )
 
 
 def _compared(
@@ -315,17 +328,22 @@ def _compared(
     *,
     other_subject: bool,
 ) -> Change:
-    texts = _shown(first, name), _shown(second, name)
+    shown = Change(
+        group="results", name=name, first=_shown(first, name), second=_shown(second, name)
+    )
     if first is None or second is None:
-        return Change("results", name, *texts, note="found in one of the two only")
+        return replace(shown, note="found in one of the two only")
     unit = str(first.get("unit", ""))
+    shown = replace(shown, unit=unit)
     values = first.get("value"), second.get("value")
     if values[0] is None or values[1] is None or unit != str(second.get("unit", "")):
-        return Change("results", name, *texts, unit=unit, note="cannot be compared")
+        return replace(shown, note="cannot be compared")
     change = _away(name, unit, float(values[0]), float(values[1]))
+    shown = replace(shown, difference=change)
     combined = combined_uncertainty(first, second, same)
     if combined is None:
-        return Change("results", name, *texts, change, unit=unit, note="no uncertainty is known")
+        return replace(shown, note="no uncertainty is known")
+    shown = replace(shown, uncertainty=combined.independent)
     unknown = [e for e in (first, second) if e.get("identifiability") == "no"]
     if unknown or other_subject:
         note = (
@@ -333,27 +351,18 @@ def _compared(
             if unknown
             else "not the same quantity: see how they were analysed"
         )
-        return Change("results", name, *texts, change, combined.independent, unit, None, note)
+        return replace(shown, note=note)
     significant = abs(change) > combined.independent
+    shown = replace(shown, significant=significant)
     if not combined.shared:
-        return Change("results", name, *texts, change, combined.independent, unit, significant)
+        return shown
     without = abs(change) > combined.own
-    note = f"{' and '.join(combined.shared)} shared: without it U_c is {combined.own:.2g} {unit}".rstrip(
-        " 1"
-    )
+    causes = " and ".join(combined.shared)
+    note = f"{causes} shared: without it U_c is {combined.own:.2g} {unit}".rstrip(" 1")
     if without != significant:
         note += ", and the difference significant"
-    return Change(
-        "results",
-        name,
-        *texts,
-        change,
-        combined.independent,
-        unit,
-        significant,
-        note,
-        combined.own,
-        without,
+    return replace(
+        shown, note=note, own_uncertainty=combined.own, significant_without_shared=without
     )
 
 
@@ -380,7 +389,14 @@ def _shown(found: Mapping[str, Any] | None, name: str = "") -> str:
 def in_laboratory_units(name: str, value: float, doubt: float | None, unit: str) -> str:
     """`value ± doubt unit` of a quantity in SI, `name` tells which, as it is read in a laboratory."""
     budget = () if doubt is None else (BudgetLine("", "A", 0.5 * float(doubt)),)
-    estimate = Estimate(name.rpartition(": ")[2], value, unit, math.nan, math.nan, budget=budget)
+    estimate = Estimate(
+        name=name.rpartition(": ")[2],
+        value=value,
+        unit=unit,
+        low=math.nan,
+        high=math.nan,
+        budget=budget,
+    )
     return show(estimate).with_uncertainty
 
 

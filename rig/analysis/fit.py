@@ -24,7 +24,7 @@ TARE = "motor-tare"
 """The protocol whose result can be subtracted as a tare."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fit:
     """One analysed run: the recording, the gear it was compared with, the tare that was subtracted, the result.
 
@@ -108,12 +108,12 @@ def fit_recording(
         options["largest_missed_share"] = largest_missed_share
     result = dataclasses.replace(result, warnings=(*result.warnings, *remarks), options=options)
     return Fit(
-        recording,
-        known,
-        result,
-        path,
-        tare,
-        dict(settings or {}),
+        recording=recording,
+        gear=known,
+        result=result,
+        path=path,
+        tare=tare,
+        settings=dict(settings or {}),
         gear_known=gear_known,
         largest_missed_share=largest_missed_share,
     )

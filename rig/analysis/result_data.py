@@ -29,15 +29,15 @@ def result_from_mapping(
     """
     estimates = {name: estimate_from_mapping(name, e) for name, e in told["parameters"].items()}
     return Result(
-        str(told["run"]),
-        str(told["kind"]),
-        estimates,
-        {name: _number(value) for name, value in told.get("metrics", {}).items()},
-        tuple(str(warning) for warning in told.get("warnings", ())),
-        tuple(_verdict(v, estimates) for v in told.get("verdicts", ())),
-        tuple(plot_from_mapping(plot) for plot in told.get("plots", ())),
-        tuple(table_from_mapping(table) for table in (*told.get("tables", ()), *tables)),
-        dict(told.get("options", {})),
+        run=str(told["run"]),
+        kind=str(told["kind"]),
+        estimates=estimates,
+        metrics={name: _number(value) for name, value in told.get("metrics", {}).items()},
+        warnings=tuple(str(warning) for warning in told.get("warnings", ())),
+        verdicts=tuple(_verdict(v, estimates) for v in told.get("verdicts", ())),
+        plots=tuple(plot_from_mapping(plot) for plot in told.get("plots", ())),
+        tables=tuple(table_from_mapping(table) for table in (*told.get("tables", ()), *tables)),
+        options=dict(told.get("options", {})),
     )
 
 
@@ -50,14 +50,14 @@ def estimate_from_mapping(name: str, told: Mapping[str, Any]) -> Estimate:
         for b in told.get("budget", ())
     )
     return Estimate(
-        name,
-        _number(told["value"]),
-        str(told["unit"]),
-        _number(told["low"]),
-        _number(told["high"]),
-        told.get("identifiability", "yes"),
-        str(told.get("note", "")),
-        budget,
+        name=name,
+        value=_number(told["value"]),
+        unit=str(told["unit"]),
+        low=_number(told["low"]),
+        high=_number(told["high"]),
+        identifiable=told.get("identifiability", "yes"),
+        note=str(told.get("note", "")),
+        budget=budget,
     )
 
 
@@ -67,15 +67,21 @@ def _verdict(told: Mapping[str, Any], estimates: Mapping[str, Estimate]) -> Verd
         (e for e in estimates.values() if e.value == value and e.unit == told["unit"]), None
     )
     if judged is None:
-        judged = Estimate(str(told["name"]), value, str(told["unit"]), value - u, value + u)
+        judged = Estimate(
+            name=str(told["name"]),
+            value=value,
+            unit=str(told["unit"]),
+            low=value - u,
+            high=value + u,
+        )
     return Verdict(
-        str(told["name"]),
-        str(told["definition"]),
-        judged,
-        _number(told["limit"]),
-        str(told["limit_source"]),
-        told["limit_provenance"],
-        told["outcome"],
+        name=str(told["name"]),
+        definition=str(told["definition"]),
+        estimate=judged,
+        limit=_number(told["limit"]),
+        limit_source=str(told["limit_source"]),
+        limit_provenance=told["limit_provenance"],
+        outcome=told["outcome"],
     )
 
 
@@ -103,13 +109,13 @@ def plot_from_mapping(told: Mapping[str, Any]) -> Plot:
     """A figure out of JSON data. Raises `ValueError`, `KeyError` or `TypeError` for what is none."""
     series = tuple(
         Series(
-            str(s["label"]),
-            _array(s["x"]),
-            _array(s["y"]),
-            s["style"],
-            _optional(s.get("low")),
-            _optional(s.get("high")),
-            int(s["group"]),
+            label=str(s["label"]),
+            x=_array(s["x"]),
+            y=_array(s["y"]),
+            style=s["style"],
+            low=_optional(s.get("low")),
+            high=_optional(s.get("high")),
+            group=int(s["group"]),
         )
         for s in told["series"]
     )

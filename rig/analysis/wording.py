@@ -16,7 +16,7 @@ _PHASE_WORDS = ("phase", "lag_angle")
 _SPEED_WORDS = ("speed", "rpm")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Shown:
     """An estimate as text: value and U share their decimals; `low` and `high` bound the 95 %
     interval, often narrower.
@@ -95,11 +95,27 @@ def show(estimate: Estimate) -> Shown:
         unit = f"× 10{superscript(power)} {unit}".rstrip()
     decimals = decimals_of(expanded)
     if decimals is None:
-        return Shown(number(value), "", number(low), number(high), unit, factor, None)
+        return Shown(
+            value=number(value),
+            expanded="",
+            low=number(low),
+            high=number(high),
+            unit=unit,
+            scale=factor,
+            decimals=None,
+        )
     inner = decimals_of(0.5 * (high - low))
     low, high = (fixed(v, max(decimals, inner or 0)) for v in (low, high))
     value, expanded = fixed(value, decimals), fixed(expanded, decimals)
-    return Shown(value, expanded, low, high, unit, factor, decimals)
+    return Shown(
+        value=value,
+        expanded=expanded,
+        low=low,
+        high=high,
+        unit=unit,
+        scale=factor,
+        decimals=decimals,
+    )
 
 
 def decimals_of(expanded: float) -> int | None:

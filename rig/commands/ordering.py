@@ -61,18 +61,18 @@ def request_of(
     if parameters is not None:
         gear = load_gear(parameters)
     request = RunRequest(
-        protocol,
-        gear,
-        motor,
-        output or folder,
-        values,
-        backend,
-        mounting or MOUNTINGS[0],  # type: ignore[arg-type]
-        gear_serial,
-        operator,
-        seed,
-        sample_rate or rate,
-        block,
+        protocol=protocol,
+        gear=gear,
+        motor=motor,
+        output=output or folder,
+        values=values,
+        backend=backend,
+        mounting=mounting or MOUNTINGS[0],  # type: ignore[arg-type]
+        gear_serial=gear_serial,
+        operator=operator,
+        seed=seed,
+        sample_rate=sample_rate or rate,
+        block_cycles=block,
         configuration=config,
         limits=limits,
         confirmation=confirmation,

@@ -110,14 +110,14 @@ def serve(
             "no such mounting", where="--mounting", value=repr(mounting), limit=", ".join(MOUNTINGS)
         )
     request = BenchRequest(
-        shipped_gear() if parameters is None else load_gear(parameters),
-        shipped_motor(),
-        mounting,  # type: ignore[arg-type]
-        not without_gear,
-        gear_serial,
-        "serve",
-        seed,
-        sample_rate,
+        gear=shipped_gear() if parameters is None else load_gear(parameters),
+        motor=shipped_motor(),
+        mounting=mounting,  # type: ignore[arg-type]
+        gear_mounted=not without_gear,
+        serial=gear_serial,
+        protocol="serve",
+        seed=seed,
+        sample_rate=sample_rate,
     )
 
     def announce(served: Served) -> None:

@@ -41,7 +41,7 @@ RunOut = Annotated[
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GearFacts:
     """What can be known of one mounted gear. Empty text and None are what nobody told."""
 

@@ -34,7 +34,7 @@ Day = str | date | None
 """A day or a time: ISO 8601 text, or a `date` or `datetime`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class IndexedRun:
     """One run as the index knows it.
 

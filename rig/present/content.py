@@ -45,7 +45,7 @@ class Grid:
     note: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class VerdictLine:
     """One judged quantity as the page shows it."""
 
@@ -67,7 +67,7 @@ class Overall:
     style: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Part:
     """One analysed run in the page."""
 
@@ -142,7 +142,13 @@ def verdict_lines(fits: Sequence[Fit]) -> tuple[VerdictLine, ...]:
             value = show(v.estimate).with_uncertainty
             lines.append(
                 VerdictLine(
-                    readable(v.name), v.definition, value, limit, source, v.outcome, fit.result.run
+                    name=readable(v.name),
+                    definition=v.definition,
+                    value=value,
+                    limit=limit,
+                    source=source,
+                    outcome=v.outcome,
+                    run=fit.result.run,
                 )
             )
     return tuple(lines)

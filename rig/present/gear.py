@@ -210,26 +210,34 @@ def _part(
     run: str = "all",
 ) -> Part:
     return Part(
-        f"part-{index}",
-        title,
-        run,
-        "",
-        None,
-        None,
-        None,
-        None,
-        (grid,) if grid else (),
-        (),
-        warnings,
-        Provenance(),
-        drawn,
+        anchor=f"part-{index}",
+        title=title,
+        run=run,
+        word="",
+        estimates=None,
+        orders=None,
+        budget=None,
+        metrics=None,
+        tables=(grid,) if grid else (),
+        annex=(),
+        warnings=warnings,
+        provenance=Provenance(),
+        figures=drawn,
     )
 
 
 def _drawn(plot: Any, origin: str, number_: int) -> Figure:
     drawing = figures.draw_svg(plot, origin, f"f{number_}", figures.FULL_WIDTH)
     note = " ".join(part for part in (plot.note, *drawing.remarks) if part)
-    return Figure(number_, f"figure-{number_}", Markup(drawing.svg), plot.title, "", note, False)
+    return Figure(
+        number=number_,
+        anchor=f"figure-{number_}",
+        svg=Markup(drawing.svg),
+        title=plot.title,
+        after="",
+        note=note,
+        half=False,
+    )
 
 
 def _newest(series: Sequence[PassportSeries]) -> tuple[tuple[str, str, str, str], ...]:

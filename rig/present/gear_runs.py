@@ -67,10 +67,10 @@ def _stored_fit(kind: str, point: PassportPoint) -> Fit:
         gear_from_mapping(leaned_on, str(analysis.path)) if leaned_on else recording.metadata.gear
     )
     return Fit(
-        recording,
-        gear or shipped_gear(),
-        result,
-        point.path,
+        recording=recording,
+        gear=gear or shipped_gear(),
+        result=result,
+        path=point.path,
         settings=dict(analysis.content.get("settings", {})),
         stored=point.analysis,
         gear_known=recording.metadata.gear is not None,

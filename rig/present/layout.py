@@ -99,7 +99,15 @@ def layout_of(grid: Grid, largest: float = SIZES[0]) -> Layout | None:
                     and sum(min(least[i], wanted[i]) if broken[i] else wanted[i] for i in columns)
                     <= space
                 ):
-                    return _shared(grid, size, wanted, least, broken, space, landscape)
+                    return _shared(
+                        grid,
+                        size,
+                        wanted=wanted,
+                        least=least,
+                        broken=broken,
+                        space=space,
+                        landscape=landscape,
+                    )
     return None
 
 

@@ -53,7 +53,7 @@ ORIGIN_SENTENCES = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Figure:
     """A drawing in the page with its number and caption."""
 
@@ -331,7 +331,13 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
         made.append(
             (
                 Figure(
-                    number, f"figure-{number}", Markup(drawing.svg), plot.title, after, note, half
+                    number=number,
+                    anchor=f"figure-{number}",
+                    svg=Markup(drawing.svg),
+                    title=plot.title,
+                    after=after,
+                    note=note,
+                    half=half,
                 ),
                 plot,
             )

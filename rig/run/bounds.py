@@ -40,7 +40,7 @@ STATE_MASK, ENABLED = 0x6F, 0x27
 """Bits of the statusword that tell "operation enabled"."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Watch:
     """How closely the supervisor looks. Times in s, shares of cycles, torques at the motor in N m."""
 
@@ -113,24 +113,32 @@ class BoundMaker:
                 self.limits.value(lim.HOUSING_TEMPERATURE),
             )
             bounds.append(
-                Bound(OVER_TEMPERATURE, weights, high=high, offset=channel.offset, consecutive=10)
+                Bound(
+                    cause=OVER_TEMPERATURE,
+                    weights=weights,
+                    high=high,
+                    offset=channel.offset,
+                    consecutive=10,
+                )
             )
         if STATUSWORD in self.channels:
-            bounds.append(Bound(DRIVE_FAULT, {STATUSWORD: 1.0}, high=0.5, mask=FAULT_BIT))
+            bounds.append(
+                Bound(cause=DRIVE_FAULT, weights={STATUSWORD: 1.0}, high=0.5, mask=FAULT_BIT)
+            )
         return tuple(bounds)
 
     def enabled(self) -> tuple[Bound, ...]:
         """What must hold while the drive is to be in operation enabled."""
         bounds = []
         if GUARD_CLOSED in self.channels:
-            bounds.append(Bound(GUARD_OPEN, {GUARD_CLOSED: 1.0}, low=0.5))
+            bounds.append(Bound(cause=GUARD_OPEN, weights={GUARD_CLOSED: 1.0}, low=0.5))
         if STATUSWORD in self.channels:
             bounds.append(
                 Bound(
-                    UNEXPECTED_STATE,
-                    {STATUSWORD: 1.0},
-                    ENABLED - 0.5,
-                    ENABLED + 0.5,
+                    cause=UNEXPECTED_STATE,
+                    weights={STATUSWORD: 1.0},
+                    low=ENABLED - 0.5,
+                    high=ENABLED + 0.5,
                     mask=STATE_MASK,
                 )
             )
@@ -141,7 +149,16 @@ class BoundMaker:
         limit = self.limits.value(lim.INPUT_SPEED)
         lag = max(1, round(self.watch.speed_window / self.period))
         weight = self.channels[INPUT_ANGLE].scale / (lag * self.period)
-        bounds = [Bound(OVER_SPEED, {INPUT_ANGLE: weight}, -limit, limit, lag=lag, consecutive=2)]
+        bounds = [
+            Bound(
+                cause=OVER_SPEED,
+                weights={INPUT_ANGLE: weight},
+                low=-limit,
+                high=limit,
+                lag=lag,
+                consecutive=2,
+            )
+        ]
         if self.geometry is not None:
             lag = max(1, round(self.watch.output_speed_window / self.period))
             weight = self.geometry.ratio * self.channels[OUTPUT_ANGLE].scale / (lag * self.period)
@@ -149,7 +166,12 @@ class BoundMaker:
             room = 1.3 * limit + 2.0 * weight
             bounds.append(
                 Bound(
-                    OVER_SPEED_OUTPUT, {OUTPUT_ANGLE: weight}, -room, room, lag=lag, consecutive=2
+                    cause=OVER_SPEED_OUTPUT,
+                    weights={OUTPUT_ANGLE: weight},
+                    low=-room,
+                    high=room,
+                    lag=lag,
+                    consecutive=2,
                 )
             )
         return bounds
@@ -163,10 +185,10 @@ class BoundMaker:
         cycles = self.watch.torque_cycles
         return [
             Bound(
-                OVER_TORQUE,
-                {c.name: _weight(c)},
-                -limit,
-                limit,
+                cause=OVER_TORQUE,
+                weights={c.name: _weight(c)},
+                low=-limit,
+                high=limit,
                 offset=c.offset,
                 consecutive=cycles,
             )
@@ -180,7 +202,13 @@ class BoundMaker:
             return []
         weight = _weight(self.channels[INPUT_ANGLE])
         return [
-            Bound(TRAVEL, {INPUT_ANGLE: weight}, low, high, offset=-weight * reference[INPUT_ANGLE])
+            Bound(
+                cause=TRAVEL,
+                weights={INPUT_ANGLE: weight},
+                low=low,
+                high=high,
+                offset=-weight * reference[INPUT_ANGLE],
+            )
         ]
 
     def twist(self, reference: Mapping[str, int]) -> Bound | None:
@@ -197,7 +225,7 @@ class BoundMaker:
         doubt += (2.0 * inner.calibration.accuracy + inner.scale) / geometry.ratio
         high = max(limit - geometry.stiffness * doubt, 0.25 * limit)
         offset = -sum(weight * reference[name] for name, weight in weights.items())
-        return Bound(TORSION_TORQUE, weights, -high, high, offset=offset)
+        return Bound(cause=TORSION_TORQUE, weights=weights, low=-high, high=high, offset=offset)
 
 
 def _weight(channel: Channel) -> float:

@@ -60,7 +60,7 @@ class Margin:
         }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlannedRun:
     """A protocol with its parameters, walked: what it will do, how long, and how near to which limit."""
 
@@ -174,17 +174,17 @@ def plan_run(
         _margins(steps, limits, load, lambda w: _friction(gear, motor, experiment.gear_mounted, w))
     )
     planned = PlannedRun(
-        experiment,
-        parameters,
-        gear,
-        motor,
-        mounting,
-        sample_rate,
-        plan,
-        steps,
-        limits,
-        load,
-        margins,
+        experiment=experiment,
+        parameters=parameters,
+        gear=gear,
+        motor=motor,
+        mounting=mounting,
+        sample_rate=sample_rate,
+        plan=plan,
+        steps=steps,
+        limits=limits,
+        load=load,
+        margins=margins,
     )
     for margin in margins:
         refuse_broken(margin)

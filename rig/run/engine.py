@@ -180,8 +180,8 @@ def turned(machine: Machine, angle: float, direction: float) -> Bound:
     weight = math.copysign(channel.scale, direction) * channel.direction
     # Half a count less: the count nearest to the angle already ends the phase.
     return Bound(
-        "turned",
-        {INPUT_ANGLE: weight},
+        cause="turned",
+        weights={INPUT_ANGLE: weight},
         high=max(angle - 0.5 * channel.scale, 0.0),
         offset=-weight * machine.counts(INPUT_ANGLE),
         is_trip=False,
@@ -290,10 +290,15 @@ def _find_index(step: s.FindIndex, m: Machine, journal: Journal) -> Phases:
         )
     if m.counts(INDEX_SEEN) & bit:
         until = Bound(
-            "index", {latch: 1.0}, -0.5, 0.5, offset=-float(m.counts(latch)), is_trip=False
+            cause="index",
+            weights={latch: 1.0},
+            low=-0.5,
+            high=0.5,
+            offset=-float(m.counts(latch)),
+            is_trip=False,
         )
     else:
-        until = Bound("index", {INDEX_SEEN: 1.0}, high=0.5, mask=bit, is_trip=False)
+        until = Bound(cause="index", weights={INDEX_SEEN: 1.0}, high=0.5, mask=bit, is_trip=False)
     end = yield Phase(Mode.SPEED, cycles_of(step.at_most, m.period), Constant(step.speed), (until,))
     if end.broken is None:
         raise _overdue(step, m, f"the {step.which} index mark", step.at_most)
@@ -311,10 +316,10 @@ def _torque_ramp(step: s.TorqueRamp, m: Machine, journal: Journal) -> Phases:
     profile = ramp(0.0, limit, abs(step.rate), m.period)
     channel = m.channels[INPUT_ANGLE]
     moved = Bound(
-        "motion",
-        {INPUT_ANGLE: channel.scale},
-        -step.motion,
-        step.motion,
+        cause="motion",
+        weights={INPUT_ANGLE: channel.scale},
+        low=-step.motion,
+        high=step.motion,
         offset=-channel.scale * m.counts(INPUT_ANGLE),
         is_trip=False,
     )

@@ -15,7 +15,7 @@ from rig.run.engine import ENABLE_WINDOW, SHORTEST_APPROACH, STAND_TIME, describ
 from rig.run.trajectory import cruise_speed, cycles_of, ramp, ramp_travel, stopping_distance
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StepForecast:
     """One step without a rig: nominal and longest time [s], input angles turned [rad], set-points that matter (SI)."""
 
@@ -74,7 +74,11 @@ class _Context:
         peak = max(abs(values["begin"]), abs(values["end"]), abs(values.get("speed", 0.0)))
         values["speed"] = peak
         return StepForecast(
-            self.index, describe(step), nominal, nominal if longest is None else longest, **values
+            index=self.index,
+            what=describe(step),
+            nominal=nominal,
+            longest=nominal if longest is None else longest,
+            **values,
         )
 
     def refuse(self, step: s.Step, what: str, value: str) -> PlanError:

@@ -40,7 +40,7 @@ SIDES = ((INPUT_ANGLE, INPUT_INDEX, 1), (OUTPUT_ANGLE, OUTPUT_INDEX, 2))
 """Angle, latch, and the bit of `INDEX_SEEN` of each encoder."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MarkState:
     """One encoder: latest count and latch (None: none yet), first latch by direction, marks
     compared, counts too many (+) or

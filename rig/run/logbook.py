@@ -42,7 +42,13 @@ class Logbook:
     def segment(self, label: SegmentLabel, start: int, stop: int) -> None:
         """Keep a finished segment (rows [start, stop))."""
         segment = Segment(
-            self._segments, label.label, start, stop, label.setpoint, label.direction, label.repeat
+            index=self._segments,
+            label=label.label,
+            start=start,
+            stop=stop,
+            setpoint=label.setpoint,
+            direction=label.direction,
+            repeat=label.repeat,
         )
         self._segments += 1
         with self._recording():

@@ -68,7 +68,7 @@ class Patience:
     """At the input: output speed times ratio. One count of the output encoder in a window must be below it."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class MakeSafeReport:
     """How it went: action, the stages taken, what standstill was verified by, and what is wrong if it was not."""
 
@@ -111,7 +111,7 @@ class MakeSafe:
         patience: Patience | None = None,
         line: DirectLine | None = None,
     ) -> None:
-        self.report = MakeSafeReport(action)
+        self.report = MakeSafeReport(action=action)
         self._machine = machine
         self._journal = journal
         self._deceleration = deceleration

@@ -54,7 +54,7 @@ class Peaks:
         return Peaks(values, self.input_tail, self.output_tail, self.stale_run)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MarginWatch:
     """Looks for peaks in the blocks of one rig. `bounds` are those of the guard, for the limits
     that they really have.

@@ -22,7 +22,7 @@ from rig.run.trips import Trip
 from rig.run.watchdog import Watchdog
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunOrder:
     """What is to be run, on which rig, by whom, and where the file goes."""
 
@@ -83,7 +83,7 @@ Judge = Callable[[Path], Judgement]
 """Analyses the (still open) run file of a completed run."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class RunReport:
     """How a run ended."""
 
@@ -129,7 +129,7 @@ class RunReport:
         }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
     """One line of progress: step, nominal time done and left [s], input speed [rad/s], and the
     smallest margin so far: which

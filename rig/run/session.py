@@ -342,14 +342,14 @@ class Session:
             else direct_line(self._port)
         )
         return MakeSafe(
-            action,
-            self._machine,
-            self._logbook,
-            deceleration,
-            ratio,
-            cycles,
-            self._order.patience,
-            line,
+            action=action,
+            machine=self._machine,
+            journal=self._logbook,
+            deceleration=deceleration,
+            ratio=ratio,
+            block_cycles=cycles,
+            patience=self._order.patience,
+            line=line,
         )
 
     def _emergency(self) -> None:
@@ -391,17 +391,17 @@ class Session:
         events = len(self._logbook.warnings)
         self._on_progress(
             Progress(
-                step,
-                len(planned.plan),
-                what,
-                elapsed,
-                left,
-                speed,
-                events,
-                nearest,
-                margin,
-                self._supervisor.margins(),
-                str(self._logbook.run.part),
+                step=step,
+                steps=len(planned.plan),
+                what=what,
+                elapsed=elapsed,
+                left=left,
+                speed=speed,
+                events=events,
+                nearest=nearest,
+                margin=margin,
+                margins=self._supervisor.margins(),
+                file=str(self._logbook.run.part),
             )
         )
 
@@ -460,17 +460,17 @@ class Session:
             self._outcome = self._outcome if self._outcome in ("TRIPPED", "ABORTED") else "ERROR"
             self._message = self._message or str(logbook.error)
         return RunReport(
-            logbook.run.run_id,
-            self._outcome,
-            path,
-            self._machine.rows,
-            self._message,
-            trip,
-            made_safe,
-            logbook.warnings,
-            metrics,
-            margins,
-            readable,
+            run_id=logbook.run.run_id,
+            outcome=self._outcome,
+            path=path,
+            rows=self._machine.rows,
+            message=self._message,
+            trip=trip,
+            make_safe=made_safe,
+            warnings=logbook.warnings,
+            metrics=metrics,
+            margins=margins,
+            readable=readable,
         )
 
     def _latch_trip(self, trip: Trip) -> None:

@@ -35,7 +35,7 @@ from rig.run.watchdog import Watchdog
 MOUNTINGS: tuple[Mounting, ...] = ("circular-spline-fixed", "flexspline-fixed")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunRequest:
     """What somebody wants to run: a protocol with its parameters, on which gear and motor, on which rig, kept where."""
 
@@ -91,14 +91,14 @@ def plan_request(request: RunRequest) -> PlannedRun:
 def bench_for(request: RunRequest, planned: PlannedRun) -> Bench:
     """The rig that a request names, put together but not opened."""
     wanted = BenchRequest(
-        request.gear,
-        request.motor,
-        request.mounting,
-        planned.experiment.gear_mounted,
-        request.gear_serial,
-        request.protocol,
-        request.seed,
-        request.sample_rate,
+        gear=request.gear,
+        motor=request.motor,
+        mounting=request.mounting,
+        gear_mounted=planned.experiment.gear_mounted,
+        serial=request.gear_serial,
+        protocol=request.protocol,
+        seed=request.seed,
+        sample_rate=request.sample_rate,
         disc_inertia=getattr(planned.parameters, "disc_inertia", 0.0),
         configuration=request.configuration,
     )
@@ -127,12 +127,12 @@ def run_request(
     return run_on(
         bench,
         request,
-        planned,
-        stop,
-        ask,
-        judge_by(planned) if judged else None,
-        on_progress,
-        on_event,
+        planned=planned,
+        stop=stop,
+        ask=ask,
+        judge=judge_by(planned) if judged else None,
+        on_progress=on_progress,
+        on_event=on_event,
     )
 
 

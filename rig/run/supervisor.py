@@ -59,7 +59,7 @@ from rig.run.trips import (
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class WatchState:
     """What the supervisor carries from block to block. Immutable: a review makes the next one."""
 
@@ -131,13 +131,13 @@ class Supervisor:
 
     def _margin_watch(self, bounds: tuple[Bound, ...]) -> MarginWatch:
         return MarginWatch(
-            self._channels,
-            self._column,
-            self._period,
-            self.limits,
-            self.watch,
-            self._geometry,
-            bounds,
+            channels=self._channels,
+            column=self._column,
+            period=self._period,
+            limits=self.limits,
+            watch=self.watch,
+            geometry=self._geometry,
+            bounds=bounds,
         )
 
     def guard(self, turn: Turn) -> Guard:

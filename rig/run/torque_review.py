@@ -62,7 +62,7 @@ class Agreement:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TorqueState:
     """What is carried from block to block: the i2t integral (1 is the rating) and its largest, and
     an open window of the

@@ -288,19 +288,19 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
             "has no usable calibration", where=f"{data.name}/{name}", value=f"{scale}, {offset}"
         )
     return Column(
-        name,
-        _attribute(dataset, "units"),
-        cast(Any, dtype),
-        scale,
-        offset,
-        layout.read_number(device, "quantum", 0.0),
-        int(layout.read_number(device, "modulus", 0)),
-        _attribute(dataset, "long_name"),
-        layout.read_text(device, "model"),
-        layout.read_text(device, "serial_number"),
-        int(layout.read_number(device, "lines", 0)),
-        int(layout.read_number(device, "multiplication", 0)),
-        calibration,
+        name=name,
+        unit=_attribute(dataset, "units"),
+        dtype=cast(Any, dtype),
+        scale=scale,
+        offset=offset,
+        quantum=layout.read_number(device, "quantum", 0.0),
+        modulus=int(layout.read_number(device, "modulus", 0)),
+        long_name=_attribute(dataset, "long_name"),
+        model=layout.read_text(device, "model"),
+        serial_number=layout.read_text(device, "serial_number"),
+        lines=int(layout.read_number(device, "lines", 0)),
+        multiplication=int(layout.read_number(device, "multiplication", 0)),
+        calibration=calibration,
     )
 
 

@@ -115,7 +115,7 @@ _ANGLE_UNITS = ("rad", "m")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Column:
     """One channel as it is stored: SI = scale * stored + offset, `scale` signed by the direction.
 
@@ -151,52 +151,52 @@ class Column:
         """The column of a rig's channel: counters of angles in int64, everything else in int32."""
         scale = channel.direction * channel.scale
         return cls(
-            channel.name,
-            channel.unit,
-            "int64" if channel.unit in _ANGLE_UNITS else "int32",
-            scale,
-            channel.offset,
-            channel.scale,
-            channel.modulus,
-            channel.long_name,
-            channel.model,
-            channel.serial_number,
-            channel.lines,
-            channel.multiplication,
-            channel.calibration,
+            name=channel.name,
+            unit=channel.unit,
+            dtype="int64" if channel.unit in _ANGLE_UNITS else "int32",
+            scale=scale,
+            offset=channel.offset,
+            quantum=channel.scale,
+            modulus=channel.modulus,
+            long_name=channel.long_name,
+            model=channel.model,
+            serial_number=channel.serial_number,
+            lines=channel.lines,
+            multiplication=channel.multiplication,
+            calibration=channel.calibration,
         )
 
     def channel(self) -> Channel:
         """The rig's channel that this column was recorded from."""
         return Channel(
-            self.name,
-            self.unit,
-            abs(self.scale),
-            self.offset,
-            -1 if self.scale < 0 else 1,
-            self.modulus,
-            self.long_name,
-            self.model,
-            self.serial_number,
-            self.lines,
-            self.multiplication,
-            self.calibration,
+            name=self.name,
+            unit=self.unit,
+            scale=abs(self.scale),
+            offset=self.offset,
+            direction=-1 if self.scale < 0 else 1,
+            modulus=self.modulus,
+            long_name=self.long_name,
+            model=self.model,
+            serial_number=self.serial_number,
+            lines=self.lines,
+            multiplication=self.multiplication,
+            calibration=self.calibration,
         )
 
     def signal(self) -> Signal:
         """What an analysis sees of it."""
         c = self.calibration
         return Signal(
-            self.name,
-            self.unit,
-            self.scale,
-            self.offset,
-            self.quantum,
-            self.modulus,
-            self.described,
-            c.scale_relative_uncertainty,
-            c.offset_uncertainty,
-            c.accuracy,
+            name=self.name,
+            unit=self.unit,
+            scale=self.scale,
+            offset=self.offset,
+            quantum=self.quantum,
+            modulus=self.modulus,
+            long_name=self.described,
+            scale_relative_uncertainty=c.scale_relative_uncertainty,
+            offset_uncertainty=c.offset_uncertainty,
+            accuracy=c.accuracy,
         )
 
     @property

@@ -253,13 +253,13 @@ def _segments(file: OpenFile, rows: int) -> tuple[Segment, ...]:
             )
         found.append(
             Segment(
-                int(row["index"]),
-                row["label"].decode(),
-                start,
-                stop,
-                float(row["setpoint"]),
-                int(row["direction"]),
-                int(row["repeat"]),
+                index=int(row["index"]),
+                label=row["label"].decode(),
+                start=start,
+                stop=stop,
+                setpoint=float(row["setpoint"]),
+                direction=int(row["direction"]),
+                repeat=int(row["repeat"]),
             )
         )
     return tuple(found)

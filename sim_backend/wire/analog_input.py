@@ -35,7 +35,14 @@ def analog_input_entries(node_id: int, serial: int) -> list[Entry]:
             [(n, U8, "rw", ALL_EVENTS) for n in numbered],
             high=ALL_EVENTS,
         ),
-        Entry(0x6423, 0, "Analogue input global interrupt enable", BOOLEAN, "rw", False),
+        Entry(
+            index=0x6423,
+            sub=0,
+            name="Analogue input global interrupt enable",
+            type=BOOLEAN,
+            access="rw",
+            default=False,
+        ),
         *array(
             0x6424, "Analogue input interrupt upper limit", [(n, I32, "rw", 0) for n in numbered]
         ),

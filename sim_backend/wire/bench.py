@@ -168,10 +168,10 @@ class WireBench:
             for name in (names.INPUT_ANGLE, names.OUTPUT_ANGLE)
         }
         device = DriveDevice(
-            revolution[names.INPUT_ANGLE],
-            motor.rated_torque,
-            motor.peak_torque,
-            motor.maximum_speed,
+            counts_per_revolution=revolution[names.INPUT_ANGLE],
+            rated_torque=motor.rated_torque,
+            peak_torque=motor.peak_torque,
+            maximum_speed=motor.maximum_speed,
             serial_number=self._seeds["bench"] & 0xFFFF_FFFF,
         )
         self.drive = Drive(DRIVE_NODE, device, self._from_device)
@@ -236,11 +236,11 @@ class WireBench:
         return tell(
             self.plant.loop,
             self._motor,
-            self._on,
-            self._condition,
-            self.instruments,
-            self._seeds,
-            self._sense,
+            on=self._on,
+            condition=self._condition,
+            instruments=self.instruments,
+            seeds=self._seeds,
+            output_sense=self._sense,
         )
 
     def bus(self, *, receive_own_messages: bool = True) -> BenchBus:

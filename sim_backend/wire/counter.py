@@ -5,7 +5,18 @@ Position = (direction * count, scaled where 0x6000 says so, + preset shift) modu
 
 from __future__ import annotations
 
-from sim_backend.wire.dictionary import I32, U8, U16, U32, Abort, AbortError, Entry, Number, array
+from sim_backend.wire.dictionary import (
+    I32,
+    U8,
+    U16,
+    U32,
+    Abort,
+    AbortError,
+    Entry,
+    Number,
+    array,
+    entry,
+)
 from sim_backend.wire.pdo import Send
 from sim_backend.wire.slave import PdoPlan, Slave, standard_entries
 
@@ -25,24 +36,24 @@ def counter_entries(
     return [
         *standard_entries(node_id, INCREMENTAL_WITH_TURNS, "Simulated encoder counter", 0x406, serial),
         *array(0x2000, "Index latch", (("position at the last mark", U32, "ro", 0), ("marks seen", U8, "ro", 0)), mappable="t"),  # noqa: E501
-        Entry(0x6000, 0, "Operating parameters", U16, "rw", 0, low=0, high=REVERSE_BIT | SCALING_BIT),
-        Entry(0x6001, 0, "Measuring units per revolution", U32, "rw", counts_per_revolution, low=1),
-        Entry(0x6002, 0, "Total measuring range in measuring units", U32, "rw", total_range),
-        Entry(0x6003, 0, "Preset value", U32, "rw", 0),
-        Entry(0x6004, 0, "Position value", U32, "ro", 0, "t"),
-        Entry(0x6200, 0, "Cyclic timer", U16, "rw", 0),
-        Entry(0x6500, 0, "Operating status", U16, "ro", 0, "t"),
-        Entry(0x6501, 0, "Single-turn resolution", U32, "const", counts_per_revolution),
-        Entry(0x6502, 0, "Number of distinguishable revolutions", U16, "const", turns),
-        Entry(0x6503, 0, "Alarms", U16, "ro", 0, "t"),
-        Entry(0x6504, 0, "Supported alarms", U16, "const", POSITION_ERROR),
-        Entry(0x6505, 0, "Warnings", U16, "ro", 0, "t"),
-        Entry(0x6506, 0, "Supported warnings", U16, "const", 0),
-        Entry(0x6507, 0, "Profile and software version", U32, "const", 0x0100_0302),
-        Entry(0x6508, 0, "Operating time", U32, "ro", 0xFFFF_FFFF),
-        Entry(0x6509, 0, "Offset value", I32, "ro", 0),
+        entry(0x6000, 0, "Operating parameters", U16, "rw", 0, low=0, high=REVERSE_BIT | SCALING_BIT),
+        entry(0x6001, 0, "Measuring units per revolution", U32, "rw", counts_per_revolution, low=1),
+        entry(0x6002, 0, "Total measuring range in measuring units", U32, "rw", total_range),
+        entry(0x6003, 0, "Preset value", U32, "rw", 0),
+        entry(0x6004, 0, "Position value", U32, "ro", 0, mappable="t"),
+        entry(0x6200, 0, "Cyclic timer", U16, "rw", 0),
+        entry(0x6500, 0, "Operating status", U16, "ro", 0, mappable="t"),
+        entry(0x6501, 0, "Single-turn resolution", U32, "const", counts_per_revolution),
+        entry(0x6502, 0, "Number of distinguishable revolutions", U16, "const", turns),
+        entry(0x6503, 0, "Alarms", U16, "ro", 0, mappable="t"),
+        entry(0x6504, 0, "Supported alarms", U16, "const", POSITION_ERROR),
+        entry(0x6505, 0, "Warnings", U16, "ro", 0, mappable="t"),
+        entry(0x6506, 0, "Supported warnings", U16, "const", 0),
+        entry(0x6507, 0, "Profile and software version", U32, "const", 0x0100_0302),
+        entry(0x6508, 0, "Operating time", U32, "ro", 0xFFFF_FFFF),
+        entry(0x6509, 0, "Offset value", I32, "ro", 0),
         *array(0x650A, "Module identification", (("manufacturer offset value", I32, "ro", 0),)),
-        Entry(0x650B, 0, "Serial number", U32, "const", serial),
+        entry(0x650B, 0, "Serial number", U32, "const", serial),
     ]  # fmt: skip
 
 

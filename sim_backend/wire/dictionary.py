@@ -10,7 +10,7 @@ import struct
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Literal
+from typing import Any, Literal
 
 Access = Literal["ro", "rw", "wo", "const"]
 
@@ -73,7 +73,7 @@ TEXT = DataType(0x09, "", 0)
 Number = int | float | str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Entry:
     """One sub-object. `low` and `high` bound what may be written; `mappable` "t", "r" or "tr" says into which PDOs."""
 
@@ -86,6 +86,21 @@ class Entry:
     mappable: Literal["", "t", "r", "tr"] = ""
     low: float | None = None
     high: float | None = None
+
+
+def entry(
+    index: int,
+    sub: int,
+    name: str,
+    type: DataType,
+    access: Access,
+    default: Number = 0,
+    **bounds: Any,
+) -> Entry:
+    """One line of a table of objects: what every line has by place, what few have by name."""
+    return Entry(
+        index=index, sub=sub, name=name, type=type, access=access, default=default, **bounds
+    )
 
 
 def encode(kind: DataType, value: Number) -> bytes:
@@ -211,9 +226,18 @@ def array(
 ) -> list[Entry]:
     """An array or record: sub-index 0 with the highest sub-index, then the sub-objects from 1."""
     listed = list(subs)
-    head = Entry(index, 0, f"{name}: highest sub-index", U8, "const", len(listed))
+    head = Entry(
+        index=index,
+        sub=0,
+        name=f"{name}: highest sub-index",
+        type=U8,
+        access="const",
+        default=len(listed),
+    )
     rest = [
-        replace(Entry(index, i, f"{name}: {n}", t, a, d), **common)  # type: ignore[arg-type]
+        replace(
+            Entry(index=index, sub=i, name=f"{name}: {n}", type=t, access=a, default=d), **common
+        )  # type: ignore[arg-type]
         for i, (n, t, a, d) in enumerate(listed, 1)
     ]
     return [head, *rest]

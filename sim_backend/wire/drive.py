@@ -27,6 +27,7 @@ from sim_backend.wire.dictionary import (
     Entry,
     Number,
     array,
+    entry,
 )
 from sim_backend.wire.pdo import Send
 from sim_backend.wire.slave import (
@@ -74,7 +75,7 @@ DRIVE_ERROR = 0x20
 """Bit 5 of the error register: device profile specific."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DriveDevice:
     """What the drive is built with: counts per motor revolution, rated torque [N m] and speed limit [rad/s], gains."""
 
@@ -97,43 +98,43 @@ def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
     )
     return [
         *standard_entries(node_id, 0x0002_0192, "Simulated servo amplifier", 0x402, device.serial_number),
-        Entry(0x6007, 0, "Abort connection option code", I16, "rw", 1, low=0, high=3),
-        Entry(0x603F, 0, "Error code", U16, "ro", 0, "t"),
-        Entry(0x6040, 0, "Controlword", U16, "rw", 0, "r"),
-        Entry(0x6041, 0, "Statusword", U16, "ro", STATUSWORD_OF[DriveState.SWITCH_ON_DISABLED], "t"),
-        Entry(0x605A, 0, "Quick stop option code", I16, "rw", 2, low=QUICK_STOP_OPTIONS[0], high=QUICK_STOP_OPTIONS[-1]),  # noqa: E501
-        Entry(0x605E, 0, "Fault reaction option code", I16, "rw", 2, low=0, high=2),
-        Entry(0x6060, 0, "Modes of operation", I8, "rw", 0, "r"),
-        Entry(0x6061, 0, "Modes of operation display", I8, "ro", 0, "t"),
-        Entry(0x6064, 0, "Position actual value", I32, "ro", 0, "t"),
-        Entry(0x606C, 0, "Velocity actual value", I32, "ro", 0, "t"),
-        Entry(0x6071, 0, "Target torque", I16, "rw", 0, "r"),
-        Entry(0x6072, 0, "Max torque", U16, "rw", peak, "r"),
-        Entry(0x6076, 0, "Motor rated torque", U32, "ro", round(1000.0 * device.rated_torque)),
-        Entry(0x6077, 0, "Torque actual value", I16, "ro", 0, "t"),
-        Entry(0x6080, 0, "Max motor speed", U32, "rw", fastest),
-        Entry(0x6083, 0, "Profile acceleration", U32, "rw", ramp, low=1),
-        Entry(0x6084, 0, "Profile deceleration", U32, "rw", ramp, low=1),
-        Entry(0x6085, 0, "Quick stop deceleration", U32, "rw", ramp, low=1),
+        entry(0x6007, 0, "Abort connection option code", I16, "rw", 1, low=0, high=3),
+        entry(0x603F, 0, "Error code", U16, "ro", 0, mappable="t"),
+        entry(0x6040, 0, "Controlword", U16, "rw", 0, mappable="r"),
+        entry(0x6041, 0, "Statusword", U16, "ro", STATUSWORD_OF[DriveState.SWITCH_ON_DISABLED], mappable="t"),
+        entry(0x605A, 0, "Quick stop option code", I16, "rw", 2, low=QUICK_STOP_OPTIONS[0], high=QUICK_STOP_OPTIONS[-1]),  # noqa: E501
+        entry(0x605E, 0, "Fault reaction option code", I16, "rw", 2, low=0, high=2),
+        entry(0x6060, 0, "Modes of operation", I8, "rw", 0, mappable="r"),
+        entry(0x6061, 0, "Modes of operation display", I8, "ro", 0, mappable="t"),
+        entry(0x6064, 0, "Position actual value", I32, "ro", 0, mappable="t"),
+        entry(0x606C, 0, "Velocity actual value", I32, "ro", 0, mappable="t"),
+        entry(0x6071, 0, "Target torque", I16, "rw", 0, mappable="r"),
+        entry(0x6072, 0, "Max torque", U16, "rw", peak, mappable="r"),
+        entry(0x6076, 0, "Motor rated torque", U32, "ro", round(1000.0 * device.rated_torque)),
+        entry(0x6077, 0, "Torque actual value", I16, "ro", 0, mappable="t"),
+        entry(0x6080, 0, "Max motor speed", U32, "rw", fastest),
+        entry(0x6083, 0, "Profile acceleration", U32, "rw", ramp, low=1),
+        entry(0x6084, 0, "Profile deceleration", U32, "rw", ramp, low=1),
+        entry(0x6085, 0, "Quick stop deceleration", U32, "rw", ramp, low=1),
         *array(0x608F, "Position encoder resolution", (
             ("encoder increments", U32, "const", device.counts_per_revolution), ("motor revolutions", U32, "const", 1),
         )),
         *array(0x6091, "Gear ratio", (
             ("motor shaft revolutions", U32, "const", 1), ("driving shaft revolutions", U32, "const", 1),
         )),
-        Entry(0x60A9, 0, "SI unit velocity", U32, "ro", SI_UNIT_MILLI_RPM),
-        Entry(0x60AA, 0, "SI unit acceleration", U32, "ro", SI_UNIT_RPM_PER_SECOND),
-        Entry(0x60B8, 0, "Touch probe function", U16, "rw", 0, "r"),
-        Entry(0x60B9, 0, "Touch probe status", U16, "ro", 0, "t"),
-        Entry(0x60BA, 0, "Touch probe 1 positive edge", I32, "ro", 0, "t"),
+        entry(0x60A9, 0, "SI unit velocity", U32, "ro", SI_UNIT_MILLI_RPM),
+        entry(0x60AA, 0, "SI unit acceleration", U32, "ro", SI_UNIT_RPM_PER_SECOND),
+        entry(0x60B8, 0, "Touch probe function", U16, "rw", 0, mappable="r"),
+        entry(0x60B9, 0, "Touch probe status", U16, "ro", 0, mappable="t"),
+        entry(0x60BA, 0, "Touch probe 1 positive edge", I32, "ro", 0, mappable="t"),
         *array(0x60C2, "Interpolation time period", (("value", U8, "rw", 1), ("index", I8, "rw", -3))),
         *array(0x60F9, "Velocity control parameter set", (
             ("gain in 0.1 Hz", U16, "ro", round(10.0 * device.speed_gain)),
             ("integral time in 0.01 ms", U16, "ro", round(1e5 * device.integral_time)),
         )),
-        Entry(0x60FD, 0, "Digital inputs", U32, "ro", INTERLOCK, "t"),
-        Entry(0x60FF, 0, "Target velocity", I32, "rw", 0, "r"),
-        Entry(0x6502, 0, "Supported drive modes", U32, "ro", SUPPORTED),
+        entry(0x60FD, 0, "Digital inputs", U32, "ro", INTERLOCK, mappable="t"),
+        entry(0x60FF, 0, "Target velocity", I32, "rw", 0, mappable="r"),
+        entry(0x6502, 0, "Supported drive modes", U32, "ro", SUPPORTED),
     ]  # fmt: skip
 
 

@@ -26,6 +26,7 @@ from sim_backend.wire.dictionary import (
     Entry,
     Number,
     ObjectDictionary,
+    entry,
 )
 
 INVALID = 0x8000_0000
@@ -69,17 +70,31 @@ def communication_entries(
     index, mapped = base + number - 1, base + 0x200 + number - 1
     name = f"{kind} {number} communication"
     found = [
-        Entry(index, 0, f"{name}: highest sub-index", U8, "const", 5 if transmit else 2),
-        Entry(index, 1, f"{name}: COB-ID", U32, "rw", cob_id),
-        Entry(index, 2, f"{name}: transmission type", U8, "rw", transmission),
+        entry(
+            index,
+            0,
+            f"{name}: highest sub-index",
+            U8,
+            "const",
+            5 if transmit else 2,
+        ),
+        entry(index, 1, f"{name}: COB-ID", U32, "rw", cob_id),
+        entry(
+            index,
+            2,
+            f"{name}: transmission type",
+            U8,
+            "rw",
+            transmission,
+        ),
     ]
     if transmit:
         found += [
-            Entry(index, 3, f"{name}: inhibit time", U16, "rw", 0),
-            Entry(index, 5, f"{name}: event timer", U16, "rw", 0),
+            entry(index, 3, f"{name}: inhibit time", U16, "rw", 0),
+            entry(index, 5, f"{name}: event timer", U16, "rw", 0),
         ]
     found.append(
-        Entry(
+        entry(
             mapped,
             0,
             f"{kind} {number} mapping: number of objects",
@@ -92,12 +107,19 @@ def communication_entries(
     for slot in range(MAPPING_SLOTS):
         word = mapping[slot] if slot < len(mapping) else 0
         found.append(
-            Entry(mapped, slot + 1, f"{kind} {number} mapping: object {slot + 1}", U32, "rw", word)
+            entry(
+                mapped,
+                slot + 1,
+                f"{kind} {number} mapping: object {slot + 1}",
+                U32,
+                "rw",
+                word,
+            )
         )
     return found
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Pdo:
     """One PDO of a slave; reads its own records in the object dictionary and watches over their changes."""
 
@@ -180,14 +202,14 @@ class Pdo:
 
     def unpack(self, data: bytes) -> None:
         """Write a received frame into the mapped objects; what follows the mapped bytes is ignored."""
-        for entry, value in zip(self._entries, self._frame.unpack_from(data), strict=True):
-            self.dictionary.write(entry, value)
+        for mapped, value in zip(self._entries, self._frame.unpack_from(data), strict=True):
+            self.dictionary.write(mapped, value)
 
     def _adopt(self, mapping: Mapping) -> None:
         self.mapping = mapping
         objects = [(index, sub) for index, sub, _ in mapping if index >= 0x20]
         self._keys = objects
-        self._entries = [self.dictionary.entry(index, sub) for index, sub in objects]
+        self._entries = [self.dictionary.mapped(index, sub) for index, sub in objects]
         form = "<"
         for index, sub, bits in mapping:
             form += (

@@ -212,7 +212,17 @@ def serve(
     """
     # Ctrl-C where the system has no signal handlers for loops.
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(_serve(bench, host, port, channel, readout, announce, lifetime))
+        asyncio.run(
+            _serve(
+                bench,
+                host,
+                port,
+                channel=channel,
+                readout=readout,
+                announce=announce,
+                lifetime=lifetime,
+            )
+        )
 
 
 async def _serve(

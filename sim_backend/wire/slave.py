@@ -23,6 +23,7 @@ from sim_backend.wire.dictionary import (
     Number,
     ObjectDictionary,
     array,
+    entry,
 )
 from sim_backend.wire.pdo import (
     INVALID,
@@ -97,27 +98,76 @@ def standard_entries(
         ("serial number", U32, "const", serial),
     )
     return [
-        Entry(0x1000, 0, "Device type", U32, "const", device_type),
-        Entry(0x1001, 0, "Error register", U8, "ro", 0, "t"),
-        Entry(0x1003, 0, "Pre-defined error field: number of errors", U8, "rw", 0),
+        entry(0x1000, 0, "Device type", U32, "const", device_type),
+        entry(
+            0x1001,
+            0,
+            "Error register",
+            U8,
+            "ro",
+            0,
+            mappable="t",
+        ),
+        entry(
+            0x1003,
+            0,
+            "Pre-defined error field: number of errors",
+            U8,
+            "rw",
+            0,
+        ),
         *(
-            Entry(0x1003, i, f"Pre-defined error field: error {i}", U32, "ro")
+            entry(
+                0x1003,
+                i,
+                f"Pre-defined error field: error {i}",
+                U32,
+                "ro",
+            )
             for i in range(1, HISTORY + 1)
         ),
-        Entry(0x1005, 0, "COB-ID SYNC message", U32, "rw", 0x80),
-        Entry(0x1006, 0, "Communication cycle period", U32, "rw", 0),
-        Entry(0x1008, 0, "Manufacturer device name", TEXT, "const", name),
-        Entry(0x1009, 0, "Manufacturer hardware version", TEXT, "const", "simulated"),
-        Entry(0x100A, 0, "Manufacturer software version", TEXT, "const", "1.0"),
-        Entry(0x1014, 0, "COB-ID EMCY", U32, "rw", 0x80 + node_id),
+        entry(0x1005, 0, "COB-ID SYNC message", U32, "rw", 0x80),
+        entry(0x1006, 0, "Communication cycle period", U32, "rw", 0),
+        entry(
+            0x1008,
+            0,
+            "Manufacturer device name",
+            TEXT,
+            "const",
+            name,
+        ),
+        entry(
+            0x1009,
+            0,
+            "Manufacturer hardware version",
+            TEXT,
+            "const",
+            "simulated",
+        ),
+        entry(
+            0x100A,
+            0,
+            "Manufacturer software version",
+            TEXT,
+            "const",
+            "1.0",
+        ),
+        entry(0x1014, 0, "COB-ID EMCY", U32, "rw", 0x80 + node_id),
         *array(
             0x1016,
             "Consumer heartbeat time",
             [(f"consumer {i}", U32, "rw", 0) for i in range(1, CONSUMERS + 1)],
         ),
-        Entry(0x1017, 0, "Producer heartbeat time", U16, "rw", 0),
+        entry(0x1017, 0, "Producer heartbeat time", U16, "rw", 0),
         *array(0x1018, "Identity object", identity),  # type: ignore[arg-type]
-        Entry(0x1019, 0, "Synchronous counter overflow value", U8, "rw", 0),
+        entry(
+            0x1019,
+            0,
+            "Synchronous counter overflow value",
+            U8,
+            "rw",
+            0,
+        ),
         *array(0x1029, "Error behaviour", [("communication error", U8, "rw", 0)], high=2),
     ]
 
@@ -136,10 +186,14 @@ class Slave:
         self.state = NmtState.INITIALISING
         self.sdo = SdoServer(self.dictionary)
         self.rpdos = [
-            Pdo(self.dictionary, 0x1400 + p.number - 1, False) for p in planned if not p.transmit
+            Pdo(dictionary=self.dictionary, index=0x1400 + p.number - 1, transmit=False)
+            for p in planned
+            if not p.transmit
         ]
         self.tpdos = [
-            Pdo(self.dictionary, 0x1800 + p.number - 1, True) for p in planned if p.transmit
+            Pdo(dictionary=self.dictionary, index=0x1800 + p.number - 1, transmit=True)
+            for p in planned
+            if p.transmit
         ]
         self._send = send
         self._now_ns = 0

@@ -46,7 +46,13 @@ def one_seed(seed: int) -> list[Row]:
         gear, motor, paths = shipped_gear(), shipped_motor(), {}
         for protocol, values in SHORT.items():
             request = RunRequest(
-                protocol, gear, motor, Path(folder), values, gear_serial=f"S{seed}", seed=seed
+                protocol=protocol,
+                gear=gear,
+                motor=motor,
+                output=Path(folder),
+                values=values,
+                gear_serial=f"S{seed}",
+                seed=seed,
             )
             paths[protocol] = Path(run_request(request, judged=False).path)
         for kind in KINDS:

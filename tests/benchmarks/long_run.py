@@ -50,18 +50,18 @@ def plan(parameters: LongRunParameters, gear: HarmonicDrive, duration: float) ->
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Nothing is judged: the studies ask how the run was acquired."""
-    return Result(recording.metadata.run_id, "long-run", {}, {})
+    return Result(run=recording.metadata.run_id, kind="long-run", estimates={}, metrics={})
 
 
 def long_run(duration: float) -> Experiment:
     """The experiment whose plan lasts for `duration` [s]."""
     return Experiment(
-        "long-run",
-        "long run",
-        "to and fro at constant speed",
-        LongRunParameters,
-        partial(plan, duration=duration),
-        analyse,
+        name="long-run",
+        title="long run",
+        summary="to and fro at constant speed",
+        parameters=LongRunParameters,
+        plan=partial(plan, duration=duration),
+        analyse=analyse,
         needs=("input_angle", "output_angle", "torque"),
     )
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PeerParameters:
     """Numbers of equation 2 and of the loop, SI: see `as_array` for the order."""
 

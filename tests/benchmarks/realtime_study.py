@@ -84,10 +84,10 @@ def request_for(description: Path, rate: float, folder: Path) -> RunRequest:
 
     rig = configured_rig(description)
     return RunRequest(
-        "long-run",
-        rig.gear,
-        rig.motor,
-        folder,
+        protocol="long-run",
+        gear=rig.gear,
+        motor=rig.motor,
+        output=folder,
         backend=HARDWARE,
         gear_serial=GEAR,
         operator="study",

@@ -62,7 +62,13 @@ def soak(duration: float, rate: float, folder: Path, memory: Memory) -> tuple[Ru
         sample_rate=rate,
     )
     request = RunRequest(
-        "long-run", gear, motor, folder, backend="wire", gear_serial="SOAK", sample_rate=rate
+        protocol="long-run",
+        gear=gear,
+        motor=motor,
+        output=folder,
+        backend="wire",
+        gear_serial="SOAK",
+        sample_rate=rate,
     )
     start = time.perf_counter()
     report = run_request(request, planned, judged=False, on_progress=memory.look)

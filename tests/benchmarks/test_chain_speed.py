@@ -24,7 +24,7 @@ from tests.benchmarks.conftest import Note
 from tests.rig.runfile.making import header
 
 ROWS_PER_BLOCK = 1000
-CHANNELS = tuple(Channel(f"channel_{i}", "rad", 1e-3) for i in range(8))
+CHANNELS = tuple(Channel(name=f"channel_{i}", unit="rad", scale=1e-3) for i in range(8))
 
 
 def test_recorder(tmp_path: Path, note: Note) -> None:
@@ -61,7 +61,12 @@ def test_whole_chain(benchmark: Any, tmp_path: Path, note: Note, judged: bool) -
 
     def chain() -> None:
         request = RunRequest(
-            "kinematic-error", shipped_gear(), shipped_motor(), tmp_path, {}, seed=len(durations)
+            protocol="kinematic-error",
+            gear=shipped_gear(),
+            motor=shipped_motor(),
+            output=tmp_path,
+            values={},
+            seed=len(durations),
         )
         report = run_request(request, plan_request(request), judged=judged)
         recording = open_run(Path(report.path))

@@ -44,7 +44,12 @@ def holds(seed: int) -> list[RunningTorque]:
             error = 0.005 * abs(torque)
             found.append(
                 RunningTorque(
-                    float(speed), torque + error * rng.standard_normal(), error, 10.0, 20, float(i)
+                    speed=float(speed),
+                    torque=torque + error * rng.standard_normal(),
+                    standard_error=error,
+                    freedom=10.0,
+                    revolutions=20,
+                    time=float(i),
                 )
             )
     return found

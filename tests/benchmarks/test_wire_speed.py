@@ -33,7 +33,10 @@ Frames = list[list[bytes]]
 def bench(name: str) -> Bench:
     """An opened simulated rig."""
     made = make_port(
-        name, BenchRequest(shipped_gear(), shipped_motor(), serial="SPEED", protocol="benchmark")
+        name,
+        BenchRequest(
+            gear=shipped_gear(), motor=shipped_motor(), serial="SPEED", protocol="benchmark"
+        ),
     )
     made.port.open()
     made.port.write_limits(LIMITS)

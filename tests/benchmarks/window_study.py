@@ -62,18 +62,18 @@ def write(path: Path, rate: float, rig_time: float, times: float) -> None:
     channels = (
         encoder_channel("input_angle", lines=2500, multiplication=4),
         encoder_channel("output_angle", lines=18000, multiplication=4, direction=-1),
-        Channel("torque", "N m", 1e-4),
-        Channel("drive_torque", "N m", 1e-3),
-        Channel("target_speed", "rad/s", 1e-3),
-        Channel("statusword", "1", 1.0),
-        Channel("housing_temperature", "degC", 0.01),
-        Channel("ambient_temperature", "degC", 0.01),
+        Channel(name="torque", unit="N m", scale=1e-4),
+        Channel(name="drive_torque", unit="N m", scale=1e-3),
+        Channel(name="target_speed", unit="rad/s", scale=1e-3),
+        Channel(name="statusword", unit="1", scale=1.0),
+        Channel(name="housing_temperature", unit="degC", scale=0.01),
+        Channel(name="ambient_temperature", unit="degC", scale=0.01),
     )
     ratio = gear.mounted_ratio("circular-spline-fixed")
     metadata = RunMetadata(
-        "00001-window_study",
-        "kinematic-error",
-        "simulated",
+        run_id="00001-window_study",
+        experiment="kinematic-error",
+        origin="simulated",
         gear=gear,
         ratio=ratio,
         sample_rate=rate,
@@ -215,17 +215,17 @@ class Watcher:
         step = 1 + int(elapsed // REVERSAL)
         self.page._on_progress(
             Progress(
-                step,
-                90,
-                f"hold at {SPEED:g} rad/s",
-                elapsed,
-                self.rig_time - elapsed,
-                SPEED,
-                0,
-                "torque",
-                1.0 - peak,
-                margins,
-                str(self.path),
+                step=step,
+                steps=90,
+                what=f"hold at {SPEED:g} rad/s",
+                elapsed=elapsed,
+                left=self.rig_time - elapsed,
+                speed=SPEED,
+                events=0,
+                nearest="torque",
+                margin=1.0 - peak,
+                margins=margins,
+                file=str(self.path),
             )
         )
         if self._told % 50 == 0:

@@ -51,7 +51,7 @@ class Losable:
         self.bus.shutdown()
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Setup:
     clock: VirtualClock
     drive: DrivePeer
@@ -90,14 +90,17 @@ def setup(
     )
     config = config or CanRigConfig(
         drive=drive or DriveConfig(),
-        motor_encoder=MotorEncoder(8192, 4, largest_speed=400.0),
-        counters=(CounterConfig(2),),
+        motor_encoder=MotorEncoder(lines=8192, multiplication=4, largest_speed=400.0),
+        counters=(CounterConfig(node_id=2),),
         modules=(AnalogModuleConfig(3, (torque_input(0.637),)),),
     )
     rig = CanRig(
         config, clock, lambda: raw, pump=Bench(*peers), time_base="virtual", origin="simulated"
     )
-    return Setup(clock, *peers, raw, rig, [])
+    drive, counter, analog = peers
+    return Setup(
+        clock=clock, drive=drive, counter=counter, analog=analog, raw=raw, rig=rig, seen=[]
+    )
 
 
 def close(made: Setup) -> None:

@@ -122,21 +122,23 @@ def drive_eds(
         (0x60FF, "target velocity", 4, "0"),
         (0x6502, "modes", 7, hex(modes)),
     ):
-        text += entry(index, None, name, kind, "rw", default, 1)
+        text += entry(index, None, name=name, kind=kind, access="rw", default=default, mappable=1)
     if torque:
         for index, name, kind, default in (
             (0x6071, "target torque", 3, "0"),
             (0x6076, "rated", 7, "637"),
             (0x6077, "torque", 3, "0"),
         ):
-            text += entry(index, None, name, kind, "rw", default, 1)
+            text += entry(
+                index, None, name=name, kind=kind, access="rw", default=default, mappable=1
+            )
     if probe:
         for index, name, kind in (
             (0x60B8, "touch probe", 6),
             (0x60B9, "touch probe status", 6),
             (0x60BA, "touch probe position", 4),
         ):
-            text += entry(index, None, name, kind, "rw", "0", 1)
+            text += entry(index, None, name=name, kind=kind, access="rw", default="0", mappable=1)
     if limits:
         for index, name, kind in (
             (0x6072, "max torque", 6),
@@ -348,7 +350,7 @@ def counter_eds() -> str:
         (0x6501, "steps", 7, "72000"),
         (0x6503, "alarms", 6, "0"),
     ):
-        text += entry(index, None, name, kind, "rw", default, 1)
+        text += entry(index, None, name=name, kind=kind, access="rw", default=default, mappable=1)
     return text
 
 

@@ -48,7 +48,9 @@ def bench(traits: Traits | None = None, config: DriveConfig | None = None) -> It
     clock = VirtualClock()
     wire = Wire(clock)
     drive = ForeignDrive(wire, traits)
-    own = CanRigConfig(drive=config or DriveConfig(), motor_encoder=MotorEncoder(8192, 4))
+    own = CanRigConfig(
+        drive=config or DriveConfig(), motor_encoder=MotorEncoder(lines=8192, multiplication=4)
+    )
     rig = CanRig(own, clock, lambda: wire, pump=wire.pump, time_base="virtual", origin="simulated")
     made = Bench(clock, wire, drive, rig)
     yield made

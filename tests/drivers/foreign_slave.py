@@ -28,7 +28,7 @@ NOT_READY, DISABLED, READY, ON, ENABLED, QUICK, REACTION, FAULT = range(8)
 Words = tuple[tuple[int, ...], ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Traits:
     """In what a slave differs: where it starts, what it lacks, how it answers; of a drive, how slowly it moves."""
 

@@ -156,21 +156,42 @@ def decoder() -> ColumnDecoder:
         FrameLayout(PDOS, FIELDS),
         [
             Column(
-                Channel("input_angle", "rad", 1e-3, modulus=1 << 32), "count", 0, largest_step=1000
+                channel=Channel(name="input_angle", unit="rad", scale=1e-3, modulus=1 << 32),
+                kind="count",
+                field=0,
+                largest_step=1000,
             ),
             Column(
-                Channel("output_angle", "rad", 1e-3, modulus=MODULUS), "count", 3, largest_step=100
+                channel=Channel(name="output_angle", unit="rad", scale=1e-3, modulus=MODULUS),
+                kind="count",
+                field=3,
+                largest_step=100,
             ),
-            Column(Channel("torque", "N m", 1e-3), "plain", 5, analog=torque_input(0.637)),
             Column(
-                Channel("input_index", "rad", 1e-3, modulus=1 << 32),
-                "latch",
-                1,
+                channel=Channel(name="torque", unit="N m", scale=1e-3),
+                kind="plain",
+                field=5,
+                analog=torque_input(0.637),
+            ),
+            Column(
+                channel=Channel(name="input_index", unit="rad", scale=1e-3, modulus=1 << 32),
+                kind="latch",
+                field=1,
                 of=0,
                 seen_fields=((2, 2),),
             ),
-            Column(Channel("output_index", "rad", 1e-3, modulus=MODULUS), "latch", 4, of=1),
-            Column(Channel("index_seen", "1", 1.0), "seen", -1, seen_fields=((2, 2), (0, 0))),
+            Column(
+                channel=Channel(name="output_index", unit="rad", scale=1e-3, modulus=MODULUS),
+                kind="latch",
+                field=4,
+                of=1,
+            ),
+            Column(
+                channel=Channel(name="index_seen", unit="1", scale=1.0),
+                kind="seen",
+                field=-1,
+                seen_fields=((2, 2), (0, 0)),
+            ),
         ],
     )
 

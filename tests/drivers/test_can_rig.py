@@ -231,7 +231,7 @@ def test_a_port_that_is_not_open_says_so() -> None:
 
 
 def test_nodes_must_not_share_a_node_id() -> None:
-    made = setup(config=CanRigConfig(counters=(CounterConfig(1),)))
+    made = setup(config=CanRigConfig(counters=(CounterConfig(node_id=1),)))
     with pytest.raises(DriverError, match="node-ID of its own"):
         made.rig.open()
     close(made)

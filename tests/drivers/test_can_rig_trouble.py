@@ -24,7 +24,7 @@ from tests.drivers.can_bench import Setup, close, setup
 
 
 def test_the_guard_ends_the_block_at_the_first_cycle_that_breaks_it(bench: Setup) -> None:
-    guard = Guard((Bound("travel", {INPUT_ANGLE: 1.0}, high=1000.0),))
+    guard = Guard((Bound(cause="travel", weights={INPUT_ANGLE: 1.0}, high=1000.0),))
     block = bench.speed(300, 50, guard)
     assert len(block) == 4
     assert block.broken is not None

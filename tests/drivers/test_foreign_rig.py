@@ -31,7 +31,7 @@ def rig_of(
     wire: Wire, counter: CounterConfig | None = None, module: AnalogModuleConfig | None = None
 ) -> Iterator[CanRig]:
     config = CanRigConfig(
-        motor_encoder=MotorEncoder(8192, 4),
+        motor_encoder=MotorEncoder(lines=8192, multiplication=4),
         counters=(counter,) if counter else (),
         modules=(module,) if module else (),
     )
@@ -85,7 +85,8 @@ def test_counters_of_every_kind_count_on(
     ForeignDrive(wire)
     ForeignCounter(wire, traits, step=step, start=start, place=place, size=size, modulus=modulus)
     with rig_of(
-        wire, CounterConfig(2, position=position, modulus=0 if position is COUNT else modulus)
+        wire,
+        CounterConfig(node_id=2, position=position, modulus=0 if position is COUNT else modulus),
     ) as rig:
         rig.open()
         block = off(rig, 8)
@@ -100,7 +101,7 @@ def test_a_count_that_lies_within_other_fixed_data_is_found() -> None:
         mapping="read-only", tpdo_maps=((), (0x65030010, 0x60040020), (), ()), tpdo_type=1
     )
     ForeignCounter(wire, traits, step=3)
-    with rig_of(wire, CounterConfig(2)) as rig:
+    with rig_of(wire, CounterConfig(node_id=2)) as rig:
         rig.open()
         assert np.diff(counts(rig, off(rig), OUTPUT_ANGLE)).tolist() == [3] * 5
 
@@ -112,7 +113,7 @@ def test_a_range_that_may_not_be_in_force_is_told(operating: int, turns: int, wa
     wire = Wire(VirtualClock())
     ForeignDrive(wire)
     ForeignCounter(wire, Traits(values={(0x6000, 0): operating, (0x6502, 0): turns}))
-    with rig_of(wire, CounterConfig(2)) as rig:
+    with rig_of(wire, CounterConfig(node_id=2)) as rig:
         rig.open()
         assert any(event.code == "range" for event in rig.events()) == warned
 
@@ -142,7 +143,7 @@ def test_a_counter_that_cannot_be_used_is_named(traits: Traits, words: str) -> N
     wire = Wire(VirtualClock())
     ForeignDrive(wire)
     ForeignCounter(wire, traits)
-    with rig_of(wire, CounterConfig(2)) as rig, pytest.raises(DriverError, match=words):
+    with rig_of(wire, CounterConfig(node_id=2)) as rig, pytest.raises(DriverError, match=words):
         rig.open()
 
 

@@ -27,7 +27,7 @@ from tests.drivers.scripted_bus import ScriptedBus
 
 READ_ONLY, INVALID, NOT_NOW = 0x06010002, 0x06090030, 0x08000022
 HEARTBEAT = entry(0x1017, None, "producer heartbeat", 6, "rw", "0")
-MODES = entry(0x6502, None, "modes", 7, "rw", hex(0x30D), 1)
+MODES = entry(0x6502, None, name="modes", kind=7, access="rw", default=hex(0x30D), mappable=1)
 
 
 def refuses(

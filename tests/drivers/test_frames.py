@@ -197,10 +197,20 @@ def test_any_frames_decode_and_what_is_missing_is_marked(
 
 def columns(modulus: int = 720000) -> list[Column]:
     return [
-        Column(Channel("input_angle", "rad", 1e-3, modulus=1 << 32), "count", 1, largest_step=1000),
-        Column(Channel("output_angle", "rad", 1e-3, modulus=modulus), "count", 3, largest_step=100),
-        Column(Channel("drive_torque", "N m", 1e-3), "plain", 2),
-        Column(Channel("statusword", "", 1.0), "plain", 0),
+        Column(
+            channel=Channel(name="input_angle", unit="rad", scale=1e-3, modulus=1 << 32),
+            kind="count",
+            field=1,
+            largest_step=1000,
+        ),
+        Column(
+            channel=Channel(name="output_angle", unit="rad", scale=1e-3, modulus=modulus),
+            kind="count",
+            field=3,
+            largest_step=100,
+        ),
+        Column(channel=Channel(name="drive_torque", unit="N m", scale=1e-3), kind="plain", field=2),
+        Column(channel=Channel(name="statusword", unit="", scale=1.0), kind="plain", field=0),
     ]
 
 
@@ -431,7 +441,7 @@ BOUNDS = st.builds(
 def test_the_judge_of_single_cycles_agrees_with_the_watch_over_blocks(
     rows: list[tuple[int, int, int]], bounds: list[Bound], stale: int, length: int
 ) -> None:
-    channels = [Channel("a", "", 1.0), Channel("b", "", 1.0)]
+    channels = [Channel(name="a", unit="", scale=1.0), Channel(name="b", unit="", scale=1.0)]
     guard, judge, watch = Guard(tuple(bounds), stale), CycleJudge(channels), GuardWatch(channels)
     judge.adopt(guard)
     counts = np.array([r[:2] for r in rows], dtype=np.int64)

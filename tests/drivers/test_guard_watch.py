@@ -8,7 +8,10 @@ from hypothesis import strategies as st
 from drivers.channel import Channel
 from drivers.port import Bound, Guard, GuardWatch
 
-CHANNELS = (Channel("input_angle", "rad", 0.5), Channel("torque", "N m", 0.1))
+CHANNELS = (
+    Channel(name="input_angle", unit="rad", scale=0.5),
+    Channel(name="torque", unit="N m", scale=0.1),
+)
 
 
 def first_break_cut(
@@ -27,7 +30,9 @@ def first_break_cut(
 def test_a_level_bound_names_row_value_and_limit() -> None:
     counts = np.array([[0, 1], [0, 5], [0, 9]])
     found = GuardWatch(CHANNELS).first_break(
-        Guard((Bound("over-torque", {"torque": 0.1}, high=0.4),)), counts, np.zeros(3, np.uint16)
+        Guard((Bound(cause="over-torque", weights={"torque": 0.1}, high=0.4),)),
+        counts,
+        np.zeros(3, np.uint16),
     )
     assert found is not None
     assert (found.row, found.cause, found.limit) == (1, "over-torque", 0.4)
@@ -37,7 +42,7 @@ def test_a_level_bound_names_row_value_and_limit() -> None:
 def test_a_lagged_bound_is_a_speed() -> None:
     position = np.cumsum([0, 1, 1, 1, 7, 7, 1])
     counts = np.column_stack([position, np.zeros(7, dtype=np.int64)])
-    bound = Bound("over-speed", {"input_angle": 1.0 / 2}, low=-6.0, high=6.0, lag=2)
+    bound = Bound(cause="over-speed", weights={"input_angle": 1.0 / 2}, low=-6.0, high=6.0, lag=2)
     found = GuardWatch(CHANNELS).first_break(Guard((bound,)), counts, np.zeros(7, np.uint16))
     assert found is not None
     assert found.row == 5
@@ -45,7 +50,7 @@ def test_a_lagged_bound_is_a_speed() -> None:
 
 def test_an_incomplete_cycle_is_not_judged() -> None:
     counts = np.array([[0, 99], [0, 0]])
-    bound = Bound("over-torque", {"torque": 0.1}, high=0.4)
+    bound = Bound(cause="over-torque", weights={"torque": 0.1}, high=0.4)
     assert (
         GuardWatch(CHANNELS).first_break(Guard((bound,)), counts, np.array([1, 0], np.uint16))
         is None
@@ -67,8 +72,15 @@ def test_cutting_into_blocks_changes_nothing(
     flags = np.array([int(bad) for _, _, bad in rows], dtype=np.uint16)
     guard = Guard(
         (
-            Bound("moved", {"input_angle": 1.0}, low=-3, high=3, lag=lag, consecutive=consecutive),
-            Bound("torque", {"torque": 1.0}, low=-6, high=6, consecutive=2),
+            Bound(
+                cause="moved",
+                weights={"input_angle": 1.0},
+                low=-3,
+                high=3,
+                lag=lag,
+                consecutive=consecutive,
+            ),
+            Bound(cause="torque", weights={"torque": 1.0}, low=-6, high=6, consecutive=2),
         )
     )
     assert first_break_cut(guard, counts, flags, size) == first_break_cut(

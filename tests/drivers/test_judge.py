@@ -15,10 +15,21 @@ LIMIT = 100.0
 
 def judged(steps: list[tuple[int, int]], lag: int = 1) -> float | None:
     """The value that broke the guard, given (counts moved, ns passed) per cycle; None where nothing did."""
-    judge = CycleJudge([Channel(INPUT_ANGLE, "rad", 1.0)], PERIOD_NS)
+    judge = CycleJudge([Channel(name=INPUT_ANGLE, unit="rad", scale=1.0)], PERIOD_NS)
     weight = 1.0 / (lag * PERIOD_NS * 1e-9)
     judge.adopt(
-        Guard((Bound("over_speed", {INPUT_ANGLE: weight}, -LIMIT, LIMIT, lag=lag, consecutive=2),))
+        Guard(
+            (
+                Bound(
+                    cause="over_speed",
+                    weights={INPUT_ANGLE: weight},
+                    low=-LIMIT,
+                    high=LIMIT,
+                    lag=lag,
+                    consecutive=2,
+                ),
+            )
+        )
     )
     counts, time_ns = 0, 0
     for row, (moved, passed) in enumerate(steps):

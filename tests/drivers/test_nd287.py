@@ -41,7 +41,7 @@ class ScriptedPort:
 
 def readout(*script: tuple[bytes, bytes]) -> tuple[ScriptedPort, VirtualClock, Readout]:
     port, clock = ScriptedPort(*script), VirtualClock(1_000)
-    return port, clock, Readout(port, clock, ReadoutConfig("scripted"))
+    return port, clock, Readout(port, clock, ReadoutConfig(url="scripted"))
 
 
 def test_the_manuals_example() -> None:
@@ -196,9 +196,9 @@ def test_over_a_pseudo_terminal_without_modem_lines() -> None:
     master, slave = os.openpty()
     tty.setraw(master)
     tty.setraw(slave)
-    port = open_port(ReadoutConfig(os.ttyname(slave), baud=115200))
+    port = open_port(ReadoutConfig(url=os.ttyname(slave), baud=115200))
     try:
-        device = Readout(port, WallClock(), ReadoutConfig("pty"))
+        device = Readout(port, WallClock(), ReadoutConfig(url="pty"))
         original = port.write
 
         def write_and_answer(data: bytes) -> int | None:
@@ -217,6 +217,6 @@ def test_over_a_pseudo_terminal_without_modem_lines() -> None:
 
 def test_a_line_that_is_not_there() -> None:
     with pytest.raises(BusLostError, match="cannot be opened"):
-        open_port(ReadoutConfig("/dev/no-such-line"))
+        open_port(ReadoutConfig(url="/dev/no-such-line"))
     with pytest.raises(DriverError, match="cannot be set"):
-        open_port(ReadoutConfig("loop://", parity="Q"))
+        open_port(ReadoutConfig(url="loop://", parity="Q"))

@@ -29,11 +29,11 @@ SHORT: dict[str, dict[str, Any]] = {
 def test_a_protocol_ends_safe_and_leaves_a_good_file(protocol: str, tmp_path: Path) -> None:
     values = SHORT.get(protocol, {})
     request = RunRequest(
-        protocol,
-        shipped_gear(),
-        shipped_motor(),
-        tmp_path,
-        values,
+        protocol=protocol,
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=tmp_path,
+        values=values,
         gear_serial="A1",
         operator="test",
         seed=5,

@@ -20,7 +20,13 @@ def fitted(
     protocol: str, seed: int, folder: Path, tare: Path | None = None, **values: object
 ) -> Fit:
     request = RunRequest(
-        protocol, shipped_gear(), shipped_motor(), folder, values, gear_serial=f"S{seed}", seed=seed
+        protocol=protocol,
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=folder,
+        values=values,
+        gear_serial=f"S{seed}",
+        seed=seed,
     )
     path = run_request(request, judged=False).path
     (fit,) = fit_files([path], tare=tare)
@@ -69,11 +75,11 @@ def test_a_fitted_curve_explains_a_run_that_it_was_not_fitted_to(tmp_path: Path)
     fits = []
     for protocol_seed in (21, 22):
         request = RunRequest(
-            "kinematic-error",
-            shipped_gear(),
-            shipped_motor(),
-            tmp_path,
-            {"speed_rpm": 61.8 if protocol_seed == 21 else 59.1},
+            protocol="kinematic-error",
+            gear=shipped_gear(),
+            motor=shipped_motor(),
+            output=tmp_path,
+            values={"speed_rpm": 61.8 if protocol_seed == 21 else 59.1},
             gear_serial="S3",
             seed=21,
         )

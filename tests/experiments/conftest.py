@@ -38,7 +38,7 @@ def bench(gear: HarmonicDrive) -> Bench:
     """
     depth = (Harmonic(2.0, 3e-3, -1.2e-3),)
     return Bench(
-        gear,
+        gear=gear,
         error=SERIES,
         depth=depth,
         cogging=(Harmonic(24.0, 2e-3, 0.0), Harmonic(2.0, 0.0, 1e-3)),

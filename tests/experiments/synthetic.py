@@ -43,7 +43,7 @@ LAG = 0.88
 """Pole of the elastic bench's drive per cycle: a rise of some 17 ms."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Bench:
     """What is wrong with the ideal rig. Torques in N m, angles in rad."""
 
@@ -71,7 +71,7 @@ class Bench:
     """
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Walk:
     speed: list[np.ndarray] = field(default_factory=list)
     powered: list[np.ndarray] = field(default_factory=list)
@@ -165,13 +165,13 @@ def record(plan: Iterable[Step], bench: Bench, experiment: str, **metadata: obje
         if label is not None:
             walk.segments.append(
                 Segment(
-                    len(walk.segments),
-                    label.label,
-                    start,
-                    walk.rows,
-                    label.setpoint,
-                    label.direction,
-                    label.repeat,
+                    index=len(walk.segments),
+                    label=label.label,
+                    start=start,
+                    stop=walk.rows,
+                    setpoint=label.setpoint,
+                    direction=label.direction,
+                    repeat=label.repeat,
                 )
             )
     return assemble(walk, bench, experiment, **metadata)
@@ -228,14 +228,18 @@ def assemble(walk: _Walk, bench: Bench, experiment: str, **extra: object) -> Rec
         "index_seen": seen_input + 2 * seen_output,
     }
     signals = {
-        "input_angle": Signal("input_angle", "rad", q_in, quantum=q_in),
-        "output_angle": Signal("output_angle", "rad", q_out, quantum=q_out),
+        "input_angle": Signal(name="input_angle", unit="rad", scale=q_in, quantum=q_in),
+        "output_angle": Signal(name="output_angle", unit="rad", scale=q_out, quantum=q_out),
         "torque": Signal(
-            "torque", "N m", TORQUE_QUANTUM, quantum=TORQUE_QUANTUM, scale_relative_uncertainty=0.01
+            name="torque",
+            unit="N m",
+            scale=TORQUE_QUANTUM,
+            quantum=TORQUE_QUANTUM,
+            scale_relative_uncertainty=0.01,
         ),
-        "input_index": Signal("input_index", "rad", q_in, quantum=q_in),
-        "output_index": Signal("output_index", "rad", q_out, quantum=q_out),
-        "index_seen": Signal("index_seen", "1"),
+        "input_index": Signal(name="input_index", unit="rad", scale=q_in, quantum=q_in),
+        "output_index": Signal(name="output_index", unit="rad", scale=q_out, quantum=q_out),
+        "index_seen": Signal(name="index_seen", unit="1"),
     }
     known: dict[str, object] = {
         "ratio": bench.gear.ratio,

@@ -22,8 +22,10 @@ DATA = Path(os.environ.get("HARMONIC_RIG_DATA", Path(__file__).parents[3] / "sha
 
 def foreign(time: np.ndarray, **channels: tuple[np.ndarray, str]) -> Recording:
     """An imported recording: no segments, no zero, channels as floats in SI."""
-    metadata = RunMetadata("foreign-1", "", "imported", time_base="device", ratio=float("nan"))
-    signals = {name: Signal(name, unit) for name, (_, unit) in channels.items()}
+    metadata = RunMetadata(
+        run_id="foreign-1", experiment="", origin="imported", time_base="device", ratio=float("nan")
+    )
+    signals = {name: Signal(name=name, unit=unit) for name, (_, unit) in channels.items()}
     stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
     return Recording(
         metadata, signals, (), (), ArraySource({n: v for n, (v, _) in channels.items()}, stamps)

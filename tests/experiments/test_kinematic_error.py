@@ -237,14 +237,14 @@ def test_repeats_are_pooled_and_scored_on_each_other(bench: Bench, gear: Harmoni
 def test_what_the_torsional_vibration_adds_is_in_the_budget(gear: HarmonicDrive) -> None:
     first = first_resonances(gear)[0]
     size = Estimate(
-        "",
-        100 * ARCSEC,
-        "rad",
-        99 * ARCSEC,
-        101 * ARCSEC,
-        "yes",
-        "",
-        (BudgetLine("residual", "A", ARCSEC),),
+        name="",
+        value=100 * ARCSEC,
+        unit="rad",
+        low=99 * ARCSEC,
+        high=101 * ARCSEC,
+        identifiable="yes",
+        note="",
+        budget=(BudgetLine("residual", "A", ARCSEC),),
     )
     plain = {"amplitude_2": size, "amplitude_4": size, "transmission_accuracy": size, "ratio": size}
     found = kinematic_error.with_amplification(plain, gear, 120.0, first / 40.0)

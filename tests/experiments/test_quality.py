@@ -40,18 +40,26 @@ def made(
 ) -> Recording:
     arrays = {"input_angle": np.arange(rows), "output_angle": -np.arange(rows) // 120}
     signals = {
-        "input_angle": Signal("input_angle", "rad", 1e-3, quantum=1e-3),
-        "output_angle": Signal("output_angle", "rad", 8.7e-5, quantum=8.7e-5),
+        "input_angle": Signal(name="input_angle", unit="rad", scale=1e-3, quantum=1e-3),
+        "output_angle": Signal(name="output_angle", unit="rad", scale=8.7e-5, quantum=8.7e-5),
     }
     source = WithCycles(arrays, np.arange(rows, dtype=np.int64) * PERIOD_NS, flags)
     object.__setattr__(source, "gap", gap)
     about = {"time_base": "device", "sample_rate": 1000.0, "ratio": 120.0} | metadata
-    segments = (Segment(0, "hold", 0, rows, 300.0, 1, 0),)
-    return Recording(RunMetadata("run-1", "", "imported", **about), signals, segments, (), source)  # type: ignore[arg-type]
+    segments = (
+        Segment(index=0, label="hold", start=0, stop=rows, setpoint=300.0, direction=1, repeat=0),
+    )
+    return Recording(
+        RunMetadata(run_id="run-1", experiment="", origin="imported", **about),
+        signals,
+        segments,
+        (),
+        source,
+    )  # type: ignore[arg-type]
 
 
 def with_torque(recording: Recording) -> Recording:
-    signals = {**recording.signals, "torque": Signal("torque", "N m", 1e-4)}
+    signals = {**recording.signals, "torque": Signal(name="torque", unit="N m", scale=1e-4)}
     arrays = {**recording.source.arrays, "torque": np.zeros(recording.rows)}  # type: ignore[attr-defined]
     return dataclasses.replace(
         recording, signals=signals, source=ArraySource(arrays, recording.source.times)
@@ -153,14 +161,19 @@ def turning(skew: float, wind_up: float = 2e-5) -> Recording:
     )
     output += 7e-5 * np.sin(2.0 * angle)
     quanta = {"input_angle": 2.0 * math.pi / 32768, "output_angle": 2.0 * math.pi / lines}
-    signals = {n: Signal(n, "rad", q, quantum=q) for n, q in quanta.items()}
+    signals = {n: Signal(name=n, unit="rad", scale=q, quantum=q) for n, q in quanta.items()}
     arrays = {
         "input_angle": np.floor(angle / quanta["input_angle"]),
         "output_angle": np.floor(-output / quanta["output_angle"]),
     }
     times = np.arange(len(angle), dtype=np.int64) * PERIOD_NS
     about = RunMetadata(
-        "run-2", "", "simulated", ratio=ratio, sample_rate=1000.0, time_base="hardware"
+        run_id="run-2",
+        experiment="",
+        origin="simulated",
+        ratio=ratio,
+        sample_rate=1000.0,
+        time_base="hardware",
     )
     return Recording(about, signals, (), (), ArraySource(arrays, times))
 

@@ -31,9 +31,9 @@ from tests.experiments.synthetic import Bench
 def of_angle(angle: np.ndarray, quantum: float = 0.0) -> Recording:
     """A recording of an input angle alone, 1 kHz."""
     stored = np.round(angle / quantum).astype(np.int64) if quantum else angle
-    signal = Signal("input_angle", "rad", quantum or 1.0, quantum=quantum)
+    signal = Signal(name="input_angle", unit="rad", scale=quantum or 1.0, quantum=quantum)
     times = np.arange(len(angle), dtype=np.int64) * 1_000_000
-    metadata = RunMetadata("angle-1", "", "imported", time_base="device")
+    metadata = RunMetadata(run_id="angle-1", experiment="", origin="imported", time_base="device")
     return Recording(
         metadata, {"input_angle": signal}, (), (), ArraySource({"input_angle": stored}, times)
     )
@@ -106,9 +106,10 @@ def test_stamps_of_device_and_sync_are_times(time_base: str) -> None:
 
 def test_a_channel_without_calibration_gets_the_assumed_scale() -> None:
     recording = of_angle(np.linspace(0.0, 1.0, 200))
-    bare = dataclasses.replace(recording, signals={"torque": Signal("torque", "N m")})
+    bare = dataclasses.replace(recording, signals={"torque": Signal(name="torque", unit="N m")})
     known = dataclasses.replace(
-        recording, signals={"torque": Signal("torque", "N m", scale_relative_uncertainty=0.002)}
+        recording,
+        signals={"torque": Signal(name="torque", unit="N m", scale_relative_uncertainty=0.002)},
     )
     assert torque_scale_uncertainty(bare)[0] == pytest.approx(0.03)
     assert torque_scale_uncertainty(known)[0] == 0.002
@@ -128,11 +129,11 @@ def test_a_channel_is_named_or_the_first_that_is_there() -> None:
 
 def estimate(value: float, u: float) -> Estimate:
     return Estimate(
-        "x",
-        value,
-        "1",
-        value - u,
-        value + u,
+        name="x",
+        value=value,
+        unit="1",
+        low=value - u,
+        high=value + u,
         budget=(BudgetLine("a", "A", 0.6 * u), BudgetLine("b", "B", 0.8 * u)),
     )
 

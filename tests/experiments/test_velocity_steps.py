@@ -37,7 +37,7 @@ def run(elastic_gear: HarmonicDrive) -> Recording:
         speeds_rpm=(60.0, 120.0, 1800.0, 2950.0), repeats=1, duration=1.0
     )
     plan = velocity_steps.plan(parameters, elastic_gear)
-    return record(plan, Bench(elastic_gear, error=WHOLE, elastic=True), "velocity-steps")
+    return record(plan, Bench(gear=elastic_gear, error=WHOLE, elastic=True), "velocity-steps")
 
 
 def known_error(gear: HarmonicDrive, series: tuple[Harmonic, ...]) -> HarmonicDrive:

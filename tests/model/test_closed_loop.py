@@ -195,9 +195,20 @@ def test_windup_by_friction_is_that_of_equation_2() -> None:
 
 def test_cutting_into_blocks_changes_nothing() -> None:
     extra = Deviations(
-        (Harmonic(1 / 120, 2e-5, 0.0),), True, 0.1, True, 0.3, 0.01, 0.5, 0.4, True, (Harmonic(24.0, 2e-3, 0.0),), 0.01,
-        4e-4, Thermal(),
-    )  # fmt: skip
+        kinematic_error=(Harmonic(1 / 120, 2e-5, 0.0),),
+        friction_windup=True,
+        mesh_depth=0.1,
+        hardening=True,
+        hysteresis_torque=0.3,
+        hysteresis_stiffness=0.01,
+        output_coulomb=0.5,
+        output_viscous=0.4,
+        motor_friction=True,
+        cogging=(Harmonic(24.0, 2e-3, 0.0),),
+        torque_constant_error=0.01,
+        port_lag=4e-4,
+        thermal=Thermal(),
+    )
     loop = ClosedLoop(GEAR, MOTOR, extra)
     target = 200.0 * np.sin(np.linspace(0.0, 9.0, 700))
     whole_state, cut_state = loop.rest(0.1), loop.rest(0.1)

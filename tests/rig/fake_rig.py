@@ -32,7 +32,7 @@ RATIO = 120.0
 FRICTION = 0.08
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Physics:
     """State that a guard break rolls back."""
 
@@ -58,7 +58,7 @@ class Physics:
     index_seen: int = 0
 
 
-@dataclass
+@dataclass(kw_only=True)
 class FakeRig:
     """An ideal `RigPort`. `script` maps a cycle to what happens at it; `limits_read` changes what
     the limits read back as.
@@ -90,14 +90,14 @@ class FakeRig:
         return (
             encoder_channel("input_angle", lines=8192, multiplication=4),
             encoder_channel("output_angle", lines=18000, multiplication=4),
-            Channel("torque", "N m", 1e-4),
-            Channel("drive_torque", "N m", 6.37e-4),
-            Channel("target_speed", "rad/s", 1e-4),
-            Channel("statusword", "1", 1.0),
-            Channel("housing_temperature", "degC", 0.1),
+            Channel(name="torque", unit="N m", scale=1e-4),
+            Channel(name="drive_torque", unit="N m", scale=6.37e-4),
+            Channel(name="target_speed", unit="rad/s", scale=1e-4),
+            Channel(name="statusword", unit="1", scale=1.0),
+            Channel(name="housing_temperature", unit="degC", scale=0.1),
             encoder_channel("input_index", lines=8192, multiplication=4),
             encoder_channel("output_index", lines=18000, multiplication=4),
-            Channel("index_seen", "1", 1.0),
+            Channel(name="index_seen", unit="1", scale=1.0),
         )
 
     def open(self) -> RigDescription:
@@ -224,7 +224,7 @@ class FakeRig:
         ]
 
 
-@dataclass
+@dataclass(kw_only=True)
 class ListRun:
     """An `OpenRun` and its recorder in memory; `fail_after` rows it fails as a full disk would."""
 
@@ -292,10 +292,16 @@ def experiment_of(steps: Iterable[Step], gear_mounted: bool = True) -> Experimen
         return iter(kept)
 
     def analyse(recording: Recording, evidence: Evidence) -> Result:
-        return Result(recording.metadata.run_id, "literal", {})
+        return Result(run=recording.metadata.run_id, kind="literal", estimates={})
 
     return Experiment(
-        "literal", "literal steps", "", NoChoice, plan, analyse, gear_mounted=gear_mounted
+        name="literal",
+        title="literal steps",
+        summary="",
+        parameters=NoChoice,
+        plan=plan,
+        analyse=analyse,
+        gear_mounted=gear_mounted,
     )
 
 
@@ -306,7 +312,15 @@ def planned_of(*steps: Step, gear_mounted: bool = True) -> PlannedRun:
 def order_of(
     planned: PlannedRun, rig: FakeRig, output: Path, block_cycles: int = 100, **more: Any
 ) -> RunOrder:
-    return RunOrder(planned, rig, rig.clock, "fake", output, block_cycles=block_cycles, **more)
+    return RunOrder(
+        planned=planned,
+        port=rig,
+        clock=rig.clock,
+        backend="fake",
+        output=output,
+        block_cycles=block_cycles,
+        **more,
+    )
 
 
 INCOMPLETE = int(CycleFlag.INCOMPLETE)

@@ -21,7 +21,15 @@ def estimate(name: str, value: float, unit: str, u: float, **more: Any) -> Estim
         BudgetLine("repeats", "A", u),
         BudgetLine("torque scale", "B", 0.5 * u, "certificate"),
     )
-    return Estimate(name, value, unit, value - 2 * u, value + 2 * u, budget=budget, **more)
+    return Estimate(
+        name=name,
+        value=value,
+        unit=unit,
+        low=value - 2 * u,
+        high=value + 2 * u,
+        budget=budget,
+        **more,
+    )
 
 
 def recording(
@@ -52,12 +60,12 @@ def recording(
         "housing_temperature": np.linspace(240, 262, rows),
     }
     signals = {
-        "input_angle": Signal("input_angle", "rad", 1e-3),
-        "housing_temperature": Signal("housing_temperature", "degC", 0.1),
+        "input_angle": Signal(name="input_angle", unit="rad", scale=1e-3),
+        "housing_temperature": Signal(name="housing_temperature", unit="degC", scale=0.1),
     }
     segments = (
-        Segment(0, "hold", 0, 5, 60 * RPM, 1),
-        Segment(1, "hold", 5, 10, -3000 * RPM, -1),
+        Segment(index=0, label="hold", start=0, stop=5, setpoint=60 * RPM, direction=1),
+        Segment(index=1, label="hold", start=5, stop=10, setpoint=-3000 * RPM, direction=-1),
     )
     source = ArraySource(arrays, np.arange(rows, dtype=np.int64) * 1_000_000)
     return Recording(replace(metadata, **more), signals, segments, (), source)
@@ -70,14 +78,24 @@ def friction_plot() -> Plot:
     series = []
     for group, (word, sign) in enumerate((("forward", 1.0), ("reverse", -1.0))):
         y = sign * torque
-        series.append(Series(f"measured, {word}", speed, y, "points", y - 0.003, y + 0.003, group))
-        series.append(Series(f"fit, {word}", speed, y * 1.01, "line", group=group))
+        series.append(
+            Series(
+                label=f"measured, {word}",
+                x=speed,
+                y=y,
+                style="points",
+                low=y - 0.003,
+                high=y + 0.003,
+                group=group,
+            )
+        )
+        series.append(Series(label=f"fit, {word}", x=speed, y=y * 1.01, style="line", group=group))
     return Plot(
-        "friction",
-        "Friction torque at the input over speed",
-        "Input speed [r/min]",
-        "Torque [N m]",
-        tuple(series),
+        name="friction",
+        title="Friction torque at the input over speed",
+        x_label="Input speed [r/min]",
+        y_label="Torque [N m]",
+        series=tuple(series),
         x_scale="log",
         figure="9, 17",
     )
@@ -111,15 +129,15 @@ def friction_result(limit: float = 0.15, provenance: Any = "catalogue") -> Resul
         ((60, 0.0712, "up"),),
     )
     return Result(
-        "R-000042",
-        "friction",
-        estimates,
-        {"mse": 0.431, "relative_error": 0.012},
-        ("The bracket drifted by 1.2 % over the sweep.",),
-        (verdict,),
-        (friction_plot(),),
-        (table,),
-        {"torque_balance": "energy", "mounting": "circular-spline-fixed"},
+        run="R-000042",
+        kind="friction",
+        estimates=estimates,
+        metrics={"mse": 0.431, "relative_error": 0.012},
+        warnings=("The bracket drifted by 1.2 % over the sweep.",),
+        verdicts=(verdict,),
+        plots=(friction_plot(),),
+        tables=(table,),
+        options={"torque_balance": "energy", "mounting": "circular-spline-fixed"},
     )
 
 
@@ -136,24 +154,37 @@ def kinematic_result() -> Result:
     curve = 0.3 * np.cos(2 * angle)
     plots = (
         Plot(
-            "curve",
-            "Kinematic error",
-            "Input angle [rad]",
-            "Kinematic error [arcmin]",
-            (Series("measured", angle, curve), Series("fit", angle, curve * 0.99, group=1)),
+            name="curve",
+            title="Kinematic error",
+            x_label="Input angle [rad]",
+            y_label="Kinematic error [arcmin]",
+            series=(
+                Series(label="measured", x=angle, y=curve),
+                Series(label="fit", x=angle, y=curve * 0.99, group=1),
+            ),
             figure="12",
         ),
         Plot(
-            "orders",
-            "Orders",
-            "Order [cycles per input revolution]",
-            "Amplitude [arcmin]",
-            (Series("forward", np.arange(1.0, 11), 1 / np.arange(1.0, 11), "bars"),),
+            name="orders",
+            title="Orders",
+            x_label="Order [cycles per input revolution]",
+            y_label="Amplitude [arcmin]",
+            series=(
+                Series(
+                    label="forward", x=np.arange(1.0, 11), y=1 / np.arange(1.0, 11), style="bars"
+                ),
+            ),
             y_scale="log",
             figure="13",
         ),
     )
-    return Result("R-000041", "kinematic-error", estimates, {"mse": 0.71}, plots=plots)
+    return Result(
+        run="R-000041",
+        kind="kinematic-error",
+        estimates=estimates,
+        metrics={"mse": 0.71},
+        plots=plots,
+    )
 
 
 def fit(origin: Origin = "simulated", result: Result | None = None, **more: Any) -> Fit:
@@ -162,4 +193,4 @@ def fit(origin: Origin = "simulated", result: Result | None = None, **more: Any)
     made = recording(origin, experiment=result.kind, **{"run_id": result.run, **more})
     gear = made.metadata.gear
     assert gear is not None
-    return Fit(made, gear, result)
+    return Fit(recording=made, gear=gear, result=result)

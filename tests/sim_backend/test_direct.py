@@ -47,7 +47,12 @@ FAULTS = (
 TRAVEL = Guard(
     (
         Bound(
-            "has turned", {names.INPUT_ANGLE: 1.0}, high=9000.0, low=-9000.0, lag=37, is_trip=False
+            cause="has turned",
+            weights={names.INPUT_ANGLE: 1.0},
+            high=9000.0,
+            low=-9000.0,
+            lag=37,
+            is_trip=False,
         ),
     )
 )
@@ -128,7 +133,7 @@ def test_bench_and_gear_keep_their_seeds_between_runs() -> None:
 
 def test_guard_breaks_at_the_first_row_and_the_next_block_goes_on_from_there() -> None:
     port, free = rig(), rig()
-    bound = Bound("overspeed", {names.INPUT_ANGLE: 1.0}, high=200.0, lag=1)
+    bound = Bound(cause="overspeed", weights={names.INPUT_ANGLE: 1.0}, high=200.0, lag=1)
     broken = turn(port, 3000.0, 1000, Guard((bound,)))
     whole = turn(free, 3000.0, 1000)
     moved = np.diff(column(free, whole, names.INPUT_ANGLE))

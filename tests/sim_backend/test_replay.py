@@ -76,7 +76,9 @@ def test_a_block_over_the_end_is_shorter_and_the_next_one_is_stale(
 
 @pytest.mark.parametrize("block_length", [1, 7, 1000])
 def test_guards_break_at_the_same_cycle(recorded: tuple[tuple, tuple], block_length: int) -> None:
-    bound = Bound("has turned", {names.INPUT_ANGLE: 1.0}, high=5000.0, lag=50, is_trip=False)
+    bound = Bound(
+        cause="has turned", weights={names.INPUT_ANGLE: 1.0}, high=5000.0, lag=50, is_trip=False
+    )
     port = replay(recorded)
     port.open()
     blocks = play(port, block_length, Guard((bound,)))

@@ -141,7 +141,14 @@ def running_torques(
             )
         name = f"running_torque_{rpm:.0f}_rpm"
         found[name] = Estimate(
-            name, value, "N m", value - half, value + half, "yes", fit.subject, tuple(budget)
+            name=name,
+            value=value,
+            unit="N m",
+            low=value - half,
+            high=value + half,
+            identifiable="yes",
+            note=fit.subject,
+            budget=tuple(budget),
         )
     return found
 

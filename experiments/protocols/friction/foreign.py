@@ -46,19 +46,25 @@ def friction_in_foreign_unit(recording: Recording, measured: MeasuredFriction) -
             (high if math.isfinite(high) else math.inf),
         )
         estimates[name] = Estimate(
-            name, float(fit.values[k]), units[name], low, high, "yes" if closed else "no", note
+            name=name,
+            value=float(fit.values[k]),
+            unit=units[name],
+            low=low,
+            high=high,
+            identifiable="yes" if closed else "no",
+            note=note,
         )
     text = f'The channel "{measured.channel}" is in {unit}, not N m: friction is that of the whole axis, in {unit}.'
     return Result(
-        recording.metadata.run_id,
-        KIND,
-        estimates,
-        {
+        run=recording.metadata.run_id,
+        kind=KIND,
+        estimates=estimates,
+        metrics={
             "points": float(len(points.speed)),
             "chi_square": fit.chi_square,
             "freedom": float(fit.freedom),
         },
-        (*measured.warnings, *points.warnings, text),
+        warnings=(*measured.warnings, *points.warnings, text),
         tables=(point_table(measured.holds, measured.bracket, None, unit),),
         options={
             "torque_is_of": "motor + gear",

@@ -51,17 +51,33 @@ def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Pl
         1.96 * fit.standard_error[kept] / MILLI,
     )
     series = (
-        Series("measured, half-difference", x, y, "points", y - u, y + u, 0),
         Series(
-            "fitted, equations 18-20",
-            fit.curve_speed[line] / RPM,
-            fit.curve_torque[line] / MILLI,
-            "line",
+            label="measured, half-difference",
+            x=x,
+            y=y,
+            style="points",
+            low=y - u,
+            high=y + u,
+            group=0,
+        ),
+        Series(
+            label="fitted, equations 18-20",
+            x=fit.curve_speed[line] / RPM,
+            y=fit.curve_torque[line] / MILLI,
+            style="line",
             group=1,
         ),
     )
     note = f"torque balance: {fit.torque_balance}"
-    return Plot(name, title, "input speed [r/min]", _label(fit), series, figure="9", note=note)
+    return Plot(
+        name=name,
+        title=title,
+        x_label="input speed [r/min]",
+        y_label=_label(fit),
+        series=series,
+        figure="9",
+        note=note,
+    )
 
 
 def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
@@ -82,30 +98,47 @@ def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
         y = torque / MILLI
         series.append(
             Series(
-                f"measured, {name}", speed / RPM, y, "points", y - u / MILLI, y + u / MILLI, group
+                label=f"measured, {name}",
+                x=speed / RPM,
+                y=y,
+                style="points",
+                low=y - u / MILLI,
+                high=y + u / MILLI,
+                group=group,
             )
         )
         x, curve = direction * fit.curve_speed, direction * fit.curve_torque
-        series.append(Series(f"fitted, {name}", x / RPM, curve / MILLI, "line", group=group))
+        series.append(
+            Series(label=f"fitted, {name}", x=x / RPM, y=curve / MILLI, style="line", group=group)
+        )
     return Plot(
-        "friction-directions",
-        "Friction torque, measured and fitted",
-        "input speed [r/min]",
-        _label(fit),
-        tuple(series),
+        name="friction-directions",
+        title="Friction torque, measured and fitted",
+        x_label="input speed [r/min]",
+        y_label=_label(fit),
+        series=tuple(series),
         figure="17",
     )
 
 
 def _residuals(fit: FrictionFit) -> Plot:
     y, u = (fit.torque - fit.fitted) / MILLI, 1.96 * fit.standard_error / MILLI
-    series = (Series("measured minus fitted", fit.speed / RPM, y, "points", y - u, y + u),)
+    series = (
+        Series(
+            label="measured minus fitted",
+            x=fit.speed / RPM,
+            y=y,
+            style="points",
+            low=y - u,
+            high=y + u,
+        ),
+    )
     return Plot(
-        "friction-residuals",
-        "What the fit leaves",
-        "input speed [r/min]",
-        "residual [mN m]",
-        series,
+        name="friction-residuals",
+        title="What the fit leaves",
+        x_label="input speed [r/min]",
+        y_label="residual [mN m]",
+        series=series,
         x_scale="log",
     )
 
@@ -118,14 +151,16 @@ def _bracket(bracket: list[Hold]) -> Plot:
         if chosen:
             x = np.array([t.time / 60.0 for t in chosen])
             y = np.array([direction * t.torque / MILLI for t in chosen])
-            series.append(Series(name, x, y, "points", group=0 if direction > 0 else 1))
+            series.append(
+                Series(label=name, x=x, y=y, style="points", group=0 if direction > 0 else 1)
+            )
     speed = abs(bracket[0].torque.speed) / RPM
     return Plot(
-        "friction-bracket",
-        f"Reference speed of {speed:.0f} r/min during the sweep",
-        "time [min]",
-        "torque of motor + gear [mN m]",
-        tuple(series),
+        name="friction-bracket",
+        title=f"Reference speed of {speed:.0f} r/min during the sweep",
+        x_label="time [min]",
+        y_label="torque of motor + gear [mN m]",
+        series=tuple(series),
     )
 
 
@@ -141,16 +176,36 @@ def friction_prediction_plot(
     u = 1.96 * points.standard_error / MILLI
     y = torque / MILLI
     series = (
-        Series("measured, half-difference", points.speed / RPM, y, "points", y - u, y + u, 0),
-        Series(gear.name, speed / RPM, friction_torque(gear, speed) / MILLI, "line", group=1),
-        Series("residual", points.speed / RPM, (torque - predicted) / MILLI, "points", group=2),
+        Series(
+            label="measured, half-difference",
+            x=points.speed / RPM,
+            y=y,
+            style="points",
+            low=y - u,
+            high=y + u,
+            group=0,
+        ),
+        Series(
+            label=gear.name,
+            x=speed / RPM,
+            y=friction_torque(gear, speed) / MILLI,
+            style="line",
+            group=1,
+        ),
+        Series(
+            label="residual",
+            x=points.speed / RPM,
+            y=(torque - predicted) / MILLI,
+            style="points",
+            group=2,
+        ),
     )
     return Plot(
-        "friction-prediction",
-        f"Friction of {gear.name} against the run",
-        "input speed [r/min]",
-        f"friction torque of {subject} [mN m]",
-        series,
+        name="friction-prediction",
+        title=f"Friction of {gear.name} against the run",
+        x_label="input speed [r/min]",
+        y_label=f"friction torque of {subject} [mN m]",
+        series=series,
         x_scale="log",
         figure="17",
     )

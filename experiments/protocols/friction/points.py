@@ -47,7 +47,7 @@ FIRST_DAMPING = 0.02
 """Damping ratio of the first mode that the loss near a resonance is estimated with."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MeasuredFriction:
     """Everything a friction analysis takes from its recording."""
 
@@ -105,7 +105,15 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
     speeds = [abs(h.torque.speed) for h in holds]
     tare, said = read_tare(evidence.tare, min(speeds), max(speeds))
     unit = recording.signals[channel].unit
-    return MeasuredFriction(holds, bracket, zero, tare, channel, unit, [*warnings, *remarks, *said])
+    return MeasuredFriction(
+        holds=holds,
+        bracket=bracket,
+        zero=zero,
+        tare=tare,
+        channel=channel,
+        unit=unit,
+        warnings=[*warnings, *remarks, *said],
+    )
 
 
 def reproducibility(bracket: list[Hold]) -> float:

@@ -98,7 +98,7 @@ degrees at the input).
 Curve = Callable[[np.ndarray], np.ndarray]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameters:
     """What a friction run can be told."""
 
@@ -278,19 +278,19 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     )
     run = recording.metadata.run_id
     return Result(
-        run,
-        NAME,
-        estimates,
-        metrics,
-        (*measured.warnings, *fit.warnings),
-        _verdicts(fit, estimates, evidence.gear),
-        friction_plots(fit, brought.holds, measured.bracket, measured.tare),
-        (
+        run=run,
+        kind=NAME,
+        estimates=estimates,
+        metrics=metrics,
+        warnings=(*measured.warnings, *fit.warnings),
+        verdicts=_verdicts(fit, estimates, evidence.gear),
+        plots=friction_plots(fit, brought.holds, measured.bracket, measured.tare),
+        tables=(
             fit_table(fit),
             point_table(measured.holds, measured.bracket, measured.tare),
             budget_table(estimates.values()),
         ),
-        {
+        options={
             "torque_is_of": fit.subject,
             "torque_balance": fit.torque_balance,
             "channel": measured.channel,
@@ -407,11 +407,11 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
             "Without a valid tare a gear's parameter set is compared with motor and gear together."
         )
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        {},
-        metrics,
-        tuple(warnings),
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates={},
+        metrics=metrics,
+        warnings=tuple(warnings),
         plots=(friction_prediction_plot(gear, points, torque, predicted, subject),),
         options={
             "torque_is_of": subject,
@@ -473,12 +473,12 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
 
 
 EXPERIMENT = Experiment(
-    NAME,
-    "Friction",
-    "no-load running torque at constant speeds, both directions, up and down",
-    Parameters,
-    plan,
-    analyse,
+    name=NAME,
+    title="Friction",
+    summary="no-load running torque at constant speeds, both directions, up and down",
+    parameters=Parameters,
+    plan=plan,
+    analyse=analyse,
     needs=("input_angle", "torque"),
     compare=compare,
     identified=identified,

@@ -65,26 +65,26 @@ def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseRe
     middle = float(np.mean(raw - _value(fit, angle))) if len(angle) else 0.0
     series = (
         Series(
-            "measured",
-            np.abs(angle[pick] - start) / REVOLUTION,
-            (raw[pick] - middle) / ARCMIN,
-            "points",
+            label="measured",
+            x=np.abs(angle[pick] - start) / REVOLUTION,
+            y=(raw[pick] - middle) / ARCMIN,
+            style="points",
             group=0,
         ),
         Series(
-            "fitted, equation 16",
-            np.abs(fitted_at - start) / REVOLUTION,
-            fitted / ARCMIN,
-            "line",
+            label="fitted, equation 16",
+            x=np.abs(fitted_at - start) / REVOLUTION,
+            y=fitted / ARCMIN,
+            style="line",
             group=1,
         ),
     )
     return Plot(
-        "kinematic-error",
-        "Kinematic error over the input",
-        "input revolutions",
-        "kinematic error [arcmin]",
-        series,
+        name="kinematic-error",
+        title="Kinematic error over the input",
+        x_label="input revolutions",
+        y_label="kinematic error [arcmin]",
+        series=series,
         figure="12",
     )
 
@@ -121,18 +121,28 @@ def _averaged(fits: list[KinematicErrorFit]) -> Plot:
     for k, fit in enumerate(_one_each_way(fits)):
         way = "forward" if fit.direction > 0 else "reverse"
         x = fit.input_angle / DEGREE
-        series.append(Series(f"measured, {way}", x, fit.measured_curve / ARCMIN, "points", group=k))
-        series.append(Series(f"fitted, {way}", x, fit.fitted_curve / ARCMIN, "line", group=k))
+        series.append(
+            Series(
+                label=f"measured, {way}",
+                x=x,
+                y=fit.measured_curve / ARCMIN,
+                style="points",
+                group=k,
+            )
+        )
+        series.append(
+            Series(label=f"fitted, {way}", x=x, y=fit.fitted_curve / ARCMIN, style="line", group=k)
+        )
     note = ", ".join(
         f"MSE (22) {'forward' if f.direction > 0 else 'reverse'} {f.metrics['mse_curve']:.2g}"
         for f in _one_each_way(fits)
     )
     return Plot(
-        "kinematic-error-fit",
-        "Kinematic error, averaged per input angle",
-        "input angle [deg]",
-        "kinematic error [arcmin]",
-        tuple(series),
+        name="kinematic-error-fit",
+        title="Kinematic error, averaged per input angle",
+        x_label="input angle [deg]",
+        y_label="kinematic error [arcmin]",
+        series=tuple(series),
         figure="13",
         note=note,
     )
@@ -148,13 +158,13 @@ def _spectrum(fits: list[KinematicErrorFit], combined: CombinedKinematicError | 
         orders = np.array([o.order for o in fits[0].orders])
         amplitude = np.array([o.amplitude.value for o in fits[0].orders])
         label = "one direction"
-    bars = Series(label, orders, amplitude / ARCSEC, "bars")
+    bars = Series(label=label, x=orders, y=amplitude / ARCSEC, style="bars")
     return Plot(
-        "kinematic-error-orders",
-        "Orders of the kinematic error",
-        "order per input revolution",
-        "amplitude [arcsec]",
-        (bars,),
+        name="kinematic-error-orders",
+        title="Orders of the kinematic error",
+        x_label="order per input revolution",
+        y_label="amplitude [arcsec]",
+        series=(bars,),
         y_scale="log",
         figure="13",
     )
@@ -167,13 +177,13 @@ def _over_output(fits: list[KinematicErrorFit]) -> Plot:
         x = fit.output_curve_angle / (REVOLUTION * fit.ratio) * 360.0
         pick = slice(None, None, max(1, len(x) // 12000))
         way = "forward" if fit.direction > 0 else "reverse"
-        series.append(Series(way, x[pick], fit.output_curve[pick] / ARCMIN, group=k))
+        series.append(Series(label=way, x=x[pick], y=fit.output_curve[pick] / ARCMIN, group=k))
     return Plot(
-        "transmission-accuracy",
-        "Fitted error over one output revolution",
-        "output angle [deg]",
-        "kinematic error [arcmin]",
-        tuple(series),
+        name="transmission-accuracy",
+        title="Fitted error over one output revolution",
+        x_label="output angle [deg]",
+        y_label="kinematic error [arcmin]",
+        series=tuple(series),
         note="its peak-to-peak is the transmission accuracy",
     )
 
@@ -203,29 +213,40 @@ def _figure_16(relation: PhaseRelation) -> list[Plot]:
     for k, (name, curve, unit, label, key) in enumerate(both):
         extremes = _extremes(curve)
         series = (
-            Series(name, x, curve / unit, "line", group=k),
-            Series("extremes", x[extremes], curve[extremes] / unit, "points", group=k),
+            Series(label=name, x=x, y=curve / unit, style="line", group=k),
+            Series(
+                label="extremes", x=x[extremes], y=curve[extremes] / unit, style="points", group=k
+            ),
         )
         title = f"{name[0].upper()}{name[1:]} over the input revolution"
-        plots.append(Plot(key, title, "input angle [deg]", label, series, figure="16"))
+        plots.append(
+            Plot(
+                name=key,
+                title=title,
+                x_label="input angle [deg]",
+                y_label=label,
+                series=series,
+                figure="16",
+            )
+        )
         size = 0.5 * float(np.ptp(curve))
         if size > 0.0:
-            together.append(Series(name, x, curve / size, "line", group=k))
+            together.append(Series(label=name, x=x, y=curve / size, style="line", group=k))
             together.append(
                 Series(
-                    f"extremes of the {name}",
-                    x[extremes],
-                    curve[extremes] / size,
-                    "points",
+                    label=f"extremes of the {name}",
+                    x=x[extremes],
+                    y=curve[extremes] / size,
+                    style="points",
                     group=k,
                 )
             )
     overlay = Plot(
-        "figure-16",
-        "Do friction torque and kinematic error have their extremes together?",
-        "input angle [deg]",
-        "share of half the peak-to-peak",
-        tuple(together),
+        name="figure-16",
+        title="Do friction torque and kinematic error have their extremes together?",
+        x_label="input angle [deg]",
+        y_label="share of half the peak-to-peak",
+        series=tuple(together),
         figure="16",
         note=relation.sentence,
     )
@@ -254,16 +275,22 @@ def prediction_plot(gear: HarmonicDrive, fit: KinematicErrorFit) -> Plot:
     predicted = predicted - predicted.mean() + fit.measured_curve.mean()
     x = fit.input_angle / DEGREE
     series = (
-        Series("measured", x, fit.measured_curve / ARCMIN, "points", group=0),
-        Series(gear.name, x, predicted / ARCMIN, "line", group=1),
-        Series("residual", x, (fit.measured_curve - predicted) / ARCMIN, "line", group=2),
+        Series(label="measured", x=x, y=fit.measured_curve / ARCMIN, style="points", group=0),
+        Series(label=gear.name, x=x, y=predicted / ARCMIN, style="line", group=1),
+        Series(
+            label="residual",
+            x=x,
+            y=(fit.measured_curve - predicted) / ARCMIN,
+            style="line",
+            group=2,
+        ),
     )
     return Plot(
-        f"kinematic-error-prediction-{way}",
-        f"Kinematic error of {gear.name} against the run, {way}",
-        "input angle [deg]",
-        "kinematic error [arcmin]",
-        series,
+        name=f"kinematic-error-prediction-{way}",
+        title=f"Kinematic error of {gear.name} against the run, {way}",
+        x_label="input angle [deg]",
+        y_label="kinematic error [arcmin]",
+        series=series,
         figure="13",
     )
 

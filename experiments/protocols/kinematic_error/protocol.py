@@ -66,7 +66,7 @@ from model.units import RPM
 NAME = "kinematic-error"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameters:
     """What a kinematic-error run can be told."""
 
@@ -162,7 +162,7 @@ class Traverse:
     torque: AngleFit | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Context:
     """What every traverse of one recording shares."""
 
@@ -214,17 +214,17 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         if name.startswith("transmission_")
     ]
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        estimates,
-        metrics,
-        tuple(dict.fromkeys(warnings)),
-        tuple(verdicts),
-        kinematic_error_plots(
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates=estimates,
+        metrics=metrics,
+        warnings=tuple(dict.fromkeys(warnings)),
+        verdicts=tuple(verdicts),
+        plots=kinematic_error_plots(
             [t.fit for t in traverses], combined[0], relation, recording, context.reference
         ),
-        (order_table(combined[0]), budget_table(estimates.values())),
-        options,
+        tables=(order_table(combined[0]), budget_table(estimates.values())),
+        options=options,
     )
 
 
@@ -264,14 +264,14 @@ def _prepare(
     accuracy_order = settings.get("accuracy_order")
     return (
         _Context(
-            recording,
-            ratio,
-            basis,
-            encoders,
-            reference,
-            zero,
-            accuracy_order,
-            bool(settings.get("edge_triggered", False)),
+            recording=recording,
+            ratio=ratio,
+            basis=basis,
+            encoders=encoders,
+            reference=reference,
+            zero=zero,
+            accuracy_order=accuracy_order,
+            edge_triggered=bool(settings.get("edge_triggered", False)),
         ),
         segments,
         warnings,
@@ -373,15 +373,15 @@ def _one_direction(
     tables = (budget_table(estimates.values()),)
     run = context.recording.metadata.run_id
     return Result(
-        run,
-        NAME,
-        estimates,
-        metrics,
-        tuple(dict.fromkeys(warnings)),
-        verdicts,
-        plots,
-        tables,
-        _options(context),
+        run=run,
+        kind=NAME,
+        estimates=estimates,
+        metrics=metrics,
+        warnings=tuple(dict.fromkeys(warnings)),
+        verdicts=verdicts,
+        plots=plots,
+        tables=tables,
+        options=_options(context),
     )
 
 
@@ -501,11 +501,11 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
         )
     plots = tuple(prediction_plot(gear, t.fit) for t in traverses[:2])
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        {},
-        metrics,
-        tuple(warnings),
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates={},
+        metrics=metrics,
+        warnings=tuple(warnings),
         plots=plots,
         options={**_options(context), "parameter_set": gear.name, "fitted": "nothing"},
     )
@@ -568,12 +568,12 @@ def _order_of(label: str, ratio: float) -> float:
 
 
 EXPERIMENT = Experiment(
-    NAME,
-    "Kinematic error",
-    "kinematic error over whole output revolutions at low speed, both directions",
-    Parameters,
-    plan,
-    analyse,
+    name=NAME,
+    title="Kinematic error",
+    summary="kinematic error over whole output revolutions at low speed, both directions",
+    parameters=Parameters,
+    plan=plan,
+    analyse=analyse,
     compare=compare,
     identified=identified,
 )

@@ -58,18 +58,22 @@ def _figure_19(steps: list[RecordedStep], scores: list[StepScore], label: str) -
         shown = score.time <= max(SHOWN, 3.0 * 60.0 / max(rpm, 1))
         x = score.time[shown]
         series = (
-            Series("measured", x, score.measured_speed[shown] / RPM, "points", group=0),
-            Series(label, x, score.predicted_speed[shown] / RPM, "line", group=1),
-            Series("rigid gear", x, score.rigid_speed[shown] / RPM, "line", group=2),
+            Series(
+                label="measured", x=x, y=score.measured_speed[shown] / RPM, style="points", group=0
+            ),
+            Series(label=label, x=x, y=score.predicted_speed[shown] / RPM, style="line", group=1),
+            Series(
+                label="rigid gear", x=x, y=score.rigid_speed[shown] / RPM, style="line", group=2
+            ),
         )
         note = f"skill on the output speed {score.metrics['skill_speed']:.2f} against a rigid gear with kinematic error"
         plots.append(
             Plot(
-                f"velocity-step-{rpm}",
-                f"Velocity step to {rpm} r/min at the input",
-                "time [s]",
-                "output speed [r/min]",
-                series,
+                name=f"velocity-step-{rpm}",
+                title=f"Velocity step to {rpm} r/min at the input",
+                x_label="time [s]",
+                y_label="output speed [r/min]",
+                series=series,
                 figure="19",
                 note=note,
             )
@@ -88,16 +92,28 @@ def _resonance(combined: CombinedSteps) -> Plot:
                 for v in (combined.low, combined.high)
             )
             y = np.sqrt(combined.stiffness_over_inertia[chosen]) / (2.0 * math.pi)
-            series.append(Series(name, x, y, "points", low, high, 0 if sign > 0 else 1))
+            series.append(
+                Series(
+                    label=name,
+                    x=x,
+                    y=y,
+                    style="points",
+                    low=low,
+                    high=high,
+                    group=0 if sign > 0 else 1,
+                )
+            )
     mean = combined.estimates["frequency"].value
     ends = np.array([np.abs(combined.speed).min(), np.abs(combined.speed).max()]) / RPM
-    series.append(Series("weighted mean", ends, np.array([mean, mean]), "line", group=2))
+    series.append(
+        Series(label="weighted mean", x=ends, y=np.array([mean, mean]), style="line", group=2)
+    )
     return Plot(
-        "step-resonance",
-        "Torsional resonance per step",
-        "input speed [r/min]",
-        "frequency [Hz]",
-        tuple(series),
+        name="step-resonance",
+        title="Torsional resonance per step",
+        x_label="input speed [r/min]",
+        y_label="frequency [Hz]",
+        series=tuple(series),
         note="a trend is the hardening of the stiffness",
     )
 
@@ -108,13 +124,13 @@ def _skills(steps: list[RecordedStep], scores: list[StepScore]) -> Plot:
     names = (("skill", "deviation x"), ("skill_speed", "output speed"))
     for k, (name, label) in enumerate(names):
         y = np.array([score.metrics[name] for score in scores])
-        series.append(Series(label, x, y, "points", group=k))
+        series.append(Series(label=label, x=x, y=y, style="points", group=k))
     return Plot(
-        "step-skill",
-        "Skill against a rigid gear with kinematic error",
-        "input speed [r/min]",
-        "1 - SSE/SSE of the null [1]",
-        tuple(series),
+        name="step-skill",
+        title="Skill against a rigid gear with kinematic error",
+        x_label="input speed [r/min]",
+        y_label="1 - SSE/SSE of the null [1]",
+        series=tuple(series),
         x_scale="log",
         note="0 is no better than a rigid gear with kinematic error, 1 is perfect",
     )
@@ -136,17 +152,23 @@ def _orders(steps: list[RecordedStep], fits: list[StepFit]) -> list[Plot]:
             continue
         label = f"{abs(step.segment.setpoint) / RPM:.0f} r/min"
         series.append(
-            Series(label, found.orders[1:], found.amplitude[1:] / ARCSEC, "line", group=len(series))
+            Series(
+                label=label,
+                x=found.orders[1:],
+                y=found.amplitude[1:] / ARCSEC,
+                style="line",
+                group=len(series),
+            )
         )
     if not series:
         return []
     return [
         Plot(
-            "step-orders",
-            "Orders of the deviation at speed",
-            "order per input revolution",
-            "amplitude [arcsec]",
-            tuple(series),
+            name="step-orders",
+            title="Orders of the deviation at speed",
+            x_label="order per input revolution",
+            y_label="amplitude [arcsec]",
+            series=tuple(series),
             y_scale="log",
         )
     ]

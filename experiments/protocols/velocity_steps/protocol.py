@@ -58,7 +58,7 @@ from model.units import REVOLUTION, RPM
 NAME = "velocity-steps"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parameters:
     """What a velocity-step run can be told."""
 
@@ -160,11 +160,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "one that a kinematic-error run identified."
         )
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        estimates,
-        _metrics(fits),
-        tuple(dict.fromkeys(warnings)),
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates=estimates,
+        metrics=_metrics(fits),
+        warnings=tuple(dict.fromkeys(warnings)),
         plots=fitted_step_plots(steps, fits, combined),
         tables=(
             step_table(steps, fits),
@@ -270,7 +270,14 @@ def _output_inertia(
             scale_line(recording, mean),
         )
         estimates[name] = Estimate(
-            name, mean, parts[0].unit, mean - half, mean + half, known, note, budget
+            name=name,
+            value=mean,
+            unit=parts[0].unit,
+            low=mean - half,
+            high=mean + half,
+            identifiable=known,
+            note=note,
+            budget=budget,
         )
     inertia = estimates["output_inertia"]
     value = inertia.value * ratio.value
@@ -282,14 +289,14 @@ def _output_inertia(
         f"; {inertia.note}" if inertia.note else ""
     )
     estimates["output_stiffness"] = Estimate(
-        "output_stiffness",
-        value,
-        "N m/rad",
-        value * (1.0 - relative),
-        value * (1.0 + relative),
-        inertia.identifiable,
-        note,
-        (
+        name="output_stiffness",
+        value=value,
+        unit="N m/rad",
+        low=value * (1.0 - relative),
+        high=value * (1.0 + relative),
+        identifiable=inertia.identifiable,
+        note=note,
+        budget=(
             BudgetLine("inertia and resonance", "A", 0.5 * relative * abs(value)),
             scale_line(recording, value),
         ),
@@ -352,11 +359,11 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
         "damping_of_the_set": mode.damping_ratio,
     }
     return Result(
-        recording.metadata.run_id,
-        NAME,
-        {},
-        {"steps": float(len(steps)), **metrics},
-        tuple(warnings),
+        run=recording.metadata.run_id,
+        kind=NAME,
+        estimates={},
+        metrics={"steps": float(len(steps)), **metrics},
+        warnings=tuple(warnings),
         plots=scored_step_plots(steps, scores, gear.name),
         tables=(score_table(steps, scores),),
         options={
@@ -426,12 +433,12 @@ def _damping_for(gear: HarmonicDrive, wanted: float) -> tuple[str, float]:
 
 
 EXPERIMENT = Experiment(
-    NAME,
-    "Velocity steps",
-    "speed steps, simulated output against measured output per speed",
-    Parameters,
-    plan,
-    analyse,
+    name=NAME,
+    title="Velocity steps",
+    summary="speed steps, simulated output against measured output per speed",
+    parameters=Parameters,
+    plan=plan,
+    analyse=analyse,
     compare=compare,
     identified=identified,
 )

@@ -53,16 +53,16 @@ def passport(
     origins = sorted({run.origin for run in gathered.runs})
     mark = " / ".join(ORIGIN_WORDS.get(one, one.upper()) for one in origins if one != "hardware")
     return Passport(
-        serial,
-        next((run.gear for run in reversed(gathered.runs) if run.gear), ""),
-        mark,
-        gathered.runs,
-        series,
-        spectrum_plots(found),
-        tuple(point_table(one) for one in series),
-        (*gathered.missing, *_missing(gathered, series)),
-        gathered.left_out,
-        RULES,
+        serial=serial,
+        gear=next((run.gear for run in reversed(gathered.runs) if run.gear), ""),
+        mark=mark,
+        runs=gathered.runs,
+        series=series,
+        spectra=spectrum_plots(found),
+        tables=tuple(point_table(one) for one in series),
+        missing=(*gathered.missing, *_missing(gathered, series)),
+        left_out=gathered.left_out,
+        rules=RULES,
     )
 
 

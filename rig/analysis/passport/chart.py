@@ -52,14 +52,14 @@ def control_limits(
         return None
     centre, sigma = float(x.mean()), mean_range / D2
     return ControlLimits(
-        centre,
-        sigma,
-        centre - 3.0 * sigma,
-        centre + 3.0 * sigma,
-        mean_range,
-        D4 * mean_range,
-        tuple(runs[: len(x)]),
-        false_alarm_share(len(x)),
+        centre=centre,
+        sigma=sigma,
+        lower=centre - 3.0 * sigma,
+        upper=centre + 3.0 * sigma,
+        moving_range=mean_range,
+        moving_range_upper=D4 * mean_range,
+        runs=tuple(runs[: len(x)]),
+        false_alarms=false_alarm_share(len(x)),
     )
 
 

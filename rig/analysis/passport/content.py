@@ -15,7 +15,7 @@ from rig.library.index import IndexedRun
 State = Literal["in control", "to be watched", "out of control", "no control limits yet"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PassportPoint:
     """One run in a series; numbers in the unit of the series (SI).
 
@@ -46,7 +46,7 @@ class PassportPoint:
         return {**vars(self), "path": str(self.path)}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ControlLimits:
     """Limits of an individuals chart, from the mean moving range of the first runs: centre +- 3 MR/1.128.
 
@@ -78,7 +78,7 @@ class CatalogueLimit:
     provenance: Provenance
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PassportSeries:
     """One quantity over time, of runs that can be compared: one origin, one mounting, one subject,
     one protocol setting.
@@ -155,7 +155,7 @@ class Missing:
         return dict(vars(self))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Passport:
     """A gear's life as its runs tell it.
 

@@ -42,14 +42,24 @@ def control_plot(
     u = np.where(np.isfinite(u), u, 0.0)
     across = np.array([0.5, max(len(points), 1) + 0.5])
     out = np.array([bool(point.signals) for point in points], dtype=bool)
-    series = [Series("in order of time", x, y, "line", group=MEASURED)]
+    series = [Series(label="in order of time", x=x, y=y, style="line", group=MEASURED)]
     for label, chosen, colour in (
         ("run, with U (k = 2)", ~out, MEASURED),
         ("signals a change", out, SIGNALS),
     ):
         if chosen.any():
             low, high = (y - u)[chosen], (y + u)[chosen]
-            series.append(Series(label, x[chosen], y[chosen], "points", low, high, colour))
+            series.append(
+                Series(
+                    label=label,
+                    x=x[chosen],
+                    y=y[chosen],
+                    style="points",
+                    low=low,
+                    high=high,
+                    group=colour,
+                )
+            )
     if control is not None:
         lines = {
             "centre line": control.centre,
@@ -58,13 +68,23 @@ def control_plot(
         }
         for label, value in lines.items():
             series.append(
-                Series(label, across, np.full(2, value / quantity.factor), "line", group=CONTROL)
+                Series(
+                    label=label,
+                    x=across,
+                    y=np.full(2, value / quantity.factor),
+                    style="line",
+                    group=CONTROL,
+                )
             )
     if limit is not None:
         label = f"limit ({limit.provenance})"
         series.append(
             Series(
-                label, across, np.full(2, limit.value / quantity.factor), "line", group=CATALOGUE
+                label=label,
+                x=across,
+                y=np.full(2, limit.value / quantity.factor),
+                style="line",
+                group=CATALOGUE,
             )
         )
     days = (
@@ -74,11 +94,11 @@ def control_plot(
     )
     note = ". ".join(text for text in (mark, days) if text)
     return Plot(
-        f"passport-{quantity.key}",
-        title,
-        "run of this series, in order of time",
-        f"{quantity.axis} [{quantity.display_unit}]",
-        tuple(series),
+        name=f"passport-{quantity.key}",
+        title=title,
+        x_label="run of this series, in order of time",
+        y_label=f"{quantity.axis} [{quantity.display_unit}]",
+        series=tuple(series),
         note=note,
     )
 
@@ -113,24 +133,24 @@ def _spectrum_plot(
         mean = np.array([sum(values) / len(values) for values in every]) / ARCSEC
         series.append(
             Series(
-                f"mean and range of {len(members)} runs",
-                np.array(orders),
-                mean,
-                "points",
-                low,
-                high,
-                2,
+                label=f"mean and range of {len(members)} runs",
+                x=np.array(orders),
+                y=mean,
+                style="points",
+                low=low,
+                high=high,
+                group=2,
             )
         )
     if len(members) > 1:
         series.append(_drawn(f"run {members[-1].run.run_id}, the newest", spectra[-1], 1))
     words = f" ({', '.join(conditions)})" if several else ""
     return Plot(
-        "passport-order-spectrum",
-        f"Order spectrum of the kinematic error{words}",
-        "order [cycles per input revolution]",
-        "amplitude [arcsec]",
-        tuple(series),
+        name="passport-order-spectrum",
+        title=f"Order spectrum of the kinematic error{words}",
+        x_label="order [cycles per input revolution]",
+        y_label="amplitude [arcsec]",
+        series=tuple(series),
         y_scale="log",
         note=ORIGIN_WORDS.get(origin, ""),
     )
@@ -142,13 +162,13 @@ def _drawn(label: str, spectrum: Mapping[float, tuple[float, float]], group: int
     amplitude, u = values[:, 0], values[:, 1]
     # On a logarithmic scale an interval cannot reach zero.
     return Series(
-        label,
-        orders,
-        amplitude,
-        "points",
-        np.maximum(amplitude - u, 1e-3 * amplitude),
-        amplitude + u,
-        group,
+        label=label,
+        x=orders,
+        y=amplitude,
+        style="points",
+        low=np.maximum(amplitude - u, 1e-3 * amplitude),
+        high=amplitude + u,
+        group=group,
     )
 
 

@@ -24,7 +24,7 @@ COUNTED_OUTCOMES = ("PASS", "MARGINAL", "FAIL", "")
 """Outcomes of runs that were brought to their end ("" is an imported recording's)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FoundRun:
     """One run with one analysis: the facts that make runs comparable, what may change from run to
     run, the estimates.
@@ -190,13 +190,13 @@ def _found(run: IndexedRun, recording: Recording, analysis: Analysis) -> FoundRu
     }
     warmth = result.get("metrics", {}).get("housing_temperature")
     return FoundRun(
-        run,
-        analysis,
-        m.origin,
-        facts,
-        changing,
-        standing,
-        result.get("parameters", {}),
-        result.get("verdicts", ()),
-        float(warmth) if isinstance(warmth, (int, float)) else None,
+        run=run,
+        analysis=analysis,
+        origin=m.origin,
+        facts=facts,
+        changing=changing,
+        footing=standing,
+        estimates=result.get("parameters", {}),
+        verdicts=result.get("verdicts", ()),
+        housing_temperature=float(warmth) if isinstance(warmth, (int, float)) else None,
     )

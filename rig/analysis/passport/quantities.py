@@ -22,7 +22,7 @@ NOMINAL_RATIO = 100.0
 Facts = Mapping[str, str]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Quantity:
     """One followed quantity: its key among the estimates of a kind of analysis, title, definition, unit for people.
 
@@ -54,59 +54,60 @@ _ACCURACY = (
 def _accuracy(key: str, way: str) -> Quantity:
     title = f"Transmission accuracy, {way}"
     return Quantity(
-        key,
-        "kinematic-error",
-        title,
-        _ACCURACY,
-        ARCMIN,
-        "arcmin",
-        _COMPARED_ERROR,
-        "rig run kinematic-error",
-        "transmission accuracy",
+        key=key,
+        kind="kinematic-error",
+        title=title,
+        definition=_ACCURACY,
+        factor=ARCMIN,
+        display_unit="arcmin",
+        compared_by=_COMPARED_ERROR,
+        step="rig run kinematic-error",
+        axis="transmission accuracy",
     )
 
 
 def _running(rpm: int) -> Quantity:
     return Quantity(
-        f"running_torque_{rpm}_rpm",
-        "friction",
-        f"No-load running torque at {rpm} r/min",
-        "torque that keeps the input turning at this speed, nothing on the output",
-        MILLI,
-        "mN m",
-        _COMPARED_TORQUE,
-        "rig run friction",
-        "running torque",
+        key=f"running_torque_{rpm}_rpm",
+        kind="friction",
+        title=f"No-load running torque at {rpm} r/min",
+        definition="torque that keeps the input turning at this speed, nothing on the output",
+        factor=MILLI,
+        display_unit="mN m",
+        compared_by=_COMPARED_TORQUE,
+        step="rig run friction",
+        axis="running torque",
     )
 
 
 def _starting(key: str, way: str) -> Quantity:
     return Quantity(
-        key,
-        "starting-torque",
-        f"No-load starting torque, {way}",
-        "quasi-static torque at which the input begins to turn, nothing on the output; mean "
+        key=key,
+        kind="starting-torque",
+        title=f"No-load starting torque, {way}",
+        definition="quasi-static torque at which the input begins to turn, nothing on the output; mean "
         "over wave-generator positions",
-        MILLI,
-        "mN m",
-        (*_COMPARED_TORQUE, "ramp"),
-        "rig run starting-torque",
-        "starting torque",
+        factor=MILLI,
+        display_unit="mN m",
+        compared_by=(*_COMPARED_TORQUE, "ramp"),
+        step="rig run starting-torque",
+        axis="starting torque",
     )
 
 
 def order_quantity(label: str) -> Quantity:
     """The amplitude of one order of the kinematic error."""
     return Quantity(
-        f"amplitude_{label}",
-        "kinematic-error",
-        f"Kinematic error, amplitude of order {label}",
-        "amplitude of this order of the kinematic error, cycles per input revolution; mean of both directions",
-        ARCSEC,
-        "arcsec",
-        _COMPARED_ERROR,
-        "rig run kinematic-error",
-        "amplitude",
+        key=f"amplitude_{label}",
+        kind="kinematic-error",
+        title=f"Kinematic error, amplitude of order {label}",
+        definition="amplitude of this order of the kinematic error, cycles per input revolution; "
+        "mean of both directions",
+        factor=ARCSEC,
+        display_unit="arcsec",
+        compared_by=_COMPARED_ERROR,
+        step="rig run kinematic-error",
+        axis="amplitude",
     )
 
 

@@ -76,21 +76,21 @@ def _one_series(
     origin = members[0].origin
     notes = _notes(points, control, limit, quantity, baseline)
     return PassportSeries(
-        " | ".join((origin, quantity.key, *conditions.values())),
-        quantity.key,
-        title,
-        quantity.definition,
-        quantity.kind,
-        str(members[0].estimates[quantity.key].get("unit", "")),
-        quantity.factor,
-        quantity.display_unit,
-        origin,
-        conditions,
-        points,
-        control_plot(quantity, title, points, control, limit, ORIGIN_WORDS.get(origin, "")),
-        control,
-        limit,
-        notes,
+        key=" | ".join((origin, quantity.key, *conditions.values())),
+        quantity=quantity.key,
+        title=title,
+        definition=quantity.definition,
+        kind=quantity.kind,
+        unit=str(members[0].estimates[quantity.key].get("unit", "")),
+        factor=quantity.factor,
+        display_unit=quantity.display_unit,
+        origin=origin,
+        conditions=conditions,
+        points=points,
+        plot=control_plot(quantity, title, points, control, limit, ORIGIN_WORDS.get(origin, "")),
+        control=control,
+        limit=limit,
+        notes=notes,
     )
 
 
@@ -124,21 +124,21 @@ def _point(
         own = own_uncertainty(estimate, same_things(members[0].footing, one.footing))
         within = abs(value - control.centre) <= own
     return PassportPoint(
-        index + 1,
-        one.run.run_id,
-        one.run.number,
-        one.run.path,
-        one.run.start,
-        value,
-        _number(estimate.get("low")),
-        _number(estimate.get("high")),
-        _number(estimate.get("expanded_uncertainty")),
-        str(estimate.get("identifiability", "yes")),
-        f"{one.analysis.path.parent.name}/{one.analysis.path.name}",
-        signals,
-        within,
-        one.housing_temperature,
-        tuple(remarks),
+        position=index + 1,
+        run=one.run.run_id,
+        number=one.run.number,
+        path=one.run.path,
+        start=one.run.start,
+        value=value,
+        low=_number(estimate.get("low")),
+        high=_number(estimate.get("high")),
+        expanded_uncertainty=_number(estimate.get("expanded_uncertainty")),
+        identifiability=str(estimate.get("identifiability", "yes")),
+        analysis=f"{one.analysis.path.parent.name}/{one.analysis.path.name}",
+        signals=signals,
+        within_uncertainty=within,
+        housing_temperature=one.housing_temperature,
+        remarks=tuple(remarks),
     )
 
 

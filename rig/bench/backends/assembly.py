@@ -13,7 +13,7 @@ from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Bench:
     """A rig that can be run: its port, its clock, and whether its time is that of the wall.
 
@@ -34,7 +34,7 @@ class Bench:
     lock_memory: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BenchRequest:
     """What a rig is asked for.
 

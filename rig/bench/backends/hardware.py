@@ -50,9 +50,9 @@ def hardware(request: BenchRequest) -> Bench:
     port = CanRig(config, clock, lambda: open_raw_bus(bus), time_base=bus.time_base)
     real_time, guard = configuration.real_time, configuration.guard
     return Bench(
-        "hardware",
-        port,
-        clock,
+        name="hardware",
+        port=port,
+        clock=clock,
         real_time=True,
         second_bus=lambda: open_raw_bus(bus),
         guard=None if guard is None else lambda: _read_guard(port, guard),
@@ -105,14 +105,14 @@ def readout_config(configuration: RigConfiguration) -> ReadoutConfig | None:
     if found is None:
         return None
     return ReadoutConfig(
-        found.url,
-        found.baud_rate,
-        found.data_bits,
-        found.parity,
-        found.stop_bits,
-        found.xon_xoff,
-        found.storage_delay_ms,
-        found.answer_ms,
+        url=found.url,
+        baud=found.baud_rate,
+        data_bits=found.data_bits,
+        parity=found.parity,
+        stop_bits=found.stop_bits,
+        xon_xoff=found.xon_xoff,
+        storage_delay_ms=found.storage_delay_ms,
+        answer_ms=found.answer_ms,
     )
 
 
@@ -177,18 +177,18 @@ def _drive(drive: described.Drive, folder: Path) -> DriveConfig:
 
 def _motor_encoder(encoder: described.MotorEncoder, motor: ServoMotor) -> MotorEncoder:
     return MotorEncoder(
-        encoder.lines,
-        encoder.multiplication,
-        encoder.direction,
-        1.5 * motor.maximum_speed,
-        encoder.modulus,
-        _object(encoder.index_position, "index position"),
-        _object(encoder.index_status, "index status"),
-        encoder.index_mask,
-        "motor encoder",
-        encoder.model,
-        encoder.serial_number,
-        _calibration(encoder.calibration),
+        lines=encoder.lines,
+        multiplication=encoder.multiplication,
+        direction=encoder.direction,
+        largest_speed=1.5 * motor.maximum_speed,
+        modulus=encoder.modulus,
+        index_position=_object(encoder.index_position, "index position"),
+        index_status=_object(encoder.index_status, "index status"),
+        index_mask=encoder.index_mask,
+        long_name="motor encoder",
+        model=encoder.model,
+        serial_number=encoder.serial_number,
+        calibration=_calibration(encoder.calibration),
     )
 
 
@@ -255,5 +255,10 @@ def _analog_input(found: described.AnalogInput, rated_torque: float) -> AnalogIn
         )
     per_volt = found.unit_per_volt if found.unit_per_volt is not None else math.nan
     return AnalogInput(
-        found.channel, found.unit, source, found.volts_per_count, per_volt, **details
+        channel=found.channel,
+        unit=found.unit,
+        source=source,
+        volts_per_count=found.volts_per_count,
+        unit_per_volt=per_volt,
+        **details,
     )  # type: ignore[arg-type]

@@ -40,4 +40,4 @@ def replayed(path: Path) -> Bench:
         truth=recording.metadata.process.get("truth"),
         clock=clock,
     )
-    return Bench("replay", port, clock)
+    return Bench(name="replay", port=port, clock=clock)

@@ -42,7 +42,7 @@ def simulated(request: BenchRequest) -> Bench:
     from sim_backend.direct import SimulatedRig
 
     clock = VirtualClock(time.time_ns())
-    return Bench("sim", SimulatedRig(**seeds_of(request), clock=clock), clock)
+    return Bench(name="sim", port=SimulatedRig(**seeds_of(request), clock=clock), clock=clock)
 
 
 def on_the_wire(request: BenchRequest) -> Bench:
@@ -51,7 +51,7 @@ def on_the_wire(request: BenchRequest) -> Bench:
 
     made = seeds_of(request)
     bench = WireBench(**made, clock=VirtualClock(time.time_ns()))
-    return Bench("wire", wire_port(bench, made["motor"]), bench.clock)
+    return Bench(name="wire", port=wire_port(bench, made["motor"]), clock=bench.clock)
 
 
 def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None = None) -> CanRig:
@@ -86,25 +86,27 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
     inner, outer = by_name[names.INPUT_ANGLE], by_name[names.OUTPUT_ANGLE]
     thermometers = tuple(
         AnalogInput(
-            name,
-            "degC",
-            ObjectRef(0x6401, sub, I16, name.replace("_", " ")),
-            VOLTS_PER_INCREMENT,
-            32.0,
+            channel=name,
+            unit="degC",
+            source=ObjectRef(0x6401, sub, I16, name.replace("_", " ")),
+            volts_per_count=VOLTS_PER_INCREMENT,
+            unit_per_volt=32.0,
         )
         for sub, name in ((3, names.HOUSING_TEMPERATURE), (4, names.AMBIENT_TEMPERATURE))
     )
     return CanRigConfig(
         cycle_ns=bench.cycle_ns,
-        drive=DriveConfig(DRIVE_NODE),
+        drive=DriveConfig(node_id=DRIVE_NODE),
         motor_encoder=MotorEncoder(
-            inner.lines, inner.multiplication, largest_speed=1.5 * motor.maximum_speed
+            lines=inner.lines,
+            multiplication=inner.multiplication,
+            largest_speed=1.5 * motor.maximum_speed,
         ),
         counters=(
             CounterConfig(
-                COUNTER_NODE,
-                outer.lines,
-                outer.multiplication,
+                node_id=COUNTER_NODE,
+                lines=outer.lines,
+                multiplication=outer.multiplication,
                 position=ObjectRef(0x6004, 0, I32, "position value"),
                 index_position=ObjectRef(0x2000, 1, U32, "index position"),
                 index_status=ObjectRef(0x2000, 2, U8, "index marks seen"),

@@ -41,14 +41,24 @@ def _speed(preview: PlanPreview) -> Plot:
     scale, label = _axis(preview)
     time, speed = preview.timeline.polyline()
     rows = _thinned(speed)
-    series = [Series("set-point", scale * time[rows], speed[rows] / RPM)]
+    series = [Series(label="set-point", x=scale * time[rows], y=speed[rows] / RPM)]
     limit, title = _limit(preview, lim.INPUT_SPEED, 1.0 / RPM, "r/min", speed / RPM)
     series += limit
     prompts = [mark for mark in preview.marks if mark.kind == "prompt"]
     if prompts:
         at = scale * np.array([mark.time for mark in prompts])
-        series.append(Series(f"prompts: {len(prompts)}", at, np.zeros(len(at)), "points", group=3))
-    return Plot("preview-speed", f"Input speed{title}", label, "speed [r/min]", tuple(series))
+        series.append(
+            Series(
+                label=f"prompts: {len(prompts)}", x=at, y=np.zeros(len(at)), style="points", group=3
+            )
+        )
+    return Plot(
+        name="preview-speed",
+        title=f"Input speed{title}",
+        x_label=label,
+        y_label="speed [r/min]",
+        series=tuple(series),
+    )
 
 
 def _torque(preview: PlanPreview) -> Plot:
@@ -57,22 +67,26 @@ def _torque(preview: PlanPreview) -> Plot:
     rows = _thinned(torque.low, torque.high)
     series = [
         Series(
-            "predicted, with 95 % band",
-            scale * preview.time[rows],
-            torque.value[rows],
-            "band",
+            label="predicted, with 95 % band",
+            x=scale * preview.time[rows],
+            y=torque.value[rows],
+            style="band",
             low=torque.low[rows],
             high=torque.high[rows],
         )
     ]
     time, setpoint = preview.timeline.torque_line()
     if len(time):
-        series.append(Series("torque ramps", scale * time, setpoint, group=2))
+        series.append(Series(label="torque ramps", x=scale * time, y=setpoint, group=2))
     limit, title = _limit(
         preview, lim.MOTOR_TORQUE, 1.0, "N m", np.concatenate([torque.low, torque.high])
     )
     return Plot(
-        "preview-torque", f"Torque at the motor{title}", label, "torque [N m]", (*series, *limit)
+        name="preview-torque",
+        title=f"Torque at the motor{title}",
+        x_label=label,
+        y_label="torque [N m]",
+        series=(*series, *limit),
     )
 
 
@@ -83,15 +97,21 @@ def _output(preview: PlanPreview) -> Plot:
     )
     speed, ripple = preview.output_speed[rows] / RPM, preview.output_ripple[rows] / RPM
     series = Series(
-        "with the ripple of the kinematic error",
-        scale * preview.time[rows],
-        speed,
-        "band",
+        label="with the ripple of the kinematic error",
+        x=scale * preview.time[rows],
+        y=speed,
+        style="band",
         low=speed - ripple,
         high=speed + ripple,
         group=2,
     )
-    return Plot("preview-output", "Output speed", label, "speed [r/min]", (series,))
+    return Plot(
+        name="preview-output",
+        title="Output speed",
+        x_label=label,
+        y_label="speed [r/min]",
+        series=(series,),
+    )
 
 
 def _error(preview: PlanPreview) -> Plot:
@@ -99,32 +119,43 @@ def _error(preview: PlanPreview) -> Plot:
     assert error is not None
     value, doubt = error.value / ARCMIN, error.uncertainty / ARCMIN
     series = Series(
-        "of the parameter set, with 95 % band",
-        error.angle / DEGREE,
-        value,
-        "band",
+        label="of the parameter set, with 95 % band",
+        x=error.angle / DEGREE,
+        y=value,
+        style="band",
         low=value - doubt,
         high=value + doubt,
         group=1,
     )
     title = "Kinematic error over one input revolution"
-    return Plot("preview-kinematic-error", title, "input angle [deg]", "error [arcmin]", (series,))
+    return Plot(
+        name="preview-kinematic-error",
+        title=title,
+        x_label="input angle [deg]",
+        y_label="error [arcmin]",
+        series=(series,),
+    )
 
 
 def _friction(preview: PlanPreview) -> Plot:
     curve = preview.curve
     of = "motor and gear" if preview.error is not None else "the motor"
     series = Series(
-        f"{of}, with 95 % band",
-        preview.curve_speed / RPM,
-        curve.value,
-        "band",
+        label=f"{of}, with 95 % band",
+        x=preview.curve_speed / RPM,
+        y=curve.value,
+        style="band",
         low=curve.low,
         high=curve.high,
     )
     title = f"Running torque of {of} over speed"
     return Plot(
-        "preview-friction", title, "input speed [r/min]", "torque [N m]", (series,), x_scale="log"
+        name="preview-friction",
+        title=title,
+        x_label="input speed [r/min]",
+        y_label="torque [N m]",
+        series=(series,),
+        x_scale="log",
     )
 
 
@@ -145,4 +176,4 @@ def _limit(
     end = _axis(preview)[0] * preview.timeline.duration
     ends = np.array([0.0, end, np.nan, 0.0, end])
     sides = limit * np.array([1.0, 1.0, np.nan, -1.0, -1.0])
-    return [Series(f"limit ±{limit:.4g} {unit}", ends, sides, group=1)], ""
+    return [Series(label=f"limit ±{limit:.4g} {unit}", x=ends, y=sides, group=1)], ""

@@ -33,7 +33,7 @@ RAMP_POINTS = 9
 """Instants within a ramp at which the torque is predicted; the friction curve bends, a ramp does not."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StepPeak:
     """The largest predicted torques of one step: at the motor, and in the gear at the output, with
     uncertainties [N m].
@@ -100,7 +100,7 @@ class PreviewWarning:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlanPreview:
     """Everything that can be said of a planned run in advance, as data.
 
@@ -177,21 +177,21 @@ def preview_plan(planned: PlannedRun) -> PlanPreview:
     highest = max(float(np.max(np.abs(speed), initial=0.0)), 10.0 * RPM)
     curve_speed = np.geomspace(min(1.0 * RPM, 0.1 * highest), highest, 121)
     return PlanPreview(
-        planned,
-        course,
-        time,
-        speed,
-        step,
-        torque,
-        speed / planned.load.ratio if mounted else np.full_like(speed, np.nan),
-        ripple[piece] if mounted else np.full_like(speed, np.nan),
-        output.kinematic_error() if output else None,
-        curve_speed,
-        model.running(curve_speed),
-        model.starting(),
-        peaks,
-        margins,
-        tuple(_warnings(planned, model, peaks, margins)),
+        planned=planned,
+        timeline=course,
+        time=time,
+        speed=speed,
+        step=step,
+        torque=torque,
+        output_speed=speed / planned.load.ratio if mounted else np.full_like(speed, np.nan),
+        output_ripple=ripple[piece] if mounted else np.full_like(speed, np.nan),
+        error=output.kinematic_error() if output else None,
+        curve_speed=curve_speed,
+        curve=model.running(curve_speed),
+        starting=model.starting(),
+        peaks=peaks,
+        margins=margins,
+        warnings=tuple(_warnings(planned, model, peaks, margins)),
     )
 
 
@@ -305,15 +305,15 @@ def _peaks(
             # A torque ramp may go on to its own limit.
             peak, peak_doubt = forecast.torque, 0.0
         yield StepPeak(
-            forecast.index,
-            forecast.where,
-            float(starts[row]),
-            float(stops[row]),
-            float(fastest[row]),
-            peak,
-            peak_doubt,
-            torsion if planned.experiment.gear_mounted else 0.0,
-            unsure,
+            index=forecast.index,
+            where=forecast.where,
+            start=float(starts[row]),
+            stop=float(stops[row]),
+            speed=float(fastest[row]),
+            torque=peak,
+            torque_uncertainty=peak_doubt,
+            torsion=torsion if planned.experiment.gear_mounted else 0.0,
+            torsion_uncertainty=unsure,
         )
 
 

@@ -41,7 +41,7 @@ class PreviewMark:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Timeline:
     """The pieces of a plan in their order, one row each.
 
@@ -139,14 +139,14 @@ def timeline(planned: PlannedRun) -> Timeline:
     )
     start, stop, begin, end, torque_reached, index, modes = columns
     return Timeline(
-        start,
-        stop,
-        begin,
-        end,
-        torque_reached,
-        index.astype(np.int64),
-        modes.astype(np.int64),
-        tuple(marks),
+        start=start,
+        stop=stop,
+        begin=begin,
+        end=end,
+        torque=torque_reached,
+        step=index.astype(np.int64),
+        mode=modes.astype(np.int64),
+        marks=tuple(marks),
     )
 
 

@@ -29,7 +29,7 @@ class ForeignSegment:
     repeat: int = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ImportOptions:
     """What the file does not say of itself. `rate` [Hz] stands for a time column that is not there."""
 
@@ -87,7 +87,7 @@ def read_channel_map(path: Path) -> tuple[tuple[ChannelSource, ...], tuple[Forei
         )
         if "column" not in entry:
             raise ConfigurationError("is missing", where=f"{where}: channels.{name}.column")
-        channels.append(ChannelSource(name, **{**entry, "column": str(entry["column"])}))
+        channels.append(ChannelSource(name=name, **{**entry, "column": str(entry["column"])}))
     segments = []
     listed = content.get("segments", [])
     for index, entry in enumerate(listed if isinstance(listed, list) else [listed]):

@@ -136,7 +136,13 @@ class Reading:
                     limit="seconds within the recording",
                 )
             yield Segment(
-                index, wanted.label, start, stop, wanted.setpoint, wanted.direction, wanted.repeat
+                index=index,
+                label=wanted.label,
+                start=start,
+                stop=stop,
+                setpoint=wanted.setpoint,
+                direction=wanted.direction,
+                repeat=wanted.repeat,
             )
 
     def _check_time(self) -> None:

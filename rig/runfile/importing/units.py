@@ -101,7 +101,7 @@ DIMENSIONS: dict[str, tuple[str, ...]] = {
 """What the channels with a standard name measure; every other name may have any unit."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ChannelSource:
     """One channel of a foreign recording: its name here, its column there, and what the column's numbers mean.
 
@@ -154,7 +154,7 @@ def parse_channel(text: str) -> ChannelSource:
                 limit=form,
             ) from None
     unit = parts[1].strip() if len(parts) > 1 else ""
-    return ChannelSource(name.strip(), parts[0].strip(), unit, scale)
+    return ChannelSource(name=name.strip(), column=parts[0].strip(), unit=unit, scale=scale)
 
 
 def known_unit(text: str, where: str) -> str:
@@ -234,12 +234,12 @@ def _made(
     source: ChannelSource, unit: str, scale: float, offset: float, *, counts: bool = False
 ) -> Column:
     return Column(
-        source.name,
-        unit,
-        "int64" if counts else "float64",
-        scale,
-        offset,
-        abs(scale) if counts else 0.0,
-        int(source.modulus) if counts else 0,
-        source.long_name,
+        name=source.name,
+        unit=unit,
+        dtype="int64" if counts else "float64",
+        scale=scale,
+        offset=offset,
+        quantum=abs(scale) if counts else 0.0,
+        modulus=int(source.modulus) if counts else 0,
+        long_name=source.long_name,
     )

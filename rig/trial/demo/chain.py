@@ -36,7 +36,7 @@ BRANCHES: tuple[tuple[str, ...], ...] = (
 REPORT, PARAMETERS = "report.html", "identified.toml"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Demonstration:
     """Everything that a demonstration made."""
 
@@ -138,7 +138,12 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
         gear = gear_for(done.protocol, fits)
         tare = fits.get(TARE) if done.result.options.get("tare_run") not in (None, "none") else None
         fits[done.protocol] = Fit(
-            open_run(done.path), gear, done.result, done.path, tare, stored=done.stored
+            recording=open_run(done.path),
+            gear=gear,
+            result=done.result,
+            path=done.path,
+            tare=tare,
+            stored=done.stored,
         )
     made = tuple(fits.values())
     truth = tuple((fit.result.kind, row) for fit in made for row in _truth(fit))
@@ -149,7 +154,13 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
     created = order.created.replace("T", " ", 1)
     report = write_report(made, order.folder / REPORT, created=created, truth=truth, note=note)
     return Demonstration(
-        order, finished, made, truth, report, parameters, time.monotonic() - started
+        order=order,
+        finished=finished,
+        fits=made,
+        truth=truth,
+        report=report,
+        parameters=parameters,
+        seconds=time.monotonic() - started,
     )
 
 

@@ -48,7 +48,7 @@ class Step:
     what: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Finished:
     """One protocol, run and fitted: its file, outcome, result, and the name of the stored analysis."""
 
@@ -171,7 +171,15 @@ def _one(
     begun[protocol].set()
     if report.outcome in UNFINISHED:
         seconds = time.monotonic() - started
-        return Finished(protocol, report.path, report.outcome, report.message, None, "", seconds)
+        return Finished(
+            protocol=protocol,
+            path=report.path,
+            outcome=report.outcome,
+            message=report.message,
+            result=None,
+            stored="",
+            seconds=seconds,
+        )
     messages.put(Step(protocol, 1.0, 0.0, "fitting"))
     recording = open_run(report.path)
     tare = found.get(TARE) if protocol != TARE else None
@@ -179,7 +187,13 @@ def _one(
     fit = found[protocol] = store(fit, order.created)
     seconds = time.monotonic() - started
     return Finished(
-        protocol, report.path, report.outcome, report.message, fit.result, fit.stored, seconds
+        protocol=protocol,
+        path=report.path,
+        outcome=report.outcome,
+        message=report.message,
+        result=fit.result,
+        stored=fit.stored,
+        seconds=seconds,
     )
 
 
@@ -189,11 +203,11 @@ def _request(protocol: str, order: DemoOrder) -> Any:
     from rig.run.start import RunRequest
 
     return RunRequest(
-        protocol,
-        shipped_gear(),
-        shipped_motor(),
-        order.folder,
-        dict(order.values.get(protocol, {})),
+        protocol=protocol,
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=order.folder,
+        values=dict(order.values.get(protocol, {})),
         gear_serial=order.serial,
         operator="rig demo",
         seed=order.seed,

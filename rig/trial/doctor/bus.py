@@ -92,11 +92,24 @@ def _state(group: str, device: RemoteDevice) -> Finding:
         text = (
             f"lost: no heartbeat for more than {watch.timeout_ns * 1e-6:.0f} ms; before that {text}"
         )
-        return Finding(group, "state", "failed", text, remedy=remedy)
+        return Finding(group=group, name="state", result="failed", evidence=text, remedy=remedy)
     if watch.state is NmtState.UNKNOWN:
-        return Finding(group, "state", "warning", "its NMT state was never heard", remedy=remedy)
+        return Finding(
+            group=group,
+            name="state",
+            result="warning",
+            evidence="its NMT state was never heard",
+            remedy=remedy,
+        )
     if watch.state is not NmtState.OPERATIONAL:
-        return Finding(group, "state", "failed", text, limit="OPERATIONAL", remedy=remedy)
+        return Finding(
+            group=group,
+            name="state",
+            result="failed",
+            evidence=text,
+            limit="OPERATIONAL",
+            remedy=remedy,
+        )
     return judged(
         group,
         "state",
@@ -113,14 +126,16 @@ def _heartbeat(group: str, watch: NodeWatch, heard: Sequence[int]) -> Finding:
     remedy = "Does the node have object 0x1017?"
     if not asked:
         text = "none is produced: the loss of this node is only seen by its missing data"
-        return Finding(group, "heartbeat", "warning", text, remedy=remedy)
+        return Finding(
+            group=group, name="heartbeat", result="warning", evidence=text, remedy=remedy
+        )
     if len(heard) < 3:
         text = f"{len(heard)} heard where one every {asked:g} ms was asked for"
         return Finding(
-            group,
-            "heartbeat",
-            "failed",
-            text,
+            group=group,
+            name="heartbeat",
+            result="failed",
+            evidence=text,
             unit="ms",
             limit=f"<= {SLOW_HEARTBEAT * asked:g} ms",
             remedy=remedy,
@@ -142,7 +157,13 @@ def _heartbeat(group: str, watch: NodeWatch, heard: Sequence[int]) -> Finding:
 
 def _missing(group: str, missing: Sequence[Missing]) -> Finding:
     if not missing:
-        return Finding(group, "objects", "ok", "every object that is used is there", 0.0)
+        return Finding(
+            group=group,
+            name="objects",
+            result="ok",
+            evidence="every object that is used is there",
+            value=0.0,
+        )
     by_consequence: dict[str, list[str]] = {}
     for entry in missing:
         by_consequence.setdefault(entry.consequence or "nothing follows from it", []).append(
@@ -153,14 +174,14 @@ def _missing(group: str, missing: Sequence[Missing]) -> Finding:
     )
     text = f"{len(missing)} are missing. {told}"
     return Finding(
-        group,
-        "objects",
-        "warning",
-        text,
-        float(len(missing)),
-        "",
-        "",
-        "Decide whether the rig can do without.",
+        group=group,
+        name="objects",
+        result="warning",
+        evidence=text,
+        value=float(len(missing)),
+        unit="",
+        limit="",
+        remedy="Decide whether the rig can do without.",
     )
 
 
@@ -175,10 +196,19 @@ def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
     for (source, code, text), (verdict, times) in told.items():
         often = f" ({times} times)" if times > 1 else ""
         yield Finding(
-            "told by the devices", code, verdict, f"{source}: {text}{often}", float(times)
+            group="told by the devices",
+            name=code,
+            result=verdict,
+            evidence=f"{source}: {text}{often}",
+            value=float(times),
         )
     if not told:
-        yield Finding("told by the devices", "events", "ok", "no warning and no error")
+        yield Finding(
+            group="told by the devices",
+            name="events",
+            result="ok",
+            evidence="no warning and no error",
+        )
 
 
 def scan(bus: PumpedBus, patience_ns: int = 300_000_000) -> dict[int, int]:

@@ -66,38 +66,50 @@ def _state(drive: ServoAmplifier) -> Finding:
     try:
         word = drive.statusword()
     except DriverError as error:
-        return Finding(GROUP, "state", "failed", str(error), remedy="Check the drive's supply.")
+        return Finding(
+            group=GROUP,
+            name="state",
+            result="failed",
+            evidence=str(error),
+            remedy="Check the drive's supply.",
+        )
     state = drive_state(word)
     text = f"statusword 0x{word:04X}, {state.value}"
     if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
         return Finding(
-            GROUP,
-            "state",
-            "failed",
-            f"{text}: {drive.error_text()}",
+            group=GROUP,
+            name="state",
+            result="failed",
+            evidence=f"{text}: {drive.error_text()}",
             remedy="Remove the cause, reset the fault.",
         )
     if state in POWERED_STATES or state is DriveState.UNKNOWN:
-        return Finding(GROUP, "state", "failed", text, remedy="The servo must be off here.")
+        return Finding(
+            group=GROUP,
+            name="state",
+            result="failed",
+            evidence=text,
+            remedy="The servo must be off here.",
+        )
     if not word & VOLTAGE_BIT:
         text += ", no voltage at the power stage"
         return Finding(
-            GROUP,
-            "state",
-            "warning",
-            text,
+            group=GROUP,
+            name="state",
+            result="warning",
+            evidence=text,
             remedy="Main power off, or the emergency stop (STO) is pressed.",
         )
     if not word & obj.REMOTE_BIT:
         text += ", does not listen to the bus"
         return Finding(
-            GROUP,
-            "state",
-            "warning",
-            text,
+            group=GROUP,
+            name="state",
+            result="warning",
+            evidence=text,
             remedy="Release it from its panel or its tool (statusword bit 9).",
         )
-    return Finding(GROUP, "state", "ok", text)
+    return Finding(group=GROUP, name="state", result="ok", evidence=text)
 
 
 def _modes(drive: ServoAmplifier) -> Finding:
@@ -134,10 +146,10 @@ def _option(
     value = drive.device.read_optional(entry)
     if value is None:
         return Finding(
-            GROUP,
-            name,
-            "warning",
-            f"{entry} is not there: its reaction is its own",
+            group=GROUP,
+            name=name,
+            result="warning",
+            evidence=f"{entry} is not there: its reaction is its own",
             remedy="See its manual.",
         )
     text = f"{value:g}, {meanings.get(int(value), 'its maker knows')}"
@@ -164,10 +176,16 @@ def _watches(drive: ServoAmplifier, computer: int) -> Finding:
         if found >> 16 & 0x7F == computer and found & 0xFFFF:
             waits = float(found & 0xFFFF)
             text = f"misses the heartbeat of the computer (node {computer}) after {waits:g} ms"
-            return Finding(GROUP, name, "ok", text, waits, "ms")
+            return Finding(
+                group=GROUP, name=name, result="ok", evidence=text, value=waits, unit="ms"
+            )
     remedy = "Only its own limits and the hardwired stop are left then."
     return Finding(
-        GROUP, name, "warning", "does not notice when the computer dies (0x1016)", remedy=remedy
+        group=GROUP,
+        name=name,
+        result="warning",
+        evidence="does not notice when the computer dies (0x1016)",
+        remedy=remedy,
     )
 
 

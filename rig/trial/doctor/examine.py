@@ -91,7 +91,9 @@ def examine(
     if stop.level or refused or not moves:
         reason = why_not if not moves else "not before the lines that failed are in order"
         reason = "stopped by the operator" if stop.level else reason
-        findings.append(Finding("motion", "direction and ratio", "skipped", reason))
+        findings.append(
+            Finding(group="motion", name="direction and ratio", result="skipped", evidence=reason)
+        )
     else:
         on_stage("motion")
         findings += examine_motion(make(), request, planned, stop)
@@ -155,13 +157,13 @@ def _take_stand(looked: Looked) -> Iterable[Finding]:
         if isinstance(port, CanRig):
             _note_beats(port, heard)
     looked.stand = Stand(
-        tuple(port.channels),
-        np.concatenate([b.counts for b in blocks]),
-        np.concatenate([b.flags for b in blocks]),
-        np.concatenate([b.time_ns for b in blocks]),
-        port.cycle_ns,
-        port.time_base,
-        looked.planned.motor.rated_torque,
+        channels=tuple(port.channels),
+        counts=np.concatenate([b.counts for b in blocks]),
+        flags=np.concatenate([b.flags for b in blocks]),
+        time_ns=np.concatenate([b.time_ns for b in blocks]),
+        cycle_ns=port.cycle_ns,
+        time_base=port.time_base,
+        rated_torque=looked.planned.motor.rated_torque,
     )
     return ()
 
@@ -189,14 +191,28 @@ def _limits(looked: Looked) -> Iterable[Finding]:
 def _guard(looked: Looked) -> Iterable[Finding]:
     if looked.bench.real_time:
         return (guard(guard_check(looked.bench.guard)),)
-    return (Finding("safety", "guard", "skipped", f"the rig '{looked.bench.name}' has no guard"),)
+    return (
+        Finding(
+            group="safety",
+            name="guard",
+            result="skipped",
+            evidence=f"the rig '{looked.bench.name}' has no guard",
+        ),
+    )
 
 
 def _nodes(looked: Looked) -> Iterable[Finding]:
     port = looked.bench.port
     if isinstance(port, CanRig):
         return inspect_bus(port, looked.heard)
-    return (Finding("nodes", "bus", "skipped", f"the rig '{looked.bench.name}' has no bus"),)
+    return (
+        Finding(
+            group="nodes",
+            name="bus",
+            result="skipped",
+            evidence=f"the rig '{looked.bench.name}' has no bus",
+        ),
+    )
 
 
 def _channels(looked: Looked) -> Iterable[Finding]:
@@ -232,7 +248,12 @@ def examine_standing(bench: Bench, planned: PlannedRun) -> list[Finding]:
     try:
         description = port.open()
         found.append(
-            Finding("rig", "connection", "ok", f"{description.title} ({description.origin})")
+            Finding(
+                group="rig",
+                name="connection",
+                result="ok",
+                evidence=f"{description.title} ({description.origin})",
+            )
         )
         for part in PARTS:
             try:
@@ -242,20 +263,20 @@ def examine_standing(bench: Bench, planned: PlannedRun) -> list[Finding]:
             except (DriverError, RigError) as error:
                 found.append(
                     Finding(
-                        part.group,
-                        part.name,
-                        "failed",
-                        str(error),
+                        group=part.group,
+                        name=part.name,
+                        result="failed",
+                        evidence=str(error),
                         remedy="Supply, cables, termination.",
                     )
                 )
     except (DriverError, RigError) as error:
         found.append(
             Finding(
-                "rig",
-                "connection",
-                "failed",
-                str(error),
+                group="rig",
+                name="connection",
+                result="failed",
+                evidence=str(error),
                 remedy="Supply, cables, node-IDs, bit rate.",
             )
         )
@@ -276,13 +297,17 @@ def _answering(bench: Bench) -> Iterable[Finding]:
         finally:
             bus.close()
     except DriverError as error:
-        yield Finding("nodes", "scan", "failed", str(error))
+        yield Finding(group="nodes", name="scan", result="failed", evidence=str(error))
         return
     told = ", ".join(
         f"node {node_id} (profile {profile or 'not told'})" for node_id, profile in nodes.items()
     )
     yield Finding(
-        "nodes", "scan", "ok" if nodes else "failed", told or "nobody answers", float(len(nodes))
+        group="nodes",
+        name="scan",
+        result="ok" if nodes else "failed",
+        evidence=told or "nobody answers",
+        value=float(len(nodes)),
     )
 
 
@@ -301,7 +326,7 @@ def examine_motion(
             found = [_ending(report), *_inspected(report, planned)]
             _latch(Path(folder), request.output)
         except (DriverError, RigError, ExperimentError) as error:
-            return [Finding("motion", "run", "failed", str(error))]
+            return [Finding(group="motion", name="run", result="failed", evidence=str(error))]
     return found
 
 
@@ -321,22 +346,35 @@ def _ending(report: RunReport) -> Finding:
     text = f"{report.outcome}, {stands}" + (f": {report.message}" if report.message else "")
     if report.outcome == "ABORTED" and report.safe:
         return Finding(
-            "motion",
-            "run",
-            "warning",
-            text,
+            group="motion",
+            name="run",
+            result="warning",
+            evidence=text,
             remedy="Stopped by the operator: look the rig over again.",
         )
     fine = report.outcome == "PASS" and report.safe
     remedy = (
         "Find the cause before anything else is run; a trip is taken away by name: rig acknowledge."
     )
-    return Finding("motion", "run", "ok" if fine else "failed", text, remedy="" if fine else remedy)
+    return Finding(
+        group="motion",
+        name="run",
+        result="ok" if fine else "failed",
+        evidence=text,
+        remedy="" if fine else remedy,
+    )
 
 
 def _inspected(report: RunReport, planned: PlannedRun) -> Iterable[Finding]:
     if not report.readable:
-        return [Finding("motion", "recording", "failed", "the recorded motion cannot be read")]
+        return [
+            Finding(
+                group="motion",
+                name="recording",
+                result="failed",
+                evidence="the recorded motion cannot be read",
+            )
+        ]
     recording = open_run(report.path)
     try:
         return list(motion.inspect_motion(recording, planned.gear))

@@ -8,7 +8,7 @@ from typing import Any, Literal
 Verdict = Literal["ok", "warning", "failed", "skipped"]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
     """What was looked at, how it came out, the evidence, the number behind it where there is one, and what to do.
 
@@ -43,12 +43,12 @@ def judged(
 ) -> Finding:
     """A finding that is ok or not: the remedy stays only where it is needed."""
     return Finding(
-        group,
-        name,
-        "ok" if fine else otherwise,
-        evidence,
-        value,
-        unit,
-        limit,
-        "" if fine else remedy,
+        group=group,
+        name=name,
+        result="ok" if fine else otherwise,
+        evidence=evidence,
+        value=value,
+        unit=unit,
+        limit=limit,
+        remedy="" if fine else remedy,
     )

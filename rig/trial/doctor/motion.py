@@ -67,16 +67,23 @@ def plan(parameters: DoctorParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """The findings are made by `inspect_motion`; a run of this protocol has no estimates of its own."""
-    return Result(recording.metadata.run_id, "doctor", {}, {}, (), ())
+    return Result(
+        run=recording.metadata.run_id,
+        kind="doctor",
+        estimates={},
+        metrics={},
+        warnings=(),
+        verdicts=(),
+    )
 
 
 EXPERIMENT = Experiment(
-    "doctor",
-    "look over the rig",
-    "direction of both encoders and the ratio",
-    DoctorParameters,
-    plan,
-    analyse,
+    name="doctor",
+    title="look over the rig",
+    summary="direction of both encoders and the ratio",
+    parameters=DoctorParameters,
+    plan=plan,
+    analyse=analyse,
     needs=("input_angle",),
 )
 
@@ -92,7 +99,9 @@ def inspect_motion(recording: Recording, gear: HarmonicDrive) -> Iterable[Findin
         yield _ratio(recording, whole or outward, gear)
     else:
         text = "no output encoder: which way the output turns and the ratio cannot be told"
-        yield Finding("motion", "output direction and ratio", "skipped", text)
+        yield Finding(
+            group="motion", name="output direction and ratio", result="skipped", evidence=text
+        )
     yield from _torque(recording, turn or outward)
     yield _missed(recording)
     yield _index(recording)
@@ -107,11 +116,13 @@ def _outward(recording: Recording) -> Segment:
     """From the start to where the input was farthest."""
     angle = recording.si("input_angle")
     farthest = int(np.argmax(np.abs(angle - angle[0]))) if len(angle) else 0
-    return Segment(0, "outward", 0, farthest + 1)
+    return Segment(index=0, label="outward", start=0, stop=farthest + 1)
 
 
 def _not_reached(name: str) -> Finding:
-    return Finding("motion", name, "skipped", "the motion ended before it")
+    return Finding(
+        group="motion", name=name, result="skipped", evidence="the motion ended before it"
+    )
 
 
 def _moved(recording: Recording, segment: Segment, output: bool) -> float:
@@ -149,19 +160,22 @@ def _output_sense(recording: Recording, segment: Segment, gear: HarmonicDrive) -
     text = f"{outer / DEGREE:+.3f} deg at the output for {inner / DEGREE:+.1f} deg at the input, {mounting}"
     if abs(inner) / gear.mounted_ratio(mounting) < least:
         return Finding(
-            "motion", "output direction", "skipped", f"the motion was too short to tell it: {text}"
+            group="motion",
+            name="output direction",
+            result="skipped",
+            evidence=f"the motion was too short to tell it: {text}",
         )
     if abs(outer) < 0.5 * least:
         remedy = "Is the output encoder coupled, and its signal there?"
         return Finding(
-            "motion",
-            "output direction",
-            "failed",
-            f"{text}: it does not move",
-            outer / DEGREE,
-            "deg",
-            "",
-            remedy,
+            group="motion",
+            name="output direction",
+            result="failed",
+            evidence=f"{text}: it does not move",
+            value=outer / DEGREE,
+            unit="deg",
+            limit="",
+            remedy=remedy,
         )
     return judged(
         "motion",
@@ -180,17 +194,17 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
     least = LEAST_COUNTS * recording.signals["output_angle"].quantum
     if abs(inner) / expected < least:
         return Finding(
-            "motion",
-            "ratio",
-            "skipped",
-            f"the motion was too short to tell it: {inner / DEGREE:+.1f} deg",
+            group="motion",
+            name="ratio",
+            result="skipped",
+            evidence=f"the motion was too short to tell it: {inner / DEGREE:+.1f} deg",
         )
     if abs(outer) < 0.5 * least:
         return Finding(
-            "motion",
-            "ratio",
-            "failed",
-            "the output does not move",
+            group="motion",
+            name="ratio",
+            result="failed",
+            evidence="the output does not move",
             remedy="Is the output encoder coupled?",
         )
     found = abs(inner / outer)
@@ -198,7 +212,12 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
     turns = abs(outer) / REVOLUTION
     text = f"{found:.4f} +- {doubt:.4f} over {turns:.3f} turns of the output, described as {expected:g}"
     if doubt > LARGEST_DOUBT * expected and abs(found - expected) <= doubt:
-        return Finding("motion", "ratio", "skipped", f"the motion was too short to tell it: {text}")
+        return Finding(
+            group="motion",
+            name="ratio",
+            result="skipped",
+            evidence=f"the motion was too short to tell it: {text}",
+        )
     remedy = "Check ratio and mounting, and lines x multiplication of both encoders."
     other = (
         expected + 1.0 if recording.metadata.mounting == "circular-spline-fixed" else expected - 1.0
@@ -234,10 +253,10 @@ def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
     """What the motion costs, by the port and by the drive: the same sense, and about the same number."""
     if not recording.has("torque", "drive_torque"):
         yield Finding(
-            "motion",
-            "torque direction",
-            "skipped",
-            "port and drive cannot be compared: one of them is not there",
+            group="motion",
+            name="torque direction",
+            result="skipped",
+            evidence="port and drive cannot be compared: one of them is not there",
         )
         return
     zero, good = _last(recording, "zero-before"), usable(recording, segment)
@@ -254,16 +273,36 @@ def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
         f"the motion costs {1e3 * port:+.1f} mN m by the port, {1e3 * drive:+.1f} mN m by the drive"
     )
     if abs(drive) < LEAST_TORQUE:
-        yield Finding("motion", "torque direction", "skipped", f"too little to tell it: {text}")
+        yield Finding(
+            group="motion",
+            name="torque direction",
+            result="skipped",
+            evidence=f"too little to tell it: {text}",
+        )
         return
     scale = port / drive
     if scale < 0.5:
         remedy = "Turn `direction` of the torque input or of the motor encoder; check that the port is connected."
         yield Finding(
-            "motion", "torque direction", "failed", text, scale, "1", "the same sense", remedy
+            group="motion",
+            name="torque direction",
+            result="failed",
+            evidence=text,
+            value=scale,
+            unit="1",
+            limit="the same sense",
+            remedy=remedy,
         )
         return
-    yield Finding("motion", "torque direction", "ok", text, scale, "1", "the same sense")
+    yield Finding(
+        group="motion",
+        name="torque direction",
+        result="ok",
+        evidence=text,
+        value=scale,
+        unit="1",
+        limit="the same sense",
+    )
     yield judged(
         "motion",
         "torque scale",
@@ -297,10 +336,10 @@ def _index(recording: Recording) -> Finding:
     if not recording.has(OUTPUT_INDEX, INDEX_SEEN):
         text = "no latch of index marks: phases are not carried from run to run"
         return Finding(
-            "motion",
-            "index marks",
-            "warning",
-            text,
+            group="motion",
+            name="index marks",
+            result="warning",
+            evidence=text,
             remedy="Map the objects of the latch, where there are any.",
         )
     seen = int(recording.si(INDEX_SEEN)[-1])

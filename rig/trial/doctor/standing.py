@@ -34,7 +34,7 @@ LARGEST_STEP = 1e9
 """ns from one time stamp to the next above which the clock has jumped."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Stand:
     """Cycles with the servo off: channels, counts (n, channels), flags (n,), time stamps (n,) [ns],
     rated torque [N m].
@@ -85,7 +85,9 @@ def _complete(stand: Stand) -> Finding:
 def _time(stand: Stand) -> Iterable[Finding]:
     steps = np.diff(stand.time_ns).astype(np.float64)
     if not len(steps):
-        yield Finding("acquisition", "rate", "failed", "no cycle came back")
+        yield Finding(
+            group="acquisition", name="rate", result="failed", evidence="no cycle came back"
+        )
         return
     rate, nominal = 1e9 / steps.mean(), 1e9 / stand.cycle_ns
     yield judged(
@@ -136,10 +138,10 @@ def _torque(stand: Stand) -> Iterable[Finding]:
     port, drive = stand.si(names.TORQUE), stand.si(names.DRIVE_TORQUE)
     if port is None or not len(port):
         yield Finding(
-            "torque",
-            "port",
-            "warning",
-            "no torque port: 0x6077 is all there is",
+            group="torque",
+            name="port",
+            result="warning",
+            evidence="no torque port: 0x6077 is all there is",
             remedy="Map the analogue input.",
         )
     else:
@@ -204,7 +206,11 @@ def _encoder(stand: Stand, name: str) -> Finding:
                 remedy=remedy,
             )
     return Finding(
-        "encoders", title, "warning", "there is none", remedy="Map it in the configuration."
+        group="encoders",
+        name=title,
+        result="warning",
+        evidence="there is none",
+        remedy="Map it in the configuration.",
     )
 
 

@@ -34,16 +34,20 @@ def disk(folder: Path) -> Finding:
     if not place.is_dir() or not os.access(place, os.W_OK):
         what = f"{place} is no folder that can be written"
         return Finding(
-            "computer", "disk", "failed", what, remedy="Name another folder with --output."
+            group="computer",
+            name="disk",
+            result="failed",
+            evidence=what,
+            remedy="Name another folder with --output.",
         )
     try:
         free = shutil.disk_usage(place).free
     except OSError as error:
         return Finding(
-            "computer",
-            "disk",
-            "failed",
-            f"{place}: {error.strerror or error}",
+            group="computer",
+            name="disk",
+            result="failed",
+            evidence=f"{place}: {error.strerror or error}",
             remedy="Name another folder.",
         )
     return judged(
@@ -90,15 +94,21 @@ def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
         due = _date(found.due)
         if due is not None and due < today:
             yield Finding(
-                "calibration",
-                title,
-                "failed",
-                f"{text}: overdue",
+                group="calibration",
+                name=title,
+                result="failed",
+                evidence=f"{text}: overdue",
                 remedy="Have it calibrated; reports will say so.",
             )
         elif due is not None and due - today <= SOON:
             text += f": in {(due - today).days} days"
-            yield Finding("calibration", title, "warning", text, remedy="Plan its calibration.")
+            yield Finding(
+                group="calibration",
+                name=title,
+                result="warning",
+                evidence=text,
+                remedy="Plan its calibration.",
+            )
         else:
             yield judged(
                 "calibration",
@@ -120,21 +130,30 @@ def _date(text: str) -> date | None:
 
 def guard(check: Check) -> Finding:
     """The guard's contact, as arming sees it."""
-    return Finding("safety", "guard", check.result, check.evidence, remedy=check.remedy)
+    return Finding(
+        group="safety",
+        name="guard",
+        result=check.result,
+        evidence=check.evidence,
+        remedy=check.remedy,
+    )
 
 
 def drive_limits(port: RigPort, wanted: DriveLimits) -> Finding:
     """Write the limits that a run would write, and compare what reads back."""
     try:
         return Finding(
-            "safety", "drive limits", "ok", limits_check(wanted, port.write_limits(wanted)).evidence
+            group="safety",
+            name="drive limits",
+            result="ok",
+            evidence=limits_check(wanted, port.write_limits(wanted)).evidence,
         )
     except (LimitError, DriverError) as error:
         return Finding(
-            "safety",
-            "drive limits",
-            "failed",
-            str(error),
+            group="safety",
+            name="drive limits",
+            result="failed",
+            evidence=str(error),
             remedy="A drive that holds other limits is not armed.",
         )
 
@@ -142,19 +161,21 @@ def drive_limits(port: RigPort, wanted: DriveLimits) -> Finding:
 def readout(config: ReadoutConfig | None, clock: Clock) -> Finding:
     """One measured value of the readout on the serial line, where one is configured."""
     if config is None:
-        return Finding("readout", "ND 287", "skipped", "none is configured")
+        return Finding(
+            group="readout", name="ND 287", result="skipped", evidence="none is configured"
+        )
     try:
         port = open_port(config)
     except DriverError as error:
-        return Finding("readout", "ND 287", "failed", str(error))
+        return Finding(group="readout", name="ND 287", result="failed", evidence=str(error))
     try:
         reading = Readout(port, clock, config).read()
     except DriverError as error:
         return Finding(
-            "readout",
-            "ND 287",
-            "failed",
-            str(error),
+            group="readout",
+            name="ND 287",
+            result="failed",
+            evidence=str(error),
             remedy="Check baud rate, data bits and parity on both sides.",
         )
     finally:

@@ -61,19 +61,21 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     )
     # Input and output encoder: a count each, and the gear's kinematic error.
     doubt = 2e-4
-    estimate = Estimate("closure", worst, "rad", worst - doubt, worst + doubt)
+    estimate = Estimate(
+        name="closure", value=worst, unit="rad", low=worst - doubt, high=worst + doubt
+    )
     source = "no revolution of the input is lost"
     verdict = judge_upper(
         "closure", "|theta_o - theta_i/N| over a hold", estimate, CLOSURE_LIMIT, "measured", source
     )
     metrics = {"closure": worst, "running_torque": torque, "flagged": float(checked.missed)}
     return Result(
-        recording.metadata.run_id,
-        "drill",
-        {"closure": estimate},
-        metrics,
-        checked.warnings,
-        (verdict,),
+        run=recording.metadata.run_id,
+        kind="drill",
+        estimates={"closure": estimate},
+        metrics=metrics,
+        warnings=checked.warnings,
+        verdicts=(verdict,),
     )
 
 
@@ -84,11 +86,11 @@ def _closure(recording: Recording, hold: Segment) -> float:
 
 
 EXPERIMENT = Experiment(
-    "drill",
-    "fault drill",
-    "a short run in which something goes wrong",
-    DrillParameters,
-    plan,
-    analyse,
+    name="drill",
+    title="fault drill",
+    summary="a short run in which something goes wrong",
+    parameters=DrillParameters,
+    plan=plan,
+    analyse=analyse,
     needs=("input_angle", "output_angle", "torque"),
 )

@@ -52,7 +52,7 @@ class Happening:
     """What the drive's limits read back as, over what was written."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class DrilledRig:
     """A port that lets something happen at a row; everything else it hands on."""
 
@@ -166,14 +166,14 @@ def drilled_rig(
     if carrier == "sim":
         faults = () if happening.fault is None else (happening.fault(happening.row),)
         return DrilledRig(
-            SimulatedRig(individual, motor, seed=seed, clock=clock, faults=faults),
-            clock,
-            happening,
-            stop,
+            port=SimulatedRig(individual, motor, seed=seed, clock=clock, faults=faults),
+            clock=clock,
+            happening=happening,
+            stop=stop,
         )
     bench = WireBench(individual, motor, seed=seed, clock=clock)
     port = wire_port(bench, motor, wire_config(bench, motor, has_guard=True))
-    return DrilledWireRig(port, clock, happening, stop, bench)
+    return DrilledWireRig(port=port, clock=clock, happening=happening, stop=stop, bench=bench)
 
 
 def refuse_hardware(carrier: str) -> None:

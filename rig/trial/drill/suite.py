@@ -56,7 +56,7 @@ COMPARED = ("input_angle", "output_angle", "torque")
 MILLISECOND = 1_000_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DrillRow:
     """What came of one drill.
 
@@ -170,7 +170,15 @@ def run_drills(
                 0, reference.rows[drill.moment] + (offset(drill) if offset is not None else 0)
             )
             folder = root / f"{number:03d}-{_in_path(drill.name)}"
-            yield _Staged(drill, planned, carrier, seed, folder, row, reference).run()
+            yield _Staged(
+                drill=drill,
+                planned=planned,
+                carrier=carrier,
+                seed=seed,
+                folder=folder,
+                row=row,
+                reference=reference,
+            ).run()
 
 
 def reference_run(planned: PlannedRun, carrier: str, seed: int, folder: Path) -> Reference:
@@ -200,11 +208,11 @@ def reference_run(planned: PlannedRun, carrier: str, seed: int, folder: Path) ->
 def _order(planned: PlannedRun, rig: DrilledRig, folder: Path, seed: int, **more: Any) -> RunOrder:
     folder.mkdir(parents=True, exist_ok=True)
     return RunOrder(
-        planned,
-        rig,
-        rig.clock,
-        "drill",
-        folder,
+        planned=planned,
+        port=rig,
+        clock=rig.clock,
+        backend="drill",
+        output=folder,
         operator="drill",
         gear_serial="drill",
         seed=seed,
@@ -215,7 +223,7 @@ def _order(planned: PlannedRun, rig: DrilledRig, folder: Path, seed: int, **more
     )
 
 
-@dataclass
+@dataclass(kw_only=True)
 class _Staged:
     """One drill about to be run."""
 
@@ -297,17 +305,17 @@ class _Staged:
             cycles = report.rows - (made_safe.rows if made_safe is not None else 0)
         safe = safe and not marks.wrong
         return DrillRow(
-            self.drill.name,
-            detected,
-            max(cycles, 0),
-            action,
-            safe,
-            report.outcome,
-            readable,
-            report.safe,
-            self.carrier,
-            self._expected(),
-            report.message,
+            fault=self.drill.name,
+            detected=detected,
+            cycles=max(cycles, 0),
+            action=action,
+            safe=safe,
+            outcome=report.outcome,
+            file_readable=readable,
+            verified=report.safe,
+            carrier=self.carrier,
+            expected=self._expected(),
+            message=report.message,
         )
 
     def _action(self, report: RunReport) -> str:
@@ -343,7 +351,7 @@ class _Staged:
         assert rig.bench is not None
         assert self.drill.fault is not None
         rig.bench.inject(self.drill.fault(rig.bench.cycle))
-        reader = Readout(rig.bench.serial(), rig.clock, ReadoutConfig("simulated readout"))
+        reader = Readout(rig.bench.serial(), rig.clock, ReadoutConfig(url="simulated readout"))
         try:
             reading = reader.read()
         except DriverError as error:
@@ -357,17 +365,17 @@ class _Staged:
     def _refused(self, rig: DrilledRig, error: Exception) -> DrillRow:
         """A run that was refused before it had a file."""
         return DrillRow(
-            self.drill.name,
-            type(error).__name__,
-            0,
-            "refused",
-            self._truth(rig.bench),
-            "ERROR",
-            False,
-            False,
-            self.carrier,
-            self._expected(),
-            str(error),
+            fault=self.drill.name,
+            detected=type(error).__name__,
+            cycles=0,
+            action="refused",
+            safe=self._truth(rig.bench),
+            outcome="ERROR",
+            file_readable=False,
+            verified=False,
+            carrier=self.carrier,
+            expected=self._expected(),
+            message=str(error),
         )
 
     def _stands(self, rig: DrilledRig, report: RunReport) -> bool:

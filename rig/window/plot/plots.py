@@ -201,9 +201,9 @@ class LabPlot(QWidget):
                 series.x,
                 series.y,
                 series.style,
-                series.group,
-                series.low,
-                series.high,
+                group=series.group,
+                low=series.low,
+                high=series.high,
                 logs=(plot.x_scale == "log", plot.y_scale == "log"),
             )
         self.item.enableAutoRange()

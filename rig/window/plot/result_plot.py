@@ -74,7 +74,14 @@ class ResultPlot(LabPlot):
         )
         style = dash_of(all_series, number) if series.style in ("line", "band") else series.style
         curve = self.add_series(
-            series.label, series.x[rows], series.y[rows], style, series.group, low, high, logs=logs
+            series.label,
+            series.x[rows],
+            series.y[rows],
+            style,
+            group=series.group,
+            low=low,
+            high=high,
+            logs=logs,
         )
         if series.style == "points":
             curve.item.setZValue(-1)

@@ -229,13 +229,13 @@ class PreparePage(QWidget):
         rig = RigChoice(self._session.backend, self._session.folder, self._session.configuration)
         mounted = self.protocol.gear_mounted
         return Intent(
-            rig,
-            self.protocol.protocol,
-            self.protocol.values,
-            self.gear.facts if mounted else None,
-            self.gear.card if mounted else None,
-            self.operator.text().strip(),
-            self.confirmation.text(),
+            rig=rig,
+            protocol=self.protocol.protocol,
+            values=self.protocol.values,
+            facts=self.gear.facts if mounted else None,
+            card=self.gear.card if mounted else None,
+            operator=self.operator.text().strip(),
+            confirmation=self.confirmation.text(),
         )
 
     @property

@@ -54,7 +54,7 @@ class RigChoice:
         return self.backend == HARDWARE
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Intent:
     """What somebody at the window wants to run. `facts` is the gear as the form has it, `card` as it is stored."""
 
@@ -95,15 +95,15 @@ def request_for(intent: Intent) -> RunRequest:
 
         gear = with_ratings(gear, load_configuration(path).ratings)
     return RunRequest(
-        intent.protocol,
-        gear,
-        motor,
-        rig.folder,
-        dict(intent.values),
-        rig.backend,
-        mounting,
-        facts.serial if facts is not None and mounted else "unknown",
-        intent.operator.strip(),
+        protocol=intent.protocol,
+        gear=gear,
+        motor=motor,
+        output=rig.folder,
+        values=dict(intent.values),
+        backend=rig.backend,
+        mounting=mounting,
+        gear_serial=facts.serial if facts is not None and mounted else "unknown",
+        operator=intent.operator.strip(),
         sample_rate=rate,
         conditions=conditions_of(intent.card) if intent.card is not None and mounted else {},
         configuration=path,

@@ -186,7 +186,7 @@ def torque_view(session: WindowSession, context: LiveContext) -> TraceView:
         # Drawn in advance over the nominal times of the plan: steps that wait for something shift it.
         low, high = seen.torque.low / MILLI, seen.torque.high / MILLI
         curve = view.plot.add_series(
-            "predicted", seen.time, seen.torque.value / MILLI, "band", 3, low, high
+            "predicted", seen.time, seen.torque.value / MILLI, "band", group=3, low=low, high=high
         )
         curve.item.setZValue(-5)
     return view

@@ -237,7 +237,14 @@ def _shown(name: str, told: dict[str, Any]) -> str:
     low, high = (float("nan") if told[end] is None else float(told[end]) for end in ("low", "high"))
     expanded = told.get("expanded_uncertainty")
     budget = () if expanded is None else (BudgetLine("", "A", 0.5 * float(expanded)),)
-    estimate = Estimate(name, float(told["value"]), str(told["unit"]), low, high, budget=budget)
+    estimate = Estimate(
+        name=name,
+        value=float(told["value"]),
+        unit=str(told["unit"]),
+        low=low,
+        high=high,
+        budget=budget,
+    )
     known = str(told.get("identifiability", "yes"))
     words = {"weakly": " (weakly identifiable)", "no": " (not identifiable)"}
     return show(estimate).with_uncertainty + words.get(known, "")

@@ -66,9 +66,9 @@ class TorquePoints:
                 seen.curve_speed / RPM,
                 seen.curve.value / MILLI,
                 "band",
-                3,
-                low,
-                high,
+                group=3,
+                low=low,
+                high=high,
                 logs=(True, False),
             )
             return

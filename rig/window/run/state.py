@@ -38,7 +38,7 @@ class State(Enum):
         return self in (State.ARMED, State.RUNNING, State.STOPPING)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RunState:
     """The state with what belongs to it: outcome, what happened, what to do next, and whether
     standstill was verified.
@@ -61,7 +61,7 @@ class RunState:
 
     def armed(self) -> RunState:
         """The process was started: it looks whether the rig is fit."""
-        return RunState(State.ARMED, what="looking whether the rig is fit to run")
+        return RunState(state=State.ARMED, what="looking whether the rig is fit to run")
 
     def told(self, event: Event) -> RunState:
         """After an event."""
@@ -133,7 +133,7 @@ class RunState:
             return replace(self, ended=True)
         if not self.moved and not killed:
             return RunState(
-                State.REFUSED,
+                state=State.REFUSED,
                 what=complaint or "The run gave no reason.",
                 ended=True,
                 remedy="Nothing has moved. Correct what is named and start again.",

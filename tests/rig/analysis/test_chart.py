@@ -28,7 +28,16 @@ def limits(values: tuple[float, ...] = LEVEL) -> ControlLimits:
 
 def unit() -> ControlLimits:
     """Limits at -3 and 3, sigma 1, moving range up to 3.69."""
-    return ControlLimits(0.0, 1.0, -3.0, 3.0, 1.128, 3.686, (), 0.03)
+    return ControlLimits(
+        centre=0.0,
+        sigma=1.0,
+        lower=-3.0,
+        upper=3.0,
+        moving_range=1.128,
+        moving_range_upper=3.686,
+        runs=(),
+        false_alarms=0.03,
+    )
 
 
 def test_limits_by_hand() -> None:
@@ -80,7 +89,16 @@ def test_rules_see_both_sides_alike_and_care_for_no_unit() -> None:
     found = signals_of(values.tolist(), unit())
     assert {rule for told in found for rule in told} == set(RULES)
     assert signals_of((-values).tolist(), unit()) == found
-    scaled = ControlLimits(5.0, 1e-3, 4.997, 5.003, 1.128e-3, 3.686e-3, (), 0.03)
+    scaled = ControlLimits(
+        centre=5.0,
+        sigma=1e-3,
+        lower=4.997,
+        upper=5.003,
+        moving_range=1.128e-3,
+        moving_range_upper=3.686e-3,
+        runs=(),
+        false_alarms=0.03,
+    )
     assert signals_of((5.0 + 1e-3 * values).tolist(), scaled) == found
 
 

@@ -20,7 +20,7 @@ from rig.analysis.store import read_analyses
 from rig.errors import RigError
 from tests.rig import handmade
 
-TARE_RESULT = Result("R-000040", "motor-tare", {})
+TARE_RESULT = Result(run="R-000040", kind="motor-tare", estimates={})
 
 
 def take_over(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
@@ -46,7 +46,15 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Evidence]]:
             return replace(made.get(name, TARE_RESULT), kind=name, run=recording.metadata.run_id)
 
         identified = take_over if name == "friction" else None
-        return Experiment(name, name, name, NoParameters, no_plan, analyse, identified=identified)
+        return Experiment(
+            name=name,
+            title=name,
+            summary=name,
+            parameters=NoParameters,
+            plan=no_plan,
+            analyse=analyse,
+            identified=identified,
+        )
 
     monkeypatch.setattr(catalogue, "load", load)
     return seen

@@ -15,7 +15,12 @@ from rig.analysis.wording import fixed, metric, number, pretty, printable, reada
 
 def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
     return Estimate(
-        name, value, unit, value - 2 * u, value + 2 * u, budget=(BudgetLine("a", "A", u),)
+        name=name,
+        value=value,
+        unit=unit,
+        low=value - 2 * u,
+        high=value + 2 * u,
+        budget=(BudgetLine("a", "A", u),),
     )
 
 
@@ -33,7 +38,7 @@ def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
         (estimate("K_over_J", 463_200.0, "rad2/s2", 1230.0), "463\u202f200 ± 2\u202f460 rad²/s²"),
         (estimate("K_b", 1.08e8, "N/m", 1e6), "108.0 ± 2.0 × 10⁶ N/m"),
         (estimate("inertia", 2.5e-5, "kg m2", 1e-7), "0.2500 ± 0.0020 kg cm²"),
-        (Estimate("exact", 3.0, "N", 3.0, 3.0), "3 N"),
+        (Estimate(name="exact", value=3.0, unit="N", low=3.0, high=3.0), "3 N"),
         (estimate("shape", -0.5, "1", 0.25), "−0.50 ± 0.50"),
     ],
 )

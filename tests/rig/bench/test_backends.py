@@ -29,11 +29,11 @@ SHORT = {
 
 def recorded(backend: str, folder: Path) -> Recording:
     request = RunRequest(
-        "motor-tare",
-        shipped_gear(),
-        shipped_motor(),
-        folder,
-        SHORT,
+        protocol="motor-tare",
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=folder,
+        values=SHORT,
         backend=backend,
         gear_serial="A1",
         seed=3,
@@ -70,4 +70,4 @@ def test_a_recorded_run_goes_through_the_engine_again(direct: Recording, tmp_pat
 
 def test_an_unknown_rig_is_refused_with_what_there_is() -> None:
     with pytest.raises(ConfigurationError, match=r"moon.*sim, wire, hardware, replay"):
-        make_port("moon", BenchRequest(shipped_gear(), shipped_motor()))
+        make_port("moon", BenchRequest(gear=shipped_gear(), motor=shipped_motor()))

@@ -66,10 +66,10 @@ def test_the_guard_closed_open_and_not_there() -> None:
 
 def test_an_unarmed_run_connects_to_nothing(tmp_path: Path) -> None:
     request = RunRequest(
-        "home",
-        shipped_gear(),
-        shipped_motor(),
-        tmp_path,
+        protocol="home",
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=tmp_path,
         backend=HARDWARE,
         operator="A",
         gear_serial="SN-1",
@@ -99,10 +99,10 @@ def planned_drill() -> PlannedRun:
 
 def armed_request(folder: Path, configuration: Path) -> RunRequest:
     return RunRequest(
-        "drill",
-        shipped_gear(),
-        shipped_motor(),
-        folder / "runs",
+        protocol="drill",
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=folder / "runs",
         backend=HARDWARE,
         operator="A. Example",
         gear_serial="SN-1",

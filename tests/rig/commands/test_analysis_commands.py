@@ -61,16 +61,22 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: dict[str, Res
             )
 
         def compare(recording: Recording, gear: Any, evidence: Evidence) -> Result:
-            return Result(recording.metadata.run_id, name, {}, {"mse_of_the_set": 3.5}, ("scored",))
+            return Result(
+                run=recording.metadata.run_id,
+                kind=name,
+                estimates={},
+                metrics={"mse_of_the_set": 3.5},
+                warnings=("scored",),
+            )
 
         has = name == "friction"
         return Experiment(
-            name,
-            name,
-            name,
-            NoParameters,
-            no_plan,
-            analyse,
+            name=name,
+            title=name,
+            summary=name,
+            parameters=NoParameters,
+            plan=no_plan,
+            analyse=analyse,
             compare=compare if has else None,
             identified=take_over if has else None,
         )

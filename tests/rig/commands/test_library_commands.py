@@ -53,7 +53,13 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("real")
     values = {"positions": 1, "zero_time": 0.5, "rate": 0.05}
     request = RunRequest(
-        "starting-torque", shipped_gear(), shipped_motor(), folder, values, gear_serial="G7", seed=1
+        protocol="starting-torque",
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=folder,
+        values=values,
+        gear_serial="G7",
+        seed=1,
     )
     assert run_request(request).outcome == "PASS"
     return folder

@@ -174,11 +174,11 @@ def test_a_run_on_the_simulated_rig(capsys: pytest.CaptureFixture[str], tmp_path
 
 def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
     request = RunRequest(
-        "starting-torque",
-        shipped_gear(),
-        shipped_motor(),
-        tmp_path,
-        {"positions": 1, "zero_time": 0.5},
+        protocol="starting-torque",
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=tmp_path,
+        values={"positions": 1, "zero_time": 0.5},
         gear_serial="G1",
         seed=5,
     )
@@ -205,7 +205,13 @@ def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
 def test_what_the_rig_knows_is_not_asked_for_twice() -> None:
     gear, motor = shipped_gear(), shipped_motor()
     request = RunRequest(
-        "kinematic-error", gear, motor, Path(), {}, mounting="flexspline-fixed", sample_rate=500.0
+        protocol="kinematic-error",
+        gear=gear,
+        motor=motor,
+        output=Path(),
+        values={},
+        mounting="flexspline-fixed",
+        sample_rate=500.0,
     )
     planned = plan_request(request)
     assert planned.parameters.mounting == "flexspline-fixed"
@@ -215,7 +221,7 @@ def test_what_the_rig_knows_is_not_asked_for_twice() -> None:
 
 def test_an_unknown_rig_lists_those_there_are() -> None:
     with pytest.raises(ConfigurationError, match="no such rig") as refused:
-        make_port("another", BenchRequest(shipped_gear(), shipped_motor()))
+        make_port("another", BenchRequest(gear=shipped_gear(), motor=shipped_motor()))
     assert "sim" in refused.value.limit
     assert "sim" in BACKENDS
 
@@ -230,7 +236,9 @@ def test_durations_are_told_as_people_say_them(seconds: float, words: str) -> No
 def test_the_progress_line_needs_a_terminal(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    now = Progress(3, 9, "hold 30 r/min", 4.0, 60.0, 3.14, 0)
+    now = Progress(
+        step=3, steps=9, what="hold 30 r/min", elapsed=4.0, left=60.0, speed=3.14, events=0
+    )
     bad = Event(0, "warning", "x", "test", "beware [of] brackets")
     with progress_line("friction G1", 64.0) as (on_progress, on_event):
         on_progress(now)

@@ -144,7 +144,9 @@ def test_a_description_without_a_readout_is_one_too(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     served = Served("127.0.0.1", 1, "can0", "", {}, "")
     path.write_text(
-        description_of(served, BenchRequest(shipped_gear(), shipped_motor(), sample_rate=250.0)),
+        description_of(
+            served, BenchRequest(gear=shipped_gear(), motor=shipped_motor(), sample_rate=250.0)
+        ),
         encoding="utf-8",
     )
     assert load_configuration(path).rig.sample_rate_hz == 250.0

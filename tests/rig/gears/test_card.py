@@ -181,10 +181,10 @@ def test_the_load_inertia_of_the_card_is_the_gear_s(tmp_path: Path) -> None:
 
 def test_a_request_takes_over_what_the_card_tells_once(tmp_path: Path) -> None:
     plain = RunRequest(
-        "home",
-        shipped_gear(),
-        shipped_motor(),
-        tmp_path,
+        protocol="home",
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=tmp_path,
         conditions={"lubricant": "another, as typed"},
     )
     card = confirmed_card(mounting="flexspline-fixed")
@@ -268,11 +268,11 @@ def test_the_commands_tell_set_confirm_and_list(
 def test_a_run_file_keeps_the_card_among_its_conditions(tmp_path: Path) -> None:
     card = confirmed_card()
     request = RunRequest(
-        "starting-torque",
-        gear_of(card.facts, shipped_gear()),
-        shipped_motor(),
-        tmp_path,
-        {"zero_time": 0.5, "positions": 1},
+        protocol="starting-torque",
+        gear=gear_of(card.facts, shipped_gear()),
+        motor=shipped_motor(),
+        output=tmp_path,
+        values={"zero_time": 0.5, "positions": 1},
         gear_serial=card.serial,
         conditions=conditions_of(card),
     )

@@ -57,7 +57,13 @@ def estimate(
     if scale:
         budget.append(BudgetLine("torque scale", "B", scale * abs(value), "certificate"))
     return Estimate(
-        name, value, unit, value - 2 * own, value + 2 * own, budget=tuple(budget), **more
+        name=name,
+        value=value,
+        unit=unit,
+        low=value - 2 * own,
+        high=value + 2 * own,
+        budget=tuple(budget),
+        **more,
     )
 
 
@@ -73,7 +79,13 @@ def analyse(
     """Lay a result beside a run."""
     told = {"torque_is_of": "gear", "channel": "torque"} if options is None else options
     run_id = run.name.removesuffix(".h5")
-    result = Result(run_id, kind, {e.name: e for e in estimates}, metrics or {}, options=told)
+    result = Result(
+        run=run_id,
+        kind=kind,
+        estimates={e.name: e for e in estimates},
+        metrics=metrics or {},
+        options=told,
+    )
     basis = Basis(sha256 or recorded_sha256(run), "2025-11-21T05:00:00+00:00", tare=tare or {})
     return append_analysis(run, result, basis)
 

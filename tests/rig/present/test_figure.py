@@ -27,7 +27,14 @@ def friction_svg(origin: str, identifier: str = "f1") -> str:
 
 
 def plot(*series: Series, **more: object) -> Plot:
-    return Plot("p", "A title", "Input angle [rad]", "Kinematic error [arcmin]", series, **more)  # type: ignore[arg-type]
+    return Plot(
+        name="p",
+        title="A title",
+        x_label="Input angle [rad]",
+        y_label="Kinematic error [arcmin]",
+        series=series,
+        **more,
+    )  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -75,7 +82,12 @@ def test_hostile_labels_stay_text() -> None:
     evil = 'x</text><script>alert(1)</script> $\\frac{ "quoted"\x00\x1b'
     x = np.arange(5.0)
     made = Plot(
-        evil, evil, evil, evil, (Series(evil, x, x), Series("b", x, x * 2, group=1)), note=evil
+        name=evil,
+        title=evil,
+        x_label=evil,
+        y_label=evil,
+        series=(Series(label=evil, x=x, y=x), Series(label="b", x=x, y=x * 2, group=1)),
+        note=evil,
     )
     svg = figures.draw_svg(made, evil, "f1").svg
     root = ElementTree.fromstring(svg)
@@ -86,7 +98,9 @@ def test_hostile_labels_stay_text() -> None:
 def test_what_a_logarithmic_axis_cannot_show_is_said() -> None:
     y = np.array([1.0, 0.0, -2.0, 4.0])
     drawing = figures.draw_svg(
-        plot(Series("spectrum", np.arange(4.0), y, "bars"), y_scale="log"), "hardware", "f1"
+        plot(Series(label="spectrum", x=np.arange(4.0), y=y, style="bars"), y_scale="log"),
+        "hardware",
+        "f1",
     )
     assert drawing.remarks == (
         "2 values of “spectrum” are not positive and have no place on a logarithmic axis.",
@@ -98,8 +112,8 @@ def test_what_a_logarithmic_axis_cannot_show_is_said() -> None:
 def test_every_style_is_drawn_on_every_axis(style: str, scale: str) -> None:
     x = np.linspace(1.0, 10.0, 30)
     y = 2.0 + np.sin(x)
-    series = Series("s", x, y, style, y - 0.1, y + 0.1)  # type: ignore[arg-type]
-    other = Series("t", x, y * 1.1, style, group=1)  # type: ignore[arg-type]
+    series = Series(label="s", x=x, y=y, style=style, low=y - 0.1, high=y + 0.1)  # type: ignore[arg-type]
+    other = Series(label="t", x=x, y=y * 1.1, style=style, group=1)  # type: ignore[arg-type]
     made = plot(series, other, x_scale=scale, y_scale=scale)
     data = figures.draw_svg(made, "hardware", "f1").svg.partition("legend_1")[0]
     assert all(colour.lower() in data for colour in figures.PALETTE[:2])
@@ -107,7 +121,7 @@ def test_every_style_is_drawn_on_every_axis(style: str, scale: str) -> None:
 
 @pytest.mark.parametrize("y", [np.array([]), np.full(6, np.nan), np.array([1.0]), np.full(6, 3.0)])
 def test_poor_data_make_a_figure_all_the_same(y: np.ndarray) -> None:
-    made = plot(Series("s", np.arange(float(len(y))), y))
+    made = plot(Series(label="s", x=np.arange(float(len(y))), y=y))
     shown = text_of(figures.draw_svg(made, "simulated", "f1").svg)
     assert ("no data" in shown) == (not np.isfinite(y).any())
 
@@ -117,7 +131,9 @@ def test_a_day_of_samples_stays_small_and_keeps_its_peak() -> None:
     y = np.sin(x)
     y[123_457] = 50.0
     svg = figures.draw_svg(
-        plot(Series("raw", x, y), Series("raw", x, y, "points", group=1)), "simulated", "f1"
+        plot(Series(label="raw", x=x, y=y), Series(label="raw", x=x, y=y, style="points", group=1)),
+        "simulated",
+        "f1",
     ).svg
     assert len(svg) < 400_000
     assert "50" in text_of(svg)

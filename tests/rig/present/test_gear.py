@@ -47,9 +47,9 @@ def life(folder: Path, values: Sequence[float] = VALUES, **more: Any) -> Path:
         )
         options = {"torque_is_of": "gear", "channel": "torque", "tare_run": TARE["run"]}
         result = Result(
-            run.name.removesuffix(".h5"),
-            "friction",
-            {RUNNING: found},
+            run=run.name.removesuffix(".h5"),
+            kind="friction",
+            estimates={RUNNING: found},
             verdicts=(verdict,),
             options=options,
         )

@@ -240,7 +240,7 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 def test_a_result_without_anything_makes_a_page() -> None:
     empty = bare(
         "imported",
-        Result("R-1", "motion", {}),
+        Result(run="R-1", kind="motion", estimates={}),
         gear_serial="",
         operator="",
         start_time="",
@@ -277,7 +277,15 @@ def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_bot
 def test_the_set_points_of_a_starting_torque_are_places_and_not_speeds() -> None:
     made = handmade.recording(experiment="starting-torque")
     ramps = tuple(
-        Segment(k, "torque-ramp", k, k + 1, k * math.pi / 4, 1 - 2 * (k % 2)) for k in range(8)
+        Segment(
+            index=k,
+            label="torque-ramp",
+            start=k,
+            stop=k + 1,
+            setpoint=k * math.pi / 4,
+            direction=1 - 2 * (k % 2),
+        )
+        for k in range(8)
     )
     conditions = dict(conditions_of(replace(made, segments=ramps), None))
     assert conditions["Wave-generator positions"] == "8 from 0 to 315°, both directions"
@@ -297,15 +305,15 @@ def test_an_expired_calibration_is_said_at_the_top_and_a_missing_one_of_hardware
     fit = bare("hardware")
     columns = (
         Column(
-            "torque",
-            "N m",
-            "int32",
-            1e-3,
-            0.0,
+            name="torque",
+            unit="N m",
+            dtype="int32",
+            scale=1e-3,
+            offset=0.0,
             calibration=Calibration("C-7", "2020-01-01", "2021-01-01"),
         ),
-        Column("input_angle", "rad", "int32", 1e-3, 0.0),
-        Column("statusword", "1", "int32", 1.0, 0.0),
+        Column(name="input_angle", unit="rad", dtype="int32", scale=1e-3, offset=0.0),
+        Column(name="statusword", unit="1", dtype="int32", scale=1.0, offset=0.0),
     )
     object.__setattr__(fit.recording.source, "columns", columns)
     text = render_report([fit], created=CREATED)

@@ -132,11 +132,11 @@ def test_every_page_is_numbered_and_names_its_runs() -> None:
 def test_an_expired_calibration_is_loud_and_an_unsealed_file_is_not_signed() -> None:
     fit = handmade.fit("hardware", replace(handmade.friction_result(), plots=()), sha256="")
     column = Column(
-        "torque",
-        "N m",
-        "int32",
-        1e-3,
-        0.0,
+        name="torque",
+        unit="N m",
+        dtype="int32",
+        scale=1e-3,
+        offset=0.0,
         calibration=Calibration("C-7", "2020-01-01", "2021-01-01"),
     )
     object.__setattr__(fit.recording.source, "columns", (column,))

@@ -196,7 +196,13 @@ def simulated(
     folder: Path, protocol: str, gear: HarmonicDrive, **values: Any
 ) -> tuple[PlannedRun, Any]:
     request = RunRequest(
-        protocol, gear, MOTOR, folder, {"zero_time": 0.5, **values}, gear_serial="SN-1", seed=3
+        protocol=protocol,
+        gear=gear,
+        motor=MOTOR,
+        output=folder,
+        values={"zero_time": 0.5, **values},
+        gear_serial="SN-1",
+        seed=3,
     )
     plan = plan_request(request)
     recording = open_run(run_request(request, plan, judged=False).path)

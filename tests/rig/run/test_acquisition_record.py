@@ -43,7 +43,7 @@ def acquisition_of(path: Path) -> dict[str, Any]:
 @pytest.mark.parametrize("begin", [begin_inline_run, begin_threaded_run])
 def test_a_run_keeps_the_figures_of_its_acquisition(begin: Any, tmp_path: Path) -> None:
     rig = FakeRig(
-        {
+        script={
             600: lambda r: setattr(r.physics, "flags", INCOMPLETE),
             602: lambda r: setattr(r.physics, "flags", 0),
         }
@@ -75,7 +75,14 @@ def test_the_wire_tells_its_own_figures(tmp_path: Path) -> None:
 def test_the_share_of_missed_cycles_is_asked_for(tmp_path: Path) -> None:
     values = {"points": 6, "highest_rpm": 1200.0, "lowest_rpm": 5.0, "up_and_down": False}
     report = run_request(
-        RunRequest("friction", shipped_gear(), shipped_motor(), tmp_path, values, seed=5),
+        RunRequest(
+            protocol="friction",
+            gear=shipped_gear(),
+            motor=shipped_motor(),
+            output=tmp_path,
+            values=values,
+            seed=5,
+        ),
         judged=False,
     )
     with pytest.raises(AnalysisError, match="largest-missed-share"):

@@ -168,7 +168,7 @@ def test_a_torque_ramp_that_moves_nothing_ends_at_its_limit() -> None:
     def block(rig: FakeRig) -> None:
         rig.physics.blocked = True
 
-    run, report = run_steps(TorqueRamp(0.5, 0.2, 0.05, LABEL), rig=FakeRig({0: block}))
+    run, report = run_steps(TorqueRamp(0.5, 0.2, 0.05, LABEL), rig=FakeRig(script={0: block}))
     assert "no-motion" in run.codes()
     torque = run.counts[run.segments[0].start : run.segments[0].stop, 2] * 1e-4
     assert torque.max() == pytest.approx(0.2, abs=1e-3)
@@ -185,7 +185,10 @@ def test_settling_needs_two_windows_that_agree() -> None:
     # Enabling takes 50 cycles after 201 of preflight, the ramp 20: settling begins at row 271 and windows are 100 rows.
     script = {271: torque(0.10), 371: torque(0.06), 471: torque(0.03), 571: torque(0.029)}
     run, _ = run_steps(
-        Ramp(20.0, 1000.0), Settle(0.1, 0.005, 5.0, LABEL), Ramp(0.0, 500.0), rig=FakeRig(script)
+        Ramp(20.0, 1000.0),
+        Settle(0.1, 0.005, 5.0, LABEL),
+        Ramp(0.0, 500.0),
+        rig=FakeRig(script=script),
     )
     assert run.segments[0].stop - run.segments[0].start == 400
     assert "not-settled" not in run.codes()
@@ -196,7 +199,7 @@ def test_what_never_settles_goes_on_with_a_warning() -> None:
         rig.physics.torque_extra += 0.02
         rig.script[rig.physics.cycle + 100] = drift
 
-    rig = FakeRig({250: drift})
+    rig = FakeRig(script={250: drift})
     run, report = run_steps(
         Ramp(20.0, 1000.0), Settle(0.1, 0.005, 1.0, LABEL), Ramp(0.0, 500.0), rig=rig
     )
@@ -208,7 +211,7 @@ def test_what_never_settles_goes_on_with_a_warning() -> None:
 
 def test_an_overdue_step_is_an_error_of_the_rig_and_ends_at_a_standstill() -> None:
     run, report = run_steps(
-        Ramp(1.0, 100.0), HoldRevolutions(0.5, 4.0, LABEL), rig=FakeRig({400: _block_input})
+        Ramp(1.0, 100.0), HoldRevolutions(0.5, 4.0, LABEL), rig=FakeRig(script={400: _block_input})
     )
     assert report.outcome == "ERROR"
     assert "did not reach 0.5 revolutions" in report.message

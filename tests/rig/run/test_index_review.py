@@ -23,7 +23,7 @@ REVOLUTION = 32768
 CHANNELS = (
     encoder_channel("input_angle", lines=8192, multiplication=4),
     encoder_channel("input_index", lines=8192, multiplication=4),
-    Channel("index_seen", "1", 1.0),
+    Channel(name="index_seen", unit="1", scale=1.0),
 )
 
 
@@ -138,7 +138,7 @@ def lose(counts: int):
 def test_a_run_whose_motor_encoder_loses_counts_trips_and_stands() -> None:
     steps = (Ramp(60.0, 500.0), HoldRevolutions(8.0, 3.0), Ramp(0.0, 500.0))
     run = ListRun()
-    rig = FakeRig({700: lose(25)})
+    rig = FakeRig(script={700: lose(25)})
     report = execute(order_of(planned_of(*steps), rig, Path(), 50), lambda *_: run)
     assert report.outcome == "TRIPPED", report.message
     assert report.trip is not None

@@ -51,7 +51,7 @@ def test_a_run_in_real_time_keeps_everything_and_judges_with_the_collector_on(
         return Judgement("MARGINAL", (), {"rows": float(rows)})
 
     events: list[Event] = []
-    order = order_of(planned_of(*SHORT), FakeRig({400: look}), tmp_path)
+    order = order_of(planned_of(*SHORT), FakeRig(script={400: look}), tmp_path)
     report = execute_in_real_time(order, begin_threaded_run, judge=judge, on_event=events.append)
     assert (report.outcome, report.safe) == ("MARGINAL", True)
     assert threads == {"turn"}
@@ -68,7 +68,7 @@ def test_what_a_run_in_real_time_raises_is_raised_here(tmp_path: Path) -> None:
     def fail(_: FakeRig) -> None:
         raise ZeroDivisionError("a defect")
 
-    rig = FakeRig({400: fail})
+    rig = FakeRig(script={400: fail})
     order = order_of(planned_of(*SHORT), rig, tmp_path)
     rig.script[400] = lambda r: (r.script.clear(), fail(r))  # type: ignore[func-returns-value]
     with pytest.raises(ZeroDivisionError):
@@ -162,7 +162,7 @@ def test_a_prompt_is_put_in_the_main_thread_and_the_turn_never_waits() -> None:
     told: list[Progress] = []
     relay = Relay(lambda p: (asked.append(p.text), "22")[1], told.append, None)
     assert relay.ask(prompt) is None
-    relay.progress(Progress(1, 2, "x", 0.0, 1.0, 0.0, 0))
+    relay.progress(Progress(step=1, steps=2, what="x", elapsed=0.0, left=1.0, speed=0.0, events=0))
     relay.serve()
     assert asked == ["temperature?"]
     assert relay.ask(prompt) == "22"
@@ -201,7 +201,17 @@ def test_words_on_the_line_and_the_dead_mans_switch() -> None:
     assert stop.level == 1
     remote.take("ABORT")
     assert stop.level == 2
-    progress = Progress(1, 2, "hold", 0.0, 1.0, 0.0, 0, "input_speed", 0.4)
+    progress = Progress(
+        step=1,
+        steps=2,
+        what="hold",
+        elapsed=0.0,
+        left=1.0,
+        speed=0.0,
+        events=0,
+        nearest="input_speed",
+        margin=0.4,
+    )
     remote.on_progress(progress)
     remote.on_progress(progress)
     clock.advance_ns(10**9)
@@ -226,7 +236,7 @@ def test_lines_come_from_a_descriptor_whole() -> None:
 
 def test_notes_of_the_operator_become_events() -> None:
     stop = StopRequest()
-    rig = FakeRig({300: lambda _: stop.note("smells of oil")})
+    rig = FakeRig(script={300: lambda _: stop.note("smells of oil")})
     run = ListRun()
     report = execute(order_of(planned_of(*SHORT), rig, Path()), lambda *_: run, stop=stop)
     assert report.outcome == "PASS"

@@ -159,7 +159,7 @@ def test_a_full_ring_stops_the_run_and_every_earlier_row_is_kept(tmp_path: Path)
     for call in (
         lambda: recorder.put(block(53, 1)),
         lambda: recorder.event(Event(0, "info", "NOTE", "test", "")),
-        lambda: recorder.segment(Segment(0, "hold", 0, 1)),
+        lambda: recorder.segment(Segment(index=0, label="hold", start=0, stop=1)),
         recorder.flush,
     ):
         with pytest.raises(RecorderOverflowError):
@@ -249,8 +249,12 @@ def test_closing_drains_rows_segments_and_events(tmp_path: Path) -> None:
     recorder = ThreadedRecorder(writer, 1000.0)
     for first in range(0, 5000, 100):
         recorder.put(block(first, 100))
-    recorder.segment(Segment(0, "hold", 0, -1, 1.0, 1, 0))
-    recorder.segment(Segment(0, "hold", 0, 2500, 1.0, 1, 0))
+    recorder.segment(
+        Segment(index=0, label="hold", start=0, stop=-1, setpoint=1.0, direction=1, repeat=0)
+    )
+    recorder.segment(
+        Segment(index=0, label="hold", start=0, stop=2500, setpoint=1.0, direction=1, repeat=0)
+    )
     for index in range(20):
         recorder.event(Event(EPOCH_NS + index, "info", "NOTE", "test", str(index)))
     assert writer.rows == 0

@@ -58,7 +58,7 @@ def test_stop_and_abort_at_every_kind_of_step(
 ) -> None:
     stop = StopRequest()
     row = segments[label]
-    rig = FakeRig({row: lambda _: stop.stop() if word == "STOP" else stop.abort()})
+    rig = FakeRig(script={row: lambda _: stop.stop() if word == "STOP" else stop.abort()})
     report = execute(
         order_of(planned_of(*EVERYTHING), rig, tmp_path, 20), begin_inline_run, stop=stop
     )
@@ -85,7 +85,7 @@ def test_stop_and_abort_at_every_kind_of_step(
 
 def test_a_second_press_turns_the_ramp_into_a_quick_stop() -> None:
     stop = StopRequest()
-    rig = FakeRig({400: lambda _: stop.press(), 405: lambda _: stop.press()})
+    rig = FakeRig(script={400: lambda _: stop.press(), 405: lambda _: stop.press()})
     _, report = run_short(rig, stop=stop, block=2)
     assert report.outcome == "ABORTED"
     assert report.make_safe is not None
@@ -104,7 +104,7 @@ def test_a_press_before_anything_moves_and_one_after_the_end() -> None:
     late = StopRequest()
     _run, report = run_short()
     end = report.rows - 50
-    _, report = run_short(FakeRig({end: lambda _: late.press()}), stop=late)
+    _, report = run_short(FakeRig(script={end: lambda _: late.press()}), stop=late)
     assert report.outcome == "PASS"
 
 
@@ -192,7 +192,7 @@ def test_an_exception_nobody_expected_is_made_safe_and_sealed(error: BaseExcepti
         rig.script.clear()
         raise error
 
-    rig, run = FakeRig({400: fail}), ListRun()
+    rig, run = FakeRig(script={400: fail}), ListRun()
     with pytest.raises(type(error)):
         execute(order_of(planned_of(*SHORT), rig, Path(), 50), lambda *_: run)
     assert run.outcome == ("ABORTED" if isinstance(error, KeyboardInterrupt) else "ERROR")
@@ -206,7 +206,7 @@ def test_a_failed_make_safe_is_the_loudest_thing() -> None:
     def keep_power(rig: FakeRig) -> None:
         rig.physics.ignore_off = True
 
-    run, report = run_short(FakeRig({800: keep_power}))
+    run, report = run_short(FakeRig(script={800: keep_power}))
     assert report.outcome == "TRIPPED"
     assert not report.safe
     assert "make_safe_failed" in report.message
@@ -249,7 +249,7 @@ def test_a_run_that_was_cut_is_not_judged() -> None:
         raise AssertionError("must not be called")
 
     stop = StopRequest()
-    _, report = run_short(FakeRig({400: lambda _: stop.stop()}), stop=stop, judge=judge)
+    _, report = run_short(FakeRig(script={400: lambda _: stop.stop()}), stop=stop, judge=judge)
     assert report.outcome == "ABORTED"
 
 

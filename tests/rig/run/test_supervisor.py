@@ -45,7 +45,7 @@ def run_with(
 
 
 def at(cycle: int, change: Callable[[FakeRig], object]) -> FakeRig:
-    return FakeRig({cycle: lambda rig: (change(rig), None)[1]})
+    return FakeRig(script={cycle: lambda rig: (change(rig), None)[1]})
 
 
 def physics(**values: object) -> Callable[[FakeRig], None]:
@@ -134,7 +134,7 @@ def test_what_recovers_by_itself_is_safe_in_the_end() -> None:
         if cause in lasting or cause in (trips.OVERLOAD, trips.OVER_SPEED):
             continue
         rig = next(c[1] for c in CASES if c[0] == cause)
-        fresh = FakeRig(dict(rig.script))
+        fresh = FakeRig(script=dict(rig.script))
         _, report = run_with(fresh)
         assert report.safe, (cause, report.message)
 
@@ -167,7 +167,7 @@ def test_leaving_the_planned_travel_trips() -> None:
 
     plan = (Ramp(40.0, 500.0), HoldRevolutions(3.0, 9.0), Ramp(0.0, 500.0))
     planned = planned_of(*plan)
-    rig = FakeRig({AT - 500: turn_back})
+    rig = FakeRig(script={AT - 500: turn_back})
     run = ListRun()
     order = order_of(planned, rig, Path(), 50)
     # A generous speed limit, so that the travel is what is broken.
@@ -195,7 +195,7 @@ def test_a_bus_that_is_gone_trips_and_is_honest_about_the_standstill() -> None:
     def cut(rig: FakeRig) -> None:
         rig.dead = True
 
-    rig = FakeRig({AT: cut})
+    rig = FakeRig(script={AT: cut})
     run, report = run_with(rig)
     assert report.outcome == "TRIPPED"
     assert report.trip is not None
@@ -227,7 +227,7 @@ def test_a_rig_that_returns_nothing_is_given_up() -> None:
     def fall_silent(rig: FakeRig) -> None:
         rig.empty = True
 
-    _, report = run_with(FakeRig({AT: fall_silent}))
+    _, report = run_with(FakeRig(script={AT: fall_silent}))
     assert report.trip is not None
     assert report.trip.cause == STALE_DATA
     assert not report.safe
@@ -326,7 +326,13 @@ def test_stale_data_and_masked_states_are_found_whatever_the_cut(size: int) -> N
     counts[:, column] = 0x1237
     counts[30, column] = 0x0637
     counts[35:, column] = 0x0233
-    state = Bound(trips.UNEXPECTED_STATE, {"statusword": 1.0}, 0x27 - 0.5, 0x27 + 0.5, mask=0x6F)
+    state = Bound(
+        cause=trips.UNEXPECTED_STATE,
+        weights={"statusword": 1.0},
+        low=0x27 - 0.5,
+        high=0x27 + 0.5,
+        mask=0x6F,
+    )
     for guard, row in (
         (Guard((), stale_cycles=5), 12),
         (Guard((state,)), 35),

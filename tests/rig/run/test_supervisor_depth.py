@@ -70,7 +70,7 @@ def test_a_clock_that_was_there_and_is_lost_trips_but_a_host_clock_does_not() ->
     def lose(rig: FakeRig) -> None:
         rig.physics.flags = int(CycleFlag.HOST_TIME)
 
-    _, report = run_with(FakeRig({500: lose}))
+    _, report = run_with(FakeRig(script={500: lose}))
     assert report.trip is not None
     assert report.trip.cause == "time_base"
     always = FakeRig()
@@ -149,7 +149,7 @@ def test_the_longest_run_of_lost_cycles_is_kept(lost: int) -> None:
     def flag(value: int) -> Callable[[FakeRig], None]:
         return lambda rig: setattr(rig.physics, "flags", value)
 
-    rig = FakeRig({500: flag(int(CycleFlag.INCOMPLETE)), 500 + lost: flag(0)})
+    rig = FakeRig(script={500: flag(int(CycleFlag.INCOMPLETE)), 500 + lost: flag(0)})
     _, report = run_with(rig)
     assert report.outcome == "PASS"
     assert report.margins[margins.STALE]["peak"] == lost
@@ -166,7 +166,12 @@ def test_the_watchdog_stops_the_drive_over_its_own_bus_without_the_loop() -> Non
     rig = drilled_rig("wire", shipped_gear(), shipped_motor(), Happening(2**62), StopRequest(), 0)
     assert rig.bench is not None
     port, bench = rig.port, rig.bench
-    watchdog = watchdog_of(TwoHandledBench("wire", port, rig.clock, True, bench.bus), 20)
+    watchdog = watchdog_of(
+        TwoHandledBench(
+            name="wire", port=port, clock=rig.clock, real_time=True, second_bus=bench.bus
+        ),
+        20,
+    )
     assert watchdog is not None
     port.open()
     port.exchange(Command(Mode.SPEED, np.full(150, 20.0)), 150, Guard())
@@ -183,4 +188,4 @@ def test_the_watchdog_stops_the_drive_over_its_own_bus_without_the_loop() -> Non
 
 def test_a_rig_without_a_second_handle_has_no_watchdog() -> None:
     rig = FakeRig()
-    assert watchdog_of(Bench("fake", rig, rig.clock), 20) is None
+    assert watchdog_of(Bench(name="fake", port=rig, clock=rig.clock), 20) is None

@@ -25,7 +25,12 @@ def main(folder: str, compress: str, chunk_rows: str) -> None:
             first += 37
         elif command == "g":
             writer.segment(
-                Segment(segments, "hold", max(first - 37, 0), -1 if segments % 2 else first)
+                Segment(
+                    index=segments,
+                    label="hold",
+                    start=max(first - 37, 0),
+                    stop=-1 if segments % 2 else first,
+                )
             )
             writer.event(Event(first, "info", "NOTE", "writer", f"row {first}"))
             segments += 1

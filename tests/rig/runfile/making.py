@@ -19,25 +19,25 @@ CHANNELS = (
     encoder_channel("input_angle", lines=8192, multiplication=4),
     encoder_channel("output_angle", lines=18_000, multiplication=4, direction=-1, modulus=2**16),
     Channel(
-        "torque",
-        "N m",
-        3.1e-5,
-        0.0125,
-        -1,
+        name="torque",
+        unit="N m",
+        scale=3.1e-5,
+        offset=0.0125,
+        direction=-1,
         calibration=CALIBRATION,
         model="EL3104",
         serial_number="7",
     ),
-    Channel("statusword", "1", 1.0),
+    Channel(name="statusword", unit="1", scale=1.0),
 )
 
 
 def header(run_id: str = "00001-friction-A1", **changes: object) -> RunHeader:
     """A header with something in every field."""
     metadata = RunMetadata(
-        run_id,
-        "friction",
-        "simulated",
+        run_id=run_id,
+        experiment="friction",
+        origin="simulated",
         title="no-load running torque",
         start_time="2025-11-21T04:40:00.000+00:00",
         operator="Ada Grün",
@@ -91,8 +91,22 @@ def write_run(
     for first in range(0, rows, 100):
         writer.append(block(first, min(100, rows - first)))
     if rows >= 20:
-        writer.segment(Segment(0, "hold", 0, rows // 2, 3.25, 1, 0))
-        writer.segment(Segment(1, "hold", rows // 2, rows, -3.25, -1, 1))
+        writer.segment(
+            Segment(
+                index=0, label="hold", start=0, stop=rows // 2, setpoint=3.25, direction=1, repeat=0
+            )
+        )
+        writer.segment(
+            Segment(
+                index=1,
+                label="hold",
+                start=rows // 2,
+                stop=rows,
+                setpoint=-3.25,
+                direction=-1,
+                repeat=1,
+            )
+        )
     writer.event(Event(EPOCH_NS + 5, "info", "NOTE", "operator", "Öl nachgefüllt"))
     writer.event(Event(EPOCH_NS + 9, "warning", "DRIFT", "engine", "x" * 600))
     return writer.seal(outcome, "2025-11-21T04:41:00.000+00:00")

@@ -19,9 +19,9 @@ def dead_part(folder: Path, rows: int = 300, **options: bool) -> Path:
     """A `.part` as a dead writer leaves it."""
     writer = RunWriter(folder / "00007-x-y.h5", header(), chunk_rows=64, **options)
     writer.append(block(0, rows))
-    writer.segment(Segment(0, "ramp", 0, 100))
-    writer.segment(Segment(1, "hold", 100, 280))
-    writer.segment(Segment(2, "hold", 290, -1))
+    writer.segment(Segment(index=0, label="ramp", start=0, stop=100))
+    writer.segment(Segment(index=1, label="hold", start=100, stop=280))
+    writer.segment(Segment(index=2, label="hold", start=290, stop=-1))
     writer.flush()
     writer.abandon()
     return writer.part
@@ -54,7 +54,9 @@ def test_columns_of_unequal_length_are_cut_to_the_shortest_and_it_says_so(tmp_pa
 
 def test_an_open_segment_ends_with_the_last_row(tmp_path: Path) -> None:
     recovered = recover_run(dead_part(tmp_path))
-    assert open_run(recovered.path).segments[2] == Segment(2, "hold", 290, 300)
+    assert open_run(recovered.path).segments[2] == Segment(
+        index=2, label="hold", start=290, stop=300
+    )
     assert any("segment 2" in note for note in recovered.notes)
 
 

@@ -117,7 +117,7 @@ def test_calibrations_that_were_overdue(tmp_path: Path, due: str, level: str) ->
     )
     writer = RunWriter(tmp_path / "1-x-y.h5", replace(made, columns=columns))
     writer.append(block(0, 10))
-    writer.segment(Segment(0, "hold", 0, 10))
+    writer.segment(Segment(index=0, label="hold", start=0, stop=10))
     assert levels(writer.seal("PASS"))["calibration"] == level
 
 

@@ -112,8 +112,10 @@ def test_channels_come_back_for_replay(tmp_path: Path) -> None:
 def test_segments_and_events_come_back(tmp_path: Path) -> None:
     recording = open_run(write_run(tmp_path))
     assert recording.segments == (
-        Segment(0, "hold", 0, 1250, 3.25, 1, 0),
-        Segment(1, "hold", 1250, 2500, -3.25, -1, 1),
+        Segment(index=0, label="hold", start=0, stop=1250, setpoint=3.25, direction=1, repeat=0),
+        Segment(
+            index=1, label="hold", start=1250, stop=2500, setpoint=-3.25, direction=-1, repeat=1
+        ),
     )
     assert recording.events[0] == Event(EPOCH_NS + 5, "info", "NOTE", "operator", "Öl nachgefüllt")
     assert recording.events[1].text == "x" * 480
@@ -166,18 +168,18 @@ def test_how_a_run_is_cut_into_blocks_does_not_matter(
 def test_a_growing_run_is_followed(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "1-x-y.h5", header(), compress=False, chunk_rows=64)
     writer.append(block(0, 100))
-    writer.segment(Segment(0, "hold", 10, -1))
+    writer.segment(Segment(index=0, label="hold", start=10, stop=-1))
     writer.flush()
     recording = open_run(writer.part)
     assert (recording.rows, recording.metadata.outcome) == (100, "")
-    assert recording.segments == (Segment(0, "hold", 10, 100),)
+    assert recording.segments == (Segment(index=0, label="hold", start=10, stop=100),)
     writer.append(block(100, 60))
-    writer.segment(Segment(0, "hold", 10, 150))
+    writer.segment(Segment(index=0, label="hold", start=10, stop=150))
     writer.event(Event(1, "info", "A", "b", "c"))
     writer.flush()
     grown = follow(recording)
     assert grown.rows == 160
-    assert grown.segments == (Segment(0, "hold", 10, 150),)
+    assert grown.segments == (Segment(index=0, label="hold", start=10, stop=150),)
     assert len(grown.events) == 1
     np.testing.assert_array_equal(grown.stored("input_angle"), counts_of(np.arange(160))[:, 0])
     close_recording(recording)
@@ -254,7 +256,7 @@ def test_channel_names_that_would_break_the_file_are_refused(name: str) -> None:
     from rig.runfile.layout import Column
 
     with pytest.raises(RunFileError, match="not a name for a channel"):
-        Column(name, "rad")
+        Column(name=name, unit="rad")
 
 
 def test_reading_takes_constant_memory(tmp_path: Path) -> None:

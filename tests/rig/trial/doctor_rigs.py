@@ -26,7 +26,9 @@ Change = Callable[[CanRigConfig], CanRigConfig]
 
 
 def request(folder: Path, **changes: object) -> RunRequest:
-    made = RunRequest("doctor", GEAR, MOTOR, folder, sample_rate=RATE, backend="wire")
+    made = RunRequest(
+        protocol="doctor", gear=GEAR, motor=MOTOR, output=folder, sample_rate=RATE, backend="wire"
+    )
     return replace(made, **changes)  # type: ignore[arg-type]
 
 
@@ -50,7 +52,7 @@ def on_the_wire(
     port = CanRig(
         config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated"
     )
-    return Bench("wire", port, bench.clock)
+    return Bench(name="wire", port=port, clock=bench.clock)
 
 
 def counter(config: CanRigConfig, **changes: object) -> CanRigConfig:

@@ -103,7 +103,15 @@ def test_json_and_people_get_the_same_story(
 
 def finished(protocol: str, outcome: str = "PASS") -> Finished:
     result = friction_result() if outcome == "PASS" else None
-    return Finished(protocol, Path(f"{protocol}.h5"), outcome, "because", result, "", 1.0)
+    return Finished(
+        protocol=protocol,
+        path=Path(f"{protocol}.h5"),
+        outcome=outcome,
+        message="because",
+        result=result,
+        stored="",
+        seconds=1.0,
+    )
 
 
 def collected(*messages: Any, branches: int = 1) -> list[Finished]:

@@ -87,9 +87,15 @@ def test_the_table_shows_what_it_was_told_and_every_heading_once(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     findings = (
-        Finding("computer", "disk", "ok", "in [/tmp] or [bold]"),
-        Finding("rig", "connection", "failed", "no [drive] there", remedy="See [drive]."),
-        Finding("computer", "calendar", "skipped", "not today"),
+        Finding(group="computer", name="disk", result="ok", evidence="in [/tmp] or [bold]"),
+        Finding(
+            group="rig",
+            name="connection",
+            result="failed",
+            evidence="no [drive] there",
+            remedy="See [drive].",
+        ),
+        Finding(group="computer", name="calendar", result="skipped", evidence="not today"),
     )
     _print(Examination("sim", findings))
     shown = capsys.readouterr().out

@@ -58,7 +58,7 @@ def test_what_a_rig_on_the_wire_tells_of_itself(tmp_path: Path) -> None:
 
 
 def test_the_direct_rig_has_no_bus_and_is_examined_all_the_same(tmp_path: Path) -> None:
-    wanted = BenchRequest(shipped_gear(), shipped_motor(), sample_rate=RATE)
+    wanted = BenchRequest(gear=shipped_gear(), motor=shipped_motor(), sample_rate=RATE)
     found = look(tmp_path, lambda: make_port("sim", wanted))
     assert line(found, "nodes", "bus").result == "skipped"
     assert line(found, "torque", "zero").result == "ok"
@@ -200,14 +200,14 @@ def test_the_readout_is_asked_once(
 ) -> None:
     bench = wire_bench(*([] if fault is None else [fault]))
     monkeypatch.setattr(surroundings, "open_port", lambda config: bench.serial())
-    finding = surroundings.readout(ReadoutConfig("/dev/ttyUSB0"), bench.clock)
+    finding = surroundings.readout(ReadoutConfig(url="/dev/ttyUSB0"), bench.clock)
     assert finding.result == result
     assert words in finding.evidence
     assert finding.remedy or result == "ok"
 
 
 def test_a_readout_that_fails_does_not_keep_the_rig_from_moving(tmp_path: Path) -> None:
-    stop, there_is_none = StopRequest(), ReadoutConfig(str(tmp_path / "no-such-line"))
+    stop, there_is_none = StopRequest(), ReadoutConfig(url=str(tmp_path / "no-such-line"))
     found = examine(
         on_the_wire,
         request(tmp_path),
@@ -227,7 +227,7 @@ def test_the_line_of_a_pseudo_terminal_opens_as_often_as_it_is_asked(tmp_path: P
     controller, terminal = os.openpty()
     try:
         for _ in range(3):
-            open_port(ReadoutConfig(os.ttyname(terminal))).close()
+            open_port(ReadoutConfig(url=os.ttyname(terminal))).close()
     finally:
         os.close(controller)
         os.close(terminal)

@@ -149,7 +149,7 @@ def test_hardware_and_unknown_faults_are_refused() -> None:
 
 def test_a_run_that_does_not_end_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rigs, "LARGEST_EXCHANGES", 20)
-    drill = Drill("never ends", "")
+    drill = Drill(name="never ends", what="")
     with pytest.raises(DrillHungError):
         list(run_drills([drill], backend="sim"))
 
@@ -166,7 +166,13 @@ def test_wrong_counts_that_are_not_marked_are_found(tmp_path: Path) -> None:
     reference = reference_run(planned, "sim", 0, tmp_path)
     reference.counts["torque"][700:710] += 5
     row = suite._Staged(
-        replace(drill, fault=None), planned, "sim", 0, tmp_path / "again", 10, reference
+        drill=replace(drill, fault=None),
+        planned=planned,
+        carrier="sim",
+        seed=0,
+        folder=tmp_path / "again",
+        row=10,
+        reference=reference,
     ).run()
     assert "10 WRONG COUNTS NOT MARKED" in row.detected
     assert not row.passed

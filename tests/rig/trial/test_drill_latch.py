@@ -24,7 +24,7 @@ def trip_a_run(folder: Path) -> LatchedTrip:
 
     order = order_of(
         planned_of(Ramp(20.0, 500.0), HoldTime(0.3)),
-        FakeRig({350: block}),
+        FakeRig(script={350: block}),
         folder,
         latch=TripLatch(folder),
     )

@@ -132,11 +132,11 @@ def trip(folder: Path) -> None:
     remote = RemoteOperator(stop, lambda line: print(line, flush=True), WallClock())
     remote.listen_in_background(lines_of(sys.stdin.fileno()))
     order = RunOrder(
-        planned,
-        rig,
-        rig.clock,
-        "drill",
-        folder,
+        planned=planned,
+        port=rig,
+        clock=rig.clock,
+        backend="drill",
+        output=folder,
         operator="A. Example",
         gear_serial="SN-1",
         block_cycles=20,

@@ -105,11 +105,11 @@ def prepared(session: WindowSession) -> MakePrepared:
 
     def make(protocol: str, values: dict[str, Any] | None = None, *flags: str) -> PreparedRun:
         request = RunRequest(
-            protocol,
-            shipped_gear(),
-            shipped_motor(),
-            session.folder,
-            values or {},
+            protocol=protocol,
+            gear=shipped_gear(),
+            motor=shipped_motor(),
+            output=session.folder,
+            values=values or {},
             gear_serial="SN-0815",
             operator="A. Example",
         )
@@ -140,11 +140,11 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("simulated")
     for seed in (1, 2):
         request = RunRequest(
-            "friction",
-            shipped_gear(),
-            shipped_motor(),
-            folder,
-            QUICK,
+            protocol="friction",
+            gear=shipped_gear(),
+            motor=shipped_motor(),
+            output=folder,
+            values=QUICK,
             gear_serial="SN-0815",
             operator="A. Example",
             seed=seed,

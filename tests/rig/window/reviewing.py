@@ -29,22 +29,22 @@ def destroy(widget: QWidget) -> None:
 def indexed(number: int, **changes: object) -> IndexedRun:
     """A line of the index."""
     made = IndexedRun(
-        Path(f"{number:05d}-friction-SN.h5"),
-        f"{number:05d}-friction-SN",
-        number,
-        "sealed",
-        "friction",
-        f"SN-{number % 7}",
-        "CSF-25-120",
-        "A. Example",
-        f"2025-11-{1 + number % 28:02d}T10:00:00+00:00",
-        61.0,
-        "PASS",
-        "simulated",
-        "sim",
-        61_000,
-        "",
-        "",
+        path=Path(f"{number:05d}-friction-SN.h5"),
+        run_id=f"{number:05d}-friction-SN",
+        number=number,
+        state="sealed",
+        protocol="friction",
+        gear_serial=f"SN-{number % 7}",
+        gear="CSF-25-120",
+        operator="A. Example",
+        start=f"2025-11-{1 + number % 28:02d}T10:00:00+00:00",
+        duration=61.0,
+        outcome="PASS",
+        origin="simulated",
+        backend="sim",
+        rows=61_000,
+        problem="",
+        notes="",
     )
     return replace(made, **changes)  # type: ignore[arg-type]
 

@@ -73,15 +73,15 @@ def context() -> LiveContext:
         np.zeros(10, np.uint16),
     )
     metadata = RunMetadata(
-        "00001-k",
-        "kinematic-error",
-        "simulated",
+        run_id="00001-k",
+        experiment="kinematic-error",
+        origin="simulated",
         gear=shipped_gear(),
         ratio=RATIO,
         sample_rate=RATE,
     )
     return LiveContext(
-        Recording(metadata, {name: Signal(name, "rad") for name in names}, (), (), source)
+        Recording(metadata, {name: Signal(name=name, unit="rad") for name in names}, (), (), source)
     )
 
 

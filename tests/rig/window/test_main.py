@@ -79,13 +79,20 @@ def test_a_figure_of_a_result_is_drawn_with_its_units(session: WindowSession, qt
     qtbot.addWidget(plot)
     x, y = np.array([1.0, 10.0, 100.0]), np.array([60.0, 50.0, 90.0])
     series = (
-        Series("measured", x, y, "points", y - 1.0, y + 1.0),
-        Series("fit", x, y, "line", y - 2.0, y + 2.0, 1),
-        Series("amplitude", x, y, "bars", group=2),
-        Series("steps", x, y, "steps", group=3),
+        Series(label="measured", x=x, y=y, style="points", low=y - 1.0, high=y + 1.0),
+        Series(label="fit", x=x, y=y, style="line", low=y - 2.0, high=y + 2.0, group=1),
+        Series(label="amplitude", x=x, y=y, style="bars", group=2),
+        Series(label="steps", x=x, y=y, style="steps", group=3),
     )
     plot.show_data(
-        Plot("friction", "Friction", "input speed [r/min]", "torque [mN m]", series, x_scale="log")
+        Plot(
+            name="friction",
+            title="Friction",
+            x_label="input speed [r/min]",
+            y_label="torque [mN m]",
+            series=series,
+            x_scale="log",
+        )
     )
     assert [curve.name for curve in plot.curves] == ["measured", "fit", "amplitude", "steps"]
     assert plot.item.getAxis("left").labelText == "torque [mN m]"

@@ -53,11 +53,11 @@ def test_lines_points_steps_and_bars_are_drawn_with_units_legend_and_mark(
 ) -> None:
     drawn.show_data(
         plot_of(
-            Series("fit", X, X, "line"),
-            Series("band", X, X, "band", 0.9 * X, 1.1 * X, 1),
-            Series("held", X, X, "steps", group=2),
-            Series("measured", X, X, "points", X - 0.5, X + 0.5, 3),
-            Series("orders", X, X, "bars", X - 0.1, X + 0.1, 4),
+            Series(label="fit", x=X, y=X, style="line"),
+            Series(label="band", x=X, y=X, style="band", low=0.9 * X, high=1.1 * X, group=1),
+            Series(label="held", x=X, y=X, style="steps", group=2),
+            Series(label="measured", x=X, y=X, style="points", low=X - 0.5, high=X + 0.5, group=3),
+            Series(label="orders", x=X, y=X, style="bars", low=X - 0.1, high=X + 0.1, group=4),
         )
     )
     assert [curve.name for curve in drawn.curves] == ["fit", "band", "held", "measured", "orders"]
@@ -72,7 +72,9 @@ def test_lines_points_steps_and_bars_are_drawn_with_units_legend_and_mark(
 
 
 def test_error_bars_reach_from_low_to_high(drawn: ResultPlot) -> None:
-    drawn.show_data(plot_of(Series("measured", X, X, "points", X - 0.5, X + 2.0)))
+    drawn.show_data(
+        plot_of(Series(label="measured", x=X, y=X, style="points", low=X - 0.5, high=X + 2.0))
+    )
     arms = [item for item in drawn.item.listDataItems() if item is not drawn.curves[0].item]
     x, y = arms[0].getOriginalDataset()
     np.testing.assert_array_equal(x, np.repeat(X, 3))
@@ -80,7 +82,11 @@ def test_error_bars_reach_from_low_to_high(drawn: ResultPlot) -> None:
 
 
 def test_bars_on_a_logarithmic_axis_begin_below_the_smallest(drawn: ResultPlot) -> None:
-    drawn.show_data(plot_of(Series("orders", X, np.array([1.0, 0.01, 5.0]), "bars"), y_scale="log"))
+    drawn.show_data(
+        plot_of(
+            Series(label="orders", x=X, y=np.array([1.0, 0.01, 5.0]), style="bars"), y_scale="log"
+        )
+    )
     _, y = drawn.curves[0].item.getOriginalDataset()
     assert y[0] == pytest.approx(0.004)
     _, shown = drawn.curves[0].item.getData()
@@ -89,30 +95,35 @@ def test_bars_on_a_logarithmic_axis_begin_below_the_smallest(drawn: ResultPlot) 
 
 
 def test_bars_of_two_series_stand_beside_each_other(drawn: ResultPlot) -> None:
-    drawn.show_data(plot_of(Series("a", X, X, "bars"), Series("b", X, X, "bars", group=1)))
+    drawn.show_data(
+        plot_of(
+            Series(label="a", x=X, y=X, style="bars"),
+            Series(label="b", x=X, y=X, style="bars", group=1),
+        )
+    )
     a, b = (curve.item.getOriginalDataset()[0][0] for curve in drawn.curves)
     assert a < X[0] < b
     assert b - a < 0.5 * (X[1] - X[0])
 
 
 def test_what_a_logarithmic_axis_loses_is_said(drawn: ResultPlot) -> None:
-    drawn.show_data(plot_of(Series("fit", np.array([-1.0, 0.0, 10.0]), X), x_scale="log"))
+    drawn.show_data(plot_of(Series(label="fit", x=np.array([-1.0, 0.0, 10.0]), y=X), x_scale="log"))
     assert drawn.remarks == (
         "2 values of “fit” are not positive and have no place on a logarithmic axis.",
     )
     assert len(drawn.curves[0].item.getOriginalDataset()[0]) == 1
-    kept, remarks = without_what_logs_lose(plot_of(Series("fit", X, X)))
+    kept, remarks = without_what_logs_lose(plot_of(Series(label="fit", x=X, y=X)))
     assert remarks == ()
     np.testing.assert_array_equal(kept.series[0].x, X)
 
 
 def test_dashes_follow_the_place_within_the_colour() -> None:
     series = [
-        Series("a", X, X),
-        Series("b", X, X),
-        Series("c", X, X, group=1),
-        Series("d", X, X, "points"),
-        Series("e", X, X),
+        Series(label="a", x=X, y=X),
+        Series(label="b", x=X, y=X),
+        Series(label="c", x=X, y=X, group=1),
+        Series(label="d", x=X, y=X, style="points"),
+        Series(label="e", x=X, y=X),
     ]
     assert [dash_of(series, k) for k in (0, 1, 2, 4)] == ["line", "dashed", "line", "dotted"]
 
@@ -120,16 +131,16 @@ def test_dashes_follow_the_place_within_the_colour() -> None:
 def test_many_points_are_thinned_and_none_of_the_extremes_is_lost(drawn: ResultPlot) -> None:
     generator = np.random.default_rng(3)
     x, y = generator.normal(size=(2, 40_000))
-    drawn.show_data(plot_of(Series("samples", x, y, "points")))
+    drawn.show_data(plot_of(Series(label="samples", x=x, y=y, style="points")))
     shown_x, shown_y = drawn.curves[0].item.getOriginalDataset()
     assert len(shown_x) < 40_000
     assert (shown_x.min(), shown_y.max()) == (x.min(), y.max())
 
 
 def test_a_figure_without_data_says_so(drawn: ResultPlot) -> None:
-    drawn.show_data(plot_of(Series("fit", np.empty(0), np.empty(0))))
+    drawn.show_data(plot_of(Series(label="fit", x=np.empty(0), y=np.empty(0))))
     assert any(getattr(item, "toPlainText", lambda: "")() == "no data" for item in drawn.item.items)
-    drawn.show_data(plot_of(Series("fit", X, X)))
+    drawn.show_data(plot_of(Series(label="fit", x=X, y=X)))
     assert not any(
         getattr(item, "toPlainText", lambda: "")() == "no data" for item in drawn.item.items
     )
@@ -193,7 +204,7 @@ def test_the_gallery_goes_by_keyboard_and_keeps_its_place(
 
 
 def test_two_figures_of_one_title_are_told_apart() -> None:
-    one = plot_of(Series("fit", X, X))
+    one = plot_of(Series(label="fit", x=X, y=X))
     assert distinct_titles((one, replace(one, name="q"), replace(one, title="Other"))) == [
         "Torque over speed (p)",
         "Torque over speed (q)",
@@ -221,7 +232,7 @@ def test_a_result_survives_json_whole() -> None:
 
 
 def test_what_json_cannot_hold_comes_back_as_nan() -> None:
-    plot = plot_of(Series("fit", X, np.array([1.0, math.nan, math.inf])))
+    plot = plot_of(Series(label="fit", x=X, y=np.array([1.0, math.nan, math.inf])))
     told = json.loads(
         json_text({"run": "r", "kind": "k", "parameters": {}, "plots": [as_mapping(plot)]})
     )

@@ -47,11 +47,11 @@ def prepared(
     session: WindowSession, backend: str, values: dict[str, Any], flags: list[str], **more: Any
 ) -> PreparedRun:
     request = RunRequest(
-        "friction",
-        shipped_gear(),
-        shipped_motor(),
-        session.folder,
-        values,
+        protocol="friction",
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=session.folder,
+        values=values,
         backend=backend,
         gear_serial="SN-0815",
         operator="A. Example",

@@ -133,8 +133,10 @@ def event(code: str, source: str = "session", level: str = "error", text: str = 
 
 
 def test_states_of_a_run_in_order() -> None:
-    progress = Progress(1, 3, "hold 30 r/min", 1.0, 2.0, 3.0, 0)
-    safe = Progress(3, 3, "making safe", 1.0, 0.0, 3.0, 0)
+    progress = Progress(
+        step=1, steps=3, what="hold 30 r/min", elapsed=1.0, left=2.0, speed=3.0, events=0
+    )
+    safe = Progress(step=3, steps=3, what="making safe", elapsed=1.0, left=0.0, speed=3.0, events=0)
     assert not RunState().active
     armed = RunState().armed()
     running = armed.went_on(progress)
@@ -158,7 +160,11 @@ def test_states_of_a_run_in_order() -> None:
 
 @pytest.mark.parametrize("cause", sorted(TRIPS))
 def test_every_trip_names_its_cause_and_its_remedy(cause: str) -> None:
-    running = RunState().armed().went_on(Progress(1, 3, "hold", 1.0, 2.0, 3.0, 0))
+    running = (
+        RunState()
+        .armed()
+        .went_on(Progress(step=1, steps=3, what="hold", elapsed=1.0, left=2.0, speed=3.0, events=0))
+    )
     tripped = running.told(event(cause, text=f"TRIPPED {cause}: something"))
     assert tripped.state is State.TRIPPED
     assert (tripped.what, tripped.remedy) == (TRIPS[cause].what, TRIPS[cause].remedy)
@@ -175,7 +181,11 @@ def test_every_trip_names_its_cause_and_its_remedy(cause: str) -> None:
 
 
 def test_an_end_without_a_report() -> None:
-    moved = RunState().armed().went_on(Progress(1, 3, "hold", 1.0, 2.0, 3.0, 0))
+    moved = (
+        RunState()
+        .armed()
+        .went_on(Progress(step=1, steps=3, what="hold", elapsed=1.0, left=2.0, speed=3.0, events=0))
+    )
     assert RunState().armed().gone(False, "no such motor").state is State.REFUSED
     assert RunState().armed().gone(False, "", killed=True).state is State.LOST, (
         "killed: nobody knows"
@@ -206,7 +216,7 @@ def test_states_are_told_apart_without_colour_and_read_from_afar() -> None:
     assert len(set(words)) == len(words)
     for state in State:
         for outcome in ("PASS", "FAIL", "MARGINAL", "ABORTED", "ERROR"):
-            look = look_of(RunState(state, outcome))
+            look = look_of(RunState(state=state, outcome=outcome))
             assert contrast(look.background, look.text) >= 4.5, look
     active = [LOOKS[state] for state in (State.ARMED, State.RUNNING, State.STOPPING, State.TRIPPED)]
     lightness = sorted(luminance(look.background) for look in active)
@@ -246,9 +256,17 @@ def test_margins_and_results_carry_their_units() -> None:
 def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Path) -> None:
     """Rows and segments as a writer brings them; let go before it is renamed, as where an open file cannot be."""
     metadata = RunMetadata(
-        "00001-home", "home", "simulated", sample_rate=1000.0, ratio=100.0, gear_mounted=False
+        run_id="00001-home",
+        experiment="home",
+        origin="simulated",
+        sample_rate=1000.0,
+        ratio=100.0,
+        gear_mounted=False,
     )
-    columns = (Column("input_angle", "rad", scale=1e-3), Column("torque", "N m", scale=1e-4))
+    columns = (
+        Column(name="input_angle", unit="rad", scale=1e-3),
+        Column(name="torque", unit="N m", scale=1e-4),
+    )
     writer = RunWriter(
         tmp_path / "00001-home.h5", RunHeader(metadata, columns), compress=False, chunk_rows=64
     )
@@ -266,7 +284,7 @@ def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Pat
     live.want({"torque", "no_such_channel"})
     assert live.read(1.0, seen.append) == 300
     assert live.next_segment() is None
-    writer.segment(Segment(0, "hold", 100, 350))
+    writer.segment(Segment(index=0, label="hold", start=100, stop=350))
     put(300, 400)
     live.look()
     assert (live.rows, live.behind) == (400, 100)

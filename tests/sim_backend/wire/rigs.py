@@ -34,24 +34,33 @@ def wire_config(cycle_ns: int = 1_000_000) -> CanRigConfig:
     """The configuration that gives the channels of the direct rig."""
     largest = 1.5 * MOTOR.maximum_speed
     thermometers = tuple(
-        AnalogInput(name, "degC", ObjectRef(0x6401, sub, I16, name), VOLTS, KELVIN_PER_VOLT)
+        AnalogInput(
+            channel=name,
+            unit="degC",
+            source=ObjectRef(0x6401, sub, I16, name),
+            volts_per_count=VOLTS,
+            unit_per_volt=KELVIN_PER_VOLT,
+        )
         for name, sub in ((names.HOUSING_TEMPERATURE, 3), (names.AMBIENT_TEMPERATURE, 4))
     )
     counter = CounterConfig(
-        2,
+        node_id=2,
         position=ObjectRef(0x6004, 0, I32, "position"),
         index_position=ObjectRef(0x2000, 1, I32, "index position"),
         index_status=ObjectRef(0x2000, 2, U8, "index seen"),
         largest_speed=largest / 20.0,
     )
     return CanRigConfig(
-        cycle_ns,
-        DriveConfig(
-            1, rated_torque=MOTOR.rated_torque, velocity_unit=SPEED_COUNT, quick_stop_option=6
+        cycle_ns=cycle_ns,
+        drive=DriveConfig(
+            node_id=1,
+            rated_torque=MOTOR.rated_torque,
+            velocity_unit=SPEED_COUNT,
+            quick_stop_option=6,
         ),
-        MotorEncoder(8192, 4, largest_speed=largest),
-        (counter,),
-        (AnalogModuleConfig(3, (torque_input(MOTOR.rated_torque), *thermometers)),),
+        motor_encoder=MotorEncoder(lines=8192, multiplication=4, largest_speed=largest),
+        counters=(counter,),
+        modules=(AnalogModuleConfig(3, (torque_input(MOTOR.rated_torque), *thermometers)),),
     )
 
 

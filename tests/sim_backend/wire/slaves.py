@@ -11,7 +11,12 @@ from sim_backend.wire.slave import Slave
 from tests.sim_backend.rigs import MOTOR
 
 MS = 1_000_000
-DEVICE = DriveDevice(32768, MOTOR.rated_torque, MOTOR.peak_torque, MOTOR.maximum_speed)
+DEVICE = DriveDevice(
+    counts_per_revolution=32768,
+    rated_torque=MOTOR.rated_torque,
+    peak_torque=MOTOR.peak_torque,
+    maximum_speed=MOTOR.maximum_speed,
+)
 
 
 class Sent(list):

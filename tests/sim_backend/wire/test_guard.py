@@ -52,7 +52,7 @@ def test_the_guard_stands_in_every_cycle() -> None:
 def test_its_opening_ends_the_exchange_in_that_cycle(cut: int) -> None:
     port, bench = guarded()
     bench.inject(GuardOpened(bench.cycle + OPENED))
-    watch = Guard((Bound(GUARD_OPEN, {names.GUARD_CLOSED: 1.0}, low=0.5),))
+    watch = Guard((Bound(cause=GUARD_OPEN, weights={names.GUARD_CLOSED: 1.0}, low=0.5),))
     rows, broken = 0, None
     while broken is None:
         block = port.exchange(Command(Mode.OFF), cut, watch)

@@ -221,7 +221,7 @@ def test_the_readout_over_a_pty() -> None:
 
 
 def read_once(url: str) -> None:
-    config = ReadoutConfig(url, baud=115200, answer_ms=1000.0 * WAIT)
+    config = ReadoutConfig(url=url, baud=115200, answer_ms=1000.0 * WAIT)
     port = open_port(config)
     assert isinstance(port, serial.SerialBase)
     driver = ReadoutDriver(port, WallClock(), config)

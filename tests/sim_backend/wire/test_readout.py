@@ -85,7 +85,7 @@ def test_any_bytes_are_survived_and_every_line_is_read_back(
 def test_the_driver_reads_the_output_encoder_over_the_line() -> None:
     with wire_rig() as made:
         block = turn(made.port, 600.0, 200)
-        driver = ReadoutDriver(made.bench.serial(), made.clock, ReadoutConfig("simulated"))
+        driver = ReadoutDriver(made.bench.serial(), made.clock, ReadoutConfig(url="simulated"))
         index = [c.name for c in made.port.channels].index("output_angle")
         expected = math.fmod(
             made.port.channels[index].scale * int(block.counts[-1, index]), 2 * math.pi
@@ -104,7 +104,7 @@ def test_the_driver_reads_the_output_encoder_over_the_line() -> None:
 )
 def test_faults_of_the_line_are_seen_by_the_driver(fault, error: type[Exception]) -> None:
     with wire_rig(faults=(fault,), is_open=False) as made:
-        driver = ReadoutDriver(made.bench.serial(), VirtualClock(), ReadoutConfig("simulated"))
+        driver = ReadoutDriver(made.bench.serial(), VirtualClock(), ReadoutConfig(url="simulated"))
         with pytest.raises(error):
             driver.read()
 
@@ -112,7 +112,7 @@ def test_faults_of_the_line_are_seen_by_the_driver(fault, error: type[Exception]
 def test_an_encoder_fault_and_a_closed_line() -> None:
     with wire_rig(faults=(ReadoutEncoderFault(0),), is_open=False) as made:
         line = made.bench.serial()
-        driver = ReadoutDriver(line, VirtualClock(), ReadoutConfig("simulated"))
+        driver = ReadoutDriver(line, VirtualClock(), ReadoutConfig(url="simulated"))
         assert driver.read().is_fault
         line.close()
         with pytest.raises(BusLostError):

@@ -109,8 +109,8 @@ def test_a_guard_breaks_at_the_same_cycle() -> None:
     guard = Guard(
         (
             Bound(
-                "has turned",
-                {names.INPUT_ANGLE: 1.0},
+                cause="has turned",
+                weights={names.INPUT_ANGLE: 1.0},
                 high=9000.0,
                 low=-9000.0,
                 lag=37,

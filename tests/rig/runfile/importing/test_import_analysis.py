@@ -87,7 +87,7 @@ def test_emps_from_the_file_to_the_mass(tmp_path: Path) -> None:
     channels = ("time=t:s", "position=qm:m", "force=vir:V:35.15065188")
     made = import_mat(
         path,
-        ImportOptions(tuple(map(parse_channel, channels))),
+        ImportOptions(channels=tuple(map(parse_channel, channels))),
         lambda: tmp_path / "00001-import-emps.h5",
     )
     assert (made.rows, made.dropped) == (24841, 0)

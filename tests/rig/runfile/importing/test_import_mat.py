@@ -22,7 +22,7 @@ ANGLE = np.linspace(0.0, 720.0, 50)
 
 
 def imported(path: Path, *channels: str, **changes: object) -> Recording:
-    chosen = ImportOptions(tuple(map(parse_channel, channels)), **changes)  # type: ignore[arg-type]
+    chosen = ImportOptions(channels=tuple(map(parse_channel, channels)), **changes)  # type: ignore[arg-type]
     done = import_mat(path, chosen, lambda: claim_run(path.parent / "runs", "import", "x").path)
     return open_run(done.path, verify=True)
 
@@ -117,7 +117,7 @@ def test_a_real_positioning_system(tmp_path: Path, name: str) -> None:
     path = DATA / "emps" / name
     raw = scipy.io.loadmat(path)
     chosen = ImportOptions(
-        tuple(map(parse_channel, ("time=t:s", "position=qm:m", "force=vir:V:35.15065188")))
+        channels=tuple(map(parse_channel, ("time=t:s", "position=qm:m", "force=vir:V:35.15065188")))
     )
     recording = open_run(
         import_mat(path, chosen, lambda: claim_run(tmp_path, "motion", "EMPS").path).path,

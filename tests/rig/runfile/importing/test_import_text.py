@@ -33,7 +33,7 @@ BASIC = ("time=t:s", "input_angle=angle:deg", "torque=M:mN m")
 
 
 def options(*channels: str, **changes: object) -> ImportOptions:
-    return ImportOptions(tuple(map(parse_channel, channels or BASIC)), **changes)  # type: ignore[arg-type]
+    return ImportOptions(channels=tuple(map(parse_channel, channels or BASIC)), **changes)  # type: ignore[arg-type]
 
 
 def run_import(folder: Path, text: str | bytes, chosen: ImportOptions) -> Imported:
@@ -221,14 +221,14 @@ def test_wrapped_columns_are_unwrapped_over_batches(tmp_path: Path) -> None:
     true = np.where(np.arange(rows) < 25_000, np.arange(rows) * 7, (50_000 - np.arange(rows)) * 7)
     text = "c\n" + "\n".join(str(value % 4096) for value in true.tolist()) + "\n"
     source = replace(parse_channel("input_angle=c:count:4096"), modulus=4096.0)
-    recording = imported(tmp_path, text, ImportOptions((source,), rate=1000.0))
+    recording = imported(tmp_path, text, ImportOptions(channels=(source,), rate=1000.0))
     np.testing.assert_array_equal(recording.stored("input_angle"), true)
 
 
 def test_a_column_beyond_its_modulus_is_refused(tmp_path: Path) -> None:
     source = replace(parse_channel("input_angle=c:deg"), modulus=360.0)
     with pytest.raises(RunFileError, match=r"line 3.*361.*360"):
-        run_import(tmp_path, "c\n0\n361\n", ImportOptions((source,), rate=10.0))
+        run_import(tmp_path, "c\n0\n361\n", ImportOptions(channels=(source,), rate=10.0))
 
 
 def test_no_time_base(tmp_path: Path) -> None:
@@ -407,10 +407,12 @@ def test_a_channel_map_in_a_file(tmp_path: Path) -> None:
         '[[segments]]\nlabel = "hold"\nstart = 0.5\nstop = 1.5\nsetpoint = 3.0\ndirection = 1\n'
     )
     channels, segments = read_channel_map(path)
-    recording = imported(tmp_path, GOOD, ImportOptions(channels, segments=segments))
+    recording = imported(tmp_path, GOOD, ImportOptions(channels=channels, segments=segments))
     np.testing.assert_allclose(recording.si("input_angle"), np.array([0, np.pi / 2, np.pi]) + 0.5)
     assert recording.signals["current"].long_name == "Iq"
-    assert recording.segments == (Segment(0, "hold", 1, 3, 3.0, 1, 0),)
+    assert recording.segments == (
+        Segment(index=0, label="hold", start=1, stop=3, setpoint=3.0, direction=1, repeat=0),
+    )
 
 
 @pytest.mark.parametrize(
