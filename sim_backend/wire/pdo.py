@@ -209,7 +209,7 @@ class Pdo:
         self.mapping = mapping
         objects = [(index, sub) for index, sub, _ in mapping if index >= 0x20]
         self._keys = objects
-        self._entries = [self.dictionary.mapped(index, sub) for index, sub in objects]
+        self._entries = [self.dictionary.entry(index, sub) for index, sub in objects]
         form = "<"
         for index, sub, bits in mapping:
             form += (
