@@ -75,7 +75,7 @@ def doctor(
     from rig.commands.ordering import confirmed, request_of
     from rig.run.arming import refuse_unarmed
     from rig.run.latch import TripLatch
-    from rig.run.start import arming_of, bench_for
+    from rig.run.start import arming_of, rig_for
     from rig.run.stop import StopRequest, pressed_by_signals
     from rig.trial.doctor.examine import examine, plan_of
 
@@ -104,7 +104,7 @@ def doctor(
     stop = StopRequest()
     with pressed_by_signals(stop):
         found = examine(
-            lambda: bench_for(request, planned),
+            lambda: rig_for(request, planned),
             request,
             moves=moves,
             why_not="asked not to move; --move lets it",
