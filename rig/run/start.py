@@ -16,6 +16,7 @@ from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
 from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.backends.registry import HARDWARE, make_port
+from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
 from rig.run.arming import Arming, guard_check, refuse_unarmed
 from rig.run.computer import claim_real_time
@@ -23,7 +24,7 @@ from rig.run.devices import StopsAlone
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run
 from rig.run.engine import Ask
 from rig.run.judge import judge_by
-from rig.run.latch import TripLatch
+from rig.run.latch import latch_of
 from rig.run.opening import begin_inline_run, begin_threaded_run
 from rig.run.order import Judge, Progress, RunOrder, RunReport
 from rig.run.preflight import Check
@@ -88,6 +89,11 @@ def plan_request(request: RunRequest) -> PlannedRun:
     )
 
 
+def bench_for(request: RunRequest) -> Bench:
+    """The bench that a request is for. Raises `ConfigurationError` for hardware without identity or state folder."""
+    return bench_of(request.backend, request.output, request.configuration, request.seed)
+
+
 def rig_for(request: RunRequest, planned: PlannedRun) -> AssembledRig:
     """The rig that a request names, put together but not opened."""
     wanted = RigRequest(
@@ -119,10 +125,11 @@ def run_request(
     before anything moves.
     """
     planned = planned or plan_request(request)
-    # Before anything is connected: a rig that tripped is left alone until somebody has looked.
-    TripLatch(request.output).refuse()
     if request.backend == HARDWARE:
         refuse_unarmed(arming_of(request, planned))
+    bench = bench_for(request)
+    # Before anything is connected: a rig that tripped is left alone until somebody has looked.
+    latch_of(bench).refuse()
     rig = rig_for(request, planned)
     return run_on(
         rig,
@@ -130,6 +137,7 @@ def run_request(
         planned=planned,
         stop=stop,
         ask=ask,
+        bench=bench,
         judge=judge_by(planned) if judged else None,
         on_progress=on_progress,
         on_event=on_event,
@@ -142,11 +150,16 @@ def run_on(
     planned: PlannedRun,
     stop: StopRequest | None = None,
     ask: Ask = lambda prompt: "",
+    bench: Bench | None = None,
     judge: Judge | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> RunReport:
-    """Run what was planned on a rig that is put together and not opened. Whether it may is the caller's business."""
+    """Run what was planned on a rig that is put together and not opened. Whether it may is the caller's business.
+
+    `bench`: where a trip is latched, if that is not the request's own.
+    """
+    bench = bench or bench_for(request)
     cycles = request.block_cycles
     if rig.real_time:
         cycles = block_cycles(request.sample_rate, cycles, rig.reaction)
@@ -162,7 +175,8 @@ def run_on(
         block_cycles=cycles,
         conditions=dict(request.conditions),
         free_space=lambda: shutil.disk_usage(request.output).free,
-        latch=TripLatch(request.output),
+        bench=bench.id,
+        latch=latch_of(bench),
         watchdog=watchdog_of(rig, cycles) if rig.real_time else None,
         arm=(lambda: arm(rig)) if rig.real_time else None,
     )

@@ -123,6 +123,8 @@ def description_of(served: Served, request: RigRequest) -> str:
         "host": served.host,
         "port": served.port,
         "channel": served.channel,
+        # The seed of its instruments: served again, it is the same bench.
+        "bench": f"simulated-{request.seed}",
         "rate": f"{request.sample_rate:g}",
         "drive": DRIVE_NODE,
         "counter": COUNTER_NODE,

@@ -22,16 +22,23 @@ from rig.errors import ConfigurationError, RigError
 from rig.run.arming import guard_check
 from rig.run.devices import TellsEvents
 from rig.run.dry_run import PlannedRun, plan_run
-from rig.run.latch import TripLatch
 from rig.run.order import RunReport
-from rig.run.start import MOUNTINGS, RunRequest, run_on
+from rig.run.start import MOUNTINGS, RunRequest, bench_for, run_on
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.trial.doctor import motion
 from rig.trial.doctor.bus import heartbeat_period_ns, inspect_bus, inspect_events, scan
 from rig.trial.doctor.finding import Finding
 from rig.trial.doctor.standing import Stand, inspect_stand
-from rig.trial.doctor.surroundings import calendar, calibrations, disk, drive_limits, guard, readout
+from rig.trial.doctor.surroundings import (
+    bench,
+    calendar,
+    calibrations,
+    disk,
+    drive_limits,
+    guard,
+    readout,
+)
 
 STANDING_TIME, LONGEST_STAND = 1.5, 10.0
 """s of cycles that are looked at with the servo off; more where heartbeats are slow, so many at most."""
@@ -83,7 +90,8 @@ def examine(
     planned, stop = plan_of(request), stop or StopRequest()
     on_stage("standing")
     rig = make()
-    findings = [disk(request.output), calendar(rig.clock), *examine_standing(rig, planned)]
+    findings = [*bench(request), disk(request.output), calendar(rig.clock)]
+    findings += examine_standing(rig, planned)
     findings.append(readout(readout_config, rig.clock))
     refused = any(
         finding.result == "failed" and finding.group not in HARMLESS for finding in findings
@@ -318,24 +326,16 @@ def examine_motion(
     rig: AssembledRig, request: RunRequest, planned: PlannedRun, stop: StopRequest
 ) -> list[Finding]:
     """Creep, turn, whole turn of the output; recorded into a folder that is thrown away. A trip is
-    latched as of any run.
+    latched where that of any run is, at once: a doctor that is killed afterwards leaves it behind.
     """
     with tempfile.TemporaryDirectory(prefix="harmonic-rig-doctor-") as folder:
         try:
-            report = run_on(rig, replace(request, output=Path(folder)), planned, stop)
+            thrown_away = replace(request, output=Path(folder))
+            report = run_on(rig, thrown_away, planned, stop, bench=bench_for(request))
             found = [_ending(report), *_inspected(report, planned)]
-            _latch(Path(folder), request.output)
         except (DriverError, RigError, ExperimentError) as error:
             return [Finding(group="motion", name="run", result="failed", evidence=str(error))]
     return found
-
-
-def _latch(folder: Path, output: Path) -> None:
-    """Bring the latch of a trip from the folder that is thrown away to the one where the next run would be refused."""
-    trip = TripLatch(folder).read()
-    if trip is not None:
-        output.mkdir(parents=True, exist_ok=True)
-        TripLatch(output).leave(trip)
 
 
 def _ending(report: RunReport) -> Finding:
