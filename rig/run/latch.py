@@ -87,9 +87,9 @@ class TripLatch:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
-        except FileExistsError:
-            return
         except OSError as error:
+            if isinstance(error, FileExistsError) and self.path.exists():
+                return
             raise RigError(
                 f"the trip could not be latched: {error.strerror or error}",
                 where=str(self.path),
