@@ -21,12 +21,18 @@ config = typer.Typer(
 File = Annotated[Path, typer.Argument(metavar="[FILE]", help="The description of the rig.")]
 
 
-@config.command("init")
-def initialise(file: File = Path("rig.toml")) -> None:
-    """Write a description with every word explained, to be filled in. A file that exists is left alone."""
+@config.command("new")
+@config.command("init", hidden=True)
+def new(file: File = Path("rig.toml")) -> None:
+    """Write a description with every word explained, to be filled in, and with an identity of its own for this bench.
+
+    A file that exists is left alone.
+    """
+    from rig.bench.identity import new_bench_id
     from rig.errors import ConfigurationError
 
     text = resources.files("rig.bench.config").joinpath("template.toml").read_text(encoding="utf-8")
+    text = text.replace('id = ""         ', f'id = "{new_bench_id()}"', 1)
     try:
         with file.open("x", encoding="utf-8") as out:
             out.write(text)
@@ -82,29 +88,37 @@ def _warnings(configured: ConfiguredRig) -> tuple[str, ...]:
     """What can be accepted and should be known: calibrations, missing channels, a guard that nobody reads."""
     from datetime import UTC, datetime
 
+    from rig.bench.identity import new_bench_id
+
     configuration = configured.configuration
     today = datetime.now(UTC).date()
     channels = {"motor encoder": configuration.motor_encoder.calibration}
     channels |= {c.channel: c.calibration for c in configuration.counters}
     inputs = [a for module in configuration.analog_modules for a in module.inputs]
     channels |= {a.channel: a.calibration for a in inputs}
-    told = [
+    warnings = [
         f"{name}: no calibration certificate" for name, c in channels.items() if not c.certificate
     ]
-    told += [
+    warnings += [
         f"{name}: the calibration was due on {c.due}"
         for name, c in channels.items()
         if c.due and c.due < today
     ]
     if "torque" not in channels:
-        told.append("no torque port: the torque that the drive reports (0x6077) is all there is")
+        warnings.append(
+            "no torque port: the torque that the drive reports (0x6077) is all there is"
+        )
     if "output_angle" not in channels:
-        told.append(
+        warnings.append(
             "no output encoder: kinematic error, torsion and standstill of the output cannot be seen"
         )
     if configuration.guard is None:
-        told.append("no guard input: arming cannot look whether the guard is closed")
-    return tuple(told)
+        warnings.append("no guard input: arming cannot look whether the guard is closed")
+    if not configuration.bench.id:
+        warnings.append(
+            f'no [bench] id: no run is allowed before it has one, such as "{new_bench_id()}"'
+        )
+    return tuple(warnings)
 
 
 def _as_json(

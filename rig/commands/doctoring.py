@@ -74,8 +74,8 @@ def doctor(
     from rig.bench.backends.registry import HARDWARE
     from rig.commands.ordering import confirmed, request_of
     from rig.run.arming import refuse_unarmed
-    from rig.run.latch import TripLatch
-    from rig.run.start import arming_of, bench_for
+    from rig.run.latch import latch_of
+    from rig.run.start import arming_of, bench_for, rig_for
     from rig.run.stop import StopRequest, pressed_by_signals
     from rig.trial.doctor.examine import examine, plan_of
 
@@ -97,14 +97,14 @@ def doctor(
     planned = plan_of(request)
     moves = move if move is not None else backend != HARDWARE
     if moves:
-        TripLatch(request.output).refuse()
         request = confirmed(request, planned, asks=not json)
         if backend == HARDWARE:
             refuse_unarmed(arming_of(request, planned))
+        latch_of(bench_for(request)).refuse()
     stop = StopRequest()
     with pressed_by_signals(stop):
         found = examine(
-            lambda: bench_for(request, planned),
+            lambda: rig_for(request, planned),
             request,
             moves=moves,
             why_not="asked not to move; --move lets it",

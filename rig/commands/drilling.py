@@ -81,6 +81,14 @@ def acknowledge(
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the run files.")] = Path(
         "runs"
     ),
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            "--config",
+            metavar="FILE",
+            help="The rig of hardware (rig.toml): its latch lies with the bench, not with the runs.",
+        ),
+    ] = None,
     remark: Annotated[
         str, typer.Option(metavar="TEXT", help="What was found and done; kept with the name.")
     ] = "",
@@ -93,10 +101,14 @@ def acknowledge(
     from dataclasses import asdict
     from datetime import UTC, datetime
 
-    from rig.run.latch import TripLatch
+    from rig.bench.backends.registry import HARDWARE
+    from rig.bench.identity import bench_of
+    from rig.run.latch import latch_of
 
+    backend = "sim" if config is None else HARDWARE
+    latch = latch_of(bench_of(backend, output, config))
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    trip = TripLatch(output).acknowledge(operator, now, remark)
+    trip = latch.acknowledge(operator, now, remark)
     if json:
         from rig.analysis.store import json_text
 

@@ -152,8 +152,8 @@ def _print_margins(console: Console, report: RunReport) -> None:
     console.print(table)
 
 
-def print_report(report: RunReport) -> None:
-    """How a run ended: outcome, file, how it was made safe, what to do."""
+def print_report(report: RunReport, bench: str) -> None:
+    """How a run ended: outcome, file, how it was made safe, what to do. `bench` is the option that names the bench."""
     from rich.console import Console
 
     console = Console(highlight=False)
@@ -176,7 +176,7 @@ def print_report(report: RunReport) -> None:
         _print_margins(console, report)
     if report.trip is not None:
         console.print(
-            f"The trip is latched: rig acknowledge --operator NAME --output {report.path.parent}",
+            f"The trip is latched: rig acknowledge --operator NAME {bench}",
             soft_wrap=True,
         )
     for warning in dict.fromkeys(w for w in report.warnings if w != report.message):

@@ -175,6 +175,7 @@ def run(
     and that is checked. A rig of hardware has to be armed: operator and gear named, the guard
     closed, the serial number typed once more.
     """
+    from rig.bench.identity import option_of
     from rig.commands.run_tables import print_help, print_report
 
     if show_help:
@@ -214,7 +215,7 @@ def run(
 
         typer.echo(json_text(report.as_json()))
     else:
-        print_report(report)
+        print_report(report, option_of(request.backend, request.output, request.configuration))
     raise typer.Exit(code_of_outcome(report.outcome))
 
 

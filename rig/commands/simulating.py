@@ -100,7 +100,7 @@ def serve(
     """
     from model.gear_file import load_gear, shipped_gear
     from model.motor import shipped_motor
-    from rig.bench.backends.assembly import BenchRequest
+    from rig.bench.backends.assembly import RigRequest
     from rig.bench.backends.serving import serve_rig
     from rig.errors import ConfigurationError
     from rig.run.start import MOUNTINGS
@@ -109,7 +109,7 @@ def serve(
         raise ConfigurationError(
             "no such mounting", where="--mounting", value=repr(mounting), limit=", ".join(MOUNTINGS)
         )
-    request = BenchRequest(
+    request = RigRequest(
         gear=shipped_gear() if parameters is None else load_gear(parameters),
         motor=shipped_motor(),
         mounting=mounting,  # type: ignore[arg-type]

@@ -1,5 +1,5 @@
-"""The latch of a trip: a file in the folder of the runs that refuses the next run until somebody
-acknowledges it by name.
+"""The latch of a trip: a file in the state folder of the bench (for a simulated rig the folder of
+its runs) that refuses the next run until somebody acknowledges it by name.
 
 The first cause stays: a later trip does not replace it. There is no automatic restart, not even of
 the program: the latch outlives the process. Every acknowledgement is appended to
@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from rig.bench.identity import Bench
 from rig.errors import RigError
 
 LATCH_NAME = ".tripped.json"
@@ -35,31 +37,32 @@ class LatchedTrip:
 
 
 class TripLatch:
-    """The latch of one folder of runs."""
+    """The latch of one bench: written in `folder`, and obeyed as well where it lies `elsewhere`.
 
-    def __init__(self, folder: Path) -> None:
+    `option` is what names the bench to `rig acknowledge`.
+    """
+
+    def __init__(self, folder: Path, elsewhere: Sequence[Path] = (), option: str = "") -> None:
         self.folder = folder
         self.path = folder / LATCH_NAME
+        self._elsewhere = tuple(place / LATCH_NAME for place in elsewhere)
+        self._option = option or f"--output {folder}"
 
     def read(self) -> LatchedTrip | None:
         """The trip that is latched, None when there is none. A latch that cannot be read still counts as one."""
-        try:
-            found = json.loads(self.path.read_text(encoding="utf-8"))
-        except FileNotFoundError:
-            return None
-        except (OSError, ValueError):
-            return LatchedTrip("unknown", "unknown", "", f"{self.path} cannot be read", False)
-        fields = found if isinstance(found, dict) else {}
-        cause, run, time, message = (
-            str(fields.get(name, "unknown")) for name in ("cause", "run", "time", "message")
-        )
-        return LatchedTrip(
-            cause, run, time, message, bool(fields.get("standstill_verified", False))
-        )
+        return self._latched()[1]
+
+    def _latched(self) -> tuple[Path, LatchedTrip | None]:
+        """Where a trip is latched, and the trip; the bench's own place first."""
+        for path in (self.path, *self._elsewhere):
+            trip = _trip_in(path)
+            if trip is not None:
+                return path, trip
+        return self.path, None
 
     def refuse(self) -> None:
         """Raise `LatchedTripError` while a trip is latched."""
-        trip = self.read()
+        path, trip = self._latched()
         if trip is None:
             return
         unsafe = (
@@ -69,22 +72,24 @@ class TripLatch:
         )
         raise LatchedTripError(
             f"a trip has not been acknowledged; nothing turns before it is.{unsafe}",
-            where=str(self.folder),
+            where=str(path.parent),
             value=f"{trip.cause} in run {trip.run}, {trip.time}",
-            remedy=f"Find and remove the cause, then: rig acknowledge --operator NAME --output {self.folder}",
+            remedy=f"Find and remove the cause, then: rig acknowledge --operator NAME {self._option}",
         )
 
     def leave(self, trip: LatchedTrip) -> None:
         """Latch a trip; one that is latched already stays. Raises `RigError` when it cannot be written."""
         text = json.dumps(asdict(trip), indent=2) + "\n"
         try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            # "x": whoever comes second leaves the first cause as it is, without a look before the leap.
             with self.path.open("x", encoding="utf-8") as file:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
-        except FileExistsError:
-            return
         except OSError as error:
+            if isinstance(error, FileExistsError) and self.path.exists():
+                return
             raise RigError(
                 f"the trip could not be latched: {error.strerror or error}",
                 where=str(self.path),
@@ -100,20 +105,40 @@ class TripLatch:
                 where="--operator",
                 remedy="Say who acknowledges it.",
             )
-        trip = self.read()
+        path, trip = self._latched()
         if trip is None:
             raise RigError(
                 "no trip is latched here",
                 where=str(self.folder),
-                remedy="Name the folder with --output.",
+                remedy="Name the folder with --output, or a rig of hardware with --config.",
             )
         entry = {**asdict(trip), "acknowledged_by": name, "acknowledged_at": time, "remark": remark}
         try:
-            with (self.folder / HISTORY_NAME).open("a", encoding="utf-8") as file:
+            with (path.parent / HISTORY_NAME).open("a", encoding="utf-8") as file:
                 file.write(json.dumps(entry) + "\n")
-            self.path.unlink()
+            path.unlink()
         except OSError as error:
             raise RigError(
-                f"the latch cannot be released: {error.strerror or error}", where=str(self.folder)
+                f"the latch cannot be released: {error.strerror or error}", where=str(path.parent)
             ) from error
         return trip
+
+
+def latch_of(bench: Bench) -> TripLatch:
+    """The latch of a bench."""
+    return TripLatch(bench.state, bench.elsewhere, bench.option)
+
+
+def _trip_in(path: Path) -> LatchedTrip | None:
+    """The trip that a file tells; None where there is none."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError):
+        return LatchedTrip("unknown", "unknown", "", f"{path} cannot be read", False)
+    fields = content if isinstance(content, dict) else {}
+    cause, run, time, message = (
+        str(fields.get(name, "unknown")) for name in ("cause", "run", "time", "message")
+    )
+    return LatchedTrip(cause, run, time, message, bool(fields.get("standstill_verified", False)))

@@ -94,6 +94,8 @@ def header_of(
         "motor": planned.motor.name,
         "planned_duration": planned.nominal,
     }
+    if order.bench:
+        process["bench"] = order.bench
     run = RunMetadata(
         run_id=run_id,
         experiment=planned.experiment.name,

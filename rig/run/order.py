@@ -41,6 +41,8 @@ class RunOrder:
     patience: Patience | None = None
     free_space: Callable[[], int] | None = None
     """Bytes left where the file is written; None: nobody looks."""
+    bench: str = ""
+    """The identity of the bench."""
     latch: TripLatch | None = None
     """Where a trip is latched until it is acknowledged by name; None: nowhere (a rig that is thrown away)."""
     watchdog: Watchdog | None = None

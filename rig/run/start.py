@@ -14,8 +14,9 @@ from experiments.parameters import make_parameters, parameter_fields
 from experiments.recording import Event
 from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
-from rig.bench.backends.assembly import Bench, BenchRequest
+from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.backends.registry import HARDWARE, make_port
+from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
 from rig.run.arming import Arming, guard_check, refuse_unarmed
 from rig.run.computer import claim_real_time
@@ -23,7 +24,7 @@ from rig.run.devices import StopsAlone
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run
 from rig.run.engine import Ask
 from rig.run.judge import judge_by
-from rig.run.latch import TripLatch
+from rig.run.latch import latch_of
 from rig.run.opening import begin_inline_run, begin_threaded_run
 from rig.run.order import Judge, Progress, RunOrder, RunReport
 from rig.run.preflight import Check
@@ -88,9 +89,14 @@ def plan_request(request: RunRequest) -> PlannedRun:
     )
 
 
-def bench_for(request: RunRequest, planned: PlannedRun) -> Bench:
+def bench_for(request: RunRequest) -> Bench:
+    """The bench that a request is for. Raises `ConfigurationError` for hardware without identity or state folder."""
+    return bench_of(request.backend, request.output, request.configuration, request.seed)
+
+
+def rig_for(request: RunRequest, planned: PlannedRun) -> AssembledRig:
     """The rig that a request names, put together but not opened."""
-    wanted = BenchRequest(
+    wanted = RigRequest(
         gear=request.gear,
         motor=request.motor,
         mounting=request.mounting,
@@ -119,17 +125,19 @@ def run_request(
     before anything moves.
     """
     planned = planned or plan_request(request)
-    # Before anything is connected: a rig that tripped is left alone until somebody has looked.
-    TripLatch(request.output).refuse()
     if request.backend == HARDWARE:
         refuse_unarmed(arming_of(request, planned))
-    bench = bench_for(request, planned)
+    bench = bench_for(request)
+    # Before anything is connected: a rig that tripped is left alone until somebody has looked.
+    latch_of(bench).refuse()
+    rig = rig_for(request, planned)
     return run_on(
-        bench,
+        rig,
         request,
         planned=planned,
         stop=stop,
         ask=ask,
+        bench=bench,
         judge=judge_by(planned) if judged else None,
         on_progress=on_progress,
         on_event=on_event,
@@ -137,24 +145,29 @@ def run_request(
 
 
 def run_on(
-    bench: Bench,
+    rig: AssembledRig,
     request: RunRequest,
     planned: PlannedRun,
     stop: StopRequest | None = None,
     ask: Ask = lambda prompt: "",
+    bench: Bench | None = None,
     judge: Judge | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> RunReport:
-    """Run what was planned on a rig that is put together and not opened. Whether it may is the caller's business."""
+    """Run what was planned on a rig that is put together and not opened. Whether it may is the caller's business.
+
+    `bench`: where a trip is latched, if that is not the request's own.
+    """
+    bench = bench or bench_for(request)
     cycles = request.block_cycles
-    if bench.real_time:
-        cycles = block_cycles(request.sample_rate, cycles, bench.reaction)
+    if rig.real_time:
+        cycles = block_cycles(request.sample_rate, cycles, rig.reaction)
     order = RunOrder(
         planned=planned,
-        port=bench.port,
-        clock=bench.clock,
-        backend=bench.name,
+        port=rig.port,
+        clock=rig.clock,
+        backend=rig.name,
         output=request.output,
         operator=request.operator,
         gear_serial=request.gear_serial,
@@ -162,14 +175,13 @@ def run_on(
         block_cycles=cycles,
         conditions=dict(request.conditions),
         free_space=lambda: shutil.disk_usage(request.output).free,
-        latch=TripLatch(request.output),
-        watchdog=watchdog_of(bench, cycles) if bench.real_time else None,
-        arm=(lambda: arm(bench)) if bench.real_time else None,
+        bench=bench.id,
+        latch=latch_of(bench),
+        watchdog=watchdog_of(rig, cycles) if rig.real_time else None,
+        arm=(lambda: arm(rig)) if rig.real_time else None,
     )
     run, begin = (
-        (execute_in_real_time, begin_threaded_run)
-        if bench.real_time
-        else (execute, begin_inline_run)
+        (execute_in_real_time, begin_threaded_run) if rig.real_time else (execute, begin_inline_run)
     )
     return run(
         order, begin, stop=stop, ask=ask, judge=judge, on_progress=on_progress, on_event=on_event
@@ -183,19 +195,19 @@ def arming_of(request: RunRequest, planned: PlannedRun) -> Arming:
     )
 
 
-def arm(bench: Bench) -> tuple[Check, ...]:
+def arm(rig: AssembledRig) -> tuple[Check, ...]:
     """What is looked at last before a rig in real time may move."""
-    return (*claim_real_time(bench.priority, bench.lock_memory), guard_check(bench.guard))
+    return (*claim_real_time(rig.priority, rig.lock_memory), guard_check(rig.guard))
 
 
-def watchdog_of(bench: Bench, cycles: int) -> Watchdog | None:
+def watchdog_of(rig: AssembledRig, cycles: int) -> Watchdog | None:
     """The watchdog of a rig in real time that can be stopped over a bus handle of its own; None where it cannot.
 
-    `Bench.second_bus` opens that handle, where a rig has one; the port tells the frames.
+    `AssembledRig.second_bus` opens that handle, where a rig has one; the port tells the frames.
     """
-    if bench.second_bus is None or not isinstance(bench.port, StopsAlone):
+    if rig.second_bus is None or not isinstance(rig.port, StopsAlone):
         return None
-    port, bus = bench.port, bench.second_bus()
+    port, bus = rig.port, rig.second_bus()
 
     def quick_stop() -> None:
         import can
@@ -205,7 +217,7 @@ def watchdog_of(bench: Bench, cycles: int) -> Watchdog | None:
 
     return Watchdog(
         WallClock(),
-        watchdog_deadline(cycles, 1e9 / bench.port.cycle_ns),
+        watchdog_deadline(cycles, 1e9 / rig.port.cycle_ns),
         quick_stop,
         close=bus.shutdown,
     )

@@ -17,7 +17,7 @@ from drivers.frames import CycleStore
 from drivers.port import Command, DriveLimits, Guard, Mode
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.bench.backends.assembly import Bench, BenchRequest
+from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.backends.registry import make_port
 from tests.benchmarks.conftest import Note
 
@@ -30,11 +30,11 @@ LIMITS = DriveLimits(1.0, 300.0, 1000.0, 1000.0, 2000.0)
 Frames = list[list[bytes]]
 
 
-def bench(name: str) -> Bench:
+def bench(name: str) -> AssembledRig:
     """An opened simulated rig."""
     made = make_port(
         name,
-        BenchRequest(
+        RigRequest(
             gear=shipped_gear(), motor=shipped_motor(), serial="SPEED", protocol="benchmark"
         ),
     )

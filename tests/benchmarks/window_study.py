@@ -155,14 +155,13 @@ class Frames:
 
 def watch_painting(widget: Any, painted: Callable[[], None]) -> None:
     """Have it told when a widget has been painted, after its painting is done."""
-    kind = type(widget)
+    paint = widget.paintEvent
 
-    class Watched(kind):
-        def paintEvent(self, event: Any) -> None:
-            super().paintEvent(event)
-            painted()
+    def watched(event: Any) -> None:
+        paint(event)
+        painted()
 
-    widget.__class__ = Watched
+    widget.paintEvent = watched
 
 
 class Watcher:

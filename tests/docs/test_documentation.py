@@ -1,4 +1,4 @@
-"""The documentation is true: it builds without a warning, and every command in it is run as it stands."""
+"""The documentation is true: every command in it is run as it stands, and every page can be found."""
 
 from __future__ import annotations
 
@@ -107,30 +107,6 @@ def test_every_command_that_is_mentioned_exists(page: Path) -> None:
         for word in words:
             if word.startswith("--") and not takes_more:
                 assert word.partition("=")[0] in {*known, "--help"}, f"{page.name}: {text}"
-
-
-def test_it_builds_without_a_warning(tmp_path: Path) -> None:
-    pytest.importorskip("sphinx")
-    out = tmp_path / "out"
-    built = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "sphinx",
-            "-W",
-            "--keep-going",
-            "-q",
-            "-d",
-            str(tmp_path / "trees"),
-            str(DOCS),
-            str(out),
-        ],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert built.returncode == 0, built.stderr
-    assert (tmp_path / "out" / "reference" / "generated" / "commands.html").exists()
 
 
 def test_every_page_is_in_the_table_of_contents() -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.bench.identity import new_bench_id
 from sim_backend.wire.serve import Addresses, make_bench, serve
 
 TEMPLATE = resources.files("rig.bench.config").joinpath("template.toml").read_text(encoding="utf-8")
@@ -32,6 +33,8 @@ class Served:
         text = text.replace(
             "# arguments = {}", f'arguments = {{ host = "127.0.0.1", port = {self.port} }} #'
         )
+        # Each rig that is served is a bench of its own: the trip of one test is nobody else's.
+        text = text.replace('id = ""', f'id = "{new_bench_id()}"')
         text += f"\n[guard]\nnode_id = 1\nmask = 8\nclosed = {guard_closed}\n"
         path = folder / "rig.toml"
         path.write_text(text, encoding="utf-8")

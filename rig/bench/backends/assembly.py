@@ -14,7 +14,7 @@ from model.motor import ServoMotor
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bench:
+class AssembledRig:
     """A rig that can be run: its port, its clock, and whether its time is that of the wall.
 
     Of a rig of hardware: `second_bus` opens another handle on its bus for the watchdog, `guard`
@@ -35,7 +35,7 @@ class Bench:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchRequest:
+class RigRequest:
     """What a rig is asked for.
 
     `gear` and `motor` are the nominal ones. On a simulated rig `seed` is the laboratory (its motor

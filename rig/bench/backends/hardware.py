@@ -24,7 +24,7 @@ from drivers.nd287 import ReadoutConfig
 from drivers.rig_nodes import GuardContact, MotorEncoder
 from model.motor import ServoMotor
 from model.units import RPM
-from rig.bench.backends.assembly import Bench, BenchRequest
+from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.config import schema as described
 from rig.bench.config.load import DEFAULT_PATH, load_configuration
 from rig.bench.config.objects import read_object
@@ -39,7 +39,7 @@ _MODES = {
 }
 
 
-def hardware(request: BenchRequest) -> Bench:
+def hardware(request: RigRequest) -> AssembledRig:
     """The rig that the request's configuration describes. Raises `ConfigurationError`; nothing is connected yet."""
     path = request.configuration or DEFAULT_PATH
     configuration = load_configuration(path)
@@ -49,7 +49,7 @@ def hardware(request: BenchRequest) -> Bench:
     bus, clock = bus_config(configuration), WallClock()
     port = CanRig(config, clock, lambda: open_raw_bus(bus), time_base=bus.time_base)
     real_time, guard = configuration.real_time, configuration.guard
-    return Bench(
+    return AssembledRig(
         name="hardware",
         port=port,
         clock=clock,

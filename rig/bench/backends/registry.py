@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from rig.bench.backends.assembly import Bench, BenchRequest
+from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.errors import ConfigurationError
 
-__all__ = ["BACKENDS", "HARDWARE", "Bench", "BenchRequest", "make_port"]
+__all__ = ["BACKENDS", "HARDWARE", "AssembledRig", "RigRequest", "make_port"]
 
 
-def make_port(name: str, request: BenchRequest) -> Bench:
+def make_port(name: str, request: RigRequest) -> AssembledRig:
     """The rig of this name. Raises `ConfigurationError` for one that does not exist, listing those that do."""
     if name.startswith(REPLAY):
         from rig.bench.backends.replayed import replayed
@@ -32,19 +32,19 @@ def make_port(name: str, request: BenchRequest) -> Bench:
     return maker(request)
 
 
-def _simulated(request: BenchRequest) -> Bench:
+def _simulated(request: RigRequest) -> AssembledRig:
     from rig.bench.backends.simulated import simulated
 
     return simulated(request)
 
 
-def _on_the_wire(request: BenchRequest) -> Bench:
+def _on_the_wire(request: RigRequest) -> AssembledRig:
     from rig.bench.backends.simulated import on_the_wire
 
     return on_the_wire(request)
 
 
-def _hardware(request: BenchRequest) -> Bench:
+def _hardware(request: RigRequest) -> AssembledRig:
     from rig.bench.backends.hardware import hardware
 
     return hardware(request)
@@ -54,7 +54,7 @@ REPLAY = "replay:"
 """What stands before the run file in the name of a replay."""
 HARDWARE = "hardware"
 """The rig that the configuration describes."""
-BACKENDS: dict[str, Callable[[BenchRequest], Bench]] = {
+BACKENDS: dict[str, Callable[[RigRequest], AssembledRig]] = {
     "sim": _simulated,
     "wire": _on_the_wire,
     HARDWARE: _hardware,

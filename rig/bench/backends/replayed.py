@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from drivers.clock import VirtualClock
-from rig.bench.backends.assembly import Bench
+from rig.bench.backends.assembly import AssembledRig
 from rig.errors import ConfigurationError
 
 
-def replayed(path: Path) -> Bench:
+def replayed(path: Path) -> AssembledRig:
     """A run recorded in counts, played back. Raises `ConfigurationError` for one that holds no counts."""
     from rig.runfile.read import FileSource, open_run
     from sim_backend.replay import ReplayRig
@@ -40,4 +40,4 @@ def replayed(path: Path) -> Bench:
         truth=recording.metadata.process.get("truth"),
         clock=clock,
     )
-    return Bench(name="replay", port=port, clock=clock)
+    return AssembledRig(name="replay", port=port, clock=clock)

@@ -9,7 +9,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from rig.bench.backends.assembly import BenchRequest
+from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.simulated import seeds_of
 from rig.errors import ConfigurationError
 from sim_backend.faults import Fault
@@ -39,7 +39,7 @@ class Served:
 
 
 def serve_rig(
-    request: BenchRequest,
+    request: RigRequest,
     *,
     host: str = "127.0.0.1",
     port: int = 29536,
@@ -111,7 +111,7 @@ def write_sheets(bench: WireBench, folder: Path) -> tuple[Path, ...]:
     return tuple(written)
 
 
-def description_of(served: Served, request: BenchRequest) -> str:
+def description_of(served: Served, request: RigRequest) -> str:
     """A `rig.toml` that reaches the served rig."""
     template = (
         resources.files("rig.bench.config").joinpath("served.toml").read_text(encoding="utf-8")
@@ -123,6 +123,8 @@ def description_of(served: Served, request: BenchRequest) -> str:
         "host": served.host,
         "port": served.port,
         "channel": served.channel,
+        # The seed of its instruments: served again, it is the same bench.
+        "bench": f"simulated-{request.seed}",
         "rate": f"{request.sample_rate:g}",
         "drive": DRIVE_NODE,
         "counter": COUNTER_NODE,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from drivers import channel as names
 from drivers.clock import VirtualClock
 from model.motor import ServoMotor
-from rig.bench.backends.assembly import Bench, BenchRequest
+from rig.bench.backends.assembly import AssembledRig, RigRequest
 
 if TYPE_CHECKING:
     from drivers.cyclic import CanRig, CanRigConfig
@@ -19,7 +19,7 @@ VOLTS_PER_INCREMENT = 0.3125e-3
 """Volts per increment of the simulated analogue input."""
 
 
-def seeds_of(request: BenchRequest) -> dict[str, Any]:
+def seeds_of(request: RigRequest) -> dict[str, Any]:
     """Individual gear and motor, and every seed, as a simulated rig of either kind takes them."""
     from sim_backend.imperfections import individual_gear, individual_motor
 
@@ -37,21 +37,23 @@ def seeds_of(request: BenchRequest) -> dict[str, Any]:
     }
 
 
-def simulated(request: BenchRequest) -> Bench:
+def simulated(request: RigRequest) -> AssembledRig:
     """The plant directly behind the port: the fastest rig there is."""
     from sim_backend.direct import SimulatedRig
 
     clock = VirtualClock(time.time_ns())
-    return Bench(name="sim", port=SimulatedRig(**seeds_of(request), clock=clock), clock=clock)
+    return AssembledRig(
+        name="sim", port=SimulatedRig(**seeds_of(request), clock=clock), clock=clock
+    )
 
 
-def on_the_wire(request: BenchRequest) -> Bench:
+def on_the_wire(request: RigRequest) -> AssembledRig:
     """The plant behind simulated CANopen devices, on a pumped bus; the drivers are those of a rig of hardware."""
     from sim_backend.wire.bench import WireBench
 
     made = seeds_of(request)
     bench = WireBench(**made, clock=VirtualClock(time.time_ns()))
-    return Bench(name="wire", port=wire_port(bench, made["motor"]), clock=bench.clock)
+    return AssembledRig(name="wire", port=wire_port(bench, made["motor"]), clock=bench.clock)
 
 
 def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None = None) -> CanRig:

@@ -58,7 +58,7 @@ def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem,
         raise ConfigurationError(
             f"cannot be read: {error.strerror or error}",
             where=str(path),
-            remedy="Write one with `rig config init`, or name another with --config.",
+            remedy="Write one with `rig config new`, or name another with --config.",
         ) from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(

@@ -87,6 +87,15 @@ class General(Part):
     gear: str = "csf-25-120"
 
 
+class BenchName(Part):
+    """Which bench this is: drawn once by `rig config new`, never used for another rig.
+
+    It names a folder. Descriptions of version 0.1.0 have none; a run on hardware asks for it.
+    """
+
+    id: str = Field(default="", pattern=r"^([a-z0-9]+(-[a-z0-9]+)*)?$", max_length=64)
+
+
 class Bus(Part):
     """The CAN bus as python-can names it. `time_stamps`: what the stamps of frames are ("automatic": by the interface).
 
@@ -317,6 +326,7 @@ class RigConfiguration(Part):
 
     format: Literal["harmonic-rig-1"]
     rig: General
+    bench: BenchName = BenchName()
     bus: Bus
     drive: Drive
     motor_encoder: MotorEncoder

@@ -17,21 +17,28 @@ from drivers.errors import DriverError
 from drivers.nd287 import ReadoutConfig
 from drivers.port import Command, Guard, Mode
 from experiments.errors import ExperimentError
-from rig.bench.backends.assembly import Bench
+from rig.bench.backends.assembly import AssembledRig
 from rig.errors import ConfigurationError, RigError
 from rig.run.arming import guard_check
 from rig.run.devices import TellsEvents
 from rig.run.dry_run import PlannedRun, plan_run
-from rig.run.latch import TripLatch
 from rig.run.order import RunReport
-from rig.run.start import MOUNTINGS, RunRequest, run_on
+from rig.run.start import MOUNTINGS, RunRequest, bench_for, run_on
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.trial.doctor import motion
 from rig.trial.doctor.bus import heartbeat_period_ns, inspect_bus, inspect_events, scan
 from rig.trial.doctor.finding import Finding
 from rig.trial.doctor.standing import Stand, inspect_stand
-from rig.trial.doctor.surroundings import calendar, calibrations, disk, drive_limits, guard, readout
+from rig.trial.doctor.surroundings import (
+    bench,
+    calendar,
+    calibrations,
+    disk,
+    drive_limits,
+    guard,
+    readout,
+)
 
 STANDING_TIME, LONGEST_STAND = 1.5, 10.0
 """s of cycles that are looked at with the servo off; more where heartbeats are slow, so many at most."""
@@ -66,7 +73,7 @@ class Examination:
 
 
 def examine(
-    make: Callable[[], Bench],
+    make: Callable[[], AssembledRig],
     request: RunRequest,
     *,
     moves: bool,
@@ -82,9 +89,10 @@ def examine(
     """
     planned, stop = plan_of(request), stop or StopRequest()
     on_stage("standing")
-    bench = make()
-    findings = [disk(request.output), calendar(bench.clock), *examine_standing(bench, planned)]
-    findings.append(readout(readout_config, bench.clock))
+    rig = make()
+    findings = [*bench(request), disk(request.output), calendar(rig.clock)]
+    findings += examine_standing(rig, planned)
+    findings.append(readout(readout_config, rig.clock))
     refused = any(
         finding.result == "failed" and finding.group not in HARMLESS for finding in findings
     )
@@ -125,7 +133,7 @@ def plan_of(request: RunRequest) -> PlannedRun:
 class Looked:
     """What the parts of the checklist look at: the open rig, what is planned, and the cycles with the servo off."""
 
-    bench: Bench
+    rig: AssembledRig
     planned: PlannedRun
     stand: Stand | None = None
     heard: Mapping[int, Sequence[int]] = field(default_factory=dict)
@@ -142,7 +150,7 @@ class Part:
 
 def _take_stand(looked: Looked) -> Iterable[Finding]:
     """Cycles with the servo off, and when each node's heartbeat was heard."""
-    port, heard, blocks = looked.bench.port, {}, []
+    port, heard, blocks = looked.rig.port, {}, []
     cycles = max(1, round(BLOCK_TIME * 1e9 / port.cycle_ns))
     left = round(_standing_time(looked) * 1e9 / port.cycle_ns)
     looked.heard = heard
@@ -169,7 +177,7 @@ def _take_stand(looked: Looked) -> Iterable[Finding]:
 
 
 def _standing_time(looked: Looked) -> float:
-    port = looked.bench.port
+    port = looked.rig.port
     if not isinstance(port, CanRig):
         return STANDING_TIME
     slowest = max((heartbeat_period_ns(device.watch) for device in port.nodes.devices), default=0)
@@ -185,24 +193,24 @@ def _note_beats(port: CanRig, heard: dict[int, list[int]]) -> None:
 
 
 def _limits(looked: Looked) -> Iterable[Finding]:
-    return (drive_limits(looked.bench.port, looked.planned.limits.drive_limits()),)
+    return (drive_limits(looked.rig.port, looked.planned.limits.drive_limits()),)
 
 
 def _guard(looked: Looked) -> Iterable[Finding]:
-    if looked.bench.real_time:
-        return (guard(guard_check(looked.bench.guard)),)
+    if looked.rig.real_time:
+        return (guard(guard_check(looked.rig.guard)),)
     return (
         Finding(
             group="safety",
             name="guard",
             result="skipped",
-            evidence=f"the rig '{looked.bench.name}' has no guard",
+            evidence=f"the rig '{looked.rig.name}' has no guard",
         ),
     )
 
 
 def _nodes(looked: Looked) -> Iterable[Finding]:
-    port = looked.bench.port
+    port = looked.rig.port
     if isinstance(port, CanRig):
         return inspect_bus(port, looked.heard)
     return (
@@ -210,7 +218,7 @@ def _nodes(looked: Looked) -> Iterable[Finding]:
             group="nodes",
             name="bus",
             result="skipped",
-            evidence=f"the rig '{looked.bench.name}' has no bus",
+            evidence=f"the rig '{looked.rig.name}' has no bus",
         ),
     )
 
@@ -220,12 +228,12 @@ def _channels(looked: Looked) -> Iterable[Finding]:
 
 
 def _calibrations(looked: Looked) -> Iterable[Finding]:
-    today = datetime.fromtimestamp(looked.bench.clock.calendar_ns() * 1e-9, UTC).date()
-    return calibrations(looked.bench.port.channels, today)
+    today = datetime.fromtimestamp(looked.rig.clock.calendar_ns() * 1e-9, UTC).date()
+    return calibrations(looked.rig.port.channels, today)
 
 
 def _events(looked: Looked) -> Iterable[Finding]:
-    port = looked.bench.port
+    port = looked.rig.port
     return inspect_events(port.events()) if isinstance(port, TellsEvents) else ()
 
 
@@ -241,9 +249,9 @@ PARTS: tuple[Part, ...] = (
 """What is looked at while the rig stands open, in this order."""
 
 
-def examine_standing(bench: Bench, planned: PlannedRun) -> list[Finding]:
+def examine_standing(rig: AssembledRig, planned: PlannedRun) -> list[Finding]:
     """Everything that can be seen with the servo off."""
-    port, looked = bench.port, Looked(bench, planned)
+    port, looked = rig.port, Looked(rig, planned)
     found: list[Finding] = []
     try:
         description = port.open()
@@ -280,18 +288,18 @@ def examine_standing(bench: Bench, planned: PlannedRun) -> list[Finding]:
                 remedy="Supply, cables, node-IDs, bit rate.",
             )
         )
-        found += [*_answering(bench), *_events(looked)]
+        found += [*_answering(rig), *_events(looked)]
     finally:
         port.close()
     return found
 
 
-def _answering(bench: Bench) -> Iterable[Finding]:
+def _answering(rig: AssembledRig) -> Iterable[Finding]:
     """Who is on the bus all the same, where the rig cannot be opened and the bus can."""
-    if bench.second_bus is None:
+    if rig.second_bus is None:
         return
     try:
-        bus = PumpedBus(bench.second_bus(), bench.clock)
+        bus = PumpedBus(rig.second_bus(), rig.clock)
         try:
             nodes = scan(bus)
         finally:
@@ -315,27 +323,19 @@ def _answering(bench: Bench) -> Iterable[Finding]:
 
 
 def examine_motion(
-    bench: Bench, request: RunRequest, planned: PlannedRun, stop: StopRequest
+    rig: AssembledRig, request: RunRequest, planned: PlannedRun, stop: StopRequest
 ) -> list[Finding]:
     """Creep, turn, whole turn of the output; recorded into a folder that is thrown away. A trip is
-    latched as of any run.
+    latched where that of any run is, at once: a doctor that is killed afterwards leaves it behind.
     """
     with tempfile.TemporaryDirectory(prefix="harmonic-rig-doctor-") as folder:
         try:
-            report = run_on(bench, replace(request, output=Path(folder)), planned, stop)
+            thrown_away = replace(request, output=Path(folder))
+            report = run_on(rig, thrown_away, planned, stop, bench=bench_for(request))
             found = [_ending(report), *_inspected(report, planned)]
-            _latch(Path(folder), request.output)
         except (DriverError, RigError, ExperimentError) as error:
             return [Finding(group="motion", name="run", result="failed", evidence=str(error))]
     return found
-
-
-def _latch(folder: Path, output: Path) -> None:
-    """Bring the latch of a trip from the folder that is thrown away to the one where the next run would be refused."""
-    trip = TripLatch(folder).read()
-    if trip is not None:
-        output.mkdir(parents=True, exist_ok=True)
-        TripLatch(output).leave(trip)
 
 
 def _ending(report: RunReport) -> Finding:

@@ -1,4 +1,6 @@
-"""What stands around the rig: disk, calendar, certificates, the guard, the drive's limits, the readout."""
+"""What stands around the rig: the bench and its state folder, disk, calendar, certificates, the guard,
+the drive's limits, the readout.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,12 @@ from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.nd287 import Readout, ReadoutConfig, open_port
 from drivers.port import DriveLimits, RigPort
-from rig.errors import LimitError
+from rig.bench.backends.registry import HARDWARE
+from rig.bench.identity import state_of
+from rig.bench.state import VARIABLE, Scope
+from rig.errors import ConfigurationError, LimitError
 from rig.run.preflight import Check, limits_check
+from rig.run.start import RunRequest
 from rig.trial.doctor.finding import Finding, judged
 
 ENOUGH_SPACE, LEAST_SPACE = 1_000_000_000, 100_000_000
@@ -24,6 +30,48 @@ SOON = timedelta(days=30)
 PLAUSIBLE_YEARS = (2024, 2100)
 CALIBRATED = (INPUT_ANGLE, OUTPUT_ANGLE, TORQUE)
 """Channels whose certificate matters to results."""
+
+
+SCOPES: dict[Scope, str] = {
+    "site": "for everybody at this computer",
+    "user": "of this user only: the site's cannot be written",
+    "named": f"named by {VARIABLE}",
+}
+
+
+def bench(request: RunRequest) -> Iterable[Finding]:
+    """Which bench this is, and the folder in which a trip of it would be latched."""
+    if request.backend != HARDWARE:
+        yield _bench_line("identity", f"seed {request.seed} of a simulated rig")
+        yield _bench_line(
+            "state folder", f"{request.output}: a simulated rig's is that of its runs"
+        )
+        return
+    try:
+        identity, state = state_of(request.configuration)
+    except ConfigurationError as error:
+        yield Finding(
+            group="bench",
+            name="identity and state folder",
+            result="failed",
+            evidence=f"{error.what} ({error.value})",
+            remedy=error.remedy,
+        )
+        return
+    yield _bench_line("identity", identity)
+    yield judged(
+        "bench",
+        "state folder",
+        state.scope != "user",
+        f"{state.path}, writable, {SCOPES[state.scope]}",
+        otherwise="warning",
+        remedy="Another user would not meet its latch: make the site's writable for all who run it"
+        f" ({', '.join(str(place) for place in state.elsewhere)}).",
+    )
+
+
+def _bench_line(name: str, evidence: str) -> Finding:
+    return Finding(group="bench", name=name, result="ok", evidence=evidence)
 
 
 def disk(folder: Path) -> Finding:

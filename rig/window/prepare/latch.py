@@ -4,8 +4,6 @@ acknowledgement by name.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QDialog,
@@ -27,11 +25,11 @@ from rig.window.prepare.preview_plot import restyled, short_name
 class AcknowledgeDialog(QDialog):
     """What tripped, and a field for what was found and done: without a word in it nothing is acknowledged."""
 
-    def __init__(self, folder: Path, operator: str, parent: QWidget | None = None) -> None:
+    def __init__(self, latch: TripLatch, operator: str, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setWindowTitle("Acknowledge a trip")
         self.resize(560, 220)
-        self._latch, self._operator = TripLatch(folder), operator
+        self._latch, self._operator = latch, operator
         trip = self._latch.read()
         self.what = QLabel(
             trip_in_words(trip) if trip is not None else "No trip is latched any more."

@@ -315,7 +315,7 @@ class PreparePage(QWidget):
         """Show the trip that is latched; it is released by name and with what was found."""
         from rig.window.prepare.latch import AcknowledgeDialog
 
-        AcknowledgeDialog(self._session.folder, self.operator.text().strip(), self).exec()
+        AcknowledgeDialog(self.intent.rig.latch(), self.operator.text().strip(), self).exec()
         self._ask_for_outlook()
 
     def open_training(self) -> None:

@@ -18,6 +18,7 @@ from model.gear import HarmonicDrive, Mounting
 from model.gear_file import save_gear, shipped_gear
 from model.motor import ServoMotor, shipped_motor
 from rig.bench.backends.registry import HARDWARE
+from rig.bench.identity import bench_of
 from rig.errors import ConfigurationError, RigError
 from rig.gears.card import (
     GearCard,
@@ -31,7 +32,7 @@ from rig.present.preview.plan import PlanPreview, percent, preview_plan
 from rig.run.arming import Arming, refuse_unarmed
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun
 from rig.run.gear import card_checks
-from rig.run.latch import TripLatch
+from rig.run.latch import TripLatch, latch_of
 from rig.run.preflight import Check, static_checks
 from rig.run.progress import in_words as time_in_words
 from rig.run.start import RunRequest, plan_request
@@ -52,6 +53,10 @@ class RigChoice:
     def is_hardware(self) -> bool:
         """Whether something real turns."""
         return self.backend == HARDWARE
+
+    def latch(self) -> TripLatch:
+        """The latch of this bench. Raises `ConfigurationError` for hardware without identity or state folder."""
+        return latch_of(bench_of(self.backend, self.folder, self.configuration))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +157,7 @@ def look_ahead(intent: Intent) -> Outlook:
         checks[:0] = [
             _for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)
         ]
-    checks += latch_checks(intent.rig.folder)
+    checks += latch_checks(intent.rig)
     return Outlook(intent, request, planned, preview, tuple(checks), problem)
 
 
@@ -210,9 +215,12 @@ def prediction_checks(preview: PlanPreview) -> tuple[Check, ...]:
     return (Check("prediction", "ok", evidence),)
 
 
-def latch_checks(folder: Path) -> tuple[Check, ...]:
+def latch_checks(rig: RigChoice) -> tuple[Check, ...]:
     """Whether an earlier trip is still latched."""
-    trip = TripLatch(folder).read()
+    try:
+        trip = rig.latch().read()
+    except ConfigurationError as error:
+        return (Check("bench", "failed", short(error), error.remedy),)
     if trip is None:
         return (Check("trip latch", "ok", "no trip is latched"),)
     unsafe = "" if trip.standstill_verified else "; standstill was NOT verified"

@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
 
 from model.identify.estimate import BudgetLine, Estimate
 from rig.analysis.wording import readable, show
+from rig.bench.identity import option_of
 from rig.run.trips import rule_of
 from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
@@ -95,7 +96,9 @@ class OutcomeView(QFrame):
         """The end of a run. `path` is its sealed file, None where there is none."""
         self._path = path
         self.headline.setText(headline_of(state, report))
-        self.text.setText(sentence_of(state, report, self._session.folder))
+        session = self._session
+        bench = option_of(session.backend, session.folder, session.configuration)
+        self.text.setText(sentence_of(state, report, bench))
         self.text.setVisible(bool(self.text.text()))
         self.review.setEnabled(path is not None)
         self.report.setEnabled(path is not None and not str(path).endswith(".part"))
@@ -167,7 +170,7 @@ def headline_of(state: RunState, report: dict[str, Any]) -> str:
     return f"{state.outcome}   {report.get('run', '')}"
 
 
-def sentence_of(state: RunState, report: dict[str, Any], folder: Path) -> str:
+def sentence_of(state: RunState, report: dict[str, Any], bench: str) -> str:
     """What happened and what to do next."""
     parts: list[str] = []
     trip = report.get("trip") or {}
@@ -190,7 +193,7 @@ def sentence_of(state: RunState, report: dict[str, Any], folder: Path) -> str:
     if state.outcome == "TRIPPED":
         parts.append(
             "The trip is latched: acknowledge it by name on the page Prepare, "
-            f"or with rig acknowledge --operator NAME --output {folder}"
+            f"or with rig acknowledge --operator NAME {bench}"
         )
     return " ".join(parts)
 

@@ -12,7 +12,7 @@ import pytest
 from experiments.recording import Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.bench.backends.assembly import BenchRequest
+from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.registry import make_port
 from rig.errors import ConfigurationError
 from rig.run.start import RunRequest, run_request
@@ -70,4 +70,4 @@ def test_a_recorded_run_goes_through_the_engine_again(direct: Recording, tmp_pat
 
 def test_an_unknown_rig_is_refused_with_what_there_is() -> None:
     with pytest.raises(ConfigurationError, match=r"moon.*sim, wire, hardware, replay"):
-        make_port("moon", BenchRequest(gear=shipped_gear(), motor=shipped_motor()))
+        make_port("moon", RigRequest(gear=shipped_gear(), motor=shipped_motor()))

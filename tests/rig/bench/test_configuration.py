@@ -197,7 +197,7 @@ def test_what_is_no_configuration_is_refused_in_words(tmp_path: Path, content: b
 
 
 def test_a_missing_file_says_how_to_write_one(tmp_path: Path) -> None:
-    with pytest.raises(ConfigurationError, match="rig config init"):
+    with pytest.raises(ConfigurationError, match="rig config new"):
         load_configuration(tmp_path / "none.toml")
 
 

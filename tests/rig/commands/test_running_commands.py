@@ -20,7 +20,7 @@ from experiments.recording import Event
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig import exits
-from rig.bench.backends.assembly import BenchRequest
+from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.registry import BACKENDS, make_port
 from rig.commands.running import read_flags, read_protocol
 from rig.errors import ConfigurationError
@@ -221,7 +221,7 @@ def test_what_the_rig_knows_is_not_asked_for_twice() -> None:
 
 def test_an_unknown_rig_lists_those_there_are() -> None:
     with pytest.raises(ConfigurationError, match="no such rig") as refused:
-        make_port("another", BenchRequest(gear=shipped_gear(), motor=shipped_motor()))
+        make_port("another", RigRequest(gear=shipped_gear(), motor=shipped_motor()))
     assert "sim" in refused.value.limit
     assert "sim" in BACKENDS
 

@@ -22,7 +22,7 @@ from drivers.bus import BusConfig, RawBus, open_raw_bus
 from drivers.eds import load_eds
 from drivers.nd287 import LINE_LENGTH, STX, parse_line
 from rig import main
-from rig.bench.backends.assembly import BenchRequest
+from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.serving import Served, description_of
 from rig.bench.config.load import load_configuration
 
@@ -145,7 +145,7 @@ def test_a_description_without_a_readout_is_one_too(tmp_path: Path) -> None:
     served = Served("127.0.0.1", 1, "can0", "", {}, "")
     path.write_text(
         description_of(
-            served, BenchRequest(gear=shipped_gear(), motor=shipped_motor(), sample_rate=250.0)
+            served, RigRequest(gear=shipped_gear(), motor=shipped_motor(), sample_rate=250.0)
         ),
         encoding="utf-8",
     )

@@ -17,7 +17,7 @@ from experiments.steps import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench import limits as lim
-from rig.bench.backends.assembly import Bench
+from rig.bench.backends.assembly import AssembledRig
 from rig.run import margins
 from rig.run.bounds import Watch
 from rig.run.order import Progress, RunReport
@@ -156,7 +156,7 @@ def test_the_longest_run_of_lost_cycles_is_kept(lost: int) -> None:
 
 
 @dataclass(frozen=True)
-class TwoHandledBench(Bench):
+class TwoHandledRig(AssembledRig):
     """A rig with a second handle on its bus."""
 
     second_bus: Callable[[], object] = object
@@ -167,7 +167,7 @@ def test_the_watchdog_stops_the_drive_over_its_own_bus_without_the_loop() -> Non
     assert rig.bench is not None
     port, bench = rig.port, rig.bench
     watchdog = watchdog_of(
-        TwoHandledBench(
+        TwoHandledRig(
             name="wire", port=port, clock=rig.clock, real_time=True, second_bus=bench.bus
         ),
         20,
@@ -188,4 +188,4 @@ def test_the_watchdog_stops_the_drive_over_its_own_bus_without_the_loop() -> Non
 
 def test_a_rig_without_a_second_handle_has_no_watchdog() -> None:
     rig = FakeRig()
-    assert watchdog_of(Bench(name="fake", port=rig, clock=rig.clock), 20) is None
+    assert watchdog_of(AssembledRig(name="fake", port=rig, clock=rig.clock), 20) is None

@@ -10,7 +10,7 @@ from drivers.clock import VirtualClock
 from drivers.cyclic import CanRig, CanRigConfig
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.bench.backends.assembly import Bench
+from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.simulated import wire_config
 from rig.run.start import RunRequest
 from rig.trial.doctor.examine import Examination, examine
@@ -46,13 +46,13 @@ def wire_bench(*faults: Fault, **changes: object) -> WireBench:
 
 def on_the_wire(
     change: Change = lambda c: c, *faults: Fault, bench: WireBench | None = None
-) -> Bench:
+) -> AssembledRig:
     bench = bench or wire_bench(*faults)
     config = change(wire_config(bench, MOTOR))
     port = CanRig(
         config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated"
     )
-    return Bench(name="wire", port=port, clock=bench.clock)
+    return AssembledRig(name="wire", port=port, clock=bench.clock)
 
 
 def counter(config: CanRigConfig, **changes: object) -> CanRigConfig:
@@ -70,7 +70,7 @@ def torque_input(config: CanRigConfig, **changes: object) -> CanRigConfig:
 
 
 def look(
-    folder: Path, make: Callable[[], Bench], moves: bool = False, **changes: object
+    folder: Path, make: Callable[[], AssembledRig], moves: bool = False, **changes: object
 ) -> Examination:
     return examine(make, request(folder, **changes), moves=moves, why_not="not asked to")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from model.gear_file import shipped_gear
-from rig.bench.backends.assembly import Bench
+from rig.bench.backends.assembly import AssembledRig
 from rig.run.latch import LATCH_NAME
 from rig.run.stop import StopRequest
 from rig.trial.doctor.examine import examine
@@ -79,7 +79,7 @@ def test_a_ratio_that_is_described_wrongly_is_found(tmp_path: Path) -> None:
 
 
 def test_the_ratio_of_the_other_mounting_is_recognised(tmp_path: Path) -> None:
-    def mounted() -> Bench:
+    def mounted() -> AssembledRig:
         bench = wire_bench(mounting="flexspline-fixed")
         return on_the_wire(lambda c: counter(c, direction=-1), bench=bench)
 

@@ -101,8 +101,15 @@ def test_a_trip_is_acknowledged_by_name_only(tmp_path: Path) -> None:
 
 
 def test_a_latch_that_cannot_be_written_says_so(tmp_path: Path) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("a file where the folder would be")
     with pytest.raises(RigError, match="could not be latched"):
-        TripLatch(tmp_path / "nowhere").leave(TRIP)
+        TripLatch(taken).leave(TRIP)
+
+
+def test_a_latch_makes_the_folder_that_it_needs(tmp_path: Path) -> None:
+    TripLatch(tmp_path / "not" / "there").leave(TRIP)
+    assert TripLatch(tmp_path / "not" / "there").read() == TRIP
 
 
 def test_the_command_releases_the_latch(tmp_path: Path) -> None:

@@ -318,7 +318,7 @@ def test_a_trip_is_acknowledged_by_name_with_what_was_found(
 ) -> None:
     latch = TripLatch(session.folder)
     latch.leave(LatchedTrip("speed", "00007-friction-SN_0815", "2026-01-01", "too fast", False))
-    dialog = AcknowledgeDialog(session.folder, "A. Example")
+    dialog = AcknowledgeDialog(latch, "A. Example")
     qtbot.addWidget(dialog)
     assert "Standstill was NOT verified" in dialog.what.text()
     assert not dialog.accept_button.isEnabled()
@@ -353,7 +353,9 @@ def test_hardware_asks_for_the_rig_s_answer_and_a_typed_confirmation(
 ) -> None:
     configuration = tmp_path / "rig.toml"
     configuration.write_text(
-        (resources.files("rig.bench.config") / "template.toml").read_text(encoding="utf-8"),
+        (resources.files("rig.bench.config") / "template.toml")
+        .read_text(encoding="utf-8")
+        .replace('id = ""', 'id = "bench-1"'),
         encoding="utf-8",
     )
     session = WindowSession(tmp_path / "runs", "hardware", configuration)

@@ -1,0 +1,26 @@
+"""What a wheel must hold, asked of the environment in which it is installed; run by the gate with its Python."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module, metadata
+from pathlib import Path
+
+PACKAGES = ("rig", "model", "drivers", "experiments", "sim_backend")
+
+here = Path(sys.prefix).resolve()
+for name in PACKAGES:
+    module = import_module(name)
+    assert module.__file__ is not None
+    folder = Path(module.__file__).resolve().parent
+    assert here in folder.parents, f"{name} comes from {folder}, not from the wheel"
+    assert (folder / "py.typed").is_file(), (
+        f"{name} is shipped without py.typed: its types are not seen"
+    )
+files = [str(file) for file in metadata.files("harmonic-rig") or () if file.suffix != ".pyc"]
+strangers = {file.split("/")[0] for file in files} - {*PACKAGES, ".."}
+strangers = {name for name in strangers if not name.endswith(".dist-info")}
+assert not strangers, f"the wheel ships {strangers}"
+print(
+    f"harmonic-rig {metadata.version('harmonic-rig')}: {len(files)} files in {len(PACKAGES)} packages, typed"
+)

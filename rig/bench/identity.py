@@ -1,0 +1,96 @@
+"""The bench: the rig on the table, by the identity that it got once and the folder in which its state lies.
+
+    hardware              `[bench] id` of rig.toml; the state folder of `rig.bench.state`
+    sim, wire, replay     the seed of the simulated instruments; the folder of the runs, so that tests,
+                          demonstrations and two people at one computer never meet each other's latches
+
+A simulated rig behind a hub is reached as hardware is, and is a bench by the rules of hardware.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rig.bench.backends.registry import HARDWARE, REPLAY
+from rig.bench.state import StateFolder, state_folder
+from rig.errors import ConfigurationError
+
+ALPHABET = "23456789bcdfghjkmnpqrstvwxz"
+"""Read aloud, copied by hand and never a word: no vowels, nothing that looks like something else."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """One physical rig.
+
+    `state` is where its latch lies, `elsewhere` are folders in which version 0.1.0 or another user
+    may have left one, `option` names the bench on the command line.
+    """
+
+    id: str
+    state: Path
+    elsewhere: tuple[Path, ...] = ()
+    option: str
+
+
+def new_bench_id(choose: Callable[[Sequence[str]], str] = secrets.choice) -> str:
+    """An identity that no other bench has: eight characters drawn from 27, some 10¹¹ of them."""
+    letters = [choose(ALPHABET) for _ in range(8)]
+    return "".join(letters[:4]) + "-" + "".join(letters[4:])
+
+
+def bench_of(backend: str, runs: Path, description: Path | None = None, seed: int = 0) -> Bench:
+    """The bench of a rig by this name whose runs go to `runs`.
+
+    Raises `ConfigurationError` where a rig of hardware has no identity or no state folder.
+    """
+    if backend == HARDWARE:
+        return _hardware_bench(runs, description)
+    # A replay turns nobody's instruments: the run that it plays names its bench itself.
+    identity = "" if backend.startswith(REPLAY) else str(seed)
+    return Bench(id=identity, state=runs, option=option_of(backend, runs))
+
+
+def option_of(backend: str, runs: Path, description: Path | None = None) -> str:
+    """How `rig acknowledge` is told which bench is meant."""
+    if backend == HARDWARE:
+        return f"--config {_file(description)}"
+    return f"--output {runs}"
+
+
+def state_of(description: Path | None) -> tuple[str, StateFolder]:
+    """Identity and state folder of the hardware that a file describes. Raises `ConfigurationError`."""
+    # Only hardware is described in text: a simulated run does without pydantic.
+    from rig.bench.config.load import load_configuration
+
+    path = _file(description)
+    identity = load_configuration(path).bench.id
+    if not identity:
+        raise ConfigurationError(
+            "this bench has no identity: its trips could not be latched to it",
+            where=str(path),
+            value="no [bench] id",
+            limit="an id of its own, made once and never used again",
+            remedy=f'Add the table [bench] with id = "{new_bench_id()}": drawn now, for this rig only.',
+        )
+    return identity, state_folder(identity)
+
+
+def _hardware_bench(runs: Path, description: Path | None) -> Bench:
+    identity, state = state_of(description)
+    return Bench(
+        id=identity,
+        state=state.path,
+        # Version 0.1.0 latched in the folder of the runs.
+        elsewhere=(*state.elsewhere, runs),
+        option=option_of(HARDWARE, runs, description),
+    )
+
+
+def _file(description: Path | None) -> Path:
+    from rig.bench.config.load import DEFAULT_PATH
+
+    return description or DEFAULT_PATH
