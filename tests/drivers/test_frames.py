@@ -415,15 +415,17 @@ def test_index_marks_count_lost_counts() -> None:
 
 BOUNDS = st.builds(
     Bound,
-    st.just("limit"),
-    st.dictionaries(st.sampled_from(["a", "b"]), st.sampled_from([1.0, -0.5, 0.1]), min_size=1),
-    st.sampled_from([-5.0, -20.0]),
-    st.sampled_from([5.0, 20.0]),
-    st.integers(0, 5),
-    st.sampled_from([0.0, 3.0]),
-    st.booleans(),
-    st.integers(1, 3),
-    st.sampled_from([0, 0, 0x0F]),
+    cause=st.just("limit"),
+    weights=st.dictionaries(
+        st.sampled_from(["a", "b"]), st.sampled_from([1.0, -0.5, 0.1]), min_size=1
+    ),
+    low=st.sampled_from([-5.0, -20.0]),
+    high=st.sampled_from([5.0, 20.0]),
+    lag=st.integers(0, 5),
+    offset=st.sampled_from([0.0, 3.0]),
+    is_trip=st.booleans(),
+    consecutive=st.integers(1, 3),
+    mask=st.sampled_from([0, 0, 0x0F]),
 )
 
 

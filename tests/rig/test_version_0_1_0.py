@@ -59,8 +59,8 @@ def differences(expected: Any, answer: Any, where: str = "") -> list[str]:
 def without_hashes(answer: Any) -> Any:
     """Show and verify of a file that has been written just now, without its SHA-256."""
     answer.pop("sha256", None)
-    for run in answer.get("runs", ()):
-        run["findings"] = [f for f in run["findings"] if f["check"] != "hash"]
+    for entry in answer.get("runs", ()):
+        entry["findings"] = [f for f in entry["findings"] if f["check"] != "hash"]
     return answer
 
 
