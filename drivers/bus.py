@@ -53,8 +53,8 @@ class BusConfig:
 
     interface: str = "socketcan"
     channel: str | int | None = "can0"
-    bitrate: int = 1_000_000
-    extra: Mapping[str, object] = field(default_factory=dict)
+    bit_rate: int = 1_000_000
+    arguments: Mapping[str, object] = field(default_factory=dict)
     stamps: TimeBase | None = None
     own_node_id: int = 127
 
@@ -112,22 +112,22 @@ class NodeWatch:
 
 def open_raw_bus(config: BusConfig) -> RawBus:
     """Open the bus through python-can. Raises `BusLostError` with what python-can says."""
-    extra = dict(config.extra)
+    arguments = dict(config.arguments)
     if config.interface in ADAPTERS_WITH_ECHO:
-        extra.setdefault("receive_own_messages", True)
+        arguments.setdefault("receive_own_messages", True)
     if config.interface == "socketcand":
         # Without it the small frames wait for each other's acknowledgement: 40 ms instead of 0.3 ms.
-        extra.setdefault("tcp_tune", True)
+        arguments.setdefault("tcp_tune", True)
     try:
         if config.interface == "socketcand":
             from drivers.socketcand import SocketcandBus
 
-            return SocketcandBus(str(config.channel), **extra)  # type: ignore[arg-type, return-value]
+            return SocketcandBus(str(config.channel), **arguments)  # type: ignore[arg-type, return-value]
         return can.Bus(
             interface=config.interface,
             channel=config.channel,
-            bitrate=config.bitrate,
-            **cast("dict[str, Any]", extra),
+            bitrate=config.bit_rate,
+            **cast("dict[str, Any]", arguments),
         )
     except (
         can.CanError,

@@ -16,9 +16,9 @@ rectangular bounds, k = 1)."""
 
 def torque_scale_uncertainty(recording: Recording, channel: str = "torque") -> tuple[float, str]:
     """Relative standard uncertainty of the torque scale, and where it comes from."""
-    signal = recording.signals[channel]
-    if signal.scale_relative_uncertainty > 0.0:
-        return signal.scale_relative_uncertainty, "calibration of the channel"
+    relative = recording.signals[channel].calibration.scale_relative_uncertainty
+    if relative > 0.0:
+        return relative, "calibration of the channel"
     return ASSUMED_SCALE, "no calibration: torque constant within 5 %, rectangular"
 
 

@@ -12,29 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.errors import AnalysisError
+from model.channel import Channel
 from model.gear import HarmonicDrive, Mounting
 
 Origin = Literal["simulated", "replay", "imported", "hardware"]
 TimeBase = Literal["hardware", "device", "virtual", "host", "nominal", "none"]
 FloatArray = NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Signal:
-    """What a channel of a recording is: SI = scale * stored + offset; `quantum` is the size of one
-    count in SI (0: none).
-    """
-
-    name: str
-    unit: str
-    scale: float = 1.0
-    offset: float = 0.0
-    quantum: float = 0.0
-    modulus: int = 0
-    long_name: str = ""
-    scale_relative_uncertainty: float = 0.0
-    offset_uncertainty: float = 0.0
-    accuracy: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +115,7 @@ class Recording:
     """One run as SI arrays. Reading is lazy: only the rows that are asked for are loaded."""
 
     metadata: RunMetadata
-    signals: Mapping[str, Signal]
+    signals: Mapping[str, Channel]
     segments: tuple[Segment, ...]
     events: tuple[Event, ...]
     source: SignalSource
@@ -169,11 +152,7 @@ class Recording:
 
     def si(self, name: str, where: Segment | slice | None = None) -> FloatArray:
         """A channel in SI over a segment (or slice, or all of it)."""
-        signal = self.signals[name]
-        start, stop = self.rows_of(where)
-        return np.asarray(
-            self.source.stored(name, start, stop) * signal.scale + signal.offset, dtype=np.float64
-        )
+        return self.signals[name].to_si(self.stored(name, where))
 
     def stored(self, name: str, where: Segment | slice | None = None) -> NDArray[Any]:
         """A channel as stored: counts, or floats of an imported recording."""

@@ -222,12 +222,12 @@ def make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
     reported = motor.rated_torque * TORQUE_COUNT_OF_RATED
     certificate = "simulated instrument"
     torque = Calibration(
-        certificate,
+        certificate=certificate,
         scale_relative_uncertainty=math.hypot(sizes.torque_scale, sizes.torque_constant),
         offset_uncertainty=sizes.torque_offset,
     )
-    drive = Calibration(certificate, scale_relative_uncertainty=sizes.torque_constant)
-    thermometer = Calibration(certificate, offset_uncertainty=sizes.temperature_offset)
+    drive = Calibration(certificate=certificate, scale_relative_uncertainty=sizes.torque_constant)
+    thermometer = Calibration(certificate=certificate, offset_uncertainty=sizes.temperature_offset)
     fine = 1 if on.drive_torque_steps else FINE
     return (
         _encoder_channel(on, names.INPUT_ANGLE, "motor encoder"),
@@ -311,5 +311,7 @@ def _encoder_channel(on: Imperfections, name: str, long_name: str) -> Channel:
         multiplication=sizes.multiplication * (1 if on.quantisation else FINE),
         long_name=long_name,
         model="simulated",
-        calibration=Calibration("simulated instrument", accuracy=math.hypot(once, twice)),
+        calibration=Calibration(
+            certificate="simulated instrument", accuracy=math.hypot(once, twice)
+        ),
     )

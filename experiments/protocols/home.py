@@ -18,9 +18,10 @@ from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
 from experiments.planning.shared_parameters import Acceleration, Mounted, SlowSpeed, ZeroTime
 from experiments.planning.speeds import refuse_speed
-from experiments.recording import Recording, Segment, Signal
+from experiments.recording import Recording, Segment
 from experiments.result import Result, Table
 from experiments.steps import FindIndex, SegmentLabel, Step
+from model.channel import Channel
 from model.gear import HarmonicDrive
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
@@ -140,7 +141,7 @@ def _mark(recording: Recording, segment: Segment, which: str, bit: int) -> float
     return float(recording.si(f"{which}_index", last)[0])
 
 
-def _circular_mean(name: str, marks: list[float], signal: Signal) -> Estimate:
+def _circular_mean(name: str, marks: list[float], signal: Channel) -> Estimate:
     """Mean of angles on the circle [rad], with the spread of the passes and the size of one count."""
     angles = np.array(marks)
     mean = float(np.angle(np.mean(np.exp(1j * angles)))) % REVOLUTION

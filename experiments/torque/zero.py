@@ -86,7 +86,7 @@ def torque_zero(recording: Recording, channel: str = "torque") -> TorqueZero:
             "half-differences of the directions are "
             "friction, half-sums hold the offset of the port."
         )
-        return TorqueZero(None, None, signal.offset_uncertainty, (text,))
+        return TorqueZero(None, None, signal.calibration.offset_uncertainty, (text,))
     error = math.sqrt(sum(z.standard_error**2 for z in found)) / len(found)
     if before is None or after is None:
         missing = ZERO_BEFORE if before is None else ZERO_AFTER

@@ -61,7 +61,7 @@ def _instrument(recording: Recording, channel: str) -> str:
     """One instrument with one calibration; "" where nothing tells it from another one."""
     source = recording.source
     column = (
-        next((c for c in source.columns if c.name == channel), None)
+        next((c.channel for c in source.columns if c.name == channel), None)
         if isinstance(source, FileSource)
         else None
     )
@@ -76,7 +76,7 @@ def _instrument(recording: Recording, channel: str) -> str:
         rig,
         column.model,
         column.serial_number,
-        column.scale,
+        column.gain,
         column.offset,
         column.calibration,
     )

@@ -241,13 +241,14 @@ def _gear(m: RunMetadata) -> dict[str, str]:
 
 def _calibrations(recording: Recording) -> Iterable[tuple[str, str]]:
     source = recording.source
-    for column in source.columns if isinstance(source, FileSource) else ():
+    columns = source.columns if isinstance(source, FileSource) else ()
+    for column in (column.channel for column in columns):
         c = column.calibration
         yield (
             f"{column.name} instrument",
             " ".join(part for part in (column.model, column.serial_number) if part),
         )
-        yield f"{column.name} scale", f"{_number(column.scale)} {column.unit}"
+        yield f"{column.name} scale", f"{_number(column.gain)} {column.unit}"
         yield f"{column.name} offset", f"{_number(column.offset)} {column.unit}"
         yield (
             f"{column.name} certificate",

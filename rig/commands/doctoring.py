@@ -10,8 +10,6 @@ import typer
 from rig.commands.running import MountedHow
 
 if TYPE_CHECKING:
-    from drivers.nd287 import ReadoutConfig
-    from rig.run.start import RunRequest
     from rig.trial.doctor.examine import Examination
 
 STYLE = {"ok": "green", "warning": "yellow", "failed": "bold red", "skipped": "dim"}
@@ -77,7 +75,7 @@ def doctor(
     from rig.run.latch import latch_of
     from rig.run.start import arming_of, bench_for, rig_for
     from rig.run.stop import StopRequest, pressed_by_signals
-    from rig.trial.doctor.examine import examine, plan_of
+    from rig.trial.doctor.examine import examine, plan_of, readout_of
 
     _refuse_a_replay(backend)
     request = request_of(
@@ -108,7 +106,7 @@ def doctor(
             request,
             moves=moves,
             why_not="asked not to move; --move lets it",
-            readout_config=_readout(request),
+            serial_line=readout_of(request),
             stop=stop,
             on_stage=lambda stage: None if json else typer.echo(f"{stage} ...", err=True),
         )
@@ -135,17 +133,6 @@ def _refuse_a_replay(backend: str) -> None:
             limit="sim, wire, hardware",
             remedy="What was recorded is told by `rig show`.",
         )
-
-
-def _readout(request: RunRequest) -> ReadoutConfig | None:
-    from rig.bench.backends.hardware import readout_config
-    from rig.bench.config.load import load_configuration
-
-    return (
-        None
-        if request.configuration is None
-        else readout_config(load_configuration(request.configuration))
-    )
 
 
 def _print(found: Examination) -> None:

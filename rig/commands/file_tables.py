@@ -115,7 +115,7 @@ def recording_as_json(recording: Recording, path: Path) -> dict[str, Any]:
             {
                 "name": s.name,
                 "unit": s.unit,
-                "scale": s.scale,
+                "scale": s.gain,
                 "offset": s.offset,
                 "quantum": s.quantum,
                 "long_name": s.long_name,

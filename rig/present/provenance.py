@@ -253,7 +253,7 @@ def alarms_of(recording: Recording) -> tuple[str, ...]:
 
 def _calibrated(recording: Recording) -> list[tuple[str, Calibration]]:
     columns = getattr(recording.source, "columns", ())
-    found = [(column.name, column.calibration) for column in columns]
+    found = [(column.name, column.channel.calibration) for column in columns]
     return [
         (readable(n).capitalize(), c)
         for n, c in found

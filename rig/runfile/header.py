@@ -13,7 +13,7 @@ from typing import Any, cast, get_args
 import h5py
 import numpy as np
 
-from drivers.channel import Calibration
+from drivers.channel import Calibration, Channel
 from experiments.recording import Origin, RunMetadata, TimeBase
 from model.errors import ModelError
 from model.gear import HarmonicDrive, Mounting
@@ -31,6 +31,7 @@ ORIGIN_WORDS = {
 }
 """The word that every plot, report and export of a run carries that is not from hardware."""
 
+_TEXTS = ("certificate", "date", "due")
 _NUMBERS = ("scale_relative_uncertainty", "offset_uncertainty", "accuracy")
 
 
@@ -137,21 +138,21 @@ def _write_sample(file: h5py.File, metadata: RunMetadata) -> None:
 def _write_instrument(file: h5py.File, header: RunHeader) -> None:
     instrument = layout.create_group(file, layout.INSTRUMENT, "NXinstrument")
     layout.create_field(instrument, "devices", layout.to_json(header.devices))
-    for column in header.columns:
-        group = layout.create_group(file, f"{layout.INSTRUMENT}/{column.name}", "NXdetector")
+    for channel in (column.channel for column in header.columns):
+        group = layout.create_group(file, f"{layout.INSTRUMENT}/{channel.name}", "NXdetector")
         for name in ("model", "serial_number"):
-            layout.create_field(group, name, getattr(column, name))
+            layout.create_field(group, name, getattr(channel, name))
         for name in ("lines", "multiplication", "modulus"):
-            layout.create_field(group, name, int(getattr(column, name)))
-        layout.create_field(group, "counts_per_revolution", column.lines * column.multiplication)
-        layout.create_field(group, "quantum", float(column.quantum), column.unit)
+            layout.create_field(group, name, int(getattr(channel, name)))
+        layout.create_field(group, "counts_per_revolution", channel.lines * channel.multiplication)
+        layout.create_field(group, "quantum", float(channel.quantum), channel.unit)
         calibration = layout.create_group(file, f"{group.name}/calibration", "NXcollection")
-        layout.create_field(calibration, "scale", float(column.scale), f"{column.unit}/count")
-        layout.create_field(calibration, "offset", float(column.offset), column.unit)
-        for name in ("certificate", "date", "due"):
-            layout.create_field(calibration, name, getattr(column.calibration, name))
+        layout.create_field(calibration, "scale", float(channel.gain), f"{channel.unit}/count")
+        layout.create_field(calibration, "offset", float(channel.offset), channel.unit)
+        for name in _TEXTS:
+            layout.create_field(calibration, name, getattr(channel.calibration, name))
         for name in _NUMBERS:
-            layout.create_field(calibration, name, float(getattr(column.calibration, name)))
+            layout.create_field(calibration, name, float(getattr(channel.calibration, name)))
 
 
 def read_columns(file: h5py.File) -> tuple[Column, ...]:
@@ -278,30 +279,30 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
         )
     device = _group(file, f"{layout.INSTRUMENT}/{name}")
     stored = _group(file, f"{layout.INSTRUMENT}/{name}/calibration")
-    texts = [layout.read_text(stored, key) for key in ("certificate", "date", "due")]
-    numbers = [layout.read_number(stored, key, 0.0) for key in _NUMBERS]
-    calibration = Calibration(texts[0], texts[1], texts[2], numbers[0], numbers[1], numbers[2])
-    scale = layout.number_attribute(dataset, "scale_factor")
+    calibration: dict[str, Any] = {key: layout.read_text(stored, key) for key in _TEXTS}
+    calibration |= {key: layout.read_number(stored, key, 0.0) for key in _NUMBERS}
+    gain = layout.number_attribute(dataset, "scale_factor")
     offset = layout.number_attribute(dataset, "add_offset")
-    if not (math.isfinite(scale) and math.isfinite(offset) and scale != 0.0):
+    if not (math.isfinite(gain) and math.isfinite(offset) and gain != 0.0):
         raise RunFileError(
-            "has no usable calibration", where=f"{data.name}/{name}", value=f"{scale}, {offset}"
+            "has no usable calibration", where=f"{data.name}/{name}", value=f"{gain}, {offset}"
         )
-    return Column(
+    channel = Channel(
         name=name,
         unit=_attribute(dataset, "units"),
-        dtype=cast(Any, dtype),
-        scale=scale,
+        scale=abs(gain),
+        direction=int(math.copysign(1.0, gain)),
         offset=offset,
-        quantum=layout.read_number(device, "quantum", 0.0),
+        is_counted=layout.read_number(device, "quantum", 0.0) > 0.0,
         modulus=int(layout.read_number(device, "modulus", 0)),
         long_name=_attribute(dataset, "long_name"),
         model=layout.read_text(device, "model"),
         serial_number=layout.read_text(device, "serial_number"),
         lines=int(layout.read_number(device, "lines", 0)),
         multiplication=int(layout.read_number(device, "multiplication", 0)),
-        calibration=calibration,
+        calibration=Calibration(**calibration),
     )
+    return Column(channel, cast(Any, dtype))
 
 
 def _group(file: h5py.File, path: str) -> h5py.Group:

@@ -24,15 +24,14 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import h5py
 import numpy as np
 
-from drivers.channel import Calibration, Channel
+from drivers.channel import Channel
 from drivers.samples import CycleFlag
-from experiments.recording import Signal
 from rig.errors import RunFileError
 
 FILE_FORMAT: Final = "harmonic-rig-run"
@@ -115,94 +114,37 @@ _ANGLE_UNITS = ("rad", "m")
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,62}")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Column:
-    """One channel as it is stored: SI = scale * stored + offset, `scale` signed by the direction.
+    """How a channel lies in the file: counts in int64 or int32, and in float64 a recording that was not in counts."""
 
-    `dtype` is int64 or int32 for counts and float64 for a recording that was not in counts;
-    `quantum` is the size of one count in SI (0: none).
-    """
-
-    name: str
-    unit: str
+    channel: Channel
     dtype: Literal["int64", "int32", "float64"] = "int64"
-    scale: float = 1.0
-    offset: float = 0.0
-    quantum: float = 0.0
-    modulus: int = 0
-    long_name: str = ""
-    model: str = ""
-    serial_number: str = ""
-    lines: int = 0
-    multiplication: int = 0
-    calibration: Calibration = field(default_factory=Calibration)
 
     def __post_init__(self) -> None:
-        if not _NAME.fullmatch(self.name) or self.name in BOOKKEEPING:
+        name = self.channel.name
+        if not _NAME.fullmatch(name) or name in BOOKKEEPING:
             raise RunFileError(
                 "is not a name for a channel",
                 where="channel",
-                value=repr(self.name),
+                value=repr(name),
                 limit=f"letters, digits and underscores, none of {', '.join(BOOKKEEPING)}",
             )
 
     @classmethod
     def of(cls, channel: Channel) -> Column:
         """The column of a rig's channel: counters of angles in int64, everything else in int32."""
-        scale = channel.direction * channel.scale
-        return cls(
-            name=channel.name,
-            unit=channel.unit,
-            dtype="int64" if channel.unit in _ANGLE_UNITS else "int32",
-            scale=scale,
-            offset=channel.offset,
-            quantum=channel.scale,
-            modulus=channel.modulus,
-            long_name=channel.long_name,
-            model=channel.model,
-            serial_number=channel.serial_number,
-            lines=channel.lines,
-            multiplication=channel.multiplication,
-            calibration=channel.calibration,
-        )
+        return cls(channel, "int64" if channel.unit in _ANGLE_UNITS else "int32")
 
-    def channel(self) -> Channel:
-        """The rig's channel that this column was recorded from."""
-        return Channel(
-            name=self.name,
-            unit=self.unit,
-            scale=abs(self.scale),
-            offset=self.offset,
-            direction=-1 if self.scale < 0 else 1,
-            modulus=self.modulus,
-            long_name=self.long_name,
-            model=self.model,
-            serial_number=self.serial_number,
-            lines=self.lines,
-            multiplication=self.multiplication,
-            calibration=self.calibration,
-        )
-
-    def signal(self) -> Signal:
-        """What an analysis sees of it."""
-        c = self.calibration
-        return Signal(
-            name=self.name,
-            unit=self.unit,
-            scale=self.scale,
-            offset=self.offset,
-            quantum=self.quantum,
-            modulus=self.modulus,
-            long_name=self.described,
-            scale_relative_uncertainty=c.scale_relative_uncertainty,
-            offset_uncertainty=c.offset_uncertainty,
-            accuracy=c.accuracy,
-        )
+    @property
+    def name(self) -> str:
+        """The name of the channel and of its dataset."""
+        return self.channel.name
 
     @property
     def described(self) -> str:
-        """The name for axes and tables."""
-        return self.long_name or _LONG_NAMES.get(self.name, self.name.replace("_", " "))
+        """The channel's name for axes and tables."""
+        return self.channel.long_name or _LONG_NAMES.get(self.name, self.name.replace("_", " "))
 
 
 def create_field(group: h5py.Group, name: str, value: str | float | bool, unit: str = "") -> None:
@@ -359,10 +301,10 @@ def create_data(
             column.name,
             "<" + np.dtype(column.dtype).str[1:],
             {
-                "units": column.unit,
+                "units": column.channel.unit,
                 "long_name": column.described,
-                "scale_factor": np.float64(column.scale),
-                "add_offset": np.float64(column.offset),
+                "scale_factor": np.float64(column.channel.gain),
+                "add_offset": np.float64(column.channel.offset),
             },
         )
     made[TIME].make_scale(TIME)

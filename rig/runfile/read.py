@@ -13,7 +13,6 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.channel import Channel
 from experiments.recording import Event, Recording, RunMetadata, Segment
 from rig.errors import RunFileError
 from rig.runfile import layout
@@ -136,7 +135,7 @@ def open_run(path: str | Path, *, verify: bool = False, digest: bool = True) -> 
     except BaseException:
         source.close()
         raise
-    signals = {column.name: column.signal() for column in source.columns}
+    signals = {column.name: column.channel for column in source.columns}
     return Recording(metadata, signals, segments, events, source)
 
 
@@ -179,21 +178,6 @@ def close_recording(recording: Recording) -> None:
     """Close the file behind a recording, if there is one."""
     if isinstance(recording.source, FileSource):
         recording.source.close()
-
-
-def read_channels(path: Path) -> tuple[Channel, ...]:
-    """The rig's channels that a run was recorded from, for replaying it; a recording that was not
-    in counts is refused.
-    """
-    with FileSource(path) as source:
-        floats = [column.name for column in source.columns if column.dtype == "float64"]
-        if floats:
-            raise RunFileError(
-                "was not recorded in counts and cannot be replayed",
-                where=str(path),
-                value=", ".join(floats),
-            )
-        return tuple(column.channel() for column in source.columns)
 
 
 def read_run_header(path: Path) -> RunHeader:

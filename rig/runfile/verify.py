@@ -154,7 +154,7 @@ def _check_calibrations(recording: Recording, source: FileSource) -> list[Findin
     day = recording.metadata.start_time[:10]
     overdue, undated = [], []
     for column in source.columns:
-        due = column.calibration.due
+        due = column.channel.calibration.due
         try:
             late = bool(due and day) and date.fromisoformat(due[:10]) < date.fromisoformat(day)
         except ValueError:

@@ -200,7 +200,7 @@ def hub(*connections: list[bytes]) -> Iterator[BusConfig]:
         thread = threading.Thread(target=follow)
         thread.start()
         host, port = door.getsockname()
-        yield BusConfig("socketcand", "can0", extra={"host": host, "port": port})
+        yield BusConfig("socketcand", "can0", arguments={"host": host, "port": port})
         thread.join(10.0)
         assert not thread.is_alive()
 
@@ -211,7 +211,7 @@ def test_a_hub_that_is_not_there_is_said_at_once() -> None:
     clock = WallClock()
     start = clock.monotonic_ns()
     with pytest.raises(BusLostError, match="cannot be opened"):
-        open_raw_bus(BusConfig("socketcand", "can0", extra={"host": "127.0.0.1", "port": port}))
+        open_raw_bus(BusConfig("socketcand", "can0", arguments={"host": "127.0.0.1", "port": port}))
     assert clock.monotonic_ns() - start < 3e9
 
 

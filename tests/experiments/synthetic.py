@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import scipy
 
-from experiments.recording import ArraySource, Recording, RunMetadata, Segment, Signal
+from experiments.recording import ArraySource, Recording, RunMetadata, Segment
 from experiments.steps import (
     FindIndex,
     HoldRevolutions,
@@ -29,6 +29,7 @@ from experiments.steps import (
     Step,
     TorqueRamp,
 )
+from model.channel import Calibration, Channel
 from model.dynamics import simulate_prescribed
 from model.friction import friction_torque
 from model.gear import Harmonic, HarmonicDrive
@@ -228,18 +229,17 @@ def assemble(walk: _Walk, bench: Bench, experiment: str, **extra: object) -> Rec
         "index_seen": seen_input + 2 * seen_output,
     }
     signals = {
-        "input_angle": Signal(name="input_angle", unit="rad", scale=q_in, quantum=q_in),
-        "output_angle": Signal(name="output_angle", unit="rad", scale=q_out, quantum=q_out),
-        "torque": Signal(
+        "input_angle": Channel(name="input_angle", unit="rad", scale=q_in),
+        "output_angle": Channel(name="output_angle", unit="rad", scale=q_out),
+        "torque": Channel(
             name="torque",
             unit="N m",
             scale=TORQUE_QUANTUM,
-            quantum=TORQUE_QUANTUM,
-            scale_relative_uncertainty=0.01,
+            calibration=Calibration(scale_relative_uncertainty=0.01),
         ),
-        "input_index": Signal(name="input_index", unit="rad", scale=q_in, quantum=q_in),
-        "output_index": Signal(name="output_index", unit="rad", scale=q_out, quantum=q_out),
-        "index_seen": Signal(name="index_seen", unit="1"),
+        "input_index": Channel(name="input_index", unit="rad", scale=q_in),
+        "output_index": Channel(name="output_index", unit="rad", scale=q_out),
+        "index_seen": Channel(name="index_seen", unit="1", is_counted=False),
     }
     known: dict[str, object] = {
         "ratio": bench.gear.ratio,

@@ -12,8 +12,9 @@ import scipy
 
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.recording import ArraySource, Recording, RunMetadata, Signal
+from experiments.recording import ArraySource, Recording, RunMetadata
 from experiments.recordings import motion, order_spectrum, revolution
+from model.channel import Channel
 from model.gear import HarmonicDrive
 from model.units import ARCSEC
 
@@ -25,7 +26,10 @@ def foreign(time: np.ndarray, **channels: tuple[np.ndarray, str]) -> Recording:
     metadata = RunMetadata(
         run_id="foreign-1", experiment="", origin="imported", time_base="device", ratio=float("nan")
     )
-    signals = {name: Signal(name=name, unit=unit) for name, (_, unit) in channels.items()}
+    signals = {
+        name: Channel(name=name, unit=unit, is_counted=False)
+        for name, (_, unit) in channels.items()
+    }
     stamps = np.round((time - time[0]) * 1e9).astype(np.int64)
     return Recording(
         metadata, signals, (), (), ArraySource({n: v for n, (v, _) in channels.items()}, stamps)

@@ -17,9 +17,10 @@ from experiments.evidence import BAD_CYCLE, check_recording, require_time_base, 
 from experiments.protocols import motor_tare
 from experiments.protocols.friction import protocol as friction
 from experiments.protocols.velocity_steps import protocol as velocity_steps
-from experiments.recording import ArraySource, Recording, RunMetadata, Segment, Signal
+from experiments.recording import ArraySource, Recording, RunMetadata, Segment
 from experiments.recordings import motion
 from experiments.recordings.skew import skews, viscous_windup
+from model.channel import Channel
 from model.gear import HarmonicDrive
 
 PERIOD_NS = 1_000_000
@@ -40,8 +41,8 @@ def made(
 ) -> Recording:
     arrays = {"input_angle": np.arange(rows), "output_angle": -np.arange(rows) // 120}
     signals = {
-        "input_angle": Signal(name="input_angle", unit="rad", scale=1e-3, quantum=1e-3),
-        "output_angle": Signal(name="output_angle", unit="rad", scale=8.7e-5, quantum=8.7e-5),
+        "input_angle": Channel(name="input_angle", unit="rad", scale=1e-3),
+        "output_angle": Channel(name="output_angle", unit="rad", scale=8.7e-5),
     }
     source = WithCycles(arrays, np.arange(rows, dtype=np.int64) * PERIOD_NS, flags)
     object.__setattr__(source, "gap", gap)
@@ -59,7 +60,10 @@ def made(
 
 
 def with_torque(recording: Recording) -> Recording:
-    signals = {**recording.signals, "torque": Signal(name="torque", unit="N m", scale=1e-4)}
+    signals = {
+        **recording.signals,
+        "torque": Channel(name="torque", unit="N m", scale=1e-4, is_counted=False),
+    }
     arrays = {**recording.source.arrays, "torque": np.zeros(recording.rows)}  # type: ignore[attr-defined]
     return dataclasses.replace(
         recording, signals=signals, source=ArraySource(arrays, recording.source.times)
@@ -161,7 +165,7 @@ def turning(skew: float, wind_up: float = 2e-5) -> Recording:
     )
     output += 7e-5 * np.sin(2.0 * angle)
     quanta = {"input_angle": 2.0 * math.pi / 32768, "output_angle": 2.0 * math.pi / lines}
-    signals = {n: Signal(name=n, unit="rad", scale=q, quantum=q) for n, q in quanta.items()}
+    signals = {n: Channel(name=n, unit="rad", scale=q) for n, q in quanta.items()}
     arrays = {
         "input_angle": np.floor(angle / quanta["input_angle"]),
         "output_angle": np.floor(-output / quanta["output_angle"]),

@@ -17,10 +17,11 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, require_time_base
 from experiments.protocols.kinematic_error import protocol as kinematic_error
-from experiments.recording import ArraySource, Recording, RunMetadata, Signal
+from experiments.recording import ArraySource, Recording, RunMetadata
 from experiments.recordings.channels import chosen_channel
 from experiments.result import Result, judge_upper
 from experiments.truth import truth_of, truth_rows, truth_table
+from model.channel import Calibration, Channel
 from model.gear import HarmonicDrive
 from model.identify.estimate import BudgetLine, Estimate
 from model.units import REVOLUTION
@@ -31,7 +32,7 @@ from tests.experiments.synthetic import Bench
 def of_angle(angle: np.ndarray, quantum: float = 0.0) -> Recording:
     """A recording of an input angle alone, 1 kHz."""
     stored = np.round(angle / quantum).astype(np.int64) if quantum else angle
-    signal = Signal(name="input_angle", unit="rad", scale=quantum or 1.0, quantum=quantum)
+    signal = Channel(name="input_angle", unit="rad", scale=quantum or 1.0, is_counted=quantum > 0.0)
     times = np.arange(len(angle), dtype=np.int64) * 1_000_000
     metadata = RunMetadata(run_id="angle-1", experiment="", origin="imported", time_base="device")
     return Recording(
@@ -106,10 +107,19 @@ def test_stamps_of_device_and_sync_are_times(time_base: str) -> None:
 
 def test_a_channel_without_calibration_gets_the_assumed_scale() -> None:
     recording = of_angle(np.linspace(0.0, 1.0, 200))
-    bare = dataclasses.replace(recording, signals={"torque": Signal(name="torque", unit="N m")})
+    bare = dataclasses.replace(
+        recording, signals={"torque": Channel(name="torque", unit="N m", is_counted=False)}
+    )
     known = dataclasses.replace(
         recording,
-        signals={"torque": Signal(name="torque", unit="N m", scale_relative_uncertainty=0.002)},
+        signals={
+            "torque": Channel(
+                name="torque",
+                unit="N m",
+                is_counted=False,
+                calibration=Calibration(scale_relative_uncertainty=0.002),
+            )
+        },
     )
     assert torque_scale_uncertainty(bare)[0] == pytest.approx(0.03)
     assert torque_scale_uncertainty(known)[0] == 0.002

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.recording import ArraySource, Origin, Recording, RunMetadata, Segment, Signal
+from experiments.recording import ArraySource, Origin, Recording, RunMetadata, Segment
 from experiments.result import Plot, Result, Series, Table, judge_upper
+from model.channel import Channel
 from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine, Estimate
 from model.units import ARCMIN, RPM
@@ -60,8 +61,10 @@ def recording(
         "housing_temperature": np.linspace(240, 262, rows),
     }
     signals = {
-        "input_angle": Signal(name="input_angle", unit="rad", scale=1e-3),
-        "housing_temperature": Signal(name="housing_temperature", unit="degC", scale=0.1),
+        "input_angle": Channel(name="input_angle", unit="rad", scale=1e-3, is_counted=False),
+        "housing_temperature": Channel(
+            name="housing_temperature", unit="degC", scale=0.1, is_counted=False
+        ),
     }
     segments = (
         Segment(index=0, label="hold", start=0, stop=5, setpoint=60 * RPM, direction=1),

@@ -50,7 +50,7 @@ def type_b(
     warmth, coefficient = measured.warmth, TEMPERATURE_COEFFICIENT
     spread = float(np.std(warmth)) if np.isfinite(warmth).all() else UNKNOWN_WARMTH
     if correction.per_kelvin is not None:
-        spread = recording.signals[TEMPERATURE].offset_uncertainty or THERMOMETER
+        spread = recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
         coefficient = correction.per_kelvin[1]
     known = gear.origins.get("bearing.friction_factor", Origin("assumed"))
     relative = BEARING_RELATIVE

@@ -252,8 +252,8 @@ def _prepare(
     encoders = Encoders(
         ends["output"].quantum or math.nan,
         ends["input"].quantum or math.nan,
-        ends["output"].accuracy,
-        ends["input"].accuracy,
+        ends["output"].calibration.accuracy,
+        ends["input"].calibration.accuracy,
     )
     reference = phase_reference(recording)
     warnings += reference.warnings()

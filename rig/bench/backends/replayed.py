@@ -27,7 +27,7 @@ def replayed(path: Path) -> AssembledRig:
             where=str(path),
             remedy="Analyse an imported run with `rig fit`.",
         )
-    channels = tuple(column.channel() for column in source.columns)
+    channels = tuple(column.channel for column in source.columns)
     counts = np.column_stack([source.stored(channel.name, 0, source.rows) for channel in channels])
     clock = VirtualClock(time.time_ns())
     port = ReplayRig(

@@ -1,17 +1,21 @@
-"""What can be said of a rig: bus, nodes, channels, scalings, limits, ratings, calibrations. Units stand in the names.
+"""What can be said of a rig: bus, nodes, channels, scalings, limits, ratings, calibrations. Units stand in the words.
 
 Every model is frozen and refuses unknown keys. Defaults are those of the standards or of the rig in
-the paper; what only the nameplate can tell (lines, multiplication, node-IDs) has none.
+the paper; what only the nameplate can tell (lines, multiplication, node-IDs) has none. A field has
+the name that the driver has for it, the word of the file where that differs is its alias: so
+`Part.settings` yields what the driver's configuration is made of, and nothing is copied by hand.
 """
 
 from __future__ import annotations
 
 import datetime
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from drivers import channel as names
+from model.units import RPM
 from rig.bench.config.objects import read_object
 
 FORMAT = "harmonic-rig-1"
@@ -39,6 +43,16 @@ class Part(BaseModel):
     """A table of the file."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=False, str_strip_whitespace=True)
+    objects: ClassVar[Mapping[str, str]] = {}
+    """Fields that name entries of an object dictionary, and what to call the entry in a message."""
+
+    def settings(self) -> dict[str, Any]:
+        """Every value by the name that the driver has for it, in SI, with the entries of object dictionaries read."""
+        values = {name: getattr(self, name) for name in type(self).model_fields}
+        for name, what in self.objects.items():
+            if values[name] is not None:
+                values[name] = read_object(values[name], what)
+        return values
 
 
 class Calibration(Part):
@@ -64,6 +78,10 @@ class Calibration(Part):
             )
         return self
 
+    def settings(self) -> dict[str, Any]:
+        """As the channel has it: days as text."""
+        return super().settings() | {"date": str(self.date or ""), "due": str(self.due or "")}
+
 
 class Instrument(Part):
     """What every channel may tell of its instrument."""
@@ -71,6 +89,12 @@ class Instrument(Part):
     model: str = ""
     serial_number: str = ""
     calibration: Calibration = Calibration()
+
+    def settings(self) -> dict[str, Any]:
+        """As a driver has it, with the calibration of its channel."""
+        return super().settings() | {
+            "calibration": names.Calibration(**self.calibration.settings())
+        }
 
 
 class General(Part):
@@ -116,13 +140,15 @@ class Bus(Part):
 class Drive(Part):
     """The servo amplifier (CiA 402). What is left away is asked of the drive."""
 
+    objects: ClassVar[Mapping[str, str]] = {"actual_torque": "torque actual value"}
+
     node_id: NodeId
     eds: str = ""
-    rated_torque_n_m: Positive | None = None
+    rated_torque: Positive | None = Field(default=None, alias="rated_torque_n_m")
     counts_per_revolution: NotNegative = 0.0
-    velocity_unit_rad_s: Positive | None = None
-    acceleration_unit_rad_s2: Positive | None = None
-    torque_unit_n_m: Positive | None = None
+    velocity_unit: Positive | None = Field(default=None, alias="velocity_unit_rad_s")
+    acceleration_unit: Positive | None = Field(default=None, alias="acceleration_unit_rad_s2")
+    torque_unit: Positive | None = Field(default=None, alias="torque_unit_n_m")
     actual_torque: ObjectText = "0x6077:0 I16"
     speed_modes: tuple[SpeedMode, ...] = Field(
         default=("cyclic velocity", "profile velocity"), min_length=1
@@ -154,11 +180,21 @@ class Drive(Part):
             )
         return self
 
+    def settings(self) -> dict[str, Any]:
+        """As the driver has it, with the entries of the gains read."""
+        gains = tuple(read_object(text, "servo gain") for text in self.gains)
+        return super().settings() | {"gains": gains}
+
 
 class Encoder(Instrument):
     """An incremental encoder: lines and multiplication apart, sense, and the latch of its index
     mark where there is one.
     """
+
+    objects: ClassVar[Mapping[str, str]] = {
+        "index_position": "index position",
+        "index_status": "index status",
+    }
 
     lines: Annotated[int, Field(strict=True, ge=1, le=100_000_000)]
     multiplication: Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
@@ -181,6 +217,13 @@ class Counter(Encoder):
     `largest_speed_rpm` of the shaft bounds a count's step per cycle; 0: not bounded.
     """
 
+    objects: ClassVar[Mapping[str, str]] = {
+        "position": "position value",
+        "alarms": "alarms",
+        "index_position": "index position",
+        "index_status": "index marks seen",
+    }
+
     node_id: NodeId
     channel: str = names.OUTPUT_ANGLE
     index_channel: str = names.OUTPUT_INDEX
@@ -189,10 +232,14 @@ class Counter(Encoder):
     operating_parameters: Annotated[int, Field(strict=True, ge=0, le=0xFFFF)] | None = None
     alarms: ObjectText | None = "0x6503:0 U16"
     alarm_mask: Word = 0xFFFF
-    largest_speed_rpm: NotNegative = 0.0
+    largest_speed: NotNegative = Field(default=0.0, alias="largest_speed_rpm")
     heartbeat_ms: Milliseconds = 100
     sdo_timeout_ms: Milliseconds = 300
     eds: str = ""
+
+    def settings(self) -> dict[str, Any]:
+        """As the driver has it: the speed in rad/s."""
+        return super().settings() | {"largest_speed": self.largest_speed * RPM}
 
 
 class AnalogInput(Instrument):
@@ -201,14 +248,16 @@ class AnalogInput(Instrument):
     """
 
     channel: str = names.TORQUE
-    object: ObjectText = "0x6401:1 I16"
+    source: ObjectText = Field(default="0x6401:1 I16", alias="object")
     volts_per_count: Positive
     volts_per_rated_torque: Positive | None = None
     unit: str = ""
     unit_per_volt: Positive | None = None
     zero_volts: Annotated[float, Field(strict=True, allow_inf_nan=False)] = 0.0
-    full_scale_volts: Positive = 10.24
-    open_level_volts: Annotated[float, Field(strict=True, allow_inf_nan=False)] | None = None
+    full_scale: Positive = Field(default=10.24, alias="full_scale_volts")
+    open_level: Annotated[float, Field(strict=True, allow_inf_nan=False)] | None = Field(
+        default=None, alias="open_level_volts"
+    )
     direction: Direction = 1
 
     @model_validator(mode="after")
@@ -228,6 +277,15 @@ class AnalogInput(Instrument):
             )
         return self
 
+    def input_settings(self, rated_torque: float) -> dict[str, Any]:
+        """As the driver has it: the torque port in N m per volt, by the rated torque [N m] of the motor."""
+        values = self.settings()
+        volts, name = values.pop("volts_per_rated_torque"), f"analogue input of {self.channel}"
+        if volts is not None:
+            values |= {"unit": "N m", "unit_per_volt": rated_torque / volts}
+            name = "torque monitor"
+        return values | {"source": read_object(self.source, name)}
+
 
 class AnalogModule(Part):
     """An analogue input module (CiA 401)."""
@@ -243,7 +301,9 @@ class Readout(Part):
     """A HEIDENHAIN ND 287 on a serial line, for stop-and-read checks: device, pty or socket as one URL."""
 
     url: str = Field(min_length=1)
-    baud_rate: Annotated[int, Field(strict=True, ge=110, le=4_000_000)] = 9600
+    baud: Annotated[int, Field(strict=True, ge=110, le=4_000_000)] = Field(
+        default=9600, alias="baud_rate"
+    )
     data_bits: Literal[7, 8] = 7
     parity: Literal["N", "E", "O"] = "E"
     stop_bits: Literal[1, 2] = 2
@@ -255,8 +315,10 @@ class Readout(Part):
 class GuardInput(Part):
     """The guard's contact as an input of a node: closed when (value AND mask) equals `closed`."""
 
+    objects: ClassVar[Mapping[str, str]] = {"entry": "guard input"}
+
     node_id: NodeId
-    object: ObjectText = "0x60FD:0 U32"
+    entry: ObjectText = Field(default="0x60FD:0 U32", alias="object")
     mask: Annotated[int, Field(strict=True, ge=1, le=0xFFFF_FFFF)]
     closed: Word
 
@@ -346,28 +408,28 @@ class RigConfiguration(Part):
         _each_once(nodes, "node-ID")
         channels = [(f"counter on node {c.node_id}", c.channel) for c in self.counters]
         channels += [
-            (f"input {a.object} of node {m.node_id}", a.channel)
+            (f"input {a.source} of node {m.node_id}", a.channel)
             for m in self.analog_modules
             for a in m.inputs
         ]
         _each_once(channels, "channel")
-        known = {
+        node_ids = {
             self.drive.node_id,
             *(c.node_id for c in self.counters),
             *(m.node_id for m in self.analog_modules),
         }
-        if self.guard is not None and self.guard.node_id not in known:
+        if self.guard is not None and self.guard.node_id not in node_ids:
             raise ValueError(
-                f"guard.node_id = {self.guard.node_id} is no node of this rig: {sorted(known)}"
+                f"guard.node_id = {self.guard.node_id} is no node of this rig: {sorted(node_ids)}"
             )
         return self
 
 
 def _each_once(
-    found: list[tuple[str, object]] | list[tuple[str, int]] | list[tuple[str, str]], what: str
+    named: list[tuple[str, object]] | list[tuple[str, int]] | list[tuple[str, str]], what: str
 ) -> None:
     owner: dict[object, str] = {}
-    for name, value in found:
+    for name, value in named:
         if value in owner:
             raise ValueError(f"{what} {value} is given twice: {owner[value]} and {name}")
         owner[value] = name

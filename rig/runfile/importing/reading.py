@@ -287,8 +287,8 @@ class Reading:
         steps = np.diff(times) * 1e-9
         self._gaps += int(np.count_nonzero(steps > 1.5 * np.median(steps)))
         for column, values in zip(self.columns, stored, strict=True):
-            if column.unit == "rad":
-                fastest = float(np.median(np.abs(np.diff(values) * column.scale) / steps))
+            if column.channel.unit == "rad":
+                fastest = float(np.median(np.abs(np.diff(values) * column.channel.scale) / steps))
                 self._fastest[column.name] = max(fastest, self._fastest.get(column.name, 0.0))
 
 

@@ -14,6 +14,7 @@ import difflib
 import math
 from dataclasses import dataclass
 
+from drivers.channel import Channel
 from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION, RPM
 from rig.errors import ConfigurationError
 from rig.runfile.layout import Column
@@ -207,9 +208,10 @@ def column_of(
                 remedy=f"Write {source.name}={source.column}:{unit}:<{allowed[0]} per {si_unit}>, or name the channel "
                 f"{'current' if si_unit == 'A' else 'voltage'}.",
             )
-        return _made(source, allowed[0], factor * scale, source.offset)
+        return _column(source, allowed[0], gain=factor * scale, offset=source.offset)
     scale = factor * (1.0 if source.scale is None else source.scale)
-    return _made(source, si_unit, scale, source.offset - (273.15 if unit == "K" else 0.0))
+    offset = source.offset - (273.15 if unit == "K" else 0.0)
+    return _column(source, si_unit, gain=scale, offset=offset)
 
 
 def _counts_column(source: ChannelSource, allowed: tuple[str, ...] | None) -> Column:
@@ -227,19 +229,20 @@ def _counts_column(source: ChannelSource, allowed: tuple[str, ...] | None) -> Co
         raise ConfigurationError(
             "is not a whole number", where=f"{source.name}.modulus", value=source.modulus
         )
-    return _made(source, unit, scale, source.offset, counts=True)
+    return _column(source, unit, gain=scale, offset=source.offset, counts=True)
 
 
-def _made(
-    source: ChannelSource, unit: str, scale: float, offset: float, *, counts: bool = False
+def _column(
+    source: ChannelSource, unit: str, *, gain: float, offset: float, counts: bool = False
 ) -> Column:
-    return Column(
+    channel = Channel(
         name=source.name,
         unit=unit,
-        dtype="int64" if counts else "float64",
-        scale=scale,
+        scale=abs(gain),
+        direction=int(math.copysign(1.0, gain)),
         offset=offset,
-        quantum=abs(scale) if counts else 0.0,
+        is_counted=counts,
         modulus=int(source.modulus) if counts else 0,
         long_name=source.long_name,
     )
+    return Column(channel, "int64" if counts else "float64")

@@ -18,6 +18,8 @@ from drivers.nd287 import ReadoutConfig
 from drivers.port import Command, Guard, Mode
 from experiments.errors import ExperimentError
 from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.hardware import readout_config
+from rig.bench.config.load import load_configuration
 from rig.errors import ConfigurationError, RigError
 from rig.run.arming import guard_check
 from rig.run.devices import TellsEvents
@@ -78,7 +80,7 @@ def examine(
     *,
     moves: bool,
     why_not: str = "",
-    readout_config: ReadoutConfig | None = None,
+    serial_line: ReadoutConfig | None = None,
     on_stage: Callable[[str], None] = lambda stage: None,
     stop: StopRequest | None = None,
 ) -> Examination:
@@ -92,7 +94,7 @@ def examine(
     rig = make()
     findings = [*bench(request), disk(request.output), calendar(rig.clock)]
     findings += examine_standing(rig, planned)
-    findings.append(readout(readout_config, rig.clock))
+    findings.append(readout(serial_line, rig.clock))
     refused = any(
         finding.result == "failed" and finding.group not in HARMLESS for finding in findings
     )
@@ -106,6 +108,13 @@ def examine(
         on_stage("motion")
         findings += examine_motion(make(), request, planned, stop)
     return Examination(request.backend, tuple(findings), stop.level > 0)
+
+
+def readout_of(request: RunRequest) -> ReadoutConfig | None:
+    """The serial line of the readout that the request's configuration describes, where it describes one."""
+    if request.configuration is None:
+        return None
+    return readout_config(load_configuration(request.configuration))
 
 
 def plan_of(request: RunRequest) -> PlannedRun:

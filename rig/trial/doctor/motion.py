@@ -241,7 +241,7 @@ def angle_doubt(recording: Recording, gear: HarmonicDrive) -> float:
     kinematic error between,
     and the wind-up by a friction that changes."""
     wind_up = gear.ratings.running_torque * gear.ratio / torsion_stiffness(gear)
-    accuracy = recording.signals["output_angle"].accuracy
+    accuracy = recording.signals["output_angle"].calibration.accuracy
     return (
         2.0 * (recording.signals["output_angle"].quantum + accuracy)
         + kinematic_error_margin(gear)

@@ -55,8 +55,16 @@ def test_a_run_does_not_differ_from_itself(pair: tuple[Path, Path]) -> None:
 
 def calibrated(certificate: str, scale: float) -> tuple[Column, ...]:
     """The torque channel after another calibration."""
-    calibration = Calibration(certificate, "2026-01-01", "2028-01-01", 2e-3, 2e-4, 5e-6)
-    return (dataclasses.replace(TORQUE, scale=scale, calibration=calibration),)
+    calibration = Calibration(
+        certificate=certificate,
+        date="2026-01-01",
+        due="2028-01-01",
+        scale_relative_uncertainty=2e-3,
+        offset_uncertainty=2e-4,
+        accuracy=5e-6,
+    )
+    channel = dataclasses.replace(TORQUE.channel, scale=scale, calibration=calibration)
+    return (Column.of(channel),)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +119,7 @@ def calibrated(certificate: str, scale: float) -> tuple[Column, ...]:
         ),
         (
             "calibrations",
-            {"changes": {"columns": calibrated("PTB-18", -3.2e-5)}},
+            {"changes": {"columns": calibrated("PTB-18", 3.2e-5)}},
             {
                 "torque scale": ("-3.1e-05 N m", "-3.2e-05 N m"),
                 "torque certificate": (
@@ -179,7 +187,7 @@ def test_what_both_share_is_noted_and_taken_out(runs: tuple[Path, Path]) -> None
 @pytest.mark.parametrize(
     "told",
     [
-        {"changes": {"columns": calibrated("PTB-18", -3.1e-5)}},
+        {"changes": {"columns": calibrated("PTB-18", 3.1e-5)}},
         {"process": SIMULATED | {"seed": 4}},
         {"origin": "imported"},
     ],

@@ -107,7 +107,7 @@ def first_emergency(bus: RawBus) -> can.Message:
 
 def test_a_fault_happens_at_its_sync_and_everybody_hears_it(served: dict[str, Any]) -> None:
     where = {"host": served["host"], "port": served["port"]}
-    bus = open_raw_bus(BusConfig("socketcand", served["channel"], extra=where))
+    bus = open_raw_bus(BusConfig("socketcand", served["channel"], arguments=where))
     try:
         bus.send(can.Message(arbitration_id=0x000, data=[1, 0], is_extended_id=False))
         for _ in range(FAULT_AT + 2):

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from drivers.channel import Calibration
+from drivers.channel import Calibration, Channel
 from experiments.recording import Origin, Segment
 from experiments.result import Result
 from experiments.truth import TruthRow
@@ -303,19 +303,17 @@ def test_a_gear_that_is_not_known_has_no_catalogue() -> None:
 
 def test_an_expired_calibration_is_said_at_the_top_and_a_missing_one_of_hardware_too() -> None:
     fit = bare("hardware")
-    columns = (
-        Column(
+    channels = (
+        Channel(
             name="torque",
             unit="N m",
-            dtype="int32",
             scale=1e-3,
-            offset=0.0,
-            calibration=Calibration("C-7", "2020-01-01", "2021-01-01"),
+            calibration=Calibration(certificate="C-7", date="2020-01-01", due="2021-01-01"),
         ),
-        Column(name="input_angle", unit="rad", dtype="int32", scale=1e-3, offset=0.0),
-        Column(name="statusword", unit="1", dtype="int32", scale=1.0, offset=0.0),
+        Channel(name="input_angle", unit="rad", scale=1e-3),
+        Channel(name="statusword", unit="1"),
     )
-    object.__setattr__(fit.recording.source, "columns", columns)
+    object.__setattr__(fit.recording.source, "columns", tuple(map(Column.of, channels)))
     text = render_report([fit], created=CREATED)
     shown = Page(text).text
     assert (

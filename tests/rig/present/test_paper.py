@@ -16,7 +16,7 @@ import pypdf
 import pytest
 from matplotlib.image import imread
 
-from drivers.channel import Calibration
+from drivers.channel import Calibration, Channel
 from experiments.recording import Origin
 from experiments.result import Table
 from rig.analysis.fit import Fit
@@ -131,15 +131,13 @@ def test_every_page_is_numbered_and_names_its_runs() -> None:
 
 def test_an_expired_calibration_is_loud_and_an_unsealed_file_is_not_signed() -> None:
     fit = handmade.fit("hardware", replace(handmade.friction_result(), plots=()), sha256="")
-    column = Column(
+    torque = Channel(
         name="torque",
         unit="N m",
-        dtype="int32",
         scale=1e-3,
-        offset=0.0,
-        calibration=Calibration("C-7", "2020-01-01", "2021-01-01"),
+        calibration=Calibration(certificate="C-7", date="2020-01-01", due="2021-01-01"),
     )
-    object.__setattr__(fit.recording.source, "columns", (column,))
+    object.__setattr__(fit.recording.source, "columns", (Column.of(torque),))
     found = printed([fit])
     alarm = squeezed(
         "The calibration of torque (C-7) was due on 2021-01-01: EXPIRED WHEN THE RUN BEGAN."

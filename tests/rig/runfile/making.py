@@ -14,7 +14,14 @@ from rig.runfile.write import RunWriter
 
 EPOCH_NS = 1_763_700_000_000_000_000
 CYCLE_NS = 1_000_000
-CALIBRATION = Calibration("PTB-17", "2025-02-03", "2027-02-03", 1e-3, 2e-4, 5e-6)
+CALIBRATION = Calibration(
+    certificate="PTB-17",
+    date="2025-02-03",
+    due="2027-02-03",
+    scale_relative_uncertainty=1e-3,
+    offset_uncertainty=2e-4,
+    accuracy=5e-6,
+)
 CHANNELS = (
     encoder_channel("input_angle", lines=8192, multiplication=4),
     encoder_channel("output_angle", lines=18_000, multiplication=4, direction=-1, modulus=2**16),

@@ -10,6 +10,7 @@ import pytest
 from drivers.channel import Calibration
 from drivers.samples import SampleBlock
 from experiments.recording import Segment
+from rig.runfile.layout import Column
 from rig.runfile.seal import file_sha256, hash_path
 from rig.runfile.verify import verify_run
 from rig.runfile.write import RunWriter
@@ -110,9 +111,10 @@ def test_a_gap_at_the_edge_of_a_block_of_the_check(tmp_path: Path) -> None:
 )
 def test_calibrations_that_were_overdue(tmp_path: Path, due: str, level: str) -> None:
     made = header()
+    calibration = Calibration(certificate="c", date="2024-01-01", due=due)
     columns = (
         *made.columns[:2],
-        replace(made.columns[2], calibration=Calibration("c", "2024-01-01", due)),
+        Column.of(replace(made.columns[2].channel, calibration=calibration)),
         made.columns[3],
     )
     writer = RunWriter(tmp_path / "1-x-y.h5", replace(made, columns=columns))

@@ -153,7 +153,7 @@ def test_a_calibration_ends(due: str, result: str, words: str) -> None:
         OUTPUT_ANGLE,
         lines=18000,
         multiplication=4,
-        calibration=Calibration("certificate 7", "", due),
+        calibration=Calibration(certificate="certificate 7", due=due),
     )
     (finding,) = surroundings.calibrations([channel], date(2026, 9, 21))
     assert finding.result == result
@@ -212,7 +212,7 @@ def test_a_readout_that_fails_does_not_keep_the_rig_from_moving(tmp_path: Path) 
         on_the_wire,
         request(tmp_path),
         moves=True,
-        readout_config=there_is_none,
+        serial_line=there_is_none,
         stop=stop,
         on_stage=lambda stage: stop.stop() if stage == "motion" else None,
     )

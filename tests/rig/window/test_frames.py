@@ -15,7 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pytestqt.qtbot import QtBot
 
-from experiments.recording import ArraySource, Recording, RunMetadata, Signal
+from experiments.recording import ArraySource, Recording, RunMetadata
+from model.channel import Channel
 from model.gear_file import shipped_gear
 from model.units import ARCMIN, REVOLUTION, RPM
 from rig.errors import RunFileError
@@ -81,7 +82,13 @@ def context() -> LiveContext:
         sample_rate=RATE,
     )
     return LiveContext(
-        Recording(metadata, {name: Signal(name=name, unit="rad") for name in names}, (), (), source)
+        Recording(
+            metadata,
+            {name: Channel(name=name, unit="rad", is_counted=False) for name in names},
+            (),
+            (),
+            source,
+        )
     )
 
 

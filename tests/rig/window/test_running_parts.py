@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.recording import Event, RunMetadata, Segment
+from model.channel import Channel
 from model.units import ARCMIN, REVOLUTION
 from rig.run.order import Progress
 from rig.run.trips import TRIPS
@@ -264,8 +265,8 @@ def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Pat
         gear_mounted=False,
     )
     columns = (
-        Column(name="input_angle", unit="rad", scale=1e-3),
-        Column(name="torque", unit="N m", scale=1e-4),
+        Column(Channel(name="input_angle", unit="rad", scale=1e-3)),
+        Column(Channel(name="torque", unit="N m", scale=1e-4)),
     )
     writer = RunWriter(
         tmp_path / "00001-home.h5", RunHeader(metadata, columns), compress=False, chunk_rows=64

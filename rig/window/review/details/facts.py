@@ -106,7 +106,7 @@ def parameters_of(protocol: str, values: Mapping[str, Any]) -> Pairs:
 def calibration_grid(header: RunHeader) -> Grid:
     """One row per channel: what a count is worth and why that can be believed."""
     rows = []
-    for c in header.columns:
+    for c in (column.channel for column in header.columns):
         k = c.calibration
         relative = (
             f"{100.0 * k.scale_relative_uncertainty:.2g} %" if k.scale_relative_uncertainty else "–"

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from experiments.recording import Recording, Segment
 from model.gear_file import shipped_gear
+from rig.bench.backends.replayed import replayed
 from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.library.folder import claim_run
 from rig.runfile.importing.convert import (
@@ -23,7 +24,7 @@ from rig.runfile.importing.convert import (
     parse_channel,
     read_channel_map,
 )
-from rig.runfile.read import FileSource, open_run, read_channels
+from rig.runfile.read import FileSource, open_run
 from rig.runfile.verify import verify_run
 
 DATA = Path(
@@ -153,8 +154,8 @@ def test_the_run_says_what_it_is(tmp_path: Path) -> None:
     assert {event.code for event in recording.events} == {"IMPORT"}
     assert m.process["source_file"] == "foreign.csv"
     assert not any(finding.level == "error" for finding in verify_run(recording.source.path))  # type: ignore[attr-defined]
-    with pytest.raises(RunFileError, match="cannot be replayed"):
-        read_channels(recording.source.path)  # type: ignore[attr-defined]
+    with pytest.raises(ConfigurationError, match="can be replayed"):
+        replayed(recording.source.path)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,113 @@
+"""What version 0.1.0 wrote is still read, and comes to the numbers that it gave itself (tests/data/0.1.0)."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rig.main import run
+from rig.run.latch import LatchedTripError, TripLatch
+from rig.runfile.read import close_recording, open_run
+
+WRITTEN = Path(__file__).parents[1] / "data" / "0.1.0"
+EXPECTED: dict[str, Any] = json.loads((WRITTEN / "expected.json").read_text(encoding="utf-8"))
+OF_THE_MOMENT = frozenset({"index", "at", "program_version", "git_commit", "analysed"})
+"""Keys whose values say when, where and by which version the command was run, not what it found."""
+WRITTEN_NOW = {"show_recovered", "verify_recovered", "show_anew", "verify_anew"}
+"""Commands on files that this version has just written: the hash of such a file is its own."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy that may be written to."""
+    copy = tmp_path_factory.mktemp("version") / "0.1.0"
+    shutil.copytree(WRITTEN, copy)
+    return copy
+
+
+def differences(expected: Any, answer: Any, where: str = "") -> list[str]:
+    """Where an answer does not hold what is expected; keys that are new are no difference."""
+    if isinstance(expected, dict):
+        if not isinstance(answer, dict):
+            return [f"{where}: no object"]
+        lines = [f"{where}.{key}: is gone" for key in expected if key not in answer]
+        for key in expected.keys() & answer.keys() - OF_THE_MOMENT:
+            lines += differences(expected[key], answer[key], f"{where}.{key}")
+        return lines
+    if isinstance(expected, list):
+        if not isinstance(answer, list) or len(answer) != len(expected):
+            return [f"{where}: another length"]
+        return [
+            line
+            for i, (one, other) in enumerate(zip(expected, answer, strict=True))
+            for line in differences(one, other, f"{where}[{i}]")
+        ]
+    if isinstance(expected, float) and isinstance(answer, float):
+        # Another processor may round the last digits of a fit differently.
+        same = math.isclose(expected, answer, rel_tol=1e-6, abs_tol=1e-12)
+        return [] if same else [f"{where}: {answer!r} instead of {expected!r}"]
+    return [] if expected == answer else [f"{where}: {answer!r} instead of {expected!r}"]
+
+
+def without_hashes(answer: Any) -> Any:
+    """Show and verify of a file that has been written just now, without its SHA-256."""
+    answer.pop("sha256", None)
+    for entry in answer.get("runs", ()):
+        entry["findings"] = [f for f in entry["findings"] if f["check"] != "hash"]
+    return answer
+
+
+@pytest.fixture(scope="module")
+def answers(folder: Path) -> dict[str, tuple[int, str, str]]:
+    """What every command answers in the copy, called in the order in which 0.1.0 was: exit code, output, errors."""
+    results = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for name, entry in EXPECTED.items():
+            output, errors = StringIO(), StringIO()
+            with redirect_stdout(output), redirect_stderr(errors), pytest.raises(SystemExit) as end:
+                run([*entry["arguments"], "--json"])
+            results[name] = (int(str(end.value.code or 0)), output.getvalue(), errors.getvalue())
+    return results
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_every_command_answers_as_0_1_0_did(
+    name: str, answers: dict[str, tuple[int, str, str]]
+) -> None:
+    entry, (code, output, errors) = EXPECTED[name], answers[name]
+    assert code == entry["exit"], errors
+    if entry["answer"] is None:
+        assert not output
+        return
+    expected, answer = entry["answer"], json.loads(output)
+    if name in WRITTEN_NOW:
+        expected, answer = without_hashes(expected), without_hashes(answer)
+    assert not differences(expected, answer, name)
+
+
+def test_the_comparison_would_notice_a_number_and_a_key_that_is_gone() -> None:
+    assert differences({"a": [1.0, {"b": 2}]}, {"a": [1.0 + 1e-5, {}], "c": 0}) == [
+        ".a[0]: 1.00001 instead of 1.0",
+        ".a[1].b: is gone",
+    ]
+
+
+def test_every_run_of_the_folder_is_marked_as_what_it_is() -> None:
+    for path in sorted(WRITTEN.rglob("*.h5")):
+        recording = open_run(path, verify=True)
+        expected = "imported" if "import" in path.name else "simulated"
+        assert recording.metadata.origin == expected, path.name
+        close_recording(recording)
+
+
+def test_the_latch_of_0_1_0_still_refuses() -> None:
+    with pytest.raises(LatchedTripError, match="over_temperature in run 00001-friction-SN_010"):
+        TripLatch(WRITTEN / "tripped").refuse()
