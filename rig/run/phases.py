@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,8 @@ from drivers.channel import INPUT_ANGLE, STATUSWORD, Channel
 from drivers.drive_state import DriveState, drive_state
 from drivers.port import Bound, Command, Mode
 from drivers.samples import Break, CycleFlag, SampleBlock, is_stale
-from rig.run.trajectory import Constant, Profile
+from experiments.steps.kind import SegmentLabel
+from experiments.steps.profile import Constant, Profile
 
 STANDSTILL: Profile = Constant(0.0)
 """The set-point of a phase that does not move."""
@@ -65,6 +67,18 @@ class Turn:
 
 
 Phases = Generator[Phase, PhaseEnd, None]
+
+
+class Journal(Protocol):
+    """Where a source of phases writes segments (rows [start, stop)) and events."""
+
+    def segment(self, label: SegmentLabel, start: int, stop: int) -> None:
+        """Keep a finished segment."""
+        ...
+
+    def event(self, level: str, code: str, source: str, text: str) -> None:
+        """Keep an event."""
+        ...
 
 
 class Machine:

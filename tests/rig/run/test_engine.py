@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from drivers.port import Mode
-from experiments.steps import (
+from experiments.steps.profile import (
+    Constant,
+    Linear,
+    cruise_speed,
+    cycles_of,
+    ramp,
+    ramp_travel,
+    stopping_distance,
+)
+from experiments.steps.vocabulary import (
     FindIndex,
     HoldRevolutions,
     HoldTime,
@@ -26,18 +35,8 @@ from experiments.steps import (
     TorqueRamp,
 )
 from model.units import REVOLUTION
-from rig.run.engine import describe
 from rig.run.order import RunReport
 from rig.run.session import execute
-from rig.run.trajectory import (
-    Constant,
-    Linear,
-    cruise_speed,
-    cycles_of,
-    ramp,
-    ramp_travel,
-    stopping_distance,
-)
 from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
 
 COUNTS = 32768
@@ -274,6 +273,7 @@ def test_a_ramp_reaches_its_end_exactly_and_keeps_to_its_acceleration() -> None:
 
 
 def test_steps_are_described_in_words() -> None:
-    assert describe(None) == "finished"
-    assert describe(Ramp(math.pi, 1.0, SegmentLabel("ramp"))) == "ramp 30 r/min"
-    assert describe(HoldTime(1.0)) == "HoldTime"
+    assert Ramp(math.pi, 1.0, SegmentLabel("ramp")).words() == "ramp 30 r/min"
+    assert HoldTime(1.0).words() == "HoldTime"
+    assert HoldTime(1.0, SegmentLabel("hold", math.pi, 1)).words() == "hold 30 r/min"
+    assert TorqueRamp(0.1, 0.1, 0.1, SegmentLabel("torque-ramp", 1.0, 1)).words() == "torque-ramp"

@@ -1,4 +1,5 @@
-"""Set-points over cycles: pure functions from a step's numbers to what the drive is told in each SYNC cycle.
+"""Set-points over cycles: pure functions from a step's numbers to what the drive gets in each
+SYNC cycle.
 
 A `Profile` is asked for the cycles [start, start + count) of its own, so that how a run is cut into
 blocks cannot change a set-point, and long holds need no memory. Nothing is rounded here:
