@@ -6,7 +6,7 @@ condition, in every cycle; so all decisions fall at cycles that do not depend on
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
@@ -97,7 +97,7 @@ class RigView(Protocol):
         """The present speed set-point [rad/s]."""
         ...
 
-    def speed(self) -> float:
+    def present_speed(self) -> float:
         """What a ramp begins at: the set-point, under torque control the speed as measured [rad/s]."""
         ...
 
@@ -113,6 +113,6 @@ class RigView(Protocol):
         """The angle that was latched at the latest index mark ("input" or "output") [rad]."""
         ...
 
-    def note(self, level: str, code: str, text: str) -> None:
-        """Write an event into the run."""
-        ...
+
+Note = Callable[[str, str, str], None]
+"""Writes an event of a step into the run: level, code, text."""

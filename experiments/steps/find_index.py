@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from experiments.steps.course import Course, Goal, IndexPassed, Leg, RigView
+from experiments.steps.course import Course, Goal, IndexPassed, Leg, Note, RigView
 from experiments.steps.forecast import Situation, StepForecast
-from experiments.steps.kind import Motion, SegmentLabel
+from experiments.steps.kind import SegmentLabel, SpeedChange
 from experiments.steps.profile import Constant, cycles_of
-from model.units import REVOLUTION, RPM
+from model.units import REVOLUTION
 
 
 @dataclass(frozen=True)
-class FindIndex(Motion):
+class FindIndex(SpeedChange):
     """Turn slowly at `speed` until an index mark has passed ("input" or "output"), at most `at_most` [s]."""
 
     which: str
@@ -34,18 +34,13 @@ class FindIndex(Motion):
             at_drive_ramp=True,
         )
 
-    def course(self, rig: RigView) -> Course:
-        """One leg, ended by the latch."""
+    def course(self, rig: RigView, note: Note) -> Course:
         goal = Goal(f"the {self.which} index mark", self.at_most)
         cycles = cycles_of(self.at_most, rig.period)
         yield Leg(cycles, Constant(self.speed), IndexPassed(self.which), goal)
         angle = rig.index_angle(self.which)
-        rig.note(
+        note(
             "info",
             f"index-{self.which}",
             f"{self.which} index mark latched at {angle:.6f} rad",
         )
-
-    def words(self) -> str:
-        """How fast it searches."""
-        return f"{self.name} {self.speed / RPM:.4g} r/min"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -30,15 +29,12 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """What shapes the set-points of a step: the drive's own ramp [rad/s2] and the SYNC period [s]."""
+    """What shapes the set-points of a step: the drive's own ramp [rad/s2], infinite where it has none, and the
+    SYNC period [s].
+    """
 
     ramp: float
     period: float
-
-    def ramp_time(self, begin: float, end: float) -> float:
-        """Seconds from one speed to another at the drive's ramp; none for a drive without one."""
-        finite = math.isfinite(self.ramp) and self.ramp > 0.0
-        return abs(end - begin) / self.ramp if finite else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from experiments.steps.course import Course, RigView, Servo
+from experiments.steps.course import Course, Note, RigView, Servo
 from experiments.steps.forecast import Drive, Piece, Situation, StepForecast
 from model.units import RPM
 
@@ -35,13 +35,15 @@ class Motion(ABC):
     """What the servo does during it."""
     takes_speed_over: ClassVar[bool] = False
     """Whether it goes on from the speed that it finds after torque control; every other step stands first."""
+    speed_segment: ClassVar[bool] = True
+    """Whether the set-point of its segment is a speed."""
 
     @abstractmethod
     def forecast(self, at: Situation) -> StepForecast:
         """What it does on an ideal rig. Raises `PlanError` for what is impossible there."""
 
     @abstractmethod
-    def course(self, rig: RigView) -> Course:
+    def course(self, rig: RigView, note: Note) -> Course:
         """Its legs on a rig that turns."""
 
     def pieces(self, forecast: StepForecast, left: float, drive: Drive) -> Iterator[Piece]:
@@ -49,7 +51,7 @@ class Motion(ABC):
         ramp and then held.
         """
         begin, end = forecast.begin, forecast.end
-        up = min(drive.ramp_time(begin, end), left) if forecast.at_drive_ramp else left
+        up = min(abs(end - begin) / drive.ramp, left) if forecast.at_drive_ramp else left
         yield Piece(up, begin, end)
         yield Piece(left - up, end, end)
 
@@ -61,18 +63,26 @@ class Motion(ABC):
     def words(self) -> str:
         """The step in a few words, for the progress line and for messages."""
         label = self.segment
-        if label is None or not label.direction:
+        if label is None or not label.direction or not self.speed_segment:
             return self.name
         return f"{self.name} {label.setpoint / RPM:.4g} r/min"
+
+
+class SpeedChange(Motion):
+    """A motion that leads to a `speed` [rad/s]."""
+
+    speed: float
+
+    def words(self) -> str:
+        """Where it leads to."""
+        return f"{self.name} {self.speed / RPM:.4g} r/min"
 
 
 class Instant(ABC):  # noqa: B024  a common root: nothing about an instant is left open
     """A step that takes no time of the plan and moves nothing."""
 
     def forecast(self, at: Situation) -> StepForecast:
-        """Nothing happens."""
         return at.forecast(0.0)
 
     def words(self) -> str:
-        """The kind of the step."""
         return type(self).__name__

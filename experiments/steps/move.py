@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from experiments.steps.course import Course, Goal, Leg, RigView, Turned
+from experiments.steps.course import Course, Goal, Leg, Note, RigView, Turned
 from experiments.steps.forecast import Drive, Piece, Situation, StepForecast
 from experiments.steps.kind import Motion, SegmentLabel
 from experiments.steps.profile import cruise_speed, cycles_of, ramp, stopping_distance
@@ -32,7 +32,7 @@ class Move(Motion):
     def distance(self, rig: RigView) -> float:
         """How far it is from here [rad, signed]."""
 
-    def course(self, rig: RigView) -> Course:
+    def course(self, rig: RigView, note: Note) -> Course:
         """Away until there is just room to brake, to a stop, and a moment at rest."""
         distance = self.distance(rig)
         speed = cruise_speed(self.speed, self.acceleration, distance, rig.period)
@@ -101,6 +101,7 @@ class MoveToAngle(Move):
     acceleration: float
     at_most: float
     segment: SegmentLabel | None = None
+    speed_segment = False
 
     def forecast(self, at: Situation) -> StepForecast:
         """Half a revolution, the mean of what it may be."""
@@ -117,10 +118,6 @@ class MoveToAngle(Move):
         if ahead < max(SHORTEST_APPROACH, self._runway):
             ahead += REVOLUTION
         return math.copysign(ahead, self.speed)
-
-    def words(self) -> str:
-        """Its name: the set-point of its segment is an angle."""
-        return self.name
 
     @property
     def _runway(self) -> float:
@@ -146,5 +143,4 @@ class MoveRevolutions(Move):
         return self._forecast(at, distance, (distance, distance))
 
     def distance(self, rig: RigView) -> float:
-        """What it says."""
         return self.revolutions * REVOLUTION

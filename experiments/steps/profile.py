@@ -15,6 +15,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from model.units import REVOLUTION
+
 FloatArray = NDArray[np.float64]
 
 
@@ -55,6 +57,20 @@ class Linear:
         values = self.begin + (self.end - self.begin) * share
         values[share >= 1.0] = self.end
         return values
+
+
+@dataclass(frozen=True, slots=True)
+class Sinusoid:
+    """Swings of `cycles` cycles each about zero; each ends at zero."""
+
+    peak: float
+    cycles: int
+
+    def targets(self, start: int, count: int) -> FloatArray:
+        """peak sin(2 pi (k + 1)/cycles)."""
+        # One by one: the sine of an array may differ in its last bit with the array's length, so with that of a block.
+        shares = [k % self.cycles / self.cycles for k in range(start + 1, start + count + 1)]
+        return self.peak * np.array([math.sin(REVOLUTION * share) for share in shares])
 
 
 def cycles_of(duration: float, period: float) -> int:

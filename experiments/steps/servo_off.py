@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-from experiments.steps.course import Course, Leg, RigView, Servo
-from experiments.steps.forecast import Drive, Piece, Situation, StepForecast
+from experiments.steps.course import Course, Leg, Note, RigView, Servo
+from experiments.steps.forecast import Situation, StepForecast
 from experiments.steps.kind import Motion, SegmentLabel
 from experiments.steps.profile import cycles_of
 
@@ -20,13 +19,8 @@ class ServoOff(Motion):
     servo = Servo.OFF
 
     def forecast(self, at: Situation) -> StepForecast:
-        """Stands."""
-        return at.forecast(self.duration, end=0.0)
-
-    def course(self, rig: RigView) -> Course:
-        """One leg."""
-        yield Leg(cycles_of(self.duration, rig.period))
-
-    def pieces(self, forecast: StepForecast, left: float, drive: Drive) -> Iterator[Piece]:
         """Stands from the first moment: what coasts has no set-point."""
-        yield Piece(left, 0.0, 0.0)
+        return at.forecast(self.duration, begin=0.0, end=0.0)
+
+    def course(self, rig: RigView, note: Note) -> Course:
+        yield Leg(cycles_of(self.duration, rig.period))

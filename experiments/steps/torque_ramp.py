@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from experiments.steps.course import Course, Displaced, Leg, RigView, Servo
+from experiments.steps.course import Course, Displaced, Leg, Note, RigView, Servo
 from experiments.steps.forecast import Drive, Piece, Situation, StepForecast
 from experiments.steps.kind import Motion, SegmentLabel
 from experiments.steps.profile import ramp
@@ -27,6 +27,7 @@ class TorqueRamp(Motion):
     motion: float
     segment: SegmentLabel | None = None
     servo = Servo.TORQUE
+    speed_segment = False
 
     def forecast(self, at: Situation) -> StepForecast:
         """Up to the starting torque, at longest to its own limit."""
@@ -44,21 +45,17 @@ class TorqueRamp(Motion):
             nominal, longest, travel=(low, high), end=0.0, speed=speed, torque=self.limit
         )
 
-    def course(self, rig: RigView) -> Course:
+    def course(self, rig: RigView, note: Note) -> Course:
         """One leg; whether the input has moved is an event, either way a result."""
         profile = ramp(0.0, math.copysign(self.limit, self.rate), abs(self.rate), rig.period)
         end = yield Leg(max(profile.cycles, 1), profile, Displaced(self.motion))
         torque = float(profile.targets(end.cycles - 1, 1)[0])
         if end.reached:
-            rig.note("info", "first-motion", f"first motion at {torque:.4g} N m of set-point")
+            note("info", "first-motion", f"first motion at {torque:.4g} N m of set-point")
         else:
-            rig.note("warning", "no-motion", f"no motion up to {torque:.4g} N m")
+            note("warning", "no-motion", f"no motion up to {torque:.4g} N m")
 
     def pieces(self, forecast: StepForecast, left: float, drive: Drive) -> Iterator[Piece]:
         """Standing while the torque rises."""
         torque = math.copysign(min(abs(self.rate) * left, self.limit), self.rate)
         yield Piece(left, 0.0, 0.0, torque)
-
-    def words(self) -> str:
-        """Its name: the set-point of its segment is no speed."""
-        return self.name

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from experiments.steps.find_index import FindIndex
-from experiments.steps.hold import HoldRevolutions, HoldTime
+from experiments.steps.hold import HoldRevolutions, HoldTime, Settle
 from experiments.steps.kind import SegmentLabel as SegmentLabel
 from experiments.steps.move import MoveRevolutions, MoveToAngle
 from experiments.steps.note import Mark, Prompt
-from experiments.steps.ramp import Ramp
 from experiments.steps.servo_off import ServoOff
-from experiments.steps.settle import Settle
-from experiments.steps.speed_step import SpeedStep
+from experiments.steps.sine import Sine
+from experiments.steps.speed import Ramp, SpeedStep
 from experiments.steps.torque_ramp import TorqueRamp
 
 Step = (
@@ -24,6 +23,7 @@ Step = (
     | MoveRevolutions
     | FindIndex
     | TorqueRamp
+    | Sine
     | Prompt
     | Mark
 )

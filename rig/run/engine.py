@@ -14,23 +14,28 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import assert_never
 
-from drivers.channel import DRIVE_TORQUE, INPUT_ANGLE, TORQUE
+from drivers.channel import DRIVE_TORQUE, INDEX_SEEN, INPUT_ANGLE, TORQUE
 from drivers.drive_state import POWERED_STATES, DriveState
-from drivers.port import Mode
+from drivers.port import Bound, Mode
 from drivers.samples import SampleBlock
-from experiments.steps.course import LegEnd, Servo
+from experiments.steps.course import Displaced, Goal, IndexPassed, LegEnd, Servo, Turned, Until
 from experiments.steps.kind import SWITCHING_TIME, Motion, SegmentLabel
 from experiments.steps.note import Mark, Prompt
 from experiments.steps.profile import Constant, cycles_of
 from experiments.steps.vocabulary import Step
-from rig.run.phases import Journal, Machine, Phase, PhaseRunner, Phases, Turn
-from rig.run.view import MachineView, StepFailedError, bound_of, overdue
+from model.units import RPM
+from rig.errors import RigError
+from rig.run.phases import INDEX_LATCHES, Journal, Machine, Phase, PhaseRunner, Phases, Turn
 
 ENABLE_PATIENCE = 2.0
 """s until a drive that does not switch on or off is an error."""
 MODES = {Servo.OFF: Mode.OFF, Servo.SPEED: Mode.SPEED, Servo.TORQUE: Mode.TORQUE}
 CUT = " (cut)"
 """Added to the label of a segment that was ended by a stop or a trip, so that no analysis takes it for a whole one."""
+
+
+class StepFailedError(RigError):
+    """A step of the plan that the rig did not complete within its time."""
 
 
 Ask = Callable[[Prompt], "str | None"]
@@ -54,7 +59,6 @@ class Engine:
         self._journal = journal
         self._ask = ask
         self._open: tuple[SegmentLabel, int] | None = None
-        self._view = MachineView(machine, journal)
         self._runner = PhaseRunner(self._walk(), machine, block_cycles)
 
     def next(self, block: SampleBlock | None) -> Turn | None:
@@ -95,7 +99,7 @@ class Engine:
         """The legs of a step as phases."""
         m, mode = self._machine, MODES[step.servo]
         torque = TORQUE if m.has(TORQUE) else DRIVE_TORQUE
-        course = step.course(self._view)
+        course = step.course(m, self._note)
         leg = next(course, None)
         while leg is not None:
             begin = m.counts(INPUT_ANGLE)
@@ -103,7 +107,7 @@ class Engine:
             tally = torque if leg.averaged else ""
             end = yield Phase(mode, leg.cycles, leg.profile, until, tally)
             if leg.goal is not None and end.broken is None:
-                raise overdue(type(step).__name__, leg.goal, m)
+                raise _overdue(type(step).__name__, leg.goal, m)
             channel = m.channels[INPUT_ANGLE]
             # The counts turned are exact: their difference is taken before anything is scaled.
             turned = (m.counts(INPUT_ANGLE) - begin) * channel.direction * channel.scale
@@ -114,6 +118,9 @@ class Engine:
                 leg = course.send(LegEnd(end.cycles, end.broken is not None, turned, mean))
             except StopIteration:
                 return
+
+    def _note(self, level: str, code: str, text: str) -> None:
+        self._journal.event(level, code, "engine", text)
 
     def _close_segment(self) -> None:
         if self._open is None:
@@ -170,3 +177,69 @@ class Engine:
 
     def _where(self) -> str:
         return f"step {self.index + 1} of {len(self.plan)}"
+
+
+def bound_of(until: Until, machine: Machine) -> Bound:
+    """The bound that a condition is, from where the rig is now. Raises `StepFailedError` where it cannot be seen."""
+    match until:
+        case Turned(angle, direction):
+            channel = machine.channels[INPUT_ANGLE]
+            weight = math.copysign(channel.scale, direction) * channel.direction
+            # Half a count less: the count nearest to the angle already ends the phase.
+            high = max(angle - 0.5 * channel.scale, 0.0)
+            return _from_here("turned", machine, weight, high=high)
+        case Displaced(angle):
+            scale = machine.channels[INPUT_ANGLE].scale
+            return _from_here("motion", machine, scale, low=-angle, high=angle)
+        case IndexPassed(which):
+            return _index_bound(which, machine)
+        case _:
+            assert_never(until)
+
+
+def _overdue(kind: str, goal: Goal, machine: Machine) -> StepFailedError:
+    """The error of a kind of step that did not reach its goal."""
+    speed, setpoint = machine.speed(cycles=100) / RPM, machine.setpoint / RPM
+    return StepFailedError(
+        f"{kind} did not reach {goal.what} in time",
+        where=f"row {machine.rows}",
+        value=f"input speed {speed:.4g} r/min at set-point {setpoint:.4g} r/min",
+        limit=f"{goal.at_most:g} s",
+        remedy="Is the input free to turn, and does the encoder count?",
+    )
+
+
+def _from_here(
+    cause: str, machine: Machine, weight: float, *, high: float, low: float = -math.inf
+) -> Bound:
+    """A bound on what the input encoder counts from now on."""
+    return Bound(
+        cause=cause,
+        weights={INPUT_ANGLE: weight},
+        low=low,
+        high=high,
+        offset=-weight * machine.counts(INPUT_ANGLE),
+        is_trip=False,
+    )
+
+
+def _index_bound(which: str, machine: Machine) -> Bound:
+    latch, bit = INDEX_LATCHES[which]
+    if not (machine.has(latch) and machine.has(INDEX_SEEN)):
+        raise StepFailedError(
+            "this rig does not report index marks",
+            where="FindIndex",
+            value=which,
+            limit=f"channels {latch}, {INDEX_SEEN}",
+        )
+    if not machine.counts(INDEX_SEEN) & bit:
+        return Bound(cause="index", weights={INDEX_SEEN: 1.0}, high=0.5, mask=bit, is_trip=False)
+    # A mark was seen before: the next one shows by another count in the latch.
+    return Bound(
+        cause="index",
+        weights={latch: 1.0},
+        low=-0.5,
+        high=0.5,
+        offset=-float(machine.counts(latch)),
+        is_trip=False,
+    )

@@ -37,7 +37,7 @@ from rig.run.bounds import Geometry
 from rig.run.devices import DeviceListener
 from rig.run.direct_line import direct_line
 from rig.run.dry_run import PlannedRun
-from rig.run.engine import Ask, Engine
+from rig.run.engine import Ask, Engine, StepFailedError
 from rig.run.latch import LatchedTrip
 from rig.run.logbook import Logbook, iso_time
 from rig.run.make_safe import Action, MakeSafe
@@ -55,7 +55,6 @@ from rig.run.preflight import (
 from rig.run.stop import StopRequest
 from rig.run.supervisor import Supervisor
 from rig.run.trips import BUS_LOST, DEVICE_ERROR, DISK_SPACE, LATE_TURN, MAKE_SAFE_FAILED, Trip
-from rig.run.view import StepFailedError
 from rig.run.watchdog import Watchdog
 
 STOP_SHARE = 0.25

@@ -12,6 +12,7 @@ from drivers.port import Mode
 from experiments.steps.profile import (
     Constant,
     Linear,
+    Sinusoid,
     cruise_speed,
     cycles_of,
     ramp,
@@ -35,7 +36,9 @@ from experiments.steps.vocabulary import (
     TorqueRamp,
 )
 from model.units import REVOLUTION
+from rig.run.engine import Engine
 from rig.run.order import RunReport
+from rig.run.phases import Machine
 from rig.run.session import execute
 from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
 
@@ -252,7 +255,12 @@ def test_marks_and_prompts_become_events() -> None:
 
 
 def test_profiles_do_not_depend_on_where_they_are_cut() -> None:
-    for profile in (Constant(3.0), Linear(-2.0, 7.0, 13), ramp(5.0, -5.0, 90.0, 1e-3)):
+    for profile in (
+        Constant(3.0),
+        Linear(-2.0, 7.0, 13),
+        ramp(5.0, -5.0, 90.0, 1e-3),
+        Sinusoid(7.0, 11),
+    ):
         whole = profile.targets(0, 40)
         parts = np.concatenate([profile.targets(k, min(7, 40 - k)) for k in range(0, 40, 7)])
         assert np.array_equal(whole, parts)
@@ -272,7 +280,16 @@ def test_a_ramp_reaches_its_end_exactly_and_keeps_to_its_acceleration() -> None:
     assert stopping_distance(10.0, 50.0, 1e-3) == pytest.approx(1.0, rel=0.01)
 
 
+class Quiet:
+    def segment(self, label: SegmentLabel, start: int, stop: int) -> None: ...
+
+    def event(self, level: str, code: str, source: str, text: str) -> None: ...
+
+
 def test_steps_are_described_in_words() -> None:
+    machine = Machine(FakeRig().channels, 1_000_000)
+    assert Engine((), machine, Quiet(), lambda prompt: "").words == "finished"
+    assert Engine((HoldTime(1.0),), machine, Quiet(), lambda prompt: "").words == "HoldTime"
     assert Ramp(math.pi, 1.0, SegmentLabel("ramp")).words() == "ramp 30 r/min"
     assert HoldTime(1.0).words() == "HoldTime"
     assert HoldTime(1.0, SegmentLabel("hold", math.pi, 1)).words() == "hold 30 r/min"
