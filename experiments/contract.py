@@ -9,7 +9,7 @@ from typing import Any
 from experiments.errors import PlanError
 from experiments.recording import Recording
 from experiments.result import Result
-from experiments.steps import Step
+from experiments.steps.vocabulary import Step
 from model.gear import HarmonicDrive
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from experiments.errors import PlanError
 from experiments.parameters import check_parameters
-from experiments.steps import HoldTime, Ramp, SegmentLabel, ServoOff, Step
+from experiments.steps.vocabulary import HoldTime, Ramp, SegmentLabel, ServoOff, Step
 from model.gear import HarmonicDrive
 from model.units import REVOLUTION
 

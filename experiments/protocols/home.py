@@ -20,7 +20,7 @@ from experiments.planning.shared_parameters import Acceleration, Mounted, SlowSp
 from experiments.planning.speeds import refuse_speed
 from experiments.recording import Recording, Segment
 from experiments.result import Result, Table
-from experiments.steps import FindIndex, SegmentLabel, Step
+from experiments.steps.vocabulary import FindIndex, SegmentLabel, Step
 from model.channel import Channel
 from model.gear import HarmonicDrive
 from model.identify.estimate import BudgetLine, Estimate

@@ -23,7 +23,7 @@ from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRa
 from experiments.protocols.friction import protocol as friction
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
-from experiments.steps import Prompt, Step
+from experiments.steps.vocabulary import Prompt, Step
 from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.tare import tare_table

@@ -22,7 +22,7 @@ from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSp
 from experiments.planning.speeds import refuse_speed
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series, Table, judge_upper
-from experiments.steps import HoldTime, MoveToAngle, SegmentLabel, Step, TorqueRamp
+from experiments.steps.vocabulary import HoldTime, MoveToAngle, SegmentLabel, Step, TorqueRamp
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.gear import HarmonicDrive
 from model.identify.estimate import BudgetLine, Estimate

@@ -28,7 +28,7 @@ from experiments.planning.shared_parameters import Acceleration, SyncRate, ZeroT
 from experiments.planning.speeds import incommensurate, refuse_speed
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
-from experiments.steps import HoldRevolutions, SegmentLabel, Settle, Step
+from experiments.steps.vocabulary import HoldRevolutions, SegmentLabel, Settle, Step
 from experiments.torque.running_torque import measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.gear import HarmonicDrive

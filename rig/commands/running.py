@@ -16,7 +16,7 @@ import typer
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
-    from experiments.steps import Prompt
+    from experiments.steps.vocabulary import Prompt
     from rig.run.dry_run import PlannedRun
     from rig.run.order import RunReport
     from rig.run.start import RunRequest

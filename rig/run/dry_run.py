@@ -9,18 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
-from experiments import steps as s
 from experiments.contract import Experiment
+from experiments.steps.course import Servo
+from experiments.steps.forecast import OperatingPoint, Situation, StepForecast
+from experiments.steps.kind import SWITCHING_TIME, Motion
+from experiments.steps.vocabulary import Step
 from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
 from rig.bench import limits as lim
 from rig.bench.limits import Limit, Limits, Load, derive_limits, load_of
 from rig.errors import LimitError
-from rig.run.forecast import StepForecast, walk
 
 DEFAULT_SAMPLE_RATE = 1000.0
 TYPICAL_CHANNELS = 12
@@ -70,7 +72,7 @@ class PlannedRun:
     motor: ServoMotor
     mounting: Mounting
     sample_rate: float
-    plan: tuple[s.Step, ...]
+    plan: tuple[Step, ...]
     steps: tuple[StepForecast, ...]
     limits: Limits
     load: Load
@@ -89,7 +91,7 @@ class PlannedRun:
     @property
     def input_revolutions(self) -> float:
         """Revolutions of the input, both directions added."""
-        return sum(abs(step.angle) for step in self.steps) / REVOLUTION
+        return sum(step.turned for step in self.steps) / REVOLUTION
 
     @property
     def samples(self) -> int:
@@ -140,6 +142,33 @@ class PlannedRun:
             "margins": [margin.as_json() for margin in self.margins],
             "limits": self.limits.as_json(),
         }
+
+
+def walk(
+    plan: Iterable[Step], load: Load, starting_torque: float, period: float
+) -> tuple[StepForecast, ...]:
+    """Every step of a plan with an ideal rig: `load` it turns, `starting_torque` [N m] at which it begins to move."""
+    forecasts: list[StepForecast] = []
+    setpoint, powered = 0.0, False
+    for index, step in enumerate(plan):
+        forecast = step.forecast(
+            Situation(
+                index=index,
+                what=step.words(),
+                setpoint=setpoint,
+                period=period,
+                inertia=load.total_inertia,
+                ratio=load.ratio,
+                starting_torque=starting_torque,
+            )
+        )
+        if isinstance(step, Motion) and (step.servo is not Servo.OFF) is not powered:
+            powered = not powered
+            nominal, longest = forecast.nominal + SWITCHING_TIME, forecast.longest + SWITCHING_TIME
+            forecast = replace(forecast, nominal=nominal, longest=longest)
+        setpoint = forecast.end
+        forecasts.append(forecast)
+    return tuple(forecasts)
 
 
 def plan_run(
@@ -234,9 +263,20 @@ def _margins(
     def acceleration(step: StepForecast) -> float:
         return drive_ramp if step.at_drive_ramp else step.acceleration
 
+    def running(point: OperatingPoint) -> float:
+        # A swing goes both ways alike: half of it, turning forward, stands for all of it.
+        return abs(friction(point.speed) + load.total_inertia * point.acceleration)
+
     def motor_torque(step: StepForecast) -> float:
+        if step.points:
+            return max(running(point) for point in step.points)
         turning = friction(step.speed) + load.total_inertia * acceleration(step)
         return max(step.torque, turning if step.speed else 0.0)
+
+    def mean_square(step: StepForecast) -> float:
+        if step.points:
+            return sum(point.share * running(point) ** 2 for point in step.points)
+        return (friction(step.speed) if step.turned else step.torque) ** 2
 
     peaks: dict[str, Callable[[StepForecast], float]] = {
         lim.INPUT_SPEED: lambda step: abs(step.speed),
@@ -253,13 +293,9 @@ def _margins(
             yield Margin(quantity, of(worst), worst.where, limit)
     duration = sum(step.nominal for step in steps)
     means = {
-        lim.AVERAGE_SPEED: sum(abs(step.angle) for step in steps) / duration if duration else 0.0,
+        lim.AVERAGE_SPEED: sum(step.turned for step in steps) / duration if duration else 0.0,
         lim.RMS_TORQUE: math.sqrt(
-            sum(
-                step.nominal * (friction(step.speed) if step.angle else step.torque) ** 2
-                for step in steps
-            )
-            / duration
+            sum(step.nominal * mean_square(step) for step in steps) / duration
         )
         if duration
         else 0.0,

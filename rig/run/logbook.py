@@ -13,7 +13,7 @@ from typing import Any
 
 from drivers.samples import SampleBlock
 from experiments.recording import Event, Segment
-from experiments.steps import SegmentLabel
+from experiments.steps.vocabulary import SegmentLabel
 from rig.errors import RigError
 from rig.run.order import OpenRun
 

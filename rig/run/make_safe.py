@@ -20,10 +20,9 @@ from drivers.channel import STATUSWORD
 from drivers.drive_state import DriveState
 from drivers.port import Mode
 from drivers.samples import SampleBlock
+from experiments.steps.profile import cycles_of, ramp
 from rig.run.direct_line import DirectLine
-from rig.run.engine import Journal
-from rig.run.phases import Machine, Phase, PhaseRunner, Phases, Turn
-from rig.run.trajectory import cycles_of, ramp
+from rig.run.phases import Journal, Machine, Phase, PhaseRunner, Phases, Turn
 from rig.run.witnesses import WORDS, Witnesses
 
 

@@ -9,18 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.channel import INPUT_ANGLE, STATUSWORD, Channel
+from drivers.channel import INDEX_SEEN, INPUT_ANGLE, INPUT_INDEX, OUTPUT_INDEX, STATUSWORD, Channel
 from drivers.drive_state import DriveState, drive_state
 from drivers.port import Bound, Command, Mode
 from drivers.samples import Break, CycleFlag, SampleBlock, is_stale
-from rig.run.trajectory import Constant, Profile
+from experiments.steps.kind import SegmentLabel
+from experiments.steps.profile import Constant, Profile
 
 STANDSTILL: Profile = Constant(0.0)
 """The set-point of a phase that does not move."""
+INDEX_LATCHES = {"input": (INPUT_INDEX, 1), "output": (OUTPUT_INDEX, 2)}
+"""The channel that latches the index mark of each encoder, and its bit of `INDEX_SEEN`."""
 HISTORY = 256
 """Cycles that the machine remembers, for speeds measured over a few of them."""
 
@@ -65,6 +69,16 @@ class Turn:
 
 
 Phases = Generator[Phase, PhaseEnd, None]
+
+
+class Journal(Protocol):
+    """Where a source of phases writes segments (rows [start, stop)) and events."""
+
+    def segment(self, label: SegmentLabel, start: int, stop: int) -> None:
+        """Keep a finished segment."""
+
+    def event(self, level: str, code: str, source: str, text: str) -> None:
+        """Keep an event."""
 
 
 class Machine:
@@ -125,6 +139,27 @@ class Machine:
         """Mean speed of an angle channel over the last `cycles` [rad/s]."""
         back = max(1, min(cycles, len(self._tail) - 1))
         return self.moved(name, back) / (back * self.period) if len(self._tail) > 1 else 0.0
+
+    def present_speed(self) -> float:
+        """The speed set-point; under torque control, where there is none, the speed as measured [rad/s]."""
+        return self.speed() if self.mode is Mode.TORQUE else self.setpoint
+
+    def input_angle(self) -> float:
+        """The latest input angle [rad]."""
+        return self.si(INPUT_ANGLE)
+
+    def phase_origin(self) -> float:
+        """The latest input index mark, where none was seen the input angle at the start of the run [rad]."""
+        latch, bit = INDEX_LATCHES["input"]
+        if self.has(latch) and self.has(INDEX_SEEN) and self.counts(INDEX_SEEN) & bit:
+            return self.si(latch)
+        channel = self.channels[INPUT_ANGLE]
+        first = int(self.first[self.column[INPUT_ANGLE]])
+        return first * channel.direction * channel.scale + channel.offset
+
+    def index_angle(self, which: str) -> float:
+        """The angle at the latest index mark of an encoder, "input" or "output" [rad]."""
+        return self.si(INDEX_LATCHES[which][0])
 
     def is_heard(self, name: str, cycles: int) -> bool:
         """Whether a channel arrived in each of the last `cycles`, whatever else stayed away."""

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from experiments.recording import Event
-from experiments.steps import Prompt
+from experiments.steps.vocabulary import Prompt
 from rig.run.engine import Ask
 from rig.run.order import Begin, Judge, Judgement, Progress, RunOrder, RunReport
 from rig.run.session import execute

@@ -22,7 +22,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from experiments.recording import Event
-from experiments.steps import Prompt
+from experiments.steps.vocabulary import Prompt
 from rig.run.order import Progress, RunReport
 from rig.run.stop import StopRequest
 

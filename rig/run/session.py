@@ -28,6 +28,7 @@ from drivers.port import STALE_DATA, Command, Guard, Mode
 from drivers.samples import SampleBlock
 from experiments.errors import ExperimentError
 from experiments.recording import Event
+from experiments.steps.profile import cycles_of
 from model.errors import ModelError
 from rig.bench import limits as lim
 from rig.errors import LimitError, RigError
@@ -36,7 +37,7 @@ from rig.run.bounds import Geometry
 from rig.run.devices import DeviceListener
 from rig.run.direct_line import direct_line
 from rig.run.dry_run import PlannedRun
-from rig.run.engine import Ask, Engine, StepFailedError, describe
+from rig.run.engine import Ask, Engine, StepFailedError
 from rig.run.latch import LatchedTrip
 from rig.run.logbook import Logbook, iso_time
 from rig.run.make_safe import Action, MakeSafe
@@ -53,7 +54,6 @@ from rig.run.preflight import (
 )
 from rig.run.stop import StopRequest
 from rig.run.supervisor import Supervisor
-from rig.run.trajectory import cycles_of
 from rig.run.trips import BUS_LOST, DEVICE_ERROR, DISK_SPACE, LATE_TURN, MAKE_SAFE_FAILED, Trip
 from rig.run.watchdog import Watchdog
 
@@ -384,7 +384,7 @@ class Session:
             left = planned.remaining(engine.index) + max(
                 planned.steps[engine.index].nominal - in_step, 0.0
             )
-        what = describe(engine.step) if self._make_safe is None else "making safe"
+        what = engine.words if self._make_safe is None else "making safe"
         step = min(engine.index + 1, len(planned.plan))
         elapsed, speed = machine.rows * machine.period, machine.speed(cycles=50)
         nearest, margin = self._supervisor.smallest_margin()

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from experiments import steps as s
 from experiments.contract import Evidence, Experiment
 from experiments.recording import Recording
 from experiments.result import Result
+from experiments.steps import vocabulary as s
 from model.gear import HarmonicDrive
 from model.units import REVOLUTION, RPM
 

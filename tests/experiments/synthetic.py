@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 
 from experiments.recording import ArraySource, Recording, RunMetadata, Segment
-from experiments.steps import (
+from experiments.steps.vocabulary import (
     FindIndex,
     HoldRevolutions,
     HoldTime,

@@ -16,7 +16,7 @@ from experiments.protocols.friction import protocol as friction
 from experiments.protocols.friction.points import measure_friction, reproducibility
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
-from experiments.steps import ServoOff
+from experiments.steps.vocabulary import ServoOff
 from experiments.torque.tare import read_tare
 from experiments.torque.zero import torque_zero
 from model.friction import friction_torque

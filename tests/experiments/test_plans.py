@@ -19,7 +19,7 @@ from experiments.planning.speeds import alias_leak, incommensurate, lattice_dist
 from experiments.protocols.friction import protocol as friction
 from experiments.protocols.kinematic_error import protocol as kinematic_error
 from experiments.protocols.velocity_steps import protocol as velocity_steps
-from experiments.steps import (
+from experiments.steps.vocabulary import (
     FindIndex,
     HoldRevolutions,
     HoldTime,

@@ -20,7 +20,7 @@ from drivers.samples import CycleFlag, SampleBlock
 from experiments.contract import Evidence, Experiment
 from experiments.recording import Event, Recording, Segment
 from experiments.result import Result
-from experiments.steps import Step
+from experiments.steps.vocabulary import Step
 from model.gear import HarmonicDrive
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor

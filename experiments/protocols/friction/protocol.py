@@ -65,7 +65,7 @@ from experiments.protocols.friction.points import (
 )
 from experiments.recording import Recording
 from experiments.result import Result, Verdict, judge_upper
-from experiments.steps import (
+from experiments.steps.vocabulary import (
     HoldRevolutions,
     HoldTime,
     Mark,

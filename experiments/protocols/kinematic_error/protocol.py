@@ -41,7 +41,7 @@ from experiments.protocols.kinematic_error.plots import (
 )
 from experiments.recording import Recording, Segment
 from experiments.result import Result, Verdict, judge_upper
-from experiments.steps import HoldRevolutions, Mark, SegmentLabel, Step
+from experiments.steps.vocabulary import HoldRevolutions, Mark, SegmentLabel, Step
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.gear import Harmonic, HarmonicDrive, Origin
 from model.gear_file import harmonic_path

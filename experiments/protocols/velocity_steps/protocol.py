@@ -42,7 +42,7 @@ from experiments.protocols.velocity_steps.plots import (
 )
 from experiments.recording import Recording
 from experiments.result import Result
-from experiments.steps import HoldTime, MoveToAngle, SegmentLabel, SpeedStep, Step
+from experiments.steps.vocabulary import HoldTime, MoveToAngle, SegmentLabel, SpeedStep, Step
 from experiments.torque.zero import torque_zero
 from model.gear import HarmonicDrive, Origin
 from model.identify.dynamics import StepFit, combine_steps, fit_step

@@ -16,15 +16,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.steps import TorqueRamp
+from experiments.steps.course import Servo
+from experiments.steps.forecast import StepForecast
 from model.units import RPM
 from rig.bench import limits as lim
 from rig.bench.limits import Limit
 from rig.present.preview.output import OutputModel, PredictedError
-from rig.present.preview.timeline import OFF, SPEED, TORQUE, PreviewMark, Timeline, timeline
+from rig.present.preview.timeline import PreviewMark, Timeline, timeline
 from rig.present.preview.torque import PredictedTorque, TorqueModel
 from rig.run.dry_run import Margin, PlannedRun
-from rig.run.forecast import StepForecast
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -164,7 +164,7 @@ def preview_plan(planned: PlannedRun) -> PlanPreview:
     course = timeline(planned)
     time, speed, acceleration, direction, step, piece = _instants(course)
     torque = model.torque(speed, acceleration, direction)
-    off = course.mode[piece] == OFF
+    off = course.mode[piece] == Servo.OFF
     torque = PredictedTorque(
         np.where(off, 0.0, torque.value), np.where(off, 0.0, torque.uncertainty)
     )
@@ -241,7 +241,7 @@ def _with_torque_ramps(
     torque: PredictedTorque, course: Timeline, piece: IntArray, time: FloatArray
 ) -> PredictedTorque:
     """During a torque ramp the torque is what is commanded."""
-    ramps = course.mode[piece] == TORQUE
+    ramps = course.mode[piece] == Servo.TORQUE
     if not ramps.any():
         return torque
     begun = time == course.start[piece]
@@ -256,7 +256,7 @@ def _ripple(output: OutputModel | None, course: Timeline) -> tuple[FloatArray, F
     shaking, torque = np.zeros(len(course.start)), np.zeros(len(course.start))
     if output is None:
         return shaking, torque
-    held = (course.mode == SPEED) & (course.begin == course.end) & (course.begin != 0.0)
+    held = (course.mode == Servo.SPEED) & (course.begin == course.end) & (course.begin != 0.0)
     speeds, which = np.unique(np.abs(course.begin[held]), return_inverse=True)
     if len(speeds):
         at_speed, in_gear = output.ripple(speeds)
@@ -386,18 +386,14 @@ def _warnings(
         yield PreviewWarning(index, margin.quantity, f"{_sentence(margin)}{more}")
     starting = model.starting()
     value, doubt = float(starting.value), float(starting.uncertainty)
-    weak = [
-        (forecast, step)
-        for forecast, step in zip(planned.steps, planned.plan, strict=True)
-        if isinstance(step, TorqueRamp) and step.limit <= value + doubt
-    ]
+    weak = [forecast for forecast in planned.steps if 0.0 < forecast.torque <= value + doubt]
     if weak:
-        forecast, step = weak[0]
+        first = weak[0]
         yield PreviewWarning(
-            forecast.index,
+            first.index,
             lim.MOTOR_TORQUE,
-            f"the input may not begin to turn in {forecast.where}: predicted starting torque {1e3 * value:.0f} ± "
-            f"{1e3 * doubt:.0f} mN m, the ramp ends at {1e3 * step.limit:.0f} mN m",
+            f"the input may not begin to turn in {first.where}: predicted starting torque {1e3 * value:.0f} ± "
+            f"{1e3 * doubt:.0f} mN m, the ramp ends at {1e3 * first.torque:.0f} mN m",
         )
 
 

@@ -7,26 +7,21 @@ torque.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments import steps as s
+from experiments.steps.course import Servo
+from experiments.steps.forecast import Drive, Piece
+from experiments.steps.kind import SWITCHING_TIME, Motion
+from experiments.steps.note import Mark, Prompt
 from rig.bench import limits as lim
 from rig.run.dry_run import PlannedRun
-from rig.run.engine import ENABLE_WINDOW, STAND_TIME
-from rig.run.forecast import StepForecast
-from rig.run.trajectory import cycles_of, ramp
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
-
-OFF, SPEED, TORQUE = 0, 1, 2
-"""What the servo does in a piece."""
 
 MarkKind = Literal["prompt", "mark"]
 
@@ -47,7 +42,7 @@ class Timeline:
 
     `start`, `stop` [s]; `begin`, `end` the input speed [rad/s] at both, signed; `torque` the
     set-point [N m] that a torque ramp reaches, 0 elsewhere; `step` the index of the step; `mode`
-    OFF, SPEED or TORQUE.
+    what the servo does (`Servo`).
     """
 
     start: FloatArray
@@ -85,7 +80,7 @@ class Timeline:
 
     def torque_line(self) -> tuple[FloatArray, FloatArray]:
         """Torque set-points over time: times [s] and N m; NaN between the torque ramps, so that they do not join."""
-        ramps = self.mode == TORQUE
+        ramps = self.mode == Servo.TORQUE
         count = int(ramps.sum())
         time = np.column_stack([self.start[ramps], self.stop[ramps], self.stop[ramps]]).ravel()
         torque = np.column_stack(
@@ -94,118 +89,47 @@ class Timeline:
         return time, torque
 
 
-Piece = tuple[float, float, float]
-"""Duration [s], speed at its begin and at its end [rad/s]."""
-
-
 def timeline(planned: PlannedRun) -> Timeline:
     """The course of a planned run."""
     rows: list[tuple[float, float, float, float, float, int, int]] = []
     marks: list[PreviewMark] = []
     now, powered = 0.0, False
-    course = _Course(planned.limits.value(lim.ACCELERATION), 1.0 / planned.sample_rate)
+
+    def add(piece: Piece, step: int, servo: Servo) -> None:
+        nonlocal now
+        if piece.duration > 0.0:
+            stop = now + piece.duration
+            rows.append((now, stop, piece.begin, piece.end, piece.torque, step, servo))
+            now = stop
+
+    drive = Drive(planned.limits.value(lim.ACCELERATION), 1.0 / planned.sample_rate)
     for step, forecast in zip(planned.plan, planned.steps, strict=True):
-        if isinstance(step, s.Mark | s.Prompt):
-            kind: MarkKind = "prompt" if isinstance(step, s.Prompt) else "mark"
-            marks.append(PreviewMark(now, forecast.index, kind, step.text))
-            continue
-        mode = (
-            OFF
-            if isinstance(step, s.ServoOff)
-            else TORQUE
-            if isinstance(step, s.TorqueRamp)
-            else SPEED
-        )
-        left = forecast.nominal
-        if (mode != OFF) is not powered:
-            powered = not powered
-            begin = forecast.begin if powered else 0.0
-            rows.append((now, now + ENABLE_WINDOW, begin, begin, 0.0, forecast.index, OFF))
-            now += ENABLE_WINDOW
-            left -= ENABLE_WINDOW
-        torque = (
-            math.copysign(min(abs(step.rate) * left, step.limit), step.rate)
-            if isinstance(step, s.TorqueRamp)
-            else 0.0
-        )
-        for length, begin, end in _PIECES[type(step)](course, step, forecast, left):
-            if length > 0.0:
-                rows.append((now, now + length, begin, end, torque, forecast.index, mode))
-                now += length
-    columns = (
-        [np.array(column, dtype=np.float64) for column in zip(*rows, strict=True)]
-        if rows
-        else [np.empty(0)] * 7
+        match step:
+            case Prompt():
+                marks.append(PreviewMark(now, forecast.index, "prompt", step.text))
+            case Mark():
+                marks.append(PreviewMark(now, forecast.index, "mark", step.text))
+            case Motion():
+                left = forecast.nominal
+                if (step.servo is not Servo.OFF) is not powered:
+                    powered = not powered
+                    held = forecast.begin if powered else 0.0
+                    add(Piece(SWITCHING_TIME, held, held), forecast.index, Servo.OFF)
+                    left -= SWITCHING_TIME
+                for piece in step.pieces(forecast, left, drive):
+                    add(piece, forecast.index, step.servo)
+            case _:
+                assert_never(step)
+    start, stop, begin, end, torque, index, modes = (
+        np.array(rows, dtype=np.float64).reshape(-1, 7).T
     )
-    start, stop, begin, end, torque_reached, index, modes = columns
     return Timeline(
         start=start,
         stop=stop,
         begin=begin,
         end=end,
-        torque=torque_reached,
+        torque=torque,
         step=index.astype(np.int64),
         mode=modes.astype(np.int64),
         marks=tuple(marks),
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Course:
-    drive_ramp: float
-    period: float
-
-
-def _to_speed(
-    c: _Course, begin: float, end: float, acceleration: float, left: float
-) -> Iterable[Piece]:
-    """A ramp, then the speed held for what is left."""
-    finite = math.isfinite(acceleration) and acceleration > 0.0
-    up = min(abs(end - begin) / acceleration, left) if finite else 0.0
-    yield up, begin, end
-    yield left - up, end, end
-
-
-def _still(c: _Course, step: s.Step, f: StepForecast, left: float) -> Iterable[Piece]:
-    yield left, 0.0, 0.0
-
-
-def _hold(c: _Course, step: s.Step, f: StepForecast, left: float) -> Iterable[Piece]:
-    yield left, f.begin, f.begin
-
-
-def _ramp(c: _Course, step: s.Ramp, f: StepForecast, left: float) -> Iterable[Piece]:
-    yield left, f.begin, f.end
-
-
-def _at_drive_ramp(c: _Course, step: Any, f: StepForecast, left: float) -> Iterable[Piece]:
-    yield from _to_speed(c, f.begin, step.speed, c.drive_ramp, left)
-
-
-def _move(c: _Course, step: Any, f: StepForecast, left: float) -> Iterable[Piece]:
-    if f.angle == 0.0:
-        yield left, f.begin, 0.0
-        return
-    peak = math.copysign(f.speed, f.angle)
-    away = ramp(f.begin, peak, step.acceleration, c.period).cycles * c.period
-    brake = ramp(peak, 0.0, step.acceleration, c.period).cycles * c.period
-    stand = min(cycles_of(STAND_TIME, c.period) * c.period, max(left - away - brake, 0.0))
-    cruise = max(left - away - brake - stand, 0.0)
-    yield away, f.begin, peak
-    yield cruise, peak, peak
-    yield brake, peak, 0.0
-    yield stand, 0.0, 0.0
-
-
-_PIECES: dict[type[Any], Callable[[_Course, Any, StepForecast, float], Iterable[Piece]]] = {
-    s.ServoOff: _still,
-    s.TorqueRamp: _still,
-    s.Ramp: _ramp,
-    s.SpeedStep: _at_drive_ramp,
-    s.FindIndex: _at_drive_ramp,
-    s.HoldRevolutions: _hold,
-    s.HoldTime: _hold,
-    s.Settle: _hold,
-    s.MoveToAngle: _move,
-    s.MoveRevolutions: _move,
-}

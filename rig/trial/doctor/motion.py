@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.channel import INDEX_SEEN, OUTPUT_INDEX
-from experiments import steps as s
 from experiments.contract import Evidence, Experiment
 from experiments.evidence import BAD_CYCLE, usable
 from experiments.recording import Recording, Segment
 from experiments.result import Result
+from experiments.steps import vocabulary as s
 from model.gear import HarmonicDrive
 from model.units import DEGREE, REVOLUTION, RPM
 from rig.bench.limits import kinematic_error_margin, torsion_stiffness

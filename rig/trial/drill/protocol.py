@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments import steps as s
 from experiments.contract import Evidence, Experiment
 from experiments.evidence import check_recording, usable
 from experiments.recording import Recording, Segment
 from experiments.result import Result, judge_upper
+from experiments.steps import vocabulary as s
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
 

@@ -15,7 +15,7 @@ import pytest
 
 from experiments import catalogue
 from experiments.recording import Recording
-from experiments.steps import (
+from experiments.steps.vocabulary import (
     HoldRevolutions,
     HoldTime,
     Prompt,

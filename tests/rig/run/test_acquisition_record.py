@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.errors import AnalysisError
-from experiments.steps import HoldTime, Ramp
+from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.fit import fit_files

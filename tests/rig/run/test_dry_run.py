@@ -10,7 +10,7 @@ import pytest
 from experiments import catalogue
 from experiments.errors import PlanError
 from experiments.parameters import make_parameters
-from experiments.steps import (
+from experiments.steps.vocabulary import (
     FindIndex,
     HoldRevolutions,
     HoldTime,

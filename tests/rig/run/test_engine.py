@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 
 from drivers.port import Mode
-from experiments.steps import (
+from experiments.steps.profile import (
+    Constant,
+    Linear,
+    Sinusoid,
+    cruise_speed,
+    cycles_of,
+    ramp,
+    ramp_travel,
+    stopping_distance,
+)
+from experiments.steps.vocabulary import (
     FindIndex,
     HoldRevolutions,
     HoldTime,
@@ -26,18 +36,10 @@ from experiments.steps import (
     TorqueRamp,
 )
 from model.units import REVOLUTION
-from rig.run.engine import describe
+from rig.run.engine import Engine
 from rig.run.order import RunReport
+from rig.run.phases import Machine
 from rig.run.session import execute
-from rig.run.trajectory import (
-    Constant,
-    Linear,
-    cruise_speed,
-    cycles_of,
-    ramp,
-    ramp_travel,
-    stopping_distance,
-)
 from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
 
 COUNTS = 32768
@@ -253,7 +255,12 @@ def test_marks_and_prompts_become_events() -> None:
 
 
 def test_profiles_do_not_depend_on_where_they_are_cut() -> None:
-    for profile in (Constant(3.0), Linear(-2.0, 7.0, 13), ramp(5.0, -5.0, 90.0, 1e-3)):
+    for profile in (
+        Constant(3.0),
+        Linear(-2.0, 7.0, 13),
+        ramp(5.0, -5.0, 90.0, 1e-3),
+        Sinusoid(7.0, 11),
+    ):
         whole = profile.targets(0, 40)
         parts = np.concatenate([profile.targets(k, min(7, 40 - k)) for k in range(0, 40, 7)])
         assert np.array_equal(whole, parts)
@@ -273,7 +280,17 @@ def test_a_ramp_reaches_its_end_exactly_and_keeps_to_its_acceleration() -> None:
     assert stopping_distance(10.0, 50.0, 1e-3) == pytest.approx(1.0, rel=0.01)
 
 
+class Quiet:
+    def segment(self, label: SegmentLabel, start: int, stop: int) -> None: ...
+
+    def event(self, level: str, code: str, source: str, text: str) -> None: ...
+
+
 def test_steps_are_described_in_words() -> None:
-    assert describe(None) == "finished"
-    assert describe(Ramp(math.pi, 1.0, SegmentLabel("ramp"))) == "ramp 30 r/min"
-    assert describe(HoldTime(1.0)) == "HoldTime"
+    machine = Machine(FakeRig().channels, 1_000_000)
+    assert Engine((), machine, Quiet(), lambda prompt: "").words == "finished"
+    assert Engine((HoldTime(1.0),), machine, Quiet(), lambda prompt: "").words == "HoldTime"
+    assert Ramp(math.pi, 1.0, SegmentLabel("ramp")).words() == "ramp 30 r/min"
+    assert HoldTime(1.0).words() == "HoldTime"
+    assert HoldTime(1.0, SegmentLabel("hold", math.pi, 1)).words() == "hold 30 r/min"
+    assert TorqueRamp(0.1, 0.1, 0.1, SegmentLabel("torque-ramp", 1.0, 1)).words() == "torque-ramp"

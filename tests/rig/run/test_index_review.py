@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from drivers.channel import Channel, encoder_channel
 from drivers.samples import CycleFlag, SampleBlock
-from experiments.steps import HoldRevolutions, Ramp
+from experiments.steps.vocabulary import HoldRevolutions, Ramp
 from rig.run.bounds import Watch
 from rig.run.index_review import NO_MARKS, IndexReview
 from rig.run.session import execute

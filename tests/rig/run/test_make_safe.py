@@ -11,11 +11,11 @@ import pytest
 from drivers.drive_state import DriveState
 from drivers.port import Guard, Mode
 from drivers.samples import CycleFlag, is_stale
-from experiments.steps import SegmentLabel
+from experiments.steps.profile import Constant
+from experiments.steps.vocabulary import SegmentLabel
 from rig.run.direct_line import DirectLine
 from rig.run.make_safe import STAGES, Action, MakeSafe, MakeSafeReport, Stage
 from rig.run.phases import Machine, Phase, PhaseRunner, Phases
-from rig.run.trajectory import Constant
 from tests.rig.fake_rig import INCOMPLETE, FakeRig
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from drivers.clock import VirtualClock
 from experiments.recording import Event
-from experiments.steps import HoldTime, Prompt, Ramp
+from experiments.steps.vocabulary import HoldTime, Prompt, Ramp
 from rig.run.opening import begin_threaded_run
 from rig.run.order import Judgement, Progress
 from rig.run.realtime import (

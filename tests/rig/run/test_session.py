@@ -14,7 +14,7 @@ from drivers.drive_state import DriveState
 from drivers.port import DriveLimits, Mode
 from experiments.errors import AnalysisError
 from experiments.recording import Event
-from experiments.steps import HoldTime, Ramp, SegmentLabel, Step
+from experiments.steps.vocabulary import HoldTime, Ramp, SegmentLabel, Step
 from rig.errors import RigError
 from rig.run.engine import CUT
 from rig.run.make_safe import Action

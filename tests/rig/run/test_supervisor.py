@@ -14,7 +14,7 @@ from drivers.drive_state import DriveState
 from drivers.errors import DriverError
 from drivers.port import STALE_DATA, Bound, Command, Guard, GuardWatch, Mode
 from drivers.samples import CycleFlag, SampleBlock
-from experiments.steps import HoldRevolutions, HoldTime, Ramp, SegmentLabel, Step
+from experiments.steps.vocabulary import HoldRevolutions, HoldTime, Ramp, SegmentLabel, Step
 from rig.bench import limits as lim
 from rig.bench.limits import Limit
 from rig.run import trips

@@ -13,7 +13,7 @@ import pytest
 
 from drivers.port import Command, Guard, Mode
 from drivers.samples import CycleFlag
-from experiments.steps import HoldTime, Ramp
+from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench import limits as lim

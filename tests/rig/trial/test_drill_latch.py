@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from experiments.steps import HoldTime, Ramp
+from experiments.steps.vocabulary import HoldTime, Ramp
 from rig.errors import RigError
 from rig.main import app
 from rig.run.latch import HISTORY_NAME, LatchedTrip, LatchedTripError, TripLatch

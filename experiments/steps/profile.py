@@ -1,4 +1,5 @@
-"""Set-points over cycles: pure functions from a step's numbers to what the drive is told in each SYNC cycle.
+"""Set-points over cycles: pure functions from a step's numbers to what the drive gets in each
+SYNC cycle.
 
 A `Profile` is asked for the cycles [start, start + count) of its own, so that how a run is cut into
 blocks cannot change a set-point, and long holds need no memory. Nothing is rounded here:
@@ -13,6 +14,8 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from model.units import REVOLUTION
 
 FloatArray = NDArray[np.float64]
 
@@ -54,6 +57,20 @@ class Linear:
         values = self.begin + (self.end - self.begin) * share
         values[share >= 1.0] = self.end
         return values
+
+
+@dataclass(frozen=True, slots=True)
+class Sinusoid:
+    """Swings of `cycles` cycles each about zero; each ends at zero."""
+
+    peak: float
+    cycles: int
+
+    def targets(self, start: int, count: int) -> FloatArray:
+        """peak sin(2 pi (k + 1)/cycles)."""
+        # One by one: the sine of an array may differ in its last bit with the array's length, so with that of a block.
+        shares = [k % self.cycles / self.cycles for k in range(start + 1, start + count + 1)]
+        return self.peak * np.array([math.sin(REVOLUTION * share) for share in shares])
 
 
 def cycles_of(duration: float, period: float) -> int:
