@@ -10,9 +10,9 @@ from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidg
 from rig.analysis.difference import Change, Difference, difference, in_laboratory_units
 from rig.analysis.wording import readable
 from rig.gears.card import UNITS, in_words
-from rig.window.review.errand import Errand
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
+from rig.window.work.background import LatestTask
 
 COLUMNS = ("group", "what", "first", "second", "difference ± U_c", "significance", "remark")
 EVERYTHING = "everything that differs"
@@ -36,9 +36,9 @@ class DifferenceView(QWidget):
         self.group.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.group.currentIndexChanged.connect(lambda _: self._fill())
         self.table = GridTable(session, "Differences", judged=("significance",), widest=WIDEST)
-        self._errand = Errand(self)
-        self._errand.done.connect(self._take)
-        self._errand.failed.connect(self._refuse)
+        self._comparing = LatestTask(self)
+        self._comparing.done.connect(self._take)
+        self._comparing.failed.connect(self._refuse)
         head = QHBoxLayout()
         head.addWidget(QLabel("show"))
         head.addWidget(self.group)
@@ -56,7 +56,7 @@ class DifferenceView(QWidget):
         self.group.clear()
         self.table.show_rows(COLUMNS, ())
         self.says.setText("Reading both runs …")
-        self._errand.start(lambda: difference(first, second))
+        self._comparing.start(lambda: difference(first, second))
 
     def _take(self, found: Difference) -> None:
         self.difference = found

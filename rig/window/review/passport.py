@@ -24,12 +24,12 @@ from rig.analysis.wording import fixed, number
 from rig.errors import RigError
 from rig.library.index import IndexedRun
 from rig.window.plot.result_plot import PlotGallery
-from rig.window.review.errand import Errand
 from rig.window.review.fit import FitDesk, FitOrder
 from rig.window.review.grid import GridTable
 from rig.window.review.results import TARE, TARED
 from rig.window.review.table_model import local_time, outcome_of, with_sign
 from rig.window.shell.session import WindowSession
+from rig.window.work.background import LatestTask
 
 if TYPE_CHECKING:
     from rig.analysis.passport.content import Passport, PassportPoint, PassportSeries
@@ -98,9 +98,9 @@ class PassportView(QWidget):
         self.desk.refused.connect(
             lambda order, why: self._refusals.append(f"{order.run.name}: {why}")
         )
-        self._errand = Errand(self)
-        self._errand.done.connect(self._take)
-        self._errand.failed.connect(self.says.setText)
+        self._reading = LatestTask(self)
+        self._reading.done.connect(self._take)
+        self._reading.failed.connect(self.says.setText)
         self._lay_out()
         self._show_busy(False)
 
@@ -127,7 +127,7 @@ class PassportView(QWidget):
     @property
     def is_busy(self) -> bool:
         """Whether it is still being read, or runs are being fitted."""
-        return self._errand.is_running or self.desk.is_running
+        return self._reading.is_running or self.desk.is_running
 
     def show_gear(self, serial: str, library: Sequence[IndexedRun] = ()) -> None:
         """The passport of a gear by its serial number; `library` are the runs of the folder."""
@@ -141,7 +141,7 @@ class PassportView(QWidget):
         self.mark.clear()
         self.charts.show_plots((), "")
         self.says.setText("Reading the analyses of its runs …")
-        self._errand.start(_reader(self._session.folder, serial))
+        self._reading.start(_reader(self._session.folder, serial))
 
     def fit_missing(self) -> None:
         """Fit what has no analysis yet, each run in a process of its own, and read the passport again."""

@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
 
 from experiments.recording import Recording
 from rig.window.plot.plots import Curve, LabPlot
-from rig.window.review.errand import Errand
 from rig.window.review.marks import MarksItem, TimeMarks, marks_of, segment_words
 from rig.window.review.signals_data import (
     SPEEDS,
@@ -30,6 +29,7 @@ from rig.window.review.signals_data import (
 )
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
+from rig.window.work.background import LatestTask
 
 ZOOM_PAUSE_MS = 90
 """ms after the last movement of the view until finer data are read."""
@@ -59,9 +59,9 @@ class SignalsView(QWidget):
         """The curves by channel."""
         self._drawn_marks: dict[str, MarksItem] = {}
         session.theme_changed.connect(self._restyle)
-        self._errand, self._marker = Errand(self), Errand(self)
-        self._errand.done.connect(self._draw)
-        self._errand.failed.connect(lambda text: self.readout.setText(text))
+        self._reading, self._marker = LatestTask(self), LatestTask(self)
+        self._reading.done.connect(self._draw)
+        self._reading.failed.connect(lambda text: self.readout.setText(text))
         self._marker.done.connect(self._take_marks)
         self.channels = QListWidget()
         self.channels.setAccessibleName("Channels")
@@ -230,7 +230,7 @@ class SignalsView(QWidget):
         recording, names = self._recording, self.chosen
         if recording is not None and names:
             begin, end = self.view
-            self._errand.start(lambda: shapes_of(recording, names, begin, end))
+            self._reading.start(lambda: shapes_of(recording, names, begin, end))
 
     def _draw(self, shapes: list[Shape]) -> None:
         for shape in shapes:

@@ -1,4 +1,4 @@
-"""The board of live plots of one run: which plots a protocol shows, and the beat at which they read and draw."""
+"""The board of live plots of one run: which plots a protocol shows, and how often they read and draw."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block, LiveFile, open_live
 from rig.window.work.segment_work import SegmentWork
 
-BEAT_MS = 25
+FRAME_MS = 25
 """ms between two looks at the file, and between two frames: forty a second."""
-COUNT_BEATS = 8
-"""Beats between two counts of the rows in words: nobody reads them faster, and each lays the page out anew."""
+COUNT_FRAMES = 8
+"""Frames between two counts of the rows in words: nobody reads them faster, and each lays the page out anew."""
 READING_ALLOWED = 0.010
-"""s of a beat that reading may take while it catches up."""
-TELLING_ALLOWED = 0.005
-"""s of a beat that the views may take to hear of segments."""
+"""s of a frame that reading may take while it catches up."""
+SEGMENTS_ALLOWED = 0.005
+"""s of a frame that the views may take to take in segments."""
 
 Maker = Callable[[WindowSession, LiveContext], LiveView]
 BOARDS: dict[str, tuple[Maker, ...]] = {
@@ -54,7 +54,7 @@ class LivePlots(QWidget):
     """Draws one growing run. `open` begins, `finish` reads what is left."""
 
     drawn = Signal()
-    """A beat has brought new rows to the screen."""
+    """A frame has brought new rows to the screen."""
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
@@ -64,7 +64,7 @@ class LivePlots(QWidget):
         self.plots: list[LabPlot] = []
         self.mark = ""
         self.protocol = ""
-        self._beats = 0
+        self._frames = 0
         self._pacer = Pacer()
         self._work: SegmentWork | None = None
         self._is_over = False
@@ -93,8 +93,8 @@ class LivePlots(QWidget):
         self._recent.setVisible(False)
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
-        self._timer.setInterval(BEAT_MS)
-        self._timer.timeout.connect(self.beat)
+        self._timer.setInterval(FRAME_MS)
+        self._timer.timeout.connect(self.refresh)
         session.theme_changed.connect(lambda _: self._draw())
 
     @property
@@ -120,9 +120,9 @@ class LivePlots(QWidget):
         if self.live is None and self._waiting_for is None:
             self._waiting_for = path
             self._timer.start()
-            self.beat()
+            self.refresh()
 
-    def beat(self) -> None:
+    def refresh(self) -> None:
         """One look: read within the time allowed, draw if there is something new."""
         if self.live is None:
             self._begin()
@@ -130,15 +130,15 @@ class LivePlots(QWidget):
             return
         try:
             fresh = 0 if self._is_over else self._read_more(self.live)
-            ended = self._tell_segments() + self._work.deliver()
+            ended = self._take_segments() + self._work.deliver()
         except RunFileError as error:
             self._session.message.emit(str(error))
             self._timer.stop()
             return
         if fresh or ended:
-            self._beats += 1
+            self._frames += 1
             self._draw()
-            if self._beats % COUNT_BEATS == 1:
+            if self._frames % COUNT_FRAMES == 1:
                 self._count()
             self.drawn.emit()
         if self._is_over and not ended and self._work.is_idle:
@@ -160,7 +160,7 @@ class LivePlots(QWidget):
             self.live.look()
             self.live.read(float("inf"), self._pacer.put)
             self._take_all(self._pacer.rest())
-            self._tell_segments()
+            self._take_segments()
         except RunFileError as error:
             self._session.message.emit(str(error))
         self._is_over = True
@@ -245,18 +245,18 @@ class LivePlots(QWidget):
         live.read(READING_ALLOWED, self._pacer.put)
         return self._take_all(self._pacer.due(behind=live.behind > 0))
 
-    def _tell_segments(self) -> int:
+    def _take_segments(self) -> int:
         """Tell the views of segments that have ended, as many as the work on them has room for."""
         assert self.live is not None
-        begin, told = time.monotonic(), 0
-        while not told or time.monotonic() - begin < TELLING_ALLOWED:
+        begin, count = time.monotonic(), 0
+        while not count or time.monotonic() - begin < SEGMENTS_ALLOWED:
             segment = None if self._work is None or self._work.is_full else self.live.next_segment()
             if segment is None:
                 break
-            told += 1
+            count += 1
             for view in self.views:
                 view.ended(segment, self.live.recording)
-        return told
+        return count
 
     def _draw(self) -> None:
         """Bring every view up to date; those that have nothing new change nothing, and are not painted."""

@@ -37,12 +37,12 @@ RESULTS_ARE = {
     "starting-torque": ("starting_torque",),
 }
 """Which results of a protocol come first, by how their name begins."""
-WITNESSES = {
+OBSERVERS = {
     "statusword": "the drive",
     "input_angle": "the input encoder",
     "output_angle": "the output encoder",
 }
-"""Who says that the rig stands, in words."""
+"""What each observer of the standstill is called in words."""
 
 
 class OutcomeView(QFrame):
@@ -185,7 +185,7 @@ def sentence_of(state: RunState, report: dict[str, Any], folder: Path) -> str:
     if made_safe.get("safe"):
         parts.append(
             f"Made safe ({made_safe.get('action', '')}), standstill verified by "
-            f"{', '.join(WITNESSES.get(str(w), str(w)) for w in made_safe.get('verified_by', ()))}."
+            f"{', '.join(OBSERVERS.get(str(w), str(w)) for w in made_safe.get('verified_by', ()))}."
         )
     if state.outcome == "TRIPPED":
         parts.append(

@@ -31,7 +31,7 @@ from rig.window.work.live_file import Block
 from rig.window.work.segment_work import MOST_WAITING, SegmentWork
 
 RATE = 1000.0
-BEAT = 0.025
+FRAME = 0.025
 SPEED = 20.0
 RATIO = 120.0
 LONGEST_REST = 10_000
@@ -130,9 +130,9 @@ def show(session: WindowSession, qtbot: QtBot) -> Callable[[LabPlot], LabPlot]:
 def test_bursts_become_an_even_stream() -> None:
     clock = HandClock()
     pacer, given_rows, seen = Pacer(clock), 0, []
-    for beat in range(400):
-        clock.now += BEAT
-        if beat % 2 == 0:
+    for frame in range(400):
+        clock.now += FRAME
+        if frame % 2 == 0:
             pacer.put(rows(given_rows, 50))
             given_rows += 50
         seen.append(pacer.due())
@@ -155,16 +155,16 @@ BURSTS = st.tuples(st.integers(0, 25), st.lists(st.integers(1, 9000), max_size=3
 def test_no_row_is_lost_doubled_or_kept_for_long(bursts: list[tuple[int, list[int], bool]]) -> None:
     clock = HandClock()
     pacer, put, got = Pacer(clock), 0, []
-    for beats, counts, behind in bursts:
-        for _ in range(beats):
-            clock.now += BEAT
+    for frames, counts, behind in bursts:
+        for _ in range(frames):
+            clock.now += FRAME
             got += pacer.due()
         for count in counts:
             pacer.put(rows(put, count))
             put += count
         got += pacer.due(behind)
         assert pacer.waiting <= MOST
-    clock.now += LONGEST + BEAT
+    clock.now += LONGEST + FRAME
     got += pacer.due()
     assert pacer.waiting == 0, "nothing waits longer than that"
     assert [block.start for block in got] == list(
@@ -184,7 +184,7 @@ def test_a_burst_that_is_read_in_parts_is_one_burst_and_the_file_is_left_alone_u
     pacer = Pacer(clock)
     for burst in range(20):
         for part in range(20):
-            clock.now += BEAT
+            clock.now += FRAME
             if part < 3:
                 pacer.put(rows(0, 8000))
             pacer.due(behind=part < 2)

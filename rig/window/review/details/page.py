@@ -27,13 +27,12 @@ from rig.window.review.details.events import RunEventsView
 from rig.window.review.details.facts import Facts, facts_of
 from rig.window.review.details.files import RunFilesView
 from rig.window.review.details.header import RunHeaderView
-from rig.window.review.errand import Errand
 from rig.window.review.fit import FitDesk, FitOrder, ResultCache, in_words, order_of
 from rig.window.review.library_table import HTML, PDF
 from rig.window.review.results import TARE, TARED, ChooseFile, FitBar, ResultsView
 from rig.window.review.signals import SignalsView
 from rig.window.shell.session import WindowSession
-from rig.window.work.background import BackgroundCommand
+from rig.window.work.background import BackgroundCommand, LatestTask
 
 GROWING_MS = 1000
 """ms between two looks at a run that is being written."""
@@ -75,7 +74,7 @@ class RunDetails(QWidget):
         self.comparison = ComparisonView(session)
         self.problem = QLabel()
         self.problem.setWordWrap(True)
-        self._reader = Errand(self)
+        self._reader = LatestTask(self)
         self._growing = QTimer(self)
         self._growing.setInterval(GROWING_MS)
         self._lay_out()
