@@ -77,11 +77,11 @@ def verdict_sentence(verdict: Any) -> str:
     return f"{shown.with_uncertainty}, limit {limit} ({verdict.limit_provenance}: {verdict.limit_source})"
 
 
-def print_warnings(out: Console, found: tuple[str, ...] | list[str]) -> None:
+def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
     """Warnings, each on its own line."""
     from rich.text import Text
 
-    for warning in found:
+    for warning in warnings:
         out.print(Text.assemble(("  warning  ", "bold yellow"), warning))
 
 

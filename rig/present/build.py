@@ -20,7 +20,7 @@ ERROR, STEPS = "kinematic-error", "velocity-steps"
 
 
 @dataclass(frozen=True)
-class Made:
+class Reports:
     """A written report: its files, the fits in it, and what to tell whoever asked for it."""
 
     paths: tuple[Path, ...]
@@ -40,7 +40,7 @@ def report_on_files(
     tare: Path | None = None,
     parameters: Path | None = None,
     created: str | None = None,
-) -> Made:
+) -> Reports:
     """Fit these run files and write the report of them: one file, or several of the same content (HTML, PDF).
 
     A motor-tare run among them is subtracted from the others unless `tare` names another one;
@@ -73,33 +73,33 @@ def report_on_files(
                 )
             )
     lines = []
-    kept = []
+    stored_fits = []
     for fit in fits:
         try:
-            kept.append(store(fit, created))
+            stored_fits.append(store(fit, created))
         except RunFileError as error:
-            kept.append(fit)
+            stored_fits.append(fit)
             lines.append(f"Not stored: {error}")
     outputs = (output,) if isinstance(output, Path) else tuple(output)
-    count = f"{len(kept)} {'run' if len(kept) == 1 else 'runs'}"
-    lines += _written(report_context(kept, created=_readable(created)), outputs, count)
-    return Made(outputs, tuple(kept), tuple(lines))
+    count = f"{len(stored_fits)} {'run' if len(stored_fits) == 1 else 'runs'}"
+    lines += _written(report_context(stored_fits, created=_readable(created)), outputs, count)
+    return Reports(outputs, tuple(stored_fits), tuple(lines))
 
 
 def report_on_gear(
     folder: Path, serial: str, outputs: Sequence[Path], *, created: str | None = None
-) -> Made:
+) -> Reports:
     """Write the report of a gear over its life, from the analyses that lie beside its runs in a folder."""
     from rig.analysis.passport.build import passport
     from rig.present.gear import gear_context
 
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
-    found = passport(folder, serial)
-    context = gear_context(found, created=_readable(created))
-    return Made(
+    record = passport(folder, serial)
+    context = gear_context(record, created=_readable(created))
+    return Reports(
         tuple(outputs),
         (),
-        tuple(_written(context, outputs, f"gear {serial}, {len(found.runs)} runs")),
+        tuple(_written(context, outputs, f"gear {serial}, {len(record.runs)} runs")),
     )
 
 

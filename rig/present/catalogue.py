@@ -114,9 +114,9 @@ def catalogue_rows(
     for fit, prevailing in zip(fits, conditions, strict=True):
         if not fit.gear_known:
             continue
-        found = tuple(_measured(fit, dict(prevailing)))
-        rows += found
-        if found and all(fit.gear.ratings != gear.ratings for gear in gears):
+        measured = tuple(_measured(fit, dict(prevailing)))
+        rows += measured
+        if measured and all(fit.gear.ratings != gear.ratings for gear in gears):
             gears.append(fit.gear)
     for gear in gears:
         rows += _unmeasured(gear)
@@ -151,7 +151,7 @@ def _here(fit: Fit, estimate: Estimate, conditions: Mapping[str, str]) -> str:
     """What prevailed when this quantity was measured."""
     subject = fit.result.options.get("torque_is_of", "")
     positions = conditions.get("Wave-generator positions", "")
-    told = [
+    parts = [
         "" if "rpm" in estimate.name else conditions.get("Input speeds", ""),
         f"wave-generator positions {positions}" if positions else "",
         f"housing {conditions['Housing temperature']}"
@@ -163,7 +163,7 @@ def _here(fit: Fit, estimate: Estimate, conditions: Mapping[str, str]) -> str:
         f"torque of {subject}" if subject else "",
         "no tare" if subject and tare_of(fit) == "none" and fit.result.kind == "friction" else "",
     ]
-    return ", ".join(part for part in told if part)
+    return ", ".join(part for part in parts if part)
 
 
 def _unmeasured(gear: HarmonicDrive) -> Iterator[Row]:

@@ -43,6 +43,8 @@ class Grid:
     rows: tuple[tuple[str, ...], ...]
     numeric: tuple[bool, ...]
     note: str = ""
+    hashes: tuple[str, ...] = ()
+    """Headings of columns of hashes: compared letter by letter, they stand in one line, all letters of one width."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,10 +204,10 @@ def budget_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
     notes = dict.fromkeys(
         f"{b.source}: {b.note}" for e in with_budget.values() for b in e.budget if b.note
     )
-    told = "; ".join(notes)
+    remarks = "; ".join(notes)
     note = (
         "Standard uncertainties by source, type A or B; u is their root sum of squares. "
-        f"{told[:1].upper()}{told[1:]}"
+        f"{remarks[:1].upper()}{remarks[1:]}"
     ).strip()
     if len(heads) <= len(columns) + 1:
         lines = tuple((name, unit, *cells) for name, unit, cells in columns)
@@ -234,12 +236,12 @@ def _budget_column(
     factor, unit = display_unit(
         estimate.name, estimate.unit, max(abs(estimate.value), estimate.expanded_uncertainty)
     )
-    found: dict[tuple[str, str], float] = {}
+    shares: dict[tuple[str, str], float] = {}
     for line in estimate.budget:
         key = (line.source, line.kind)
-        found[key] = math.hypot(found.get(key, 0.0), line.standard_uncertainty)
+        shares[key] = math.hypot(shares.get(key, 0.0), line.standard_uncertainty)
     sizes = (
-        *(found.get(source) for source in sources),
+        *(shares.get(source) for source in sources),
         estimate.standard_uncertainty,
         estimate.expanded_uncertainty,
     )
@@ -252,13 +254,15 @@ def _budget_column(
 
 def data_grid(table: Any) -> Grid:
     """A table of an analysis as text."""
-    made = [column(title, [row[i] for row in table.rows]) for i, title in enumerate(table.columns)]
-    rows = tuple(tuple(texts[k] for _, texts, _ in made) for k in range(len(table.rows)))
+    columns = [
+        column(title, [row[i] for row in table.rows]) for i, title in enumerate(table.columns)
+    ]
+    rows = tuple(tuple(texts[k] for _, texts, _ in columns) for k in range(len(table.rows)))
     return Grid(
         table.title,
-        tuple(title for title, _, _ in made),
+        tuple(title for title, _, _ in columns),
         rows,
-        tuple(numeric for _, _, numeric in made),
+        tuple(numeric for _, _, numeric in columns),
         table.note,
     )
 
@@ -271,26 +275,30 @@ def file_grid(fits: Sequence[Fit]) -> Grid:
         for r in (f.recording, f.tare.recording if f.tare else None)
         if r is not None
     ]
-    found = {r.metadata.run_id: r.metadata for r in recordings}
+    files = {r.metadata.run_id: r.metadata for r in recordings}
     rows = tuple(
         (m.run_id, m.outcome or "not stated", m.sha256 or "not sealed")
-        for _, m in sorted(found.items())
+        for _, m in sorted(files.items())
     )
-    return Grid(
-        "Run files", ("Run", "Outcome", "SHA-256 of the run file"), rows, (False, False, False)
-    )
+    return run_files(rows)
+
+
+def run_files(rows: Sequence[tuple[str, str, str]]) -> Grid:
+    """The table of run files: run, outcome, hash."""
+    columns = ("Run", "Outcome", "SHA-256 of the run file")
+    return Grid("Run files", columns, tuple(rows), (False, False, False), hashes=columns[2:])
 
 
 def without_empty(grid: Grid) -> Grid:
     """The grid without the columns that say nothing."""
-    kept = [i for i in range(len(grid.columns)) if any(row[i] for row in grid.rows)]
-    if len(kept) == len(grid.columns) or not kept:
+    full = [i for i in range(len(grid.columns)) if any(row[i] for row in grid.rows)]
+    if len(full) == len(grid.columns) or not full:
         return grid
     return replace(
         grid,
-        columns=tuple(grid.columns[i] for i in kept),
-        numeric=tuple(grid.numeric[i] for i in kept),
-        rows=tuple(tuple(row[i] for i in kept) for row in grid.rows),
+        columns=tuple(grid.columns[i] for i in full),
+        numeric=tuple(grid.numeric[i] for i in full),
+        rows=tuple(tuple(row[i] for i in full) for row in grid.rows),
     )
 
 
@@ -306,15 +314,15 @@ def metric_grid(result: Result) -> Grid | None:
         text = metric(result.kind, name, float(value))
         rows.setdefault(stem if way in ways else name, ["", ""])[column] = text
     if any(cells[1] for cells in rows.values()):
-        made = tuple((readable(name), *cells) for name, cells in rows.items())
+        lines = tuple((readable(name), *cells) for name, cells in rows.items())
         return Grid(
             "Figures of merit",
             ("Figure of merit", "Value, or forward", "Reverse"),
-            made,
+            lines,
             (False, True, True),
         )
-    made = tuple((readable(name), cells[0]) for name, cells in rows.items())
-    return Grid("Figures of merit", ("Figure of merit", "Value"), made, (False, True))
+    lines = tuple((readable(name), cells[0]) for name, cells in rows.items())
+    return Grid("Figures of merit", ("Figure of merit", "Value"), lines, (False, True))
 
 
 def order_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
@@ -385,7 +393,7 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
         factor, unit = display_unit("amplitude", "rad", h.amplitude)
         origin = gear.origins.get(harmonic_path(h.order))
         u = origin.standard_uncertainty if origin else None
-        known = (origin.provenance, origin.source) if origin else ("", "")
+        stated = (origin.provenance, origin.source) if origin else ("", "")
         name = f"kinematic error, order {order_label(h.order, gear.ratio)}: amplitude"
         rows.append(
             (
@@ -394,7 +402,7 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
                 number(h.amplitude / factor),
                 number(u / factor, 2) if u else "",
                 unit,
-                *known,
+                *stated,
             )
         )
     columns = ("Parameter", "Symbol", "Value", "u", "Unit", "Provenance", "Source")
@@ -431,7 +439,7 @@ def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
 
 def truth_grid(rows: Sequence[tuple[str, TruthRow]]) -> Grid:
     """Identified against true values of a simulated gear: kind of fit and row."""
-    made = []
+    lines = []
     for kind, row in rows:
         e = row.estimate
         s = show(e)
@@ -439,7 +447,7 @@ def truth_grid(rows: Sequence[tuple[str, TruthRow]]) -> Grid:
         distance = number(abs(row.difference) / u, 2) if u > 0 else "–"
         inside = ("yes" if row.covered else "no", "yes" if row.within else "no")
         truth = s.number(e.value - row.difference)
-        made.append(
+        lines.append(
             (kind, readable(e.name), s.value, s.expanded or "–", truth, s.unit, distance, *inside)
         )
     columns = (
@@ -454,7 +462,7 @@ def truth_grid(rows: Sequence[tuple[str, TruthRow]]) -> Grid:
         "Within U",
     )
     numeric = (False, False, True, True, True, False, True, False, False)
-    return Grid("Found against the simulator's truth", columns, tuple(made), numeric)
+    return Grid("Found against the simulator's truth", columns, tuple(lines), numeric)
 
 
 LONG_TABLE = 16
@@ -507,11 +515,13 @@ def key_results(fits: Sequence[Fit], most: int = 8) -> tuple[tuple[str, str, str
     rows = []
     for fit in fits:
         wanted = KEY_RESULTS.get(fit.result.kind, ())
-        found = fit.result.estimates
-        names = [n for start in wanted for n in found if n == start or n.startswith(start + "_")]
-        names = names or [n for n in found if not _ORDER_ROW.match(n)]
+        estimates = fit.result.estimates
+        names = [
+            n for start in wanted for n in estimates if n == start or n.startswith(start + "_")
+        ]
+        names = names or [n for n in estimates if not _ORDER_ROW.match(n)]
         for name in names[:most]:
-            e = found[name]
+            e = estimates[name]
             rows.append((fit.result.kind, readable(name), show(e).with_uncertainty, e.identifiable))
     return tuple(rows)
 

@@ -267,12 +267,12 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
 
 def _alarms(parts: Sequence[content.Part], serials: Sequence[str]) -> tuple[str, ...]:
     """What stands loudly at the top: doubtful scales, and runs of more than one gear under one verdict."""
-    told = dict.fromkeys(alarm for p in parts for alarm in p.provenance.alarms)
+    alarms = dict.fromkeys(alarm for p in parts for alarm in p.provenance.alarms)
     if len(serials) > 1:
-        told[
+        alarms[
             f"These runs are of more than one gear ({', '.join(serials)}): the verdict covers them together."
         ] = None
-    return tuple(told)
+    return tuple(alarms)
 
 
 def _truth_note(truth: Sequence[tuple[str, TruthRow]]) -> str:
@@ -317,7 +317,7 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
     siblings: dict[str, int] = defaultdict(int)
     for plot in fit.result.plots:
         siblings[plot.figure] += bool(plot.figure)
-    made = []
+    drawn = []
     begun: set[str] = set()
     for number, plot in enumerate(fit.result.plots, before + 1):
         half = siblings[plot.figure] >= 3 and not (
@@ -328,7 +328,7 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
         drawing = figures.draw_svg(plot, origin, f"f{number}", size)
         after = f"cf. figure {plot.figure} of the paper" if plot.figure else ""
         note = " ".join(part for part in (plot.note, *drawing.remarks) if part)
-        made.append(
+        drawn.append(
             (
                 Figure(
                     number=number,
@@ -342,24 +342,26 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
                 plot,
             )
         )
-    return made
+    return drawn
 
 
-def _paper_figures(made: Sequence[tuple[Figure, Plot]]) -> list[tuple[str, str, list[Figure], str]]:
+def _paper_figures(
+    drawn: Sequence[tuple[Figure, Plot]],
+) -> list[tuple[str, str, list[Figure], str]]:
     """Each of the paper's figures: its number, what it shows, the figures here, and what is missing."""
     rows = []
     for number, (what, kind) in definitions.PAPER_FIGURES.items():
-        here = [f for f, plot in made if number in _figure_numbers(plot.figure)]
+        here = [f for f, plot in drawn if number in _figure_numbers(plot.figure)]
         rows.append((number, what, here, "" if here else f"needs a {kind} run"))
     return rows
 
 
 def _figure_numbers(text: str) -> set[str]:
     """The numbers named in a plot's `figure`: "12", "12-13", "9, 17"."""
-    found: set[str] = set()
+    numbers: set[str] = set()
     for first, last in re.findall(r"(\d+)(?:\s*[-–]\s*(\d+))?", text):
-        found |= {str(n) for n in range(int(first), int(last or first) + 1)}
-    return found
+        numbers |= {str(n) for n in range(int(first), int(last or first) + 1)}
+    return numbers
 
 
 def _heading(gears: Sequence[HarmonicDrive], serials: Sequence[str], fits: Sequence[Fit]) -> str:

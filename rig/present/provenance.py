@@ -49,13 +49,15 @@ def side_by_side(
     ones are left out.
     """
     given = [(heading, dict(rows)) for heading, rows in facts if rows]
-    made = []
+    tables = []
     for first in range(0, len(given), MATRIX_COLUMNS):
         some = given[first : first + MATRIX_COLUMNS]
-        names = list(dict.fromkeys(name for _, found in some for name in found))
-        rows = tuple((name, tuple(found.get(name, "–") for _, found in some)) for name in names)
-        made.append(Matrix(caption, tuple(heading for heading, _ in some), rows))
-    return tuple(made)
+        names = list(dict.fromkeys(name for _, facts_of_run in some for name in facts_of_run))
+        rows = tuple(
+            (name, tuple(facts_of_run.get(name, "–") for _, facts_of_run in some)) for name in names
+        )
+        tables.append(Matrix(caption, tuple(heading for heading, _ in some), rows))
+    return tuple(tables)
 
 
 def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[tuple[str, str], ...]:
@@ -225,12 +227,12 @@ def calibrations_of(recording: Recording) -> tuple[tuple[str, str], ...]:
     rows = []
     for name, calibration in _calibrated(recording):
         c = calibration
-        told = [
+        parts = [
             c.certificate or "no certificate",
             f"of {c.date}" if c.date else "",
             f"due {c.due}" if c.due else "",
         ]
-        text = ", ".join(part for part in told if part) + (
+        text = ", ".join(part for part in parts if part) + (
             f": {EXPIRED}" if _expired(recording, c) else ""
         )
         rows.append((name, text))
@@ -239,24 +241,24 @@ def calibrations_of(recording: Recording) -> tuple[tuple[str, str], ...]:
 
 def alarms_of(recording: Recording) -> tuple[str, ...]:
     """Sentences for the top of the report: expired calibrations, and channels of hardware without a certificate."""
-    told = []
+    sentences = []
     for name, c in _calibrated(recording):
         if _expired(recording, c):
-            told.append(
+            sentences.append(
                 f"The calibration of {name.lower()} ({c.certificate or 'no certificate'}) was "
                 f"due on {c.due}: {EXPIRED}."
             )
         elif recording.metadata.origin == "hardware" and not c.certificate:
-            told.append(f"{name} has no calibration certificate.")
-    return tuple(told)
+            sentences.append(f"{name} has no calibration certificate.")
+    return tuple(sentences)
 
 
 def _calibrated(recording: Recording) -> list[tuple[str, Calibration]]:
     columns = getattr(recording.source, "columns", ())
-    found = [(column.name, column.calibration) for column in columns]
+    calibrations = [(column.name, column.calibration) for column in columns]
     return [
         (readable(n).capitalize(), c)
-        for n, c in found
+        for n, c in calibrations
         if c.certificate or c.date or c.due or n in CALIBRATED
     ]
 

@@ -87,14 +87,14 @@ def work(
 ) -> None:
     """Run and fit the protocols of one branch; everything that happens goes into `messages`, None at the end."""
     try:
-        found: dict[str, Fit] = {}
+        fits: dict[str, Fit] = {}
         for protocol in branch:
             if not _turn_has_come(protocol, begun):
                 _compile_ahead(protocol)
             _wait_for_turn(protocol, begun, shared)
             if shared.value:
                 break
-            finished = _one(protocol, order, messages, begun, SharedStop(shared), found)
+            finished = _one(protocol, order, messages, begun, SharedStop(shared), fits)
             messages.put(finished)
             if finished.result is None:
                 break
@@ -143,7 +143,7 @@ def _one(
     messages: Any,
     begun: Mapping[str, Any],
     stop: StopRequest,
-    found: dict[str, Fit],
+    fits: dict[str, Fit],
 ) -> Finished:
     """Run one protocol, fit it, keep the analysis."""
     from rig.analysis.fit import TARE, fit_recording, store
@@ -182,9 +182,9 @@ def _one(
         )
     messages.put(Step(protocol, 1.0, 0.0, "fitting"))
     recording = open_run(report.path)
-    tare = found.get(TARE) if protocol != TARE else None
-    fit = fit_recording(recording, gear=gear_for(protocol, found), tare=tare, path=report.path)
-    fit = found[protocol] = store(fit, order.created)
+    tare = fits.get(TARE) if protocol != TARE else None
+    fit = fit_recording(recording, gear=gear_for(protocol, fits), tare=tare, path=report.path)
+    fit = fits[protocol] = store(fit, order.created)
     seconds = time.monotonic() - started
     return Finished(
         protocol=protocol,
@@ -214,7 +214,7 @@ def _request(protocol: str, order: DemoOrder) -> Any:
     )
 
 
-def gear_for(protocol: str, found: Mapping[str, Fit]) -> HarmonicDrive:
+def gear_for(protocol: str, fits: Mapping[str, Fit]) -> HarmonicDrive:
     """The parameter set to compare with: the shipped one; velocity steps know the kinematic error
     that was just found.
     """
@@ -222,8 +222,8 @@ def gear_for(protocol: str, found: Mapping[str, Fit]) -> HarmonicDrive:
     from rig.analysis.adopt import adopt
 
     results = (
-        [found["kinematic-error"].result]
-        if protocol == "velocity-steps" and "kinematic-error" in found
+        [fits["kinematic-error"].result]
+        if protocol == "velocity-steps" and "kinematic-error" in fits
         else []
     )
     return adopt(shipped_gear(), results).gear

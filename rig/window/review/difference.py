@@ -58,20 +58,20 @@ class DifferenceView(QWidget):
         self.says.setText("Reading both runs …")
         self._comparing.start(lambda: difference(first, second))
 
-    def _take(self, found: Difference) -> None:
-        self.difference = found
-        self.title.setText(f"{found.first}  against  {found.second}")
-        counts = {group: len(found.of(group)) for group in found.compared}
+    def _take(self, compared: Difference) -> None:
+        self.difference = compared
+        self.title.setText(f"{compared.first}  against  {compared.second}")
+        counts = {group: len(compared.of(group)) for group in compared.compared}
         self.group.clear()
         self.group.addItem(EVERYTHING, "")
         for group, count in counts.items():
             if count:
                 self.group.addItem(f"{group} ({count})", group)
-        same = [group for group, count in counts.items() if not count and found.compared[group]]
-        looked_at = sum(found.compared.values())
+        same = [group for group, count in counts.items() if not count and compared.compared[group]]
+        looked_at = sum(compared.compared.values())
         text = (
-            f"{len(found.changes)} of {looked_at} things differ."
-            if found.differs
+            f"{len(compared.changes)} of {looked_at} things differ."
+            if compared.differs
             else "Nothing differs but number and time."
         )
         self.says.setText(text + (f" The same in both: {', '.join(same)}." if same else ""))

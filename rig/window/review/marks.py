@@ -37,12 +37,12 @@ class TimeMarks:
 
     def event_near(self, moment: float, reach: float) -> Event | None:
         """The nearest event, if it is within reach [s]."""
-        at, found = min(
+        at, nearest = min(
             ((abs(t - moment), event) for t, event in self.events),
             default=(0.0, None),
             key=lambda pair: pair[0],
         )
-        return found if at <= reach else None
+        return nearest if at <= reach else None
 
 
 def marks_of(recording: Recording) -> TimeMarks:

@@ -212,13 +212,13 @@ class FitBar(QWidget):
     def _ask_target(self) -> Path | None:
         begin = f"{self._run.name.removesuffix('.h5')}.toml" if self._run is not None else ""
         title = "Where is the parameter set written?"
-        found, _ = QFileDialog.getSaveFileName(self, title, begin, "Parameter sets (*.toml)")
-        return Path(found).with_suffix(".toml") if found else None
+        chosen, _ = QFileDialog.getSaveFileName(self, title, begin, "Parameter sets (*.toml)")
+        return Path(chosen).with_suffix(".toml") if chosen else None
 
     def _ask_file(self) -> Path | None:
         title = "Which parameter set is held against this run?"
-        found, _ = QFileDialog.getOpenFileName(self, title, "", "Parameter sets (*.toml)")
-        return Path(found) if found else None
+        chosen, _ = QFileDialog.getOpenFileName(self, title, "", "Parameter sets (*.toml)")
+        return Path(chosen) if chosen else None
 
 
 class ResultsView(QWidget):
@@ -291,7 +291,7 @@ class ResultsView(QWidget):
 
 
 def comparison_rows(
-    told: Mapping[str, object], gear: HarmonicDrive | None
+    content: Mapping[str, object], gear: HarmonicDrive | None
 ) -> list[tuple[str, ...]]:
     """What `rig compare --json` found, a row per value of the parameter set."""
     from rig.analysis.wording import display_unit, number, readable
@@ -302,16 +302,16 @@ def comparison_rows(
         else {}
     )
     rows = []
-    comparison = told.get("comparison")
+    comparison = content.get("comparison")
     for path, row in comparison.items() if isinstance(comparison, Mapping) else ():
-        found = row["identified"]
-        factor, unit = display_unit(path, row["unit"], found)
+        identified = row["identified"]
+        factor, unit = display_unit(path, row["unit"], identified)
         ratio = row["normalised_error"]
         rows.append(
             (
                 described.get(path, readable(path.replace(".", " "))),
                 number(row["parameter"] / factor),
-                number(found / factor),
+                number(identified / factor),
                 number(row["expanded_uncertainty"] / factor, 2),
                 unit,
                 "∞" if ratio is None else number(ratio, 2),

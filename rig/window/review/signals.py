@@ -129,14 +129,14 @@ class SignalsView(QWidget):
         at_end = not same or self.view[1] >= self._end
         self._recording, self._mark = recording, mark
         self._end = duration_of(recording)
-        known = channels_of(recording)
+        channels = channels_of(recording)
         checked = (
-            [name for name in checked if name in known]
-            or [name for name in AT_FIRST if name in known][:2]
-            or [*known][:1]
+            [name for name in checked if name in channels]
+            or [name for name in AT_FIRST if name in channels][:2]
+            or [*channels][:1]
         )
-        if not same or self.channels.count() != len(known):
-            self._offer(known, checked)
+        if not same or self.channels.count() != len(channels):
+            self._offer(channels, checked)
             self._rebuild()
         if at_end:
             self.show_all()
@@ -171,10 +171,10 @@ class SignalsView(QWidget):
             plot.item.setXRange(begin, end, padding=0.01)
         self._pause.start()
 
-    def _offer(self, known: dict[str, tuple[str, str]], checked: list[str]) -> None:
+    def _offer(self, channels: dict[str, tuple[str, str]], checked: list[str]) -> None:
         self.channels.blockSignals(True)
         self.channels.clear()
-        for name, (what, unit) in known.items():
+        for name, (what, unit) in channels.items():
             words = name.replace("_", " ")
             item = QListWidgetItem(f"{words} [{unit}]" if unit not in ("", "1") else words)
             item.setToolTip(what)
@@ -195,9 +195,9 @@ class SignalsView(QWidget):
         self.plots, self.curves, self._drawn_marks = {}, {}, {}
         if self._recording is None:
             return
-        known = channels_of(self._recording)
+        channels = channels_of(self._recording)
         for place, name in enumerate(self.chosen):
-            unit = known[name][1]
+            unit = channels[name][1]
             plot = self.plots.get(unit) or (
                 self._new_plot(unit) if len(self.plots) < MOST_PLOTS else None
             )
@@ -247,13 +247,13 @@ class SignalsView(QWidget):
             old = self._drawn_marks.pop(unit, None)
             if old is not None:
                 plot.item.removeItem(old)
-            made = MarksItem(self._marks, self._session.palette)
-            plot.item.addItem(made, ignoreBounds=True)
-            self._drawn_marks[unit] = made
+            item = MarksItem(self._marks, self._session.palette)
+            plot.item.addItem(item, ignoreBounds=True)
+            self._drawn_marks[unit] = item
 
     def _restyle(self, palette: Palette) -> None:
-        for made in self._drawn_marks.values():
-            made.restyle(palette)
+        for item in self._drawn_marks.values():
+            item.restyle(palette)
 
     def _point(self, plot: LabPlot, place: Any) -> None:
         """What stands under the pointer, in words."""

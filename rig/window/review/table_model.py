@@ -230,12 +230,12 @@ class Wanted:
 
     def passes(self, run: IndexedRun) -> bool:
         """Whether a run is wanted."""
-        for wanted, found in (
+        for wanted, value in (
             (self.gear, run.gear_serial),
             (self.protocol, run.protocol),
             (self.outcome, outcome_of(run)),
         ):
-            if wanted and wanted != found:
+            if wanted and wanted != value:
                 return False
         day = local_time(run.start)[:10]
         if (self.since and day < self.since) or (self.until and not day <= self.until):

@@ -172,8 +172,8 @@ def sentence_of(state: RunState, report: dict[str, Any], folder: Path) -> str:
     parts: list[str] = []
     trip = report.get("trip") or {}
     if state.cause:
-        found = rule_of(state.cause)
-        parts.append(f"Cause: {state.cause.replace('_', ' ')}, {found.what}.")
+        rule = rule_of(state.cause)
+        parts.append(f"Cause: {state.cause.replace('_', ' ')}, {rule.what}.")
         if trip.get("value") is not None and trip.get("limit") is not None:
             unit = f" {trip['unit']}" if trip.get("unit") else ""
             parts.append(f"Found {trip['value']:.4g}{unit}, limit {trip['limit']:.4g}{unit}.")

@@ -266,19 +266,19 @@ def test_the_picture_of_an_axis_is_made_when_it_changes_and_not_with_every_frame
     plot.item.setRange(xRange=(0.0, 10.0), yRange=(0.0, 1.0), padding=0.0)
     axes = [plot.item.getAxis(side) for side in ("left", "bottom")]
     plot.canvas.grab()
-    before = [axis.times_made for axis in axes]
+    before = [axis.times_drawn for axis in axes]
     for frame in range(5):
         curve.item.setData([0.0, 10.0], [0.0, 0.1 * frame])
         plot.canvas.grab()
-    assert [axis.times_made for axis in axes] == before
+    assert [axis.times_drawn for axis in axes] == before
     plot.item.setYRange(0.0, 2.0, padding=0.0)
     plot.canvas.grab()
-    assert axes[0].times_made > before[0]
-    before = [axis.times_made for axis in axes]
+    assert axes[0].times_drawn > before[0]
+    before = [axis.times_drawn for axis in axes]
     for theme in ("dark", "light"):
         session.set_theme(theme)
         plot.canvas.grab()
-    assert all(axis.times_made >= count + 2 for axis, count in zip(axes, before, strict=True))
+    assert all(axis.times_drawn >= count + 2 for axis, count in zip(axes, before, strict=True))
 
 
 def test_a_kept_axis_looks_as_one_that_is_painted(

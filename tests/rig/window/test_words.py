@@ -13,7 +13,7 @@ from rig.window.run.outcome_view import remarks, result_lines
 from tests.rig.window.reviewing import indexed
 
 
-def told(**changes: object) -> str:
+def answer(**changes: object) -> str:
     """What `rig fit --json` prints of a friction run."""
     estimate = {
         "value": 0.0734795,
@@ -30,19 +30,19 @@ def told(**changes: object) -> str:
 
 
 def test_the_end_of_a_run_names_results_in_words_and_whose_torque_it_is() -> None:
-    first, second = result_lines(told(), "friction")
+    first, second = result_lines(answer(), "friction")
     assert first == "running torque 500 r/min 73.5 ± 2.1 mN m"
     assert second.startswith("Coulomb friction ")
-    assert remarks(told()) == []
-    (whose,) = remarks(told(options={"torque_is_of": "motor + gear"}))
+    assert remarks(answer()) == []
+    (whose,) = remarks(answer(options={"torque_is_of": "motor + gear"}))
     assert "no tare was subtracted. Review fits it" in whose
     assert (
         "Review"
-        not in remarks(told(kind="starting-torque", options={"torque_is_of": "motor + gear"}))[0]
+        not in remarks(answer(kind="starting-torque", options={"torque_is_of": "motor + gear"}))[0]
     )
-    (judged,) = remarks(told(verdicts=[{"outcome": "no verified limit"}]))
+    (judged,) = remarks(answer(verdicts=[{"outcome": "no verified limit"}]))
     assert "not judged" in judged
-    assert remarks(told(verdicts=[{"outcome": "no verified limit"}, {"outcome": "FAIL"}])) == []
+    assert remarks(answer(verdicts=[{"outcome": "no verified limit"}, {"outcome": "FAIL"}])) == []
 
 
 @pytest.mark.parametrize(

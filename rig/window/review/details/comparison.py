@@ -24,7 +24,7 @@ class ComparisonView(QWidget):
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
         self._session = session
-        self._told: Mapping[str, Any] = {}
+        self._content: Mapping[str, Any] = {}
         self.title = QLabel()
         self.title.setProperty("part", "heading")
         self.title.setWordWrap(True)
@@ -40,13 +40,12 @@ class ComparisonView(QWidget):
         column.addWidget(self.page, 2)
         session.theme_changed.connect(lambda _: self._write())
 
-    def show_comparison(self, told: Mapping[str, Any], parameters: Path) -> None:
+    def show_comparison(self, content: Mapping[str, Any], parameters: Path) -> None:
         """What was told of a run and a parameter set."""
-        self._told = told
-        rows = comparison_rows(told, _gear(parameters))
-        self.title.setText(
-            f"{told.get('kind', '')}: run {told.get('run', '')} against the set {told.get('parameter_set', '')}"
-        )
+        self._content = content
+        rows = comparison_rows(content, _gear(parameters))
+        kind, run, against = (content.get(key, "") for key in ("kind", "run", "parameter_set"))
+        self.title.setText(f"{kind}: run {run} against the set {against}")
         self.title.setToolTip(str(parameters))
         self.table.show_rows(
             COMPARISON_COLUMNS, rows, (False, True, True, True, False, True, False)
@@ -56,15 +55,15 @@ class ComparisonView(QWidget):
         self._write()
 
     def _write(self) -> None:
-        told, palette = self._told, self._session.palette
+        content, palette = self._content, self._session.palette
         pairs = [
             (
                 readable(name),
-                "–" if value is None else metric(str(told.get("kind", "")), name, float(value)),
+                "–" if value is None else metric(str(content.get("kind", "")), name, float(value)),
             )
-            for name, value in told.get("metrics", {}).items()
+            for name, value in content.get("metrics", {}).items()
         ]
-        warnings = [("", str(text)) for text in told.get("warnings", ())]
+        warnings = [("", str(text)) for text in content.get("warnings", ())]
         self.page.setHtml(
             facts_html("To beware of", warnings, palette)
             + facts_html("How well the set predicts", pairs, palette)

@@ -79,12 +79,12 @@ class RunFilesView(QWidget):
         for a in self._analyses:
             tare = str(a.content.get("tare", {}).get("run", "")) or "none"
             version = str(a.content.get("program_version", ""))
-            made = local_time(str(a.content.get("created", "")))
+            created = local_time(str(a.content.get("created", "")))
             rows.append(
                 (
                     str(a.number),
                     a.kind,
-                    made,
+                    created,
                     str(a.content.get("outcome", "")),
                     tare,
                     version,

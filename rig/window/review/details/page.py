@@ -264,7 +264,7 @@ class RunDetails(QWidget):
         assert self.recording is not None
         metadata = self.recording.metadata
         newest = self._analyses[-1] if self._analyses else None
-        used = order_of(newest, self.path, self._known_runs()) if newest else None
+        used = order_of(newest, self.path, self._sealed_runs()) if newest else None
         # A run that was broken off is no tare: it lacks speeds.
         tares = [
             r
@@ -287,7 +287,7 @@ class RunDetails(QWidget):
         else:
             self.results.show_nothing("Nothing has been identified from this run yet. Press Fit.")
 
-    def _known_runs(self) -> Mapping[str, Path]:
+    def _sealed_runs(self) -> Mapping[str, Path]:
         return {run.run_id: run.path for run in self._library if run.state == "sealed"}
 
     def _show_analysis(self, analysis: Analysis, *, front: bool = True) -> None:
@@ -297,9 +297,9 @@ class RunDetails(QWidget):
             self.results.show_nothing(f"Analysis {analysis.number} cannot be read: {error}.")
             return
         self.results.show_result(result, self._gear)
-        made = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
+        heading = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
         tare = str(analysis.content.get("tare", {}).get("run", ""))
-        self.bar.say(f"{made}, {analysis.kind}{self._tare_words(tare, analysis.kind)}.")
+        self.bar.say(f"{heading}, {analysis.kind}{self._tare_words(tare, analysis.kind)}.")
         if front:
             self.tabs.setCurrentWidget(self.results)
 
@@ -356,7 +356,7 @@ class RunDetails(QWidget):
             return
         newest = self._analyses[-1] if self._analyses else None
         order = (
-            order_of(newest, self.path, self._known_runs())
+            order_of(newest, self.path, self._sealed_runs())
             if newest
             else self.bar.order(keep=False)
         )
@@ -392,12 +392,12 @@ class RunDetails(QWidget):
         self._comparing = None
         self.bar.set_busy(False)
         try:
-            told = json.loads(out)
+            content = json.loads(out)
         except ValueError:
             self.bar.say(in_words(complaint), "bad")
             return
         self.bar.say("")
-        self.comparison.show_comparison(told, parameters)
+        self.comparison.show_comparison(content, parameters)
         if self.tabs.indexOf(self.comparison) < 0:
             self.tabs.insertTab(1, self.comparison, "Comparison")
         self.tabs.setCurrentWidget(self.comparison)
