@@ -21,6 +21,7 @@ from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked
 from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
 from experiments.protocols.friction import protocol as friction
+from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
 from experiments.steps import Prompt, Step
@@ -35,6 +36,28 @@ from model.identify.running_torque import FrictionPoints, pair_directions, tare_
 from model.units import RPM
 
 NAME = "motor-tare"
+
+
+QUANTITIES = (
+    Quantity(name="motor_coulomb", title="motor, Coulomb friction", unit="N m"),
+    Quantity(name="motor_viscous", title="motor, viscous friction", unit="N m s/rad"),
+    Quantity(
+        name="offset",
+        title="offset",
+        unit="N m",
+        definition="half-sum of the directions: rest of the zero and asymmetry",
+    ),
+    Quantity(
+        name="torque_scale",
+        title="torque scale",
+        unit="1",
+        definition="torque shown per torque that accelerates a disc of known inertia",
+    ),
+    Quantity(name="speeds", title="speeds", unit="1"),
+    Quantity(name="torque_zero_drift", title="torque zero drift", unit="N m"),
+    Quantity(name="cogging_peak_to_peak", title="cogging peak to peak", unit="N m"),
+    Quantity(name="strongest_cogging_order", title="strongest cogging order", unit="1"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,6 +198,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
         warnings=(*warnings, *remarks),
@@ -328,4 +352,7 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "torque"),
     gear_mounted=False,
+    quantities=QUANTITIES,
+    live=("speed", "torque points", "torque"),
+    gives_tare=True,
 )

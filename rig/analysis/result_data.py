@@ -5,12 +5,14 @@ nothing hands to one that draws.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments import catalogue
+from experiments.quantity import Quantity, with_bare
 from experiments.result import Plot, Result, Series, Table, Verdict
 from model.identify.estimate import BudgetLine, Estimate
 
@@ -31,6 +33,7 @@ def result_from_mapping(
     return Result(
         run=str(told["run"]),
         kind=str(told["kind"]),
+        quantities=quantities_for(str(told["kind"]), estimates, told.get("metrics", ())),
         estimates=estimates,
         metrics={name: _number(value) for name, value in told.get("metrics", {}).items()},
         warnings=tuple(str(warning) for warning in told.get("warnings", ())),
@@ -39,6 +42,15 @@ def result_from_mapping(
         tables=tuple(table_from_mapping(table) for table in (*told.get("tables", ()), *tables)),
         options=dict(told.get("options", {})),
     )
+
+
+def quantities_for(
+    kind: str, estimates: Mapping[str, Estimate], metrics: Iterable[str]
+) -> tuple[Quantity, ...]:
+    """What a kind of analysis declares, and of numbers that it does not (any more) their names and units."""
+    declared = catalogue.load(kind).quantities if kind in catalogue.kinds() else ()
+    units = dict.fromkeys(metrics, "") | {name: e.unit for name, e in estimates.items()}
+    return with_bare(declared, units)
 
 
 def estimate_from_mapping(name: str, told: Mapping[str, Any]) -> Estimate:

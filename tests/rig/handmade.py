@@ -13,6 +13,7 @@ from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine, Estimate
 from model.units import ARCMIN, RPM
 from rig.analysis.fit import Fit
+from rig.analysis.result_data import quantities_for
 
 
 def estimate(name: str, value: float, unit: str, u: float, **more: Any) -> Estimate:
@@ -131,6 +132,7 @@ def friction_result(limit: float = 0.15, provenance: Any = "catalogue") -> Resul
     return Result(
         run="R-000042",
         kind="friction",
+        quantities=quantities_for("friction", estimates, ("mse", "relative_error")),
         estimates=estimates,
         metrics={"mse": 0.431, "relative_error": 0.012},
         warnings=("The bracket drifted by 1.2 % over the sweep.",),
@@ -181,6 +183,7 @@ def kinematic_result() -> Result:
     return Result(
         run="R-000041",
         kind="kinematic-error",
+        quantities=quantities_for("kinematic-error", estimates, ("mse",)),
         estimates=estimates,
         metrics={"mse": 0.71},
         plots=plots,

@@ -11,6 +11,7 @@ import numpy as np
 
 from experiments.budget import torque_scale_uncertainty
 from experiments.protocols.friction.points import Correction, MeasuredFriction
+from experiments.protocols.friction.quantities import CATALOGUE_SPEEDS_RPM
 from experiments.recording import Recording
 from experiments.torque.running_torque import TEMPERATURE
 from experiments.torque.zero import TorqueZero
@@ -21,8 +22,6 @@ from model.identify.friction import FrictionFit, TorqueUncertainty
 from model.identify.stribeck import NAMES, fit_stribeck_genetic
 from model.units import RPM
 
-CATALOGUE_SPEEDS_RPM = (500.0, 1000.0, 2000.0, 3500.0)
-"""Input speeds at which catalogues give the no-load running torque."""
 TARE_RELATIVE = 0.03
 """Relative standard uncertainty of a tare as a whole: the same motor, another day, another warmth."""
 BEARING_RELATIVE = 0.2

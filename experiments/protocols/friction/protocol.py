@@ -63,6 +63,7 @@ from experiments.protocols.friction.points import (
     reproducibility,
     weighed,
 )
+from experiments.protocols.friction.quantities import QUANTITIES
 from experiments.recording import Recording
 from experiments.result import Result, Verdict, judge_upper
 from experiments.steps import (
@@ -74,6 +75,7 @@ from experiments.steps import (
     Settle,
     Step,
 )
+from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE, PaperFigure, Term
 from model.friction import bearing_lever, bearing_magnitude, friction_torque, mesh_lever
 from model.gear import HarmonicDrive, Origin
 from model.identify.estimate import Estimate
@@ -280,6 +282,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=run,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
         warnings=(*measured.warnings, *fit.warnings),
@@ -409,6 +412,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates={},
         metrics=metrics,
         warnings=tuple(warnings),
@@ -474,7 +478,7 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
 
 EXPERIMENT = Experiment(
     name=NAME,
-    title="Friction",
+    title="No-load running torque and friction",
     summary="no-load running torque at constant speeds, both directions, up and down",
     parameters=Parameters,
     plan=plan,
@@ -482,4 +486,22 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     compare=compare,
     identified=identified,
+    quantities=QUANTITIES,
+    live=("speed", "torque points", "torque"),
+    takes_tare=True,
+    terms=(
+        RUNNING_TORQUE,
+        MOTOR_AND_GEAR,
+        Term(
+            "Friction parameters",
+            "Parameters of the Stribeck curve of the tooth mesh, equation 19: Coulomb friction "
+            "F_c, static friction F_s, Stribeck velocity v_s, shape σ, viscous coefficient c_v. "
+            "Their size depends on the torque balance by which the mesh force is referred to the "
+            "input; the balance used is named in the provenance.",
+        ),
+    ),
+    figures=(
+        PaperFigure(9, "friction torque at the input over speed"),
+        PaperFigure(17, "measured and fitted friction torque, both directions"),
+    ),
 )

@@ -39,9 +39,11 @@ from experiments.protocols.kinematic_error.plots import (
     order_table,
     prediction_plot,
 )
+from experiments.protocols.kinematic_error.quantities import QUANTITIES
 from experiments.recording import Recording, Segment
 from experiments.result import Result, Verdict, judge_upper
 from experiments.steps import HoldRevolutions, Mark, SegmentLabel, Step
+from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.gear import Harmonic, HarmonicDrive, Origin
 from model.gear_file import harmonic_path
@@ -216,6 +218,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
         warnings=tuple(dict.fromkeys(warnings)),
@@ -375,6 +378,7 @@ def _one_direction(
     return Result(
         run=run,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
         warnings=tuple(dict.fromkeys(warnings)),
@@ -503,6 +507,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates={},
         metrics=metrics,
         warnings=tuple(warnings),
@@ -569,11 +574,29 @@ def _order_of(label: str, ratio: float) -> float:
 
 EXPERIMENT = Experiment(
     name=NAME,
-    title="Kinematic error",
+    title="Kinematic error and transmission accuracy",
     summary="kinematic error over whole output revolutions at low speed, both directions",
     parameters=Parameters,
     plan=plan,
     analyse=analyse,
     compare=compare,
     identified=identified,
+    quantities=QUANTITIES,
+    live=("speed", "wave", "torque", "output"),
+    terms=(
+        KINEMATIC_ERROR,
+        Term(
+            "Transmission accuracy",
+            "Sum of the largest positive and the largest negative deviation of the output from "
+            "the ideal over one complete output revolution, one direction. It is taken from the "
+            "fitted curve up to the stated order; the raw peak-to-peak, which holds quantisation "
+            "and noise, stands beside it.",
+        ),
+        NORMALISED_MSE,
+    ),
+    figures=(
+        PaperFigure(12, "kinematic error over the input angle"),
+        PaperFigure(13, "fitted kinematic error and its orders"),
+        PaperFigure(16, "friction torque and kinematic error over the wave-generator angle"),
+    ),
 )

@@ -9,6 +9,7 @@ from typing import Any
 
 from experiments.result import Result
 from model.identify.estimate import BudgetLine, Estimate
+from rig.analysis.result_data import quantities_for
 from rig.analysis.store import Analysis, Basis, append_analysis
 from rig.runfile.layout import Column
 from rig.runfile.seal import recorded_sha256
@@ -79,10 +80,12 @@ def analyse(
     """Lay a result beside a run."""
     told = {"torque_is_of": "gear", "channel": "torque"} if options is None else options
     run_id = run.name.removesuffix(".h5")
+    named = {e.name: e for e in estimates}
     result = Result(
         run=run_id,
         kind=kind,
-        estimates={e.name: e for e in estimates},
+        quantities=quantities_for(kind, named, metrics or {}),
+        estimates=named,
         metrics=metrics or {},
         options=told,
     )
