@@ -264,7 +264,8 @@ def _with_drawings(result: Result, *, wanted: bool) -> dict[str, Any]:
 def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
     from rich.text import Text
 
-    from rig.analysis.wording import number, readable
+    from experiments.quantity import quantity_of
+    from rig.analysis.wording import number
     from rig.commands.result_tables import console, print_result
     from rig.present.figure import WATERMARKS
 
@@ -285,8 +286,11 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
         if spread:
             out.print()
             out.print(Text("Between runs", style="bold"))
+        quantities = {f.result.kind: f.result.quantities for f in fits}
         for p in spread:
-            text = f"  {p.kind} {readable(p.name)}: mean {number(p.mean)}, standard deviation {number(p.deviation)}"
+            quantity = quantity_of(quantities[p.kind], p.name)
+            title = p.name if quantity is None else quantity.titled(p.name)
+            text = f"  {p.kind} {title}: mean {number(p.mean)}, standard deviation {number(p.deviation)}"
             out.print(Text(f"{text} {p.unit} over {p.runs} runs"))
     out.print()
     for note in notes:
@@ -300,7 +304,7 @@ def _print_comparison(
     from rich.table import Table
     from rich.text import Text
 
-    from rig.analysis.wording import display_unit, number
+    from rig.analysis.wording import laboratory_unit, number
     from rig.commands.result_tables import console, print_metrics, print_warnings
 
     out = console()
@@ -317,7 +321,7 @@ def _print_comparison(
             heading, justify="left" if heading in ("parameter", "unit", "agrees?") else "right"
         )
     for row in rows:
-        factor, unit = display_unit(row.path, row.unit, row.identified)
+        factor, unit = laboratory_unit(row.unit, row.identified)
         table.add_row(
             _name_of(gear, row.path),
             number(row.parameter / factor),

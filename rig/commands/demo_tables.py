@@ -74,7 +74,7 @@ def print_demonstration(demonstration: Demonstration) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from rig.analysis.wording import number, readable, show
+    from rig.analysis.wording import number, show
     from rig.commands.result_tables import VERDICT_STYLE, console, print_warnings, verdict_sentence
 
     out = console()
@@ -83,17 +83,19 @@ def print_demonstration(demonstration: Demonstration) -> None:
     for heading in ("found ± U", "truth", "|Δ| / U"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("in U")
+    results = {fit.result.kind: fit.result for fit in demonstration.fits}
     last = ""
     for kind, row in demonstration.truth:
         if row.estimate.name.startswith("phase_"):
             continue
+        quantity = results[kind].quantity(row.estimate.name)
         if kind != last:
             table.add_row(Text(kind, style="bold"))
             last = kind
-        shown, u = show(row.estimate), row.estimate.expanded_uncertainty
+        shown, u = show(row.estimate, quantity), row.estimate.expanded_uncertainty
         truth = shown.number(row.estimate.value - row.difference)
         table.add_row(
-            "  " + readable(row.estimate.name).removesuffix(", amplitude"),
+            "  " + quantity.titled(row.estimate.name).removesuffix(", amplitude"),
             shown.with_uncertainty,
             truth,
             number(abs(row.difference) / u, 2) if u > 0 else "–",
@@ -112,7 +114,7 @@ def print_demonstration(demonstration: Demonstration) -> None:
     for fit in demonstration.fits:
         for verdict in fit.result.verdicts:
             line = Text.assemble("  ", (verdict.outcome, VERDICT_STYLE.get(verdict.outcome, "")))
-            out.print(line.append(f"  {verdict.name}: {verdict_sentence(verdict)}"))
+            out.print(line.append(verdict_sentence(fit.result, verdict)))
         print_warnings(out, [f"{fit.result.kind}: {w}" for w in fit.result.warnings])
     out.print()
     for name, path in (

@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments import catalogue
 from rig.errors import RigError, RunFileError
 
 if TYPE_CHECKING:
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
     from rig.analysis.fit import Fit
 
-ERROR, STEPS = "kinematic-error", "velocity-steps"
 """The protocol that identifies a kinematic error, and the one whose analysis needs it."""
 
 
@@ -65,8 +65,9 @@ def report_on_files(
     else:
         used = max(tares, key=lambda f: f.recording.metadata.start_time, default=None)
     fits = list(tares)
-    for path, recording in sorted(opened, key=lambda pair: pair[1].metadata.experiment == STEPS):
-        if recording.metadata.experiment != TARE:
+    # What an analysis builds on has to be identified before it.
+    for path, recording in sorted(opened, key=lambda pair: bool(_basis(pair[1]))):
+        if not catalogue.gives_tare(recording.metadata.experiment):
             fits.append(
                 fit_recording(
                     recording, gear=_gear_for(recording, gear, fits), tare=used, path=path
@@ -116,8 +117,8 @@ def _written(context: dict[str, Any], outputs: Sequence[Path], what: str) -> lis
 def _gear_for(
     recording: Recording, given: HarmonicDrive | None, fits: Sequence[Fit]
 ) -> HarmonicDrive | None:
-    """The parameter set for a run: the one given or the run's own (None); for velocity steps with
-    the error identified.
+    """The parameter set for a run: the one given or the run's own (None), with what runs of the
+    same gear identified that its analysis builds on.
     """
     from rig.analysis.adopt import adopt
 
@@ -126,13 +127,19 @@ def _gear_for(
     same = [
         f
         for f in fits
-        if f.result.kind == ERROR
+        if f.result.kind in _basis(recording)
         and f.recording.metadata.gear_serial == metadata.gear_serial
         and f.recording.metadata.mounting == metadata.mounting
     ]
-    if metadata.experiment != STEPS or base is None or not same:
+    if base is None or not same:
         return given
     return adopt(base, [same[-1].result]).gear
+
+
+def _basis(recording: Recording) -> tuple[str, ...]:
+    """The protocols whose identified parameters the analysis of this recording builds on."""
+    experiment = catalogue.declared(recording.metadata.experiment)
+    return () if experiment is None else experiment.builds_on
 
 
 def _readable(created: str) -> str:

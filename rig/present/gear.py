@@ -15,7 +15,7 @@ from rig.present import catalogue, content, definitions, provenance
 from rig.present import figure as figures
 from rig.present.content import Grid, Overall, Part
 from rig.present.gear_runs import gear_alarms, gear_files, newest_fits
-from rig.present.page import ORIGIN_SENTENCES, TITLES, Figure, Signature, run_line
+from rig.present.page import ORIGIN_SENTENCES, Figure, Signature, run_line
 from rig.present.provenance import Provenance
 
 if TYPE_CHECKING:
@@ -99,9 +99,7 @@ def _of_all_runs(passport: Passport) -> dict[str, Any]:
 
 def _of_newest(passport: Passport, fits: Sequence[Fit]) -> dict[str, Any]:
     """Verdict, catalogue, conditions, calibrations and provenance of the newest analysed runs, and the files of all."""
-    titles = [
-        f"{TITLES.get(fit.result.kind, fit.result.kind)}, run {fit.result.run}" for fit in fits
-    ]
+    titles = [f"{definitions.title_of(fit.result.kind)}, run {fit.result.run}" for fit in fits]
     origins = list(zip(titles, map(provenance.provenance_of, fits), strict=True))
     verdict = (
         content.overall(fits)

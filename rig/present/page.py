@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments import catalogue as experiments_catalogue
 from experiments.result import Plot
 from rig.analysis.wording import printable, unbroken
 from rig.errors import RigError
@@ -26,23 +27,6 @@ if TYPE_CHECKING:
     from rig.analysis.fit import Fit
 
 TEMPLATE, STYLE = "page.html", "page.css"
-
-TITLES = {
-    "kinematic-error": "Kinematic error and transmission accuracy",
-    "friction": "No-load running torque and friction",
-    "velocity-steps": "Velocity steps",
-    "motor-tare": "Motor tare",
-    "warm-up": "Warm-up",
-    "starting-torque": "No-load starting torque",
-    "home": "Index marks",
-    "motion": "Inertia and friction from motion",
-    "revolution": "Fourier series per revolution",
-    "order-spectrum": "Order spectrum",
-}
-"""Headings of the kinds of fit."""
-
-ORDER = tuple(TITLES)
-"""The order of the parts of a report."""
 
 ORIGIN_SENTENCES = {
     "simulated": "Made on a simulated rig with a simulated gear. "
@@ -201,8 +185,10 @@ def _cut(text: str, most: int) -> str:
 
 
 def _place(fit: Fit) -> tuple[int, str]:
-    kind = fit.result.kind
-    return ORDER.index(kind) if kind in ORDER else len(ORDER), fit.recording.metadata.start_time
+    """Parts stand in the order of the catalogue."""
+    kinds, kind = experiments_catalogue.kinds(), fit.result.kind
+    place = kinds.index(kind) if kind in kinds else len(kinds)
+    return place, fit.recording.metadata.start_time
 
 
 def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict[str, Any]:
@@ -250,7 +236,7 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
             [(p.title, p.provenance.settings) for p in parts],
             "Parameters of the protocols and settings of the analyses",
         ),
-        "truth": content.truth_grid(truth) if truth else None,
+        "truth": content.truth_grid(truth, results) if truth else None,
         "truth_note": _truth_note(truth),
         "paper_figures": [row for row in _paper_figures(all_figures) if row[2] or len(fits) > 1],
         "run_word": "Run",
@@ -304,7 +290,7 @@ def _parts(fits: Sequence[Fit]) -> tuple[tuple[content.Part, ...], list[tuple[Fi
 
 
 def _title(fit: Fit, fits: Sequence[Fit]) -> str:
-    title = TITLES.get(fit.result.kind, fit.result.kind)
+    title = definitions.title_of(fit.result.kind)
     same = [f for f in fits if f.result.kind == fit.result.kind]
     return f"{title}, run {fit.result.run}" if len(same) > 1 else title
 
@@ -350,9 +336,10 @@ def _paper_figures(
 ) -> list[tuple[str, str, list[Figure], str]]:
     """Each of the paper's figures: its number, what it shows, the figures here, and what is missing."""
     rows = []
-    for number, (what, kind) in definitions.PAPER_FIGURES.items():
+    for figure, kind in definitions.paper_figures():
+        number = str(figure.number)
         here = [f for f, plot in drawn if number in _figure_numbers(plot.figure)]
-        rows.append((number, what, here, "" if here else f"needs a {kind} run"))
+        rows.append((number, figure.shows, here, "" if here else f"needs a {kind} run"))
     return rows
 
 

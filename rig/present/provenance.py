@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from experiments import catalogue
 from rig.analysis.wording import number, pretty, readable
 
 if TYPE_CHECKING:
@@ -102,19 +103,14 @@ def _condition(name: str, text: str) -> tuple[str, str]:
     )
 
 
-POSITIONED = frozenset({"starting-torque"})
-"""Protocols whose segments are set to angles of the wave generator; those of all others are set to
-speeds of the input.
-"""
-
-
 def _setpoints(recording: Recording) -> list[tuple[str, str]]:
     """What the rig was set to: speeds of the input, or places of the wave generator."""
     from model.units import DEGREE, RPM
 
     turning = [s for s in recording.segments if s.direction]
     both = ", both directions" if {s.direction for s in turning} >= {1, -1} else ""
-    if recording.metadata.experiment in POSITIONED:
+    experiment = catalogue.declared(recording.metadata.experiment)
+    if experiment is not None and experiment.setpoint == "position":
         places = sorted({round(s.setpoint / DEGREE, 3) for s in turning})
         if not places:
             return []
@@ -287,12 +283,12 @@ def _moment(text: str) -> str:
 
 def _parameters(protocol: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Parameters of a protocol and settings of an analysis, with the units of the protocol's parameter model."""
-    from experiments import catalogue
     from experiments.parameters import parameter_fields
 
     units: dict[str, str] = {}
-    if protocol in catalogue.kinds():
-        units = {f.name: f.unit for f in parameter_fields(catalogue.load(protocol).parameters)}
+    experiment = catalogue.declared(protocol)
+    if experiment is not None:
+        units = {f.name: f.unit for f in parameter_fields(experiment.parameters)}
     rows = []
     for name, value in values.items():
         unit = units.get(name, "")

@@ -146,7 +146,8 @@ def _one(
     fits: dict[str, Fit],
 ) -> Finished:
     """Run one protocol, fit it, keep the analysis."""
-    from rig.analysis.fit import TARE, fit_recording, store
+    from experiments import catalogue
+    from rig.analysis.fit import fit_recording, store
     from rig.present.content import UNFINISHED
     from rig.run.start import run_request
     from rig.runfile.read import open_run
@@ -182,7 +183,7 @@ def _one(
         )
     messages.put(Step(protocol, 1.0, 0.0, "fitting"))
     recording = open_run(report.path)
-    tare = fits.get(TARE) if protocol != TARE else None
+    tare = None if catalogue.gives_tare(protocol) else tare_among(fits)
     fit = fit_recording(recording, gear=gear_for(protocol, fits), tare=tare, path=report.path)
     fit = fits[protocol] = store(fit, order.created)
     seconds = time.monotonic() - started
@@ -214,16 +215,19 @@ def _request(protocol: str, order: DemoOrder) -> Any:
     )
 
 
+def tare_among(fits: Mapping[str, Fit]) -> Fit | None:
+    """The fit that may be subtracted from the others as a tare, if it is there yet."""
+    from experiments import catalogue
+
+    return next((fit for protocol, fit in fits.items() if catalogue.gives_tare(protocol)), None)
+
+
 def gear_for(protocol: str, fits: Mapping[str, Fit]) -> HarmonicDrive:
-    """The parameter set to compare with: the shipped one; velocity steps know the kinematic error
-    that was just found.
-    """
+    """The parameter set to compare with: the shipped one with what this protocol builds on, as identified just now."""
+    from experiments import catalogue
     from model.gear_file import shipped_gear
     from rig.analysis.adopt import adopt
 
-    results = (
-        [fits["kinematic-error"].result]
-        if protocol == "velocity-steps" and "kinematic-error" in fits
-        else []
-    )
+    basis = catalogue.load(protocol).builds_on
+    results = [fits[earlier].result for earlier in basis if earlier in fits]
     return adopt(shipped_gear(), results).gear

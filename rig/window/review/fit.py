@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
+from experiments import catalogue
 from experiments.result import Result
+from rig.analysis.passport.gather import COUNTED_OUTCOMES
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis
-from rig.library.index import fingerprint_of
+from rig.library.index import IndexedRun, fingerprint_of
 from rig.window.work.background import BackgroundCommand
 
 MOST_KEPT = 40
@@ -63,6 +65,19 @@ def order_of(analysis: Analysis, run: Path, runs: Mapping[str, Path]) -> FitOrde
         (name, _setting(value)) for name, value in analysis.content.get("settings", {}).items()
     )
     return FitOrder(run, analysis.kind, tare, None, settings)
+
+
+def tares_among(runs: Iterable[IndexedRun], origin: str) -> list[IndexedRun]:
+    """The runs that may be subtracted as a tare from one of this origin, the newest last."""
+    return [
+        run
+        for run in runs
+        if catalogue.gives_tare(run.protocol)
+        and run.origin == origin
+        and run.state == "sealed"
+        # A run that was broken off is no tare: it lacks speeds.
+        and run.outcome in COUNTED_OUTCOMES
+    ]
 
 
 def _setting(value: Any) -> str:

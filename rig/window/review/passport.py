@@ -19,14 +19,14 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from experiments import catalogue
 from rig.analysis.store import read_analyses
 from rig.analysis.wording import fixed, number
 from rig.errors import RigError
 from rig.library.index import IndexedRun
 from rig.window.plot.result_plot import PlotGallery
-from rig.window.review.fit import FitDesk, FitOrder
+from rig.window.review.fit import FitDesk, FitOrder, tares_among
 from rig.window.review.grid import GridTable
-from rig.window.review.results import TARE, TARED
 from rig.window.review.table_model import local_time, outcome_of, with_sign
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import LatestTask
@@ -227,15 +227,8 @@ def missing_fits(library: Sequence[IndexedRun], serial: str) -> list[FitOrder]:
             or run.outcome not in COUNTED_OUTCOMES
         ):
             continue
-        tares = [
-            r.path
-            for r in library
-            if r.protocol == TARE
-            and r.origin == run.origin
-            and r.state == "sealed"
-            and r.outcome in COUNTED_OUTCOMES
-        ]
-        tare = tares[-1] if tares and run.protocol in TARED else None
+        tares = tares_among(library, run.origin) if catalogue.takes_tare(run.protocol) else []
+        tare = tares[-1].path if tares else None
         try:
             # At its end a run is fitted without a tare: of the gear alone nothing is known before
             # it is fitted with one.

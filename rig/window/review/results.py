@@ -29,8 +29,6 @@ from rig.window.review.table_model import local_time
 from rig.window.review.words import RESULT_COLUMNS, result_page, result_rows
 from rig.window.shell.session import WindowSession
 
-TARE, TARED = "motor-tare", ("friction",)
-"""The protocol that gives a tare, and the kinds of fit that subtract one."""
 ChooseFile = Callable[[], Path | None]
 
 
@@ -145,7 +143,7 @@ class FitBar(QWidget):
             str(self.tare.currentData() or ""),
             str(self.parameters.currentData() or ""),
         )
-        with_tare = self.kind.currentData() in TARED and tare
+        with_tare = catalogue.takes_tare(str(self.kind.currentData())) and tare
         return FitOrder(
             self._run,
             str(self.kind.currentData() or ""),
@@ -172,7 +170,7 @@ class FitBar(QWidget):
         self.says.setVisible(bool(text))
 
     def _offer_tare(self) -> None:
-        needs = self.kind.currentData() in TARED
+        needs = catalogue.takes_tare(str(self.kind.currentData()))
         self.tare.clear()
         self.tare.addItem("none", "")
         for run in self._tares:
@@ -294,7 +292,7 @@ def comparison_rows(
     content: Mapping[str, object], gear: HarmonicDrive | None
 ) -> list[tuple[str, ...]]:
     """What `rig compare --json` found, a row per value of the parameter set."""
-    from rig.analysis.wording import display_unit, number, readable
+    from rig.analysis.wording import laboratory_unit, number, readable
 
     described = (
         {v.path: f"{v.description} {v.symbol}".rstrip() for v in gear.values()}
@@ -305,7 +303,7 @@ def comparison_rows(
     comparison = content.get("comparison")
     for path, row in comparison.items() if isinstance(comparison, Mapping) else ():
         identified = row["identified"]
-        factor, unit = display_unit(path, row["unit"], identified)
+        factor, unit = laboratory_unit(row["unit"], identified)
         ratio = row["normalised_error"]
         rows.append(
             (

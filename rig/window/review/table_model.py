@@ -18,6 +18,7 @@ from PySide6.QtCore import (
 )
 from PySide6.QtGui import QColor, QFont
 
+from experiments import catalogue
 from rig.library.index import IndexedRun
 from rig.present.run_words import duration_text
 from rig.runfile.header import ORIGIN_WORDS
@@ -89,7 +90,8 @@ def _duration(run: IndexedRun) -> str:
 
 def gear_words(run: IndexedRun) -> str:
     """The serial number of the gear; a bare motor has none."""
-    if run.gear_serial == NO_SERIAL and run.protocol == "motor-tare":
+    experiment = catalogue.declared(run.protocol)
+    if run.gear_serial == NO_SERIAL and experiment is not None and not experiment.gear_mounted:
         return "no gear"
     return run.gear_serial or "–"
 

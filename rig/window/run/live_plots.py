@@ -10,6 +10,8 @@ from pathlib import Path
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
+from experiments import catalogue
+from experiments.contract import Experiment
 from rig.errors import RunFileError
 from rig.present.preview.plan import PlanPreview
 from rig.run.dry_run import PlannedRun
@@ -35,19 +37,19 @@ SEGMENTS_ALLOWED = 0.005
 """s of a frame that the views may take to take in segments."""
 
 Maker = Callable[[WindowSession, LiveContext], LiveView]
-BOARDS: dict[str, tuple[Maker, ...]] = {
-    "kinematic-error": (SpeedView, WaveView, torque_view, OutputView),
-    "friction": (SpeedView, TorquePoints, torque_view),
-    "motor-tare": (SpeedView, TorquePoints, torque_view),
-    "velocity-steps": (SpeedView, StepView, torque_view),
-    "warm-up": (SpeedView, temperature_view, torque_view),
-    "starting-torque": (SpeedView, StartingPoints, torque_view),
+VIEWS: dict[str, Maker] = {
+    "speed": SpeedView,
+    "wave": WaveView,
+    "torque": torque_view,
+    "output": OutputView,
+    "torque points": TorquePoints,
+    "starting points": StartingPoints,
+    "steps": StepView,
+    "temperature": temperature_view,
 }
-"""What each protocol shows besides speed (top left) and torque (bottom left): in the order of the
-grid, row by row. A board
-of three gives the second plot the whole height of its column."""
-OTHERS: tuple[Maker, ...] = (SpeedView, WaveView, torque_view, temperature_view)
-"""The board of everything else."""
+"""The live plots by the names under which protocols ask for them, in the order of the grid, row by
+row. A board of three gives the second plot the whole height of its column.
+"""
 
 
 class LivePlots(QWidget):
@@ -200,7 +202,9 @@ class LivePlots(QWidget):
         self.protocol, self.mark = metadata.experiment, ORIGIN_WORDS[metadata.origin]
         self._work = SegmentWork()
         context = LiveContext(live.recording, *self._context, work=self._work)
-        self._lay_out([make(self._session, context) for make in BOARDS.get(self.protocol, OTHERS)])
+        # A recording of nobody's protocol gets the board of a protocol that asks for nothing special.
+        experiment = catalogue.declared(self.protocol) or Experiment
+        self._lay_out([VIEWS[name](self._session, context) for name in experiment.live])
         live.want({name for view in self.views for name in view.wanted})
 
     def _lay_out(self, views: Sequence[LiveView]) -> None:
@@ -215,8 +219,7 @@ class LivePlots(QWidget):
         grid.setSpacing(6)
         self.views, places = list(views), [(0, 0), (0, 1), (1, 0), (1, 1)]
         self.plots = [view.plot for view in views]
-        if isinstance(views[1], StepView):
-            self.plots.append(views[1].residual.plot)
+        self.plots += [view.residual.plot for view in views if isinstance(view, StepView)]
         for plot, (row, column) in zip(self.plots, places, strict=False):
             spans = 2 if len(self.plots) == 3 and column == 1 else 1
             grid.addWidget(plot, row, column, spans, 1)

@@ -193,7 +193,7 @@ class RunPage(QWidget):
                 "the plan was completed" if completed else f"ended at {self._step.text()}"
             )
             self._times.setText(f"{self.report.get('rows', 0)} cycles")
-        self.outcome.show_end(self.state, self.report, path, self._protocol or self.plots.protocol)
+        self.outcome.show_end(self.state, self.report, path)
         self._session.runs_changed.emit()
         self.outcome.review.setFocus()
         self._close_if_waiting()

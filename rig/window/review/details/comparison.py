@@ -8,10 +8,12 @@ from typing import Any
 
 from PySide6.QtWidgets import QLabel, QTextBrowser, QVBoxLayout, QWidget
 
+from experiments.quantity import bare_quantity, quantity_of
 from model.errors import ModelError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
-from rig.analysis.wording import metric, readable
+from rig.analysis.result_data import quantities_for
+from rig.analysis.wording import metric_text
 from rig.window.review.grid import GridTable
 from rig.window.review.results import COMPARISON_COLUMNS, comparison_rows
 from rig.window.review.words import facts_html
@@ -56,13 +58,13 @@ class ComparisonView(QWidget):
 
     def _write(self) -> None:
         content, palette = self._content, self._session.palette
-        pairs = [
-            (
-                readable(name),
-                "–" if value is None else metric(str(content.get("kind", "")), name, float(value)),
-            )
-            for name, value in content.get("metrics", {}).items()
-        ]
+        metrics = content.get("metrics", {})
+        quantities = quantities_for(str(content.get("kind", "")), {}, metrics)
+        pairs = []
+        for name, value in metrics.items():
+            quantity = quantity_of(quantities, name) or bare_quantity(name, "")
+            text = "–" if value is None else metric_text(quantity, float(value))
+            pairs.append((quantity.titled(name), text))
         warnings = [("", str(text)) for text in content.get("warnings", ())]
         self.page.setHtml(
             facts_html("To beware of", warnings, palette)

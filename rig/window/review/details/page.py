@@ -14,7 +14,6 @@ from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
-from rig.analysis.passport.gather import COUNTED_OUTCOMES
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis, read_analyses
 from rig.errors import RigError
@@ -27,9 +26,9 @@ from rig.window.review.details.events import RunEventsView
 from rig.window.review.details.facts import Facts, facts_of
 from rig.window.review.details.files import RunFilesView
 from rig.window.review.details.header import RunHeaderView
-from rig.window.review.fit import FitDesk, FitOrder, ResultCache, in_words, order_of
+from rig.window.review.fit import FitDesk, FitOrder, ResultCache, in_words, order_of, tares_among
 from rig.window.review.library_table import HTML, PDF
-from rig.window.review.results import TARE, TARED, ChooseFile, FitBar, ResultsView
+from rig.window.review.results import ChooseFile, FitBar, ResultsView
 from rig.window.review.signals import SignalsView
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import BackgroundCommand, LatestTask
@@ -265,16 +264,7 @@ class RunDetails(QWidget):
         metadata = self.recording.metadata
         newest = self._analyses[-1] if self._analyses else None
         used = order_of(newest, self.path, self._sealed_runs()) if newest else None
-        # A run that was broken off is no tare: it lacks speeds.
-        tares = [
-            r
-            for r in self._library
-            if r.protocol == TARE
-            and r.origin == metadata.origin
-            and r.state == "sealed"
-            and r.outcome in COUNTED_OUTCOMES
-            and r.path != self.path
-        ]
+        tares = [r for r in tares_among(self._library, metadata.origin) if r.path != self.path]
         self.bar.show_run(self.path, metadata.experiment, tares, used)
         self.bar.setEnabled(self._state != "being written")
         self._set_figures((), self._why_no_figures())
@@ -305,7 +295,7 @@ class RunDetails(QWidget):
 
     def _tare_words(self, tare: str, kind: str) -> str:
         """Which tare an analysis was made with; nothing for a kind that has none."""
-        if kind not in TARED:
+        if not catalogue.takes_tare(kind):
             return ""
         if tare:
             return f", less the motor by {tare}"
