@@ -18,8 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from experiments.recording import Recording, RunMetadata
+from model.identify.cause import Ground
 from model.identify.estimate import BudgetLine, Estimate
-from rig.analysis.causes import Footing, combined_uncertainty, footing, same_things
+from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.wording import show
 from rig.runfile.header import read_header
@@ -145,12 +146,12 @@ def _is_same(change: Change) -> bool:
 
 @dataclass(frozen=True)
 class _Facts:
-    """What a run says, flattened to text by group, its newest analysis per kind, and what each of them stands on."""
+    """What a run says, flattened to text by group, its newest analysis per kind, and what each of them rests on."""
 
     run_id: str
     groups: Mapping[str, Mapping[str, str]]
     analyses: Mapping[str, Analysis]
-    footings: Mapping[str, Footing]
+    grounds: Mapping[str, Grounds]
 
 
 def _facts(path: Path) -> _Facts:
@@ -158,8 +159,8 @@ def _facts(path: Path) -> _Facts:
     recording = open_run(path)
     try:
         groups = _groups(recording)
-        footings = {kind: footing(recording, analysis) for kind, analysis in newest.items()}
-        return _Facts(recording.metadata.run_id or path.name, groups, newest, footings)
+        grounds = {kind: grounds_of(recording, analysis) for kind, analysis in newest.items()}
+        return _Facts(recording.metadata.run_id or path.name, groups, newest, grounds)
     finally:
         close_recording(recording)
 
@@ -291,11 +292,11 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
             for change in apart
             if change.name.split(": ")[1] in SUBJECT
         )
-        same = same_things(a.footings[kind], b.footings[kind])
+        common = common_grounds(a.grounds[kind], b.grounds[kind])
         found, others = left.result.get("parameters", {}), right.result.get("parameters", {})
         for name in dict.fromkeys((*found, *others)):
             yield _compared(
-                f"{kind}: {name}", found.get(name), others.get(name), same, other_subject=other
+                f"{kind}: {name}", found.get(name), others.get(name), common, other_subject=other
             )
 
 
@@ -324,7 +325,7 @@ def _compared(
     name: str,
     first: Mapping[str, Any] | None,
     second: Mapping[str, Any] | None,
-    same: frozenset[str],
+    common: frozenset[Ground],
     *,
     other_subject: bool,
 ) -> Change:
@@ -340,7 +341,7 @@ def _compared(
         return replace(shown, note="cannot be compared")
     change = _away(name, unit, float(values[0]), float(values[1]))
     shown = replace(shown, difference=change)
-    combined = combined_uncertainty(first, second, same)
+    combined = combined_uncertainty(first, second, common)
     if combined is None:
         return replace(shown, note="no uncertainty is known")
     shown = replace(shown, uncertainty=combined.independent)

@@ -211,6 +211,7 @@ def fit_files(
 
 def store(fit: Fit, created: str) -> Fit:
     """Append a fit to the store beside its run and say under which name; a recording that is no file stays as it is."""
+    from experiments import catalogue
     from model.gear_file import gear_to_mapping
     from rig.analysis.store import Basis, append_analysis
 
@@ -221,7 +222,12 @@ def store(fit: Fit, created: str) -> Fit:
         there = fit.tare.recording.metadata
         tare = {"run": there.run_id, "sha256": there.sha256}
     basis = Basis(
-        fit.recording.metadata.sha256, created, gear_to_mapping(fit.gear), tare, fit.settings
+        fit.recording.metadata.sha256,
+        created,
+        gear=gear_to_mapping(fit.gear),
+        tare=tare,
+        settings=fit.settings,
+        analysis_version=catalogue.load(fit.result.kind).version,
     )
-    kept = append_analysis(fit.path, fit.result, basis)
-    return dataclasses.replace(fit, stored=f"{kept.path.parent.name}/{kept.path.name}")
+    stored = append_analysis(fit.path, fit.result, basis).path
+    return dataclasses.replace(fit, stored=f"{stored.parent.name}/{stored.name}")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from experiments import catalogue
 from experiments.quantity import Quantity, with_bare
 from experiments.result import Plot, Result, Series, Table, Verdict
+from model.identify.cause import Cause
 from model.identify.estimate import BudgetLine, Estimate
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
@@ -57,7 +58,11 @@ def estimate_from_mapping(name: str, told: Mapping[str, Any]) -> Estimate:
     """One identified number out of JSON data."""
     budget = tuple(
         BudgetLine(
-            str(b["source"]), b["kind"], _number(b["standard_uncertainty"]), str(b.get("note", ""))
+            str(b["source"]),
+            b["kind"],
+            _number(b["standard_uncertainty"]),
+            str(b.get("note", "")),
+            Cause(b["cause"]) if b.get("cause") else None,
         )
         for b in told.get("budget", ())
     )

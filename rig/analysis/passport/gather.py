@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.recording import Origin, Recording
-from rig.analysis.causes import Footing, footing, simulated_bench
+from model.identify.cause import Ground
+from rig.analysis.causes import Grounds, grounds_of, simulated_bench
 from rig.analysis.passport.content import Missing
 from rig.analysis.passport.quantities import FACTS, KINDS
 from rig.analysis.store import Analysis, read_analyses
@@ -35,7 +36,7 @@ class FoundRun:
     origin: Origin
     facts: Mapping[str, str]
     changing: Mapping[str, str]
-    footing: Footing
+    grounds: Grounds
     estimates: Mapping[str, Mapping[str, Any]]
     verdicts: Sequence[Mapping[str, Any]]
     housing_temperature: float | None
@@ -177,26 +178,26 @@ def _found(run: IndexedRun, recording: Recording, analysis: Analysis) -> FoundRu
     options, settings = result.get("options", {}), analysis.content.get("settings", {})
     facts = {"part": m.gear.name if m.gear is not None else "", "mounting": m.mounting}
     facts |= {name: read(m.parameters, options, settings) for name, read in FACTS.items()}
-    standing = footing(recording, analysis)
+    grounds = grounds_of(recording, analysis)
     changing = {
         "lubricant": str(m.conditions.get("lubricant", "")),
         "mounted on": str(m.conditions.get("mounted_on", "")),
-        "torque calibration": standing["torque channel"],
+        "torque calibration": grounds[Ground.TORQUE_CHANNEL],
         "simulated rig": simulated_bench(m),
         "program version of the analysis": str(analysis.content.get("program_version", "")),
         "settings of the analysis": ", ".join(
             f"{name} = {value}" for name, value in settings.items()
         ),
     }
-    warmth = result.get("metrics", {}).get("housing_temperature")
+    temperature = result.get("metrics", {}).get("housing_temperature")
     return FoundRun(
         run=run,
         analysis=analysis,
         origin=m.origin,
         facts=facts,
         changing=changing,
-        footing=standing,
+        grounds=grounds,
         estimates=result.get("parameters", {}),
         verdicts=result.get("verdicts", ()),
-        housing_temperature=float(warmth) if isinstance(warmth, (int, float)) else None,
+        housing_temperature=float(temperature) if isinstance(temperature, (int, float)) else None,
     )

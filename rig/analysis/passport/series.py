@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rig.analysis.causes import own_uncertainty, same_things
+from rig.analysis.causes import common_grounds, own_uncertainty
 from rig.analysis.passport.chart import control_limits, signals_of
 from rig.analysis.passport.content import (
     CatalogueLimit,
@@ -21,7 +21,7 @@ from rig.analysis.passport.gather import FoundRun
 from rig.analysis.passport.quantities import Quantity, comparable
 from rig.runfile.header import ORIGIN_WORDS
 
-WARMTH_THAT_MATTERS = 1.0
+TEMPERATURE_THAT_MATTERS = 1.0
 """K between a run's housing and that of the first runs from which on it is told: friction falls
 some percent per kelvin.
 """
@@ -67,9 +67,9 @@ def _one_series(
     values = [float(one.estimates[quantity.key]["value"]) for one in members]
     control = control_limits(values, [one.run.run_id for one in members], baseline)
     signals = signals_of(values, control) if control is not None else ((),) * len(values)
-    warmth = _mean([one.housing_temperature for one in members[:baseline]])
+    temperature = _mean([one.housing_temperature for one in members[:baseline]])
     points = tuple(
-        _point(quantity.key, index, members, signals[index], control, warmth)
+        _point(quantity.key, index, members, signals[index], control, temperature)
         for index in range(len(members))
     )
     limit = _catalogue_limit(quantity, members[-1])
@@ -105,15 +105,15 @@ def _point(
     members: Sequence[FoundRun],
     signals: tuple[str, ...],
     control: ControlLimits | None,
-    warmth: float | None,
+    temperature: float | None,
 ) -> PassportPoint:
     one = members[index]
     estimate = one.estimates[key]
     value = float(estimate["value"])
     remarks = list(_changes(members[index - 1], one)) if index else []
-    if warmth is not None and one.housing_temperature is not None:
-        warmer = one.housing_temperature - warmth
-        if abs(warmer) > WARMTH_THAT_MATTERS:
+    if temperature is not None and one.housing_temperature is not None:
+        warmer = one.housing_temperature - temperature
+        if abs(warmer) > TEMPERATURE_THAT_MATTERS:
             remarks.append(
                 f"housing {abs(warmer):.1f} K {'warmer' if warmer > 0 else 'colder'} than in the first runs"
             )
@@ -121,7 +121,7 @@ def _point(
         remarks.append(f"weakly identifiable: {estimate.get('note') or 'wide interval'}")
     within = None
     if control is not None:
-        own = own_uncertainty(estimate, same_things(members[0].footing, one.footing))
+        own = own_uncertainty(estimate, common_grounds(members[0].grounds, one.grounds))
         within = abs(value - control.centre) <= own
     return PassportPoint(
         position=index + 1,

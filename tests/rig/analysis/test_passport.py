@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from experiments.result import Plot
+from model.identify.cause import Cause
 from model.units import ARCMIN, ARCSEC
-from rig.analysis.causes import CAUSES
 from rig.analysis.passport.build import passport
 from rig.analysis.passport.content import Passport, PassportSeries
 from rig.analysis.passport.quantities import QUANTITIES, order_labels, order_of
@@ -287,8 +287,8 @@ def test_a_number_that_the_data_cannot_tell_is_missing_not_drawn(folder: Path) -
 
 def test_what_changed_since_the_run_before_stands_beside_the_point(folder: Path) -> None:
     other = write(folder, 20, start_time=start(20), conditions={"lubricant": "SK-2"})
-    for run, warmth in ((runs_in(folder)[0], 22.0), (runs_in(folder)[1], 22.4), (other, 26.0)):
-        analyse(run, estimate(RUNNING, 0.08), metrics={"housing_temperature": warmth})
+    for run, temperature in ((runs_in(folder)[0], 22.0), (runs_in(folder)[1], 22.4), (other, 26.0)):
+        analyse(run, estimate(RUNNING, 0.08), metrics={"housing_temperature": temperature})
     one = series(passport(folder, "A1", baseline=2))
     assert one.points[1].remarks == ()
     assert one.points[2].remarks == (
@@ -468,5 +468,6 @@ def test_every_cause_that_is_shared_is_a_line_of_some_budget() -> None:
         for floor in ("experiments", "model")
         for path in (ROOT / floor).rglob("*.py")
     ]
-    for cause in CAUSES:
-        assert any(f'"{cause}' in text for text in sources), cause
+    for cause in Cause:
+        assert any(f"Cause.{cause.name}" in text for text in sources if "Enum" not in text), cause
+        assert cause.grounds
