@@ -35,7 +35,9 @@ def from_format_1(content: Mapping[str, Any]) -> dict[str, Any]:
         **content,
         "result": result,
         "analysis_version": ANALYSIS_VERSION,
-        "quantities": {name: {"title": name, "unit": unit} for name, unit in units.items()},
+        "quantities": {
+            name: {"title": name, "unit": unit, "definition": ""} for name, unit in units.items()
+        },
         "covariance": None,
         "checks": [],
     }

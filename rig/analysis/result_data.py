@@ -45,13 +45,17 @@ def result_from_mapping(
     )
 
 
+def declared_quantities(kind: str) -> tuple[Quantity, ...]:
+    """What a kind of analysis declares; nothing for one that is not in the catalogue."""
+    return catalogue.load(kind).quantities if kind in catalogue.kinds() else ()
+
+
 def quantities_for(
     kind: str, estimates: Mapping[str, Estimate], metrics: Iterable[str]
 ) -> tuple[Quantity, ...]:
     """What a kind of analysis declares, and of numbers that it does not (any more) their names and units."""
-    declared = catalogue.load(kind).quantities if kind in catalogue.kinds() else ()
     units = dict.fromkeys(metrics, "") | {name: e.unit for name, e in estimates.items()}
-    return with_bare(declared, units)
+    return with_bare(declared_quantities(kind), units)
 
 
 def estimate_from_mapping(name: str, told: Mapping[str, Any]) -> Estimate:

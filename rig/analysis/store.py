@@ -19,9 +19,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from experiments.quantity import Quantity, quantity_of
 from experiments.result import Result
 from rig.analysis import format_1
-from rig.analysis.result_data import table_to_mapping
+from rig.analysis.result_data import declared_quantities, table_to_mapping
 from rig.errors import RunFileError
 
 STORE_FORMAT = "harmonic-rig-analysis-2"
@@ -45,6 +46,16 @@ class Analysis:
     def result(self) -> Mapping[str, Any]:
         """The result as `rig fit --json` prints it."""
         return self.content.get("result", {})
+
+    def quantity(self, name: str) -> Quantity:
+        """What its protocol declares of an estimate; what was stored of one that it no longer declares."""
+        quantity = quantity_of(declared_quantities(self.kind), name)
+        if quantity is not None:
+            return quantity
+        stored = self.content["quantities"].get(name, {})
+        return Quantity(
+            name=name, title=str(stored.get("title", name)), unit=str(stored.get("unit", "1"))
+        )
 
 
 @dataclass(frozen=True)

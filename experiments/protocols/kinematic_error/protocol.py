@@ -40,6 +40,7 @@ from experiments.protocols.kinematic_error.plots import (
     prediction_plot,
 )
 from experiments.protocols.kinematic_error.quantities import QUANTITIES
+from experiments.quantity import quantity_of
 from experiments.recording import Recording, Segment
 from experiments.result import Covariance, Result, Verdict, judge_upper
 from experiments.steps import HoldRevolutions, Mark, SegmentLabel, Step
@@ -412,7 +413,8 @@ def _pooled(found: list[dict[str, Estimate]]) -> dict[str, Estimate]:
 
 def _mean_of(name: str, estimates: list[Estimate]) -> Estimate:
     values = np.array([e.value for e in estimates])
-    if name.startswith("phase"):
+    quantity = quantity_of(QUANTITIES, name)
+    if quantity is not None and quantity.is_circular:
         mean = float(np.angle(np.mean(np.exp(1j * values))))
         away = np.angle(np.exp(1j * (values - mean)))
     else:

@@ -14,7 +14,7 @@ from experiments.recording import Origin, Recording
 from model.identify.cause import Ground
 from rig.analysis.causes import Grounds, grounds_of, simulated_bench
 from rig.analysis.passport.content import Missing
-from rig.analysis.passport.quantities import FACTS, KINDS
+from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
 from rig.analysis.store import Analysis, read_analyses
 from rig.errors import RigError, RunFileError
 from rig.library.index import IndexedRun, LibraryIndex
@@ -134,19 +134,19 @@ def _copy_of(run: IndexedRun, seen: dict[str, IndexedRun]) -> str:
 
 def _read(run: IndexedRun) -> tuple[list[FoundRun], list[Missing]]:
     """The newest analyses of a run of the kinds that are followed, and what it lacks."""
-    command = f"rig fit {run.path}"
+    command, kinds = f"rig fit {run.path}", watched_kinds()
     try:
         stored = {
             analysis.kind: analysis
             for analysis in read_analyses(run.path)
-            if analysis.kind in KINDS
+            if analysis.kind in kinds
         }
     except RunFileError as error:
         return [], [
             Missing(str(error), run.run_id, "Move the damaged file away and fit the run again.")
         ]
     missing = []
-    if run.protocol in KINDS and run.protocol not in stored:
+    if run.protocol in kinds and run.protocol not in stored:
         missing.append(Missing(f"its {run.protocol} is not analysed", run.run_id, command))
     if not stored:
         return [], missing
@@ -177,7 +177,8 @@ def _found(run: IndexedRun, recording: Recording, analysis: Analysis) -> FoundRu
     result = analysis.result
     options, settings = result.get("options", {}), analysis.content.get("settings", {})
     facts = {"part": m.gear.name if m.gear is not None else "", "mounting": m.mounting}
-    facts |= {name: read(m.parameters, options, settings) for name, read in FACTS.items()}
+    names = [name for _, quantity in watched() for name in quantity.conditions if name not in facts]
+    facts |= facts_of(dict.fromkeys((*FACTS, *names)), m.parameters, options, settings)
     grounds = grounds_of(recording, analysis)
     changing = {
         "lubricant": str(m.conditions.get("lubricant", "")),

@@ -15,7 +15,7 @@ from model.identify.cause import Cause
 from model.units import ARCMIN, ARCSEC
 from rig.analysis.passport.build import passport
 from rig.analysis.passport.content import Passport, PassportSeries
-from rig.analysis.passport.quantities import QUANTITIES, order_labels, order_of
+from rig.analysis.passport.followed import followed, largest_members, order_of, watched
 from rig.analysis.result_data import plot_from_mapping
 from rig.analysis.store import json_text
 from rig.errors import RigError, RunFileError
@@ -161,7 +161,9 @@ def test_runs_without_an_analysis_and_quantities_without_a_run_are_missing(folde
     assert [one.run for one in lacking] == ["00004-friction-A1"]
     assert "rig fit" in lacking[0].remedy
     told = " ".join(one.what for one in found.missing)
-    for quantity in QUANTITIES:
+    expected = [one for kind, quantity in watched() for one in followed(kind, quantity)]
+    assert len(expected) == 7
+    for quantity in expected:
         assert (quantity.title in told) == (quantity.key != RUNNING)
     assert "rig run starting-torque" in {one.remedy for one in found.missing}
 
@@ -391,11 +393,11 @@ def test_the_order_of_a_label(label: str, order: float | None) -> None:
 
 
 def test_the_largest_orders_whatever_run_had_them() -> None:
-    assert order_labels([{"2": 3.0, "1": 1.0}, {"2": 3.0, "7": 2.0, "9": 0.1}], most=2) == (
+    assert largest_members([{"2": 3.0, "1": 1.0}, {"2": 3.0, "7": 2.0, "9": 0.1}], most=2) == (
         "2",
         "7",
     )
-    assert order_labels([]) == ()
+    assert largest_members([]) == ()
 
 
 def test_starting_torque_is_followed_with_the_limit_it_was_judged_by(tmp_path: Path) -> None:
