@@ -48,6 +48,7 @@ class Experiment:
     angles [rad]. `gives_tare` is a result that may be subtracted from those that have `takes_tare`;
     `builds_on` names the protocols without whose identified parameters its analysis is poorer.
     `terms` are those that a reader of its results needs, `figures` the paper's that its run draws.
+    `version` of the analysis is raised whenever the same recording gives other numbers.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Experiment:
     identified: Callable[[Result, HarmonicDrive], HarmonicDrive] | None = None
     has_plan: bool = True
     quantities: tuple[Quantity, ...] = ()
+    version: int = 1
     live: tuple[str, ...] = ("speed", "wave", "torque", "temperature")
     setpoint: Literal["speed", "torque", "position"] = "speed"
     gives_tare: bool = False

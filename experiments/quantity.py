@@ -66,6 +66,10 @@ class Quantity:
     axis: str = ""
     """What stands at the axis of its chart, before the unit; "" is the title without the placeholder."""
     catalogue: Counterpart | None = None
+    is_circular: bool = False
+    """Whether it is an angle on the circle: two values differ by the shorter way round."""
+    subject: str = ""
+    """Of a family of orders: what they are orders of."""
 
     def __post_init__(self) -> None:
         if self.shown and LABORATORY_UNITS.get(self.shown, ("",))[0] != self.unit:

@@ -104,6 +104,18 @@ def judge_upper(
     )
 
 
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance (p, p) of the statistical part (type A) of a fit's parameters, in SI; `names` are in its order."""
+
+    names: tuple[str, ...]
+    matrix: NDArray[np.float64]
+
+    def as_json(self) -> dict[str, Any]:
+        """Names and matrix, row by row."""
+        return {"names": list(self.names), "matrix": self.matrix.tolist()}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Result:
     """All that one analysis found of one run; every number of it is declared by its protocol (else `AnalysisError`)."""
@@ -120,6 +132,8 @@ class Result:
     """The conventions used: torque balance, mounting, tare or not, orders."""
     quantities: tuple[Quantity, ...] = ()
     """What its protocol declares: every estimate and every metric is one of them."""
+    covariance: Covariance | None = None
+    """Of the parameters that were fitted together, where they were."""
 
     def __post_init__(self) -> None:
         for name in (*self.estimates, *self.metrics):

@@ -23,7 +23,7 @@ from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRa
 from experiments.protocols.friction import protocol as friction
 from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
-from experiments.result import Plot, Result, Series
+from experiments.result import Covariance, Plot, Result, Series
 from experiments.steps import Prompt, Step
 from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
@@ -166,7 +166,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         points = pair_directions(averages)
         tare = tare_from(averages)
     warnings += points.warnings
-    estimates = _straight_line(recording, points)
+    estimates, covariance = _straight_line(recording, points)
     slow = [s for s in segments if abs(s.setpoint) <= COGGING_BELOW]
     patterns = direction_patterns(recording, slow, zero)
     plots = [_plot(holds, estimates)]
@@ -205,17 +205,22 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         plots=tuple(plots),
         tables=(tare_table(tare), budget_table(estimates.values())),
         options={"torque_is_of": "motor"},
+        covariance=covariance,
     )
 
 
-def _straight_line(recording: Recording, points: FrictionPoints) -> dict[str, Estimate]:
+def _straight_line(
+    recording: Recording, points: FrictionPoints
+) -> tuple[dict[str, Estimate], Covariance | None]:
     """Coulomb and viscous friction of the bare motor from the half-differences: T = T_c + c omega."""
     speed, torque = points.speed, points.friction
     design = np.column_stack([np.ones_like(speed), speed])
     estimates: dict[str, Estimate] = {}
+    covariance = None
     if len(speed) >= 4:
         # Every speed counts alike: the misfit of the straight line is larger than the noise of its points.
         fit = solve(design, torque, where="motor friction")
+        covariance = Covariance(("motor_coulomb", "motor_viscous"), fit.covariance)
         found = [
             (float(v), *fit.interval(k), float(fit.standard_error[k]))
             for k, v in enumerate(fit.values)
@@ -251,7 +256,7 @@ def _straight_line(recording: Recording, points: FrictionPoints) -> dict[str, Es
             identifiable="yes",
             note=note,
         )
-    return estimates
+    return estimates, covariance
 
 
 def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:

@@ -22,7 +22,7 @@ from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
-from experiments.result import Plot, Result, Series
+from experiments.result import Covariance, Plot, Result, Series
 from experiments.torque.zero import torque_zero
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.motion import (
@@ -100,6 +100,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         plots=plots,
         tables=(budget_table(estimates.values()),),
         options=options,
+        covariance=Covariance(tuple(fit.estimates), fit.covariance),
     )
 
 

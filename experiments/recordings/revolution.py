@@ -38,7 +38,9 @@ COUNTED = ("traverse", "hold")
 
 QUANTITIES = (
     Quantity(name="amplitude_{order}", title="order {order}, amplitude", unit=""),
-    Quantity(name="phase_{order}", title="order {order}, phase", unit="rad", shown="°"),
+    Quantity(
+        name="phase_{order}", title="order {order}, phase", unit="rad", shown="°", is_circular=True
+    ),
     Quantity(name="mean", title="mean", unit=""),
     Quantity(
         name="friction",

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from experiments import catalogue
 from experiments.quantity import Quantity, with_bare
 from experiments.result import Plot, Result, Series, Table, Verdict
+from model.identify.cause import Cause
 from model.identify.estimate import BudgetLine, Estimate
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
@@ -44,20 +45,28 @@ def result_from_mapping(
     )
 
 
+def declared_quantities(kind: str) -> tuple[Quantity, ...]:
+    """What a kind of analysis declares; nothing for one that is not in the catalogue."""
+    return catalogue.load(kind).quantities if kind in catalogue.kinds() else ()
+
+
 def quantities_for(
     kind: str, estimates: Mapping[str, Estimate], metrics: Iterable[str]
 ) -> tuple[Quantity, ...]:
     """What a kind of analysis declares, and of numbers that it does not (any more) their names and units."""
-    declared = catalogue.load(kind).quantities if kind in catalogue.kinds() else ()
     units = dict.fromkeys(metrics, "") | {name: e.unit for name, e in estimates.items()}
-    return with_bare(declared, units)
+    return with_bare(declared_quantities(kind), units)
 
 
 def estimate_from_mapping(name: str, told: Mapping[str, Any]) -> Estimate:
     """One identified number out of JSON data."""
     budget = tuple(
         BudgetLine(
-            str(b["source"]), b["kind"], _number(b["standard_uncertainty"]), str(b.get("note", ""))
+            str(b["source"]),
+            b["kind"],
+            _number(b["standard_uncertainty"]),
+            str(b.get("note", "")),
+            Cause(b["cause"]) if b.get("cause") else None,
         )
         for b in told.get("budget", ())
     )

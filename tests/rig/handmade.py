@@ -10,6 +10,7 @@ import numpy as np
 from experiments.recording import ArraySource, Origin, Recording, RunMetadata, Segment, Signal
 from experiments.result import Plot, Result, Series, Table, judge_upper
 from model.gear_file import shipped_gear
+from model.identify.cause import Cause
 from model.identify.estimate import BudgetLine, Estimate
 from model.units import ARCMIN, RPM
 from rig.analysis.fit import Fit
@@ -20,7 +21,7 @@ def estimate(name: str, value: float, unit: str, u: float, **more: Any) -> Estim
     """An estimate with an interval of two standard deviations and a budget of two lines."""
     budget = (
         BudgetLine("repeats", "A", u),
-        BudgetLine("torque scale", "B", 0.5 * u, "certificate"),
+        BudgetLine("torque scale", "B", 0.5 * u, "certificate", Cause.TORQUE_SCALE),
     )
     return Estimate(
         name=name,

@@ -46,7 +46,7 @@ from experiments.protocols.friction.estimates import (
     offset_estimate,
     running_torques,
     type_b,
-    with_warmth,
+    with_motor_temperature,
 )
 from experiments.protocols.friction.foreign import friction_in_foreign_unit
 from experiments.protocols.friction.plots import (
@@ -65,7 +65,7 @@ from experiments.protocols.friction.points import (
 )
 from experiments.protocols.friction.quantities import QUANTITIES
 from experiments.recording import Recording
-from experiments.result import Result, Verdict, judge_upper
+from experiments.result import Covariance, Result, Verdict, judge_upper
 from experiments.steps import (
     HoldRevolutions,
     HoldTime,
@@ -272,9 +272,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             metrics |= genetic_metrics(fit, evidence.gear, int(settings.get("seed", 0)))
     metrics["torque_zero_drift"] = measured.zero.drift
     metrics["reproducibility"] = reproducibility(brought.bracket)
-    metrics |= correction.metrics() | _warmth(measured)
+    metrics |= correction.metrics() | _housing_temperature(measured)
     estimates = (
-        with_warmth(dict(fit.estimates), torque_scale_uncertainty(recording, measured.channel)[0])
+        with_motor_temperature(
+            dict(fit.estimates), torque_scale_uncertainty(recording, measured.channel)[0]
+        )
         | offset_estimate(fit, measured.zero)
         | running_torques(recording, fit, evidence.gear, measured)
     )
@@ -300,13 +302,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "low_speed_branch": evidence.gear.options.low_speed_branch,
             "points_brought_to": correction.words(),
         },
+        covariance=Covariance(NAMES, fit.stribeck.covariance),
     )
 
 
 def _fit(
     recording: Recording, evidence: Evidence, measured: MeasuredFriction
 ) -> tuple[FrictionFit, MeasuredFriction, Correction]:
-    """The fit of the points, brought to mean place and warmth as the fit itself shows them (two rounds)."""
+    """The fit of the points, brought to mean place and temperature as the fit itself shows them (two rounds)."""
     settings = evidence.settings
 
     def fit_of(points: MeasuredFriction, correction: Correction, *, profile: bool) -> FrictionFit:
@@ -349,14 +352,14 @@ def _curves_of(fit: FrictionFit, gear: HarmonicDrive) -> tuple[Curve, Curve]:
     return whole, dry
 
 
-def _warmth(measured: MeasuredFriction) -> dict[str, float]:
+def _housing_temperature(measured: MeasuredFriction) -> dict[str, float]:
     """Mean and span of the housing temperature of the points [degC], where it was recorded."""
-    warmth = measured.warmth
-    if not np.isfinite(warmth).all():
+    temperature = measured.temperature
+    if not np.isfinite(temperature).all():
         return {}
     return {
-        "housing_temperature": float(warmth.mean()),
-        "housing_temperature_span": float(np.ptp(warmth)),
+        "housing_temperature": float(temperature.mean()),
+        "housing_temperature_span": float(np.ptp(temperature)),
     }
 
 

@@ -40,8 +40,9 @@ from experiments.protocols.kinematic_error.plots import (
     prediction_plot,
 )
 from experiments.protocols.kinematic_error.quantities import QUANTITIES
+from experiments.quantity import quantity_of
 from experiments.recording import Recording, Segment
-from experiments.result import Result, Verdict, judge_upper
+from experiments.result import Covariance, Result, Verdict, judge_upper
 from experiments.steps import HoldRevolutions, Mark, SegmentLabel, Step
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import TorqueZero, torque_zero
@@ -228,6 +229,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         ),
         tables=(order_table(combined[0]), budget_table(estimates.values())),
         options=options,
+        covariance=_covariance(combined, estimates),
     )
 
 
@@ -355,6 +357,18 @@ def _figure_16(
     )
 
 
+def _covariance(
+    combined: list[CombinedKinematicError], estimates: dict[str, Estimate]
+) -> Covariance:
+    """Of the cosines and sines (rad) of the orders that are reported, mean of both directions and of the repeats."""
+    reported = [k for k, n in enumerate(combined[0].labels) if f"amplitude_{n}" in estimates]
+    rows = [2 * k + part for k in reported for part in (0, 1)]
+    labels = [combined[0].labels[k] for k in reported]
+    names = tuple(f"{part}_{label}" for label in labels for part in ("cosine", "sine"))
+    whole = sum(one.covariance for one in combined) / len(combined) ** 2
+    return Covariance(names, whole[np.ix_(rows, rows)])
+
+
 def _one_direction(
     context: _Context, traverses: list[Traverse], evidence: Evidence, warnings: list[str]
 ) -> Result:
@@ -399,7 +413,8 @@ def _pooled(found: list[dict[str, Estimate]]) -> dict[str, Estimate]:
 
 def _mean_of(name: str, estimates: list[Estimate]) -> Estimate:
     values = np.array([e.value for e in estimates])
-    if name.startswith("phase"):
+    quantity = quantity_of(QUANTITIES, name)
+    if quantity is not None and quantity.is_circular:
         mean = float(np.angle(np.mean(np.exp(1j * values))))
         away = np.angle(np.exp(1j * (values - mean)))
     else:

@@ -54,8 +54,15 @@ ESTIMATES = (
         is_key=True,
         key_members=("2", "1"),
         is_watched=True,
+        subject="kinematic error",
     ),
-    Quantity(name="phase_{order}", title="order {order}, phase", unit="rad", shown="°"),
+    Quantity(
+        name="phase_{order}",
+        title="order {order}, phase",
+        unit="rad",
+        shown="°",
+        is_circular=True,
+    ),
     Quantity(
         name="figure_16_phase_difference",
         title="figure 16 phase difference",
@@ -63,6 +70,7 @@ ESTIMATES = (
         shown="°",
         definition="phase of the friction torque less that of the kinematic error, at the order of figure 16",
         is_key=True,
+        is_circular=True,
     ),
     Quantity(name="figure_16_friction_amplitude", title="figure 16 friction amplitude", unit="N m"),
     Quantity(

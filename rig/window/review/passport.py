@@ -215,15 +215,17 @@ def _reader(folder: Path, serial: str) -> Callable[[], Passport]:
 
 def missing_fits(library: Sequence[IndexedRun], serial: str) -> list[FitOrder]:
     """The fits that the passport of a gear waits for; friction with the newest motor tare of the same kind of rig."""
+    from rig.analysis.passport.followed import watched_kinds
     from rig.analysis.passport.gather import COUNTED_OUTCOMES
-    from rig.analysis.passport.quantities import KINDS
+
+    kinds = watched_kinds()
 
     orders = []
     for run in library:
         if (
             run.gear_serial != serial
             or run.state != "sealed"
-            or run.protocol not in KINDS
+            or run.protocol not in kinds
             or run.outcome not in COUNTED_OUTCOMES
         ):
             continue

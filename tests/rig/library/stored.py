@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.result import Result
+from model.identify.cause import Cause
 from model.identify.estimate import BudgetLine, Estimate
 from rig.analysis.result_data import quantities_for
 from rig.analysis.store import Analysis, Basis, append_analysis
@@ -56,7 +57,8 @@ def estimate(
     """An estimate with `own` standard uncertainty of type A and a relative one of the torque scale."""
     budget = [BudgetLine("points nearby", "A", own)]
     if scale:
-        budget.append(BudgetLine("torque scale", "B", scale * abs(value), "certificate"))
+        by_scale = scale * abs(value)
+        budget.append(BudgetLine("torque scale", "B", by_scale, "certificate", Cause.TORQUE_SCALE))
     return Estimate(
         name=name,
         value=value,
