@@ -102,18 +102,6 @@ def declared(name: str) -> Experiment | None:
     return load(name) if name in kinds() else None
 
 
-def gives_tare(name: str) -> bool:
-    """Whether the result of this protocol may be subtracted from others as a tare."""
-    experiment = declared(name)
-    return experiment is not None and experiment.gives_tare
-
-
-def takes_tare(name: str) -> bool:
-    """Whether this kind of fit subtracts a tare."""
-    experiment = declared(name)
-    return experiment is not None and experiment.takes_tare
-
-
 def load(name: str) -> Experiment:
     """The protocol (or plan-less analysis) of this name, its module imported now."""
     module = import_module(entry(name).module)

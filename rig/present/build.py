@@ -48,7 +48,8 @@ def report_on_files(
     identified. `created` is the calendar time of the report; now, if not given.
     """
     from model.gear_file import load_gear
-    from rig.analysis.fit import TARE, fit_recording, store
+    from rig.analysis.fit import fit_recording, store
+    from rig.analysis.tare import tare_kind
     from rig.present.page import report_context
     from rig.runfile.read import open_run
 
@@ -58,16 +59,18 @@ def report_on_files(
     gear = load_gear(parameters) if parameters else None
     opened = [(Path(p), open_run(Path(p))) for p in dict.fromkeys(runs)]
     tares = [
-        fit_recording(r, gear=gear, path=p) for p, r in opened if r.metadata.experiment == TARE
+        fit_recording(r, gear=gear, path=p)
+        for p, r in opened
+        if r.metadata.experiment == tare_kind()
     ]
     if tare is not None:
-        used = fit_recording(open_run(tare), TARE, gear=gear, path=tare)
+        used = fit_recording(open_run(tare), tare_kind(), gear=gear, path=tare)
     else:
         used = max(tares, key=lambda f: f.recording.metadata.start_time, default=None)
     fits = list(tares)
     # What an analysis builds on has to be identified before it.
     for path, recording in sorted(opened, key=lambda pair: bool(_basis(pair[1]))):
-        if not catalogue.gives_tare(recording.metadata.experiment):
+        if recording.metadata.experiment != tare_kind():
             fits.append(
                 fit_recording(
                     recording, gear=_gear_for(recording, gear, fits), tare=used, path=path

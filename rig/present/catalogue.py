@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from experiments import catalogue
+from rig.analysis.tare import takes_tare
 from rig.analysis.wording import laboratory_unit, number, show, source_text
 from rig.present.content import Grid
 from rig.present.provenance import tare_of
@@ -116,7 +116,7 @@ def _here(fit: Fit, quantity: Quantity, conditions: Mapping[str, str]) -> str:
     """What prevailed when this quantity was measured."""
     subject = fit.result.options.get("torque_is_of", "")
     positions = conditions.get("Wave-generator positions", "")
-    lacks_tare = catalogue.takes_tare(fit.result.kind) and tare_of(fit) == "none"
+    lacks_tare = takes_tare(fit.result.kind) and tare_of(fit) == "none"
     parts = [
         "" if quantity.placeholder == "speed" else conditions.get("Input speeds", ""),
         f"wave-generator positions {positions}" if positions else "",

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import html
+import io
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import rig.main
 from experiments import catalogue
 from experiments.errors import AnalysisError
 from experiments.quantity import key_names
@@ -120,3 +125,69 @@ def test_a_passport_says_what_there_is_none_of(tmp_path: Path) -> None:
     write(tmp_path, 1, "friction")
     missing = {one.what: one.remedy for one in passport(tmp_path, "A1").missing}
     assert missing["Play of the toy: there is no toy run of this gear"] == "rig run toy"
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of the toy on the simulated rig, made by its command."""
+    folder = tmp_path_factory.mktemp("toy")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(catalogue, "ENTRIES", (*catalogue.ENTRIES, toy_protocol.ENTRY))
+        called("run", "toy", "--backend", "sim", "--gear", "A1", "--output", str(folder))
+    (run,) = folder.glob("*.h5")
+    return run
+
+
+def called(*words: str) -> str:
+    """What a command prints on standard output."""
+    out = io.StringIO()
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        contextlib.redirect_stdout(out),
+        contextlib.suppress(SystemExit),
+    ):
+        patch.setenv("COLUMNS", "200")
+        rig.main.run(list(words))
+    return out.getvalue()
+
+
+def test_the_terminal_plans_it_and_shows_its_flags() -> None:
+    helped = called("run", "toy", "--help")
+    assert "toy: Play of a toy" in helped
+    assert "--pace-rpm" in helped
+    assert "toy: Play of a toy" in called("plan", "toy")
+
+
+def test_the_terminal_shows_its_numbers_as_it_declares_them(turned: Path) -> None:
+    text = called("fit", str(turned), "--no-keep")
+    assert re.search(r"play of the toy +40\.0 ± 2\.0 +arcsec +38\.0 … 42\.0 +yes", text), text
+    assert re.search(r"static wind-up +1\.500 ± 0\.033 +arcmin", text)
+    assert re.search(r"twist forward +28\.6\d+ ± 0\.0\d+ +°", text)
+    assert re.search(r"rate of dwelling +120 r/min", text)
+
+
+def test_the_report_has_its_title_its_numbers_and_its_figure(turned: Path, tmp_path: Path) -> None:
+    page = tmp_path / "toy.html"
+    called("report", str(turned), "--output", str(page))
+    markup = re.sub(r"<svg.*?</svg>", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    text = html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", markup)))
+    assert "Play of a toy" in text
+    # The key result stands in the summary, which names the kind of fit; the others do not.
+    assert re.search(r"toy play of the toy 40\.0 ± 2\.0 arcsec yes", text)
+    assert not re.search(r"toy static wind-up", text)
+    assert re.search(r"static wind-up 1\.500 0\.033 arcmin", text)
+    assert "rate of dwelling 120 r/min" in text
+    assert "Play What a toy loses when it turns back." in text
+    assert "99 the play of a toy" in text
+    assert "Play of the toy over time" in text
+
+
+def test_its_passport_and_difference_stand_on_the_terminal(tmp_path: Path) -> None:
+    runs = [run_of_the_toy(tmp_path, number, play) for number, play in ((1, 40.0), (2, 50.0))]
+    compared = called("diff", *map(str, runs))
+    row = (
+        r"toy: play of the toy +40\.0 ± 2\.0 arcsec +50\.0 ± 2\.0 arcsec +10\.0 ± 2\.8 arcsec +yes"
+    )
+    assert re.search(row, compared), compared
+    passported = called("passport", "A1", "--output", str(tmp_path))
+    assert re.search(r"Play of the toy +2 +50 +2 +arcsec", passported), passported

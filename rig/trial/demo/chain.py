@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.errors import RigError
-from rig.trial.demo.work import ORDER, DemoOrder, Failed, Finished, Step, gear_for, tare_among, work
+from rig.trial.demo.work import ORDER, DemoOrder, Failed, Finished, Step, gear_for, work
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
@@ -129,6 +129,7 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
     from model.gear_file import save_gear, shipped_gear
     from rig.analysis.adopt import adopt
     from rig.analysis.fit import Fit
+    from rig.analysis.tare import tare_kind
     from rig.present.page import write_report
     from rig.runfile.read import open_run
 
@@ -137,7 +138,7 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
         assert done.result is not None
         gear = gear_for(done.protocol, fits)
         with_tare = done.result.options.get("tare_run") not in (None, "none")
-        tare = tare_among(fits) if with_tare else None
+        tare = fits.get(tare_kind()) if with_tare else None
         fits[done.protocol] = Fit(
             recording=open_run(done.path),
             gear=gear,

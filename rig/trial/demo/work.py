@@ -146,8 +146,8 @@ def _one(
     fits: dict[str, Fit],
 ) -> Finished:
     """Run one protocol, fit it, keep the analysis."""
-    from experiments import catalogue
     from rig.analysis.fit import fit_recording, store
+    from rig.analysis.tare import tare_kind
     from rig.present.content import UNFINISHED
     from rig.run.start import run_request
     from rig.runfile.read import open_run
@@ -183,7 +183,7 @@ def _one(
         )
     messages.put(Step(protocol, 1.0, 0.0, "fitting"))
     recording = open_run(report.path)
-    tare = None if catalogue.gives_tare(protocol) else tare_among(fits)
+    tare = None if protocol == tare_kind() else fits.get(tare_kind())
     fit = fit_recording(recording, gear=gear_for(protocol, fits), tare=tare, path=report.path)
     fit = fits[protocol] = store(fit, order.created)
     seconds = time.monotonic() - started
@@ -213,13 +213,6 @@ def _request(protocol: str, order: DemoOrder) -> Any:
         operator="rig demo",
         seed=order.seed,
     )
-
-
-def tare_among(fits: Mapping[str, Fit]) -> Fit | None:
-    """The fit that may be subtracted from the others as a tare, if it is there yet."""
-    from experiments import catalogue
-
-    return next((fit for protocol, fit in fits.items() if catalogue.gives_tare(protocol)), None)
 
 
 def gear_for(protocol: str, fits: Mapping[str, Fit]) -> HarmonicDrive:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from rig.analysis.difference import Change, Difference, difference, in_laboratory_units
+from rig.analysis.difference import Change, Difference, difference
 from rig.analysis.wording import readable
 from rig.gears.card import UNITS, in_words
 from rig.window.review.grid import GridTable
@@ -110,7 +110,7 @@ def change_row(change: Change, *, several_kinds: bool = True) -> tuple[str, ...]
     kind, _, name = (
         change.name.partition(": ") if change.group == "results" else ("", "", change.name)
     )
-    words = readable(name) if name else kind
+    words = change.title or readable(name) or kind
     if change.group in ("parameters", "conditions"):
         # The unit is part of the name in files only.
         words, unit = _without_unit(name)
@@ -121,8 +121,7 @@ def change_row(change: Change, *, several_kinds: bool = True) -> tuple[str, ...]
     what = f"{kind}: {words}" if name and kind and several_kinds else words
     if change.difference is None or change.uncertainty is None:
         return (change.group, what, change.first, change.second, "", "", change.note)
-    shown = in_laboratory_units(change.name, change.difference, change.uncertainty, change.unit)
     verdict = (
         "" if change.significant is None else "significant" if change.significant else "within U"
     )
-    return (change.group, what, change.first, change.second, shown, verdict, change.note)
+    return (change.group, what, change.first, change.second, change.shown, verdict, change.note)

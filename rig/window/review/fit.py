@@ -11,11 +11,11 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
-from experiments import catalogue
 from experiments.result import Result
 from rig.analysis.passport.gather import COUNTED_OUTCOMES
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis
+from rig.analysis.tare import tare_kind
 from rig.library.index import IndexedRun, fingerprint_of
 from rig.window.work.background import BackgroundCommand
 
@@ -72,7 +72,7 @@ def tares_among(runs: Iterable[IndexedRun], origin: str) -> list[IndexedRun]:
     return [
         run
         for run in runs
-        if catalogue.gives_tare(run.protocol)
+        if run.protocol == tare_kind()
         and run.origin == origin
         and run.state == "sealed"
         # A run that was broken off is no tare: it lacks speeds.

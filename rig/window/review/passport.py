@@ -19,8 +19,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from experiments import catalogue
 from rig.analysis.store import read_analyses
+from rig.analysis.tare import takes_tare
 from rig.analysis.wording import fixed, number
 from rig.errors import RigError
 from rig.library.index import IndexedRun
@@ -229,7 +229,7 @@ def missing_fits(library: Sequence[IndexedRun], serial: str) -> list[FitOrder]:
             or run.outcome not in COUNTED_OUTCOMES
         ):
             continue
-        tares = tares_among(library, run.origin) if catalogue.takes_tare(run.protocol) else []
+        tares = tares_among(library, run.origin) if takes_tare(run.protocol) else []
         tare = tares[-1].path if tares else None
         try:
             # At its end a run is fitted without a tare: of the gear alone nothing is known before

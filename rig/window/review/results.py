@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
 from experiments import catalogue
 from experiments.result import Result
 from model.gear import HarmonicDrive
+from rig.analysis.tare import takes_tare
 from rig.library.index import IndexedRun
 from rig.window.review.fit import FitOrder
 from rig.window.review.grid import GridTable
@@ -143,7 +144,7 @@ class FitBar(QWidget):
             str(self.tare.currentData() or ""),
             str(self.parameters.currentData() or ""),
         )
-        with_tare = catalogue.takes_tare(str(self.kind.currentData())) and tare
+        with_tare = takes_tare(str(self.kind.currentData())) and tare
         return FitOrder(
             self._run,
             str(self.kind.currentData() or ""),
@@ -170,7 +171,7 @@ class FitBar(QWidget):
         self.says.setVisible(bool(text))
 
     def _offer_tare(self) -> None:
-        needs = catalogue.takes_tare(str(self.kind.currentData()))
+        needs = takes_tare(str(self.kind.currentData()))
         self.tare.clear()
         self.tare.addItem("none", "")
         for run in self._tares:

@@ -21,10 +21,10 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
 )
 
-from experiments import catalogue
 from experiments.quantity import key_names
 from experiments.result import Result
 from rig.analysis.result_data import result_from_mapping
+from rig.analysis.tare import takes_tare
 from rig.analysis.wording import show
 from rig.run.trips import rule_of
 from rig.window.run.state import RunState, State
@@ -214,7 +214,7 @@ def remarks(result: Result) -> list[str]:
     lines = []
     if result.options.get("torque_is_of") == "motor + gear":
         way = ""
-        if catalogue.takes_tare(result.kind):
+        if takes_tare(result.kind):
             way = " Review fits it with a motor-tare run."
         lines.append(f"Motor + gear: no tare was subtracted.{way}")
     if {verdict.outcome for verdict in result.verdicts} == {"no verified limit"}:

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rig.run.session
+from experiments import catalogue
 from experiments.recording import Event, RunMetadata, Segment
 from model.units import ARCMIN, REVOLUTION
 from rig.run.order import Progress
@@ -23,8 +24,9 @@ from rig.runfile.layout import Column
 from rig.runfile.write import RunWriter
 from rig.window.run.banner import LOOKS, look_of
 from rig.window.run.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows
+from rig.window.run.live_plots import VIEWS
 from rig.window.run.margins_view import number, worded
-from rig.window.run.outcome_view import result_lines
+from rig.window.run.outcome_view import fitted_result, result_lines
 from rig.window.run.state import LOST, STOOD, RunState, State
 from rig.window.shell.palette import DARK, LIGHT, Palette
 from rig.window.work.live_file import Block, Envelope, LiveFile, RollingEnvelope, SlidingSpeed
@@ -266,14 +268,19 @@ def test_margins_and_results_carry_their_units() -> None:
         for name in ("travel", "following_error", "missed_cycles", "stale_data", "torsion_torque")
     )
     assert [number(v) for v in (3016.2, 0.07242, 22.1)] == ["3016", "0.0724", "22.1"]
-    told = (
-        '{"parameters": {"starting_torque": {"value": 0.0649, "unit": "N m", "low": 0.063, "high": 0.067, '
-        '"expanded_uncertainty": 0.0025, "identifiability": "weakly"}}}'
+    result = fitted_result(
+        '{"run": "7", "kind": "starting-torque", "parameters": {"starting_torque": {"value": 0.0649, "unit": "N m", '
+        '"low": 0.063, "high": 0.067, "identifiability": "weakly", '
+        '"budget": [{"source": "scale", "kind": "B", "standard_uncertainty": 0.00125}]}}}'
     )
-    assert result_lines(told, "starting-torque") == [
-        "starting torque 64.9 ± 2.5 mN m (weakly identifiable)"
-    ]
-    assert result_lines("no JSON", "home") == []
+    assert result is not None
+    assert result_lines(result) == ["starting torque 64.9 ± 2.5 mN m (weakly identifiable)"]
+    assert fitted_result("no JSON") is None
+
+
+def test_every_live_plot_that_a_protocol_asks_for_is_there() -> None:
+    wanted = {name for kind in catalogue.kinds() for name in catalogue.load(kind).live}
+    assert wanted <= set(VIEWS)
 
 
 def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from model.gear import HarmonicDrive
 from model.gear_file import load_gear
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis, read_analyses
+from rig.analysis.tare import takes_tare
 from rig.errors import RigError
 from rig.library.index import IndexedRun
 from rig.runfile.header import ORIGIN_WORDS
@@ -295,7 +296,7 @@ class RunDetails(QWidget):
 
     def _tare_words(self, tare: str, kind: str) -> str:
         """Which tare an analysis was made with; nothing for a kind that has none."""
-        if not catalogue.takes_tare(kind):
+        if not takes_tare(kind):
             return ""
         if tare:
             return f", less the motor by {tare}"
