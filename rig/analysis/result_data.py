@@ -47,7 +47,8 @@ def result_from_mapping(
 
 def declared_quantities(kind: str) -> tuple[Quantity, ...]:
     """What a kind of analysis declares; nothing for one that is not in the catalogue."""
-    return catalogue.load(kind).quantities if kind in catalogue.kinds() else ()
+    experiment = catalogue.declared(kind)
+    return experiment.quantities if experiment else ()
 
 
 def quantities_for(
