@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from experiments.recording import Recording
 from experiments.result import Table
+from model.identify.cause import Cause
 from model.identify.estimate import BudgetLine, Estimate
 
 ASSUMED_SCALE = 0.03
@@ -25,7 +26,7 @@ def torque_scale_uncertainty(recording: Recording, channel: str = "torque") -> t
 def scale_line(recording: Recording, torque: float, channel: str = "torque") -> BudgetLine:
     """The torque scale as a line of the budget of a torque [N m], or of anything proportional to one."""
     relative, source = torque_scale_uncertainty(recording, channel)
-    return BudgetLine("torque scale", "B", relative * abs(torque), source)
+    return BudgetLine("torque scale", "B", relative * abs(torque), source, Cause.TORQUE_SCALE)
 
 
 def budget_table(estimates: Iterable[Estimate]) -> Table:

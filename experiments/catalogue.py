@@ -97,6 +97,11 @@ def entry(name: str) -> Entry:
     )
 
 
+def declared(name: str) -> Experiment | None:
+    """The protocol or analysis of this name; None for a name in a recording that this catalogue does not have."""
+    return load(name) if name in kinds() else None
+
+
 def load(name: str) -> Experiment:
     """The protocol (or plan-less analysis) of this name, its module imported now."""
     module = import_module(entry(name).module)

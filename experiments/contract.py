@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from experiments.errors import PlanError
+from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Result
 from experiments.steps.vocabulary import Step
+from experiments.terms import PaperFigure, Term
 from model.gear import HarmonicDrive
 
 
@@ -39,6 +41,14 @@ class Experiment:
     gear, evidence)` scores given parameters on a run without fitting any; `identified(result,
     gear)` is the gear with what the analysis identified written into it. Both are None where a
     protocol has nothing of the kind. `has_plan` is False for analyses of recordings only.
+
+    `quantities` are all that its analysis and its comparison may return, the most important first.
+    `live` names the plots of a run that is under way: torque below speed, row by row. `setpoint` is
+    what its segments are set to: speeds of the input [rad/s], torques [N m] or wave-generator
+    angles [rad]. `gives_tare` is a result that may be subtracted from those that have `takes_tare`;
+    `builds_on` names the protocols without whose identified parameters its analysis is poorer.
+    `terms` are those that a reader of its results needs, `figures` the paper's that its run draws.
+    `version` of the analysis is raised whenever the same recording gives other numbers.
     """
 
     name: str
@@ -52,6 +62,15 @@ class Experiment:
     compare: Callable[[Recording, HarmonicDrive, Evidence], Result] | None = None
     identified: Callable[[Result, HarmonicDrive], HarmonicDrive] | None = None
     has_plan: bool = True
+    quantities: tuple[Quantity, ...] = ()
+    version: int = 1
+    live: tuple[str, ...] = ("speed", "wave", "torque", "temperature")
+    setpoint: Literal["speed", "torque", "position"] = "speed"
+    gives_tare: bool = False
+    takes_tare: bool = False
+    builds_on: tuple[str, ...] = ()
+    terms: tuple[Term, ...] = ()
+    figures: tuple[PaperFigure, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.errors import AnalysisError
+from experiments.quantity import Quantity, quantity_of
 from model.gear import Provenance
 from model.identify.estimate import Estimate
 
@@ -102,9 +104,21 @@ def judge_upper(
     )
 
 
+@dataclass(frozen=True)
+class Covariance:
+    """Covariance (p, p) of the statistical part (type A) of a fit's parameters, in SI; `names` are in its order."""
+
+    names: tuple[str, ...]
+    matrix: NDArray[np.float64]
+
+    def as_json(self) -> dict[str, Any]:
+        """Names and matrix, row by row."""
+        return {"names": list(self.names), "matrix": self.matrix.tolist()}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """All that one analysis found of one run."""
+    """All that one analysis found of one run; every number of it is declared by its protocol (else `AnalysisError`)."""
 
     run: str
     kind: str
@@ -116,12 +130,31 @@ class Result:
     tables: tuple[Table, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
     """The conventions used: torque balance, mounting, tare or not, orders."""
+    quantities: tuple[Quantity, ...] = ()
+    """What its protocol declares: every estimate and every metric is one of them."""
+    covariance: Covariance | None = None
+    """Of the parameters that were fitted together, where they were."""
+
+    def __post_init__(self) -> None:
+        for name in (*self.estimates, *self.metrics):
+            self.quantity(name)
+
+    def quantity(self, name: str) -> Quantity:
+        """What is known of an estimate or a metric. Raises `AnalysisError` for one that is not declared."""
+        quantity = quantity_of(self.quantities, name)
+        if quantity is None:
+            raise AnalysisError(
+                "is an estimate or a metric that its protocol does not declare",
+                where=f"{self.kind}.{name}",
+                remedy="Add it to the protocol's quantities.",
+            )
+        return quantity
 
     @property
     def outcome(self) -> Literal["PASS", "MARGINAL", "FAIL"]:
         """The worst verdict; PASS where nothing was judged."""
-        found = {v.outcome for v in self.verdicts}
-        return "FAIL" if "FAIL" in found else "MARGINAL" if "MARGINAL" in found else "PASS"
+        outcomes = {v.outcome for v in self.verdicts}
+        return "FAIL" if "FAIL" in outcomes else "MARGINAL" if "MARGINAL" in outcomes else "PASS"
 
     def as_json(self) -> dict[str, Any]:
         """The object that `--json` prints and the analysis store keeps."""

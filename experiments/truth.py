@@ -87,7 +87,7 @@ def truth_rows(
     """Every estimate of a result whose true value the rig knows.
 
     `gear` is the parameter set that the analysis leaned on. With it the truth of a friction run is
-    what a perfect fit would have found: with the output bearing's friction and at the warmth of the
+    what a perfect fit would have found: with the output bearing's friction and at the temperature of the
     run, in the form of equation 19 beside the bearing friction that the set states. Without it the
     truth holds at the reference temperature.
     """
@@ -135,7 +135,7 @@ def _scale(truth: Mapping[str, Any]) -> float:
 def _friction(
     result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
 ) -> Iterator[tuple[str, float]]:
-    """Parameters and running torques of the gear as the port shows them at the warmth of the run."""
+    """Parameters and running torques of the gear as the port shows them at the temperature of the run."""
     known = truth.get("friction", {})
     balance = result.options.get("torque_balance")
     if result.options.get("torque_is_of") != "gear" or known.get("torque_balance") != balance:

@@ -19,6 +19,7 @@ from experiments.planning.parts import between_zeros, checked, longest, output_t
 from experiments.planning.shared_parameters import Acceleration, Mounted, SlowSpeed, ZeroTime
 from experiments.planning.speeds import refuse_speed
 from experiments.recording import Recording, Segment
+from experiments.quantity import Quantity
 from experiments.result import Result, Table
 from experiments.steps.vocabulary import FindIndex, SegmentLabel, Step
 from model.channel import Channel
@@ -28,6 +29,17 @@ from model.identify.least_squares import student_quantile
 from model.units import DEGREE, REVOLUTION, RPM
 
 NAME = "home"
+
+
+QUANTITIES = (
+    Quantity(
+        name="{encoder}_index",
+        title="{encoder} index",
+        unit="rad",
+        definition="where the index mark lies within the revolution of its encoder",
+    ),
+    Quantity(name="{encoder}_index_spread", title="{encoder} index spread", unit="rad"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,6 +136,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
         warnings=tuple(warnings),
@@ -175,4 +188,5 @@ EXPERIMENT = Experiment(
     plan=plan,
     analyse=analyse,
     needs=("input_angle", "input_index", "index_seen"),
+    quantities=QUANTITIES,
 )

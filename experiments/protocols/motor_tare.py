@@ -21,8 +21,9 @@ from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked
 from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
 from experiments.protocols.friction import protocol as friction
+from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
-from experiments.result import Plot, Result, Series
+from experiments.result import Plot, Result, Series, Covariance
 from experiments.steps.vocabulary import Prompt, Step
 from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
@@ -35,6 +36,28 @@ from model.identify.running_torque import FrictionPoints, pair_directions, tare_
 from model.units import RPM
 
 NAME = "motor-tare"
+
+
+QUANTITIES = (
+    Quantity(name="motor_coulomb", title="motor, Coulomb friction", unit="N m"),
+    Quantity(name="motor_viscous", title="motor, viscous friction", unit="N m s/rad"),
+    Quantity(
+        name="offset",
+        title="offset",
+        unit="N m",
+        definition="half-sum of the directions: rest of the zero and asymmetry",
+    ),
+    Quantity(
+        name="torque_scale",
+        title="torque scale",
+        unit="1",
+        definition="torque shown per torque that accelerates a disc of known inertia",
+    ),
+    Quantity(name="speeds", title="speeds", unit="1"),
+    Quantity(name="torque_zero_drift", title="torque zero drift", unit="N m"),
+    Quantity(name="cogging_peak_to_peak", title="cogging peak to peak", unit="N m"),
+    Quantity(name="strongest_cogging_order", title="strongest cogging order", unit="1"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +166,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         points = pair_directions(averages)
         tare = tare_from(averages)
     warnings += points.warnings
-    estimates = _straight_line(recording, points)
+    estimates, covariance = _straight_line(recording, points)
     slow = [s for s in segments if abs(s.setpoint) <= COGGING_BELOW]
     patterns = direction_patterns(recording, slow, zero)
     plots = [_plot(holds, estimates)]
@@ -175,23 +198,29 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
         warnings=(*warnings, *remarks),
         plots=tuple(plots),
         tables=(tare_table(tare), budget_table(estimates.values())),
         options={"torque_is_of": "motor"},
+        covariance=covariance,
     )
 
 
-def _straight_line(recording: Recording, points: FrictionPoints) -> dict[str, Estimate]:
+def _straight_line(
+    recording: Recording, points: FrictionPoints
+) -> tuple[dict[str, Estimate], Covariance | None]:
     """Coulomb and viscous friction of the bare motor from the half-differences: T = T_c + c omega."""
     speed, torque = points.speed, points.friction
     design = np.column_stack([np.ones_like(speed), speed])
     estimates: dict[str, Estimate] = {}
+    covariance = None
     if len(speed) >= 4:
         # Every speed counts alike: the misfit of the straight line is larger than the noise of its points.
         fit = solve(design, torque, where="motor friction")
+        covariance = Covariance(("motor_coulomb", "motor_viscous"), fit.covariance)
         found = [
             (float(v), *fit.interval(k), float(fit.standard_error[k]))
             for k, v in enumerate(fit.values)
@@ -227,7 +256,7 @@ def _straight_line(recording: Recording, points: FrictionPoints) -> dict[str, Es
             identifiable="yes",
             note=note,
         )
-    return estimates
+    return estimates, covariance
 
 
 def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
@@ -328,4 +357,7 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "torque"),
     gear_mounted=False,
+    quantities=QUANTITIES,
+    live=("speed", "torque points", "torque"),
+    gives_tare=True,
 )

@@ -20,9 +20,11 @@ from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, stop
 from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
 from experiments.planning.speeds import refuse_speed
+from experiments.quantity import Counterpart, Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series, Table, judge_upper
 from experiments.steps.vocabulary import HoldTime, MoveToAngle, SegmentLabel, Step, TorqueRamp
+from experiments.terms import MOTOR_AND_GEAR, Term
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.gear import HarmonicDrive
 from model.identify.estimate import BudgetLine, Estimate
@@ -30,6 +32,46 @@ from model.identify.least_squares import student_quantile
 from model.units import DEGREE, REVOLUTION, RPM
 
 NAME = "starting-torque"
+
+
+_DEFINITION = (
+    "quasi-static torque at which the input begins to turn, nothing on the output; mean over "
+    "wave-generator positions"
+)
+_COMPARED_BY = ("part", "mounting", "torque of", "channel", "ramp")
+_CATALOGUE = Counterpart(
+    rating="starting_torque",
+    definition="quasi-static torque at which the input begins to turn, nothing on the output",
+    conditions="nothing on the output, housing at 20 °C, the unit's own grease",
+)
+QUANTITIES = (
+    Quantity(
+        name="starting_torque_{way}",
+        title="starting torque {way}",
+        unit="N m",
+        shown="mN m",
+        definition=_DEFINITION,
+        conditions=_COMPARED_BY,
+        is_key=True,
+        catalogue=_CATALOGUE,
+    ),
+    Quantity(
+        name="starting_torque",
+        title="starting torque",
+        heading="No-load starting torque, mean of both directions",
+        axis="starting torque",
+        unit="N m",
+        shown="mN m",
+        definition=_DEFINITION,
+        conditions=_COMPARED_BY,
+        is_key=True,
+        is_watched=True,
+        catalogue=_CATALOGUE,
+    ),
+    Quantity(name="ramps", title="ramps", unit="1"),
+    Quantity(name="largest_starting_torque", title="largest starting torque", unit="N m"),
+    Quantity(name="smallest_starting_torque", title="smallest starting torque", unit="N m"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +201,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=_metrics(ramps),
         warnings=tuple(warnings),
@@ -298,4 +341,14 @@ EXPERIMENT = Experiment(
     plan=plan,
     analyse=analyse,
     needs=("input_angle", "torque"),
+    quantities=QUANTITIES,
+    live=("speed", "starting points", "torque"),
+    setpoint="position",
+    terms=(
+        Term(
+            "No-load starting torque",
+            "Quasi-static torque at which the input begins to turn, with nothing on the output.",
+        ),
+        MOTOR_AND_GEAR,
+    ),
 )

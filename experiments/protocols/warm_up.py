@@ -26,9 +26,11 @@ from experiments.planning.parts import (
 )
 from experiments.planning.shared_parameters import Acceleration, SyncRate, ZeroTime
 from experiments.planning.speeds import incommensurate, refuse_speed
+from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
 from experiments.steps.vocabulary import HoldRevolutions, SegmentLabel, Settle, Step
+from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE
 from experiments.torque.running_torque import measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.gear import HarmonicDrive
@@ -38,6 +40,20 @@ from model.identify.running_torque import pair_directions
 from model.units import RPM
 
 NAME = "warm-up"
+
+
+QUANTITIES = (
+    Quantity(
+        name="running_torque",
+        title="running torque",
+        unit="N m",
+        definition="half-difference of the directions at the speed of the warm-up, motor and gear together",
+    ),
+    Quantity(name="last_change", title="last change", unit="N m"),
+    Quantity(name="total_change", title="total change", unit="N m"),
+    Quantity(name="time_until_steady", title="time until steady", unit="s"),
+    Quantity(name="steady", title="steady", unit="1"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,6 +169,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
         warnings=(*warnings, *remarks),
@@ -201,4 +218,7 @@ EXPERIMENT = Experiment(
     plan=plan,
     analyse=analyse,
     needs=("input_angle", "torque"),
+    quantities=QUANTITIES,
+    live=("speed", "temperature", "torque"),
+    terms=(RUNNING_TORQUE, MOTOR_AND_GEAR),
 )

@@ -19,9 +19,10 @@ from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, known_settings, require_time_base, usable
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
+from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
-from experiments.result import Plot, Result, Series
+from experiments.result import Covariance, Plot, Result, Series
 from experiments.torque.zero import torque_zero
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.motion import (
@@ -37,6 +38,21 @@ NAME = "motion"
 SETTINGS = ("variant", "position", "effort", "cutoff_hz", "decimation", "start", "stop")
 EVEN = 0.01
 """Relative deviation of a sampling step above which the channels are brought onto an even time axis."""
+
+QUANTITIES = (
+    Quantity(name="inertia", title="inertia", unit=""),
+    Quantity(name="viscous", title="viscous friction", unit=""),
+    Quantity(name="coulomb", title="Coulomb friction", unit=""),
+    Quantity(name="viscous_{way}", title="viscous {way}", unit=""),
+    Quantity(name="coulomb_{way}", title="coulomb {way}", unit=""),
+    Quantity(name="offset", title="offset", unit=""),
+    Quantity(name="relative_error_percent", title="relative error percent", unit="1"),
+    Quantity(name="condition", title="condition", unit="1"),
+    Quantity(name="condition_scaled", title="condition scaled", unit="1"),
+    Quantity(name="residual_norm", title="residual norm", unit=""),
+    Quantity(name="samples", title="samples", unit="1"),
+)
+
 
 FloatArray = NDArray[np.float64]
 
@@ -77,12 +93,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=dict(fit.metrics),
         warnings=(*data.warnings, *fit.warnings),
         plots=plots,
         tables=(budget_table(estimates.values()),),
         options=options,
+        covariance=Covariance(tuple(fit.estimates), fit.covariance),
     )
 
 
@@ -258,11 +276,12 @@ def _friction_plot(fit: MotionFit, data: _Channels) -> Plot:
 
 EXPERIMENT = Experiment(
     name=NAME,
-    title="Inertia and friction from any motion",
+    title="Inertia and friction from motion",
     summary="inertia and friction from any motion (inverse dynamics)",
     parameters=NoParameters,
     plan=no_plan,
     analyse=analyse,
     needs=(),
     has_plan=False,
+    quantities=QUANTITIES,
 )

@@ -9,6 +9,7 @@ from experiments.angle.traverses import stretches
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, known_settings, rotary_ratio, usable
+from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
 from experiments.result import Plot, Result, Series, Table
@@ -25,6 +26,12 @@ STRONGEST = 8
 LARGEST = 4_000_000
 """Samples of one stretch that are transformed at once."""
 LABELS = ("traverse", "hold")
+
+QUANTITIES = (
+    Quantity(name="amplitude_{order}", title="order {order}, amplitude", unit=""),
+    Quantity(name="revolutions_{way}", title="revolutions {way}", unit="1"),
+)
+
 
 FloatArray = NDArray[np.float64]
 
@@ -60,6 +67,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=_strongest(found, unit),
         metrics={f"revolutions_{_way(d)}": float(s.revolutions) for d, s in found.items()},
         warnings=tuple(warnings),
@@ -195,4 +203,5 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=(),
     has_plan=False,
+    quantities=QUANTITIES,
 )

@@ -15,6 +15,7 @@ from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, known_settings, usable
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
+from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
 from experiments.result import Plot, Result, Series, Table
@@ -34,6 +35,31 @@ MOST_SAMPLES = 100_000
 CELLS_PER_PERIOD = 12
 """Cells per period of the highest order where samples are averaged."""
 COUNTED = ("traverse", "hold")
+
+QUANTITIES = (
+    Quantity(name="amplitude_{order}", title="order {order}, amplitude", unit=""),
+    Quantity(
+        name="phase_{order}", title="order {order}, phase", unit="rad", shown="°", is_circular=True
+    ),
+    Quantity(name="mean", title="mean", unit=""),
+    Quantity(
+        name="friction",
+        title="friction",
+        unit="",
+        definition="half the difference of the directions",
+    ),
+    Quantity(
+        name="direction_shift",
+        title="direction shift",
+        unit="rad",
+        definition="angle by which the series of the directions are shifted",
+    ),
+    Quantity(name="residual_rms", title="residual rms", unit=""),
+    Quantity(name="samples", title="samples", unit="1"),
+    Quantity(name="candidates", title="candidates", unit="1"),
+    Quantity(name="revolutions", title="revolutions", unit="1"),
+)
+
 
 FloatArray = NDArray[np.float64]
 
@@ -74,6 +100,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=fit.estimates,
         metrics=dict(fit.metrics),
         warnings=(*warnings, *said, *fit.warnings),
@@ -193,4 +220,5 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=(),
     has_plan=False,
+    quantities=QUANTITIES,
 )

@@ -9,6 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from model.identify.cause import Cause
+
 Identifiable = Literal["yes", "weakly", "no"]
 
 COVERAGE_FACTOR = 2.0
@@ -19,12 +21,16 @@ COVERAGE_FACTOR = 2.0
 class BudgetLine:
     """One contribution to an uncertainty budget: its kind (A from the data, B from elsewhere), u in
     the estimate's unit.
+
+    `source` says in words what it is; `cause` names an error that other results may share, None one
+    that is this estimate's alone.
     """
 
     source: str
     kind: Literal["A", "B"]
     standard_uncertainty: float
     note: str = ""
+    cause: Cause | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,6 +85,7 @@ class Estimate:
                     "kind": b.kind,
                     "standard_uncertainty": b.standard_uncertainty,
                     "note": b.note,
+                    "cause": b.cause,
                 }
                 for b in self.budget
             ],

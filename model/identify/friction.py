@@ -20,6 +20,7 @@ import numpy as np
 from model.errors import IdentificationError
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive
+from model.identify.cause import Cause
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.running_torque import (
@@ -167,7 +168,8 @@ def fit_friction(
             BudgetLine("scatter between revolutions and points", "A", _half_width(estimates[name]))
         ]
         lines += [
-            BudgetLine(source, "B", abs(float(change[k]))) for source, change in sources.items()
+            BudgetLine(source, "B", abs(float(change[k])), cause=cause)
+            for source, cause, change in sources
         ]
         estimates[name] = estimates[name].with_budget(lines)
     estimates.update(_offset(points))
@@ -275,18 +277,19 @@ def _type_b(
     drag: Array,
     force_error: Array,
     lever: float,
-) -> dict[str, Array]:
+) -> list[tuple[str, Cause | None, Array]]:
     """Change of the five parameters for one standard uncertainty of each source of type B (linearised)."""
     weighted = fit.jacobian / force_error[:, None]
     gain = np.linalg.pinv(weighted, rcond=1e-10) / (force_error * lever)
-    changes = {
-        "torque scale": given.scale * torque,
-        "torque zero": np.where(points.paired, 0.0, given.zero),
-        "tare": given.tare * tare,
-        "temperature": given.temperature * given.temperature_coefficient * torque,
-        "bearing no-load torque": given.bearing * drag,
-    }
-    return {source: gain @ change for source, change in changes.items() if np.any(change != 0.0)}
+    warmer = given.temperature * given.temperature_coefficient
+    changes = [
+        ("torque scale", Cause.TORQUE_SCALE, given.scale * torque),
+        ("torque zero", None, np.where(points.paired, 0.0, given.zero)),
+        ("tare", Cause.TARE, given.tare * tare),
+        ("temperature", None, warmer * torque),
+        ("bearing no-load torque", Cause.BEARING_TORQUE, given.bearing * drag),
+    ]
+    return [(source, cause, gain @ by) for source, cause, by in changes if np.any(by != 0.0)]
 
 
 def _offset(points: FrictionPoints) -> dict[str, Estimate]:

@@ -30,6 +30,7 @@ from model.identify.angle_regression import (
     solve_angle,
     standard_basis,
 )
+from model.identify.cause import Cause
 from model.identify.checks import Array, channels, positive
 from model.identify.counting import (
     WHOLE_TURN,
@@ -341,7 +342,11 @@ def _order(fit: AngleFit, index: int, encoders: Encoders) -> OrderEstimate:
     if accuracy > 0.0:
         lines.append(
             BudgetLine(
-                "encoder accuracy at this order", "B", accuracy, "cannot be told from the gear"
+                "encoder accuracy at this order",
+                "B",
+                accuracy,
+                "cannot be told from the gear",
+                Cause.BOTH_ENCODERS,
             )
         )
     amplitude = Estimate(
@@ -450,6 +455,7 @@ def _encoder_budget(fit: AngleFit, accuracy: Estimate, encoders: Encoders) -> li
                 "B",
                 math.sqrt(2.0) * encoders.output_accuracy,
                 "cannot be told from the gear's output order 1 without re-clocking the encoder",
+                Cause.OUTPUT_ENCODER,
             )
         )
     if encoders.input_accuracy > 0.0:
@@ -460,6 +466,7 @@ def _encoder_budget(fit: AngleFit, accuracy: Estimate, encoders: Encoders) -> li
                 "B",
                 u,
                 "cannot be told from orders 1 and 2",
+                Cause.MOTOR_ENCODER,
             )
         )
     return lines

@@ -48,7 +48,8 @@ class MotionFit:
     """Inertia and friction of a motion, with what is needed to judge and to plot them.
 
     estimates by name; metrics: relative_error_percent, condition, residual_norm, samples, and those
-    of a cross-validation; time, velocity, measured, predicted: (n,) after decimation.
+    of a cross-validation; time, velocity, measured, predicted: (n,) after decimation; covariance (p, p) in
+    the order of the estimates.
     """
 
     variant: Variant
@@ -59,6 +60,7 @@ class MotionFit:
     velocity: Array
     measured: Array
     predicted: Array
+    covariance: Array
 
     @property
     def values(self) -> Array:
@@ -237,6 +239,7 @@ def fit_motion(
         velocity=data.velocity,
         measured=data.force,
         predicted=data.force - fit.residual,
+        covariance=fit.covariance,
     )
 
 

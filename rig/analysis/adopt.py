@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from experiments.quantity import Quantity
     from experiments.result import Result
     from model.gear import HarmonicDrive
 
@@ -128,12 +129,17 @@ def _numbers(gear: HarmonicDrive) -> dict[str, tuple[float, str]]:
     return numbers | {harmonic_path(h.order): (h.amplitude, "rad") for h in gear.kinematic_error}
 
 
+def _is_phase(quantity: Quantity) -> bool:
+    """Whether it is the phase of an order, which has no mean without the way round the circle."""
+    return quantity.is_circular and quantity.placeholder == "order"
+
+
 def pooled(results: Sequence[Result]) -> tuple[Pooled, ...]:
     """Mean and spread of every quantity that at least two runs of one kind give."""
     groups: dict[tuple[str, str, str], list[float]] = {}
     for result in results:
         for name, estimate in result.estimates.items():
-            if math.isfinite(estimate.value) and not name.startswith("phase"):
+            if math.isfinite(estimate.value) and not _is_phase(result.quantity(name)):
                 groups.setdefault((result.kind, name, estimate.unit), []).append(estimate.value)
     return tuple(
         Pooled(kind, name, unit, statistics.fmean(v), statistics.stdev(v), len(v))

@@ -15,22 +15,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from experiments.recording import Recording, RunMetadata
+from model.identify.cause import Cause, Ground
 from model.identify.estimate import COVERAGE_FACTOR
 from rig.analysis.store import Analysis
 from rig.runfile.read import FileSource
 
-CAUSES: Mapping[str, tuple[str, ...]] = {
-    "torque scale": ("torque channel",),
-    "tare": ("torque channel", "tare"),
-    "bearing no-load torque": ("parameter set",),
-    "output encoder": ("output encoder as mounted",),
-    "motor encoder": ("motor encoder as mounted",),
-    "encoder accuracy at this order": ("output encoder as mounted", "motor encoder as mounted"),
-}
-"""How a line of a budget begins, and what must be the same for its error to be the same."""
+Grounds = Mapping[Ground, str]
+"""What a result rests on: a text that tells one such thing from another ("" unknown)."""
 
-Footing = Mapping[str, str]
-"""What a result stands on: name of the thing, and text that tells one such thing from another ("" unknown)."""
+_Part = tuple[str, Cause | None]
+"""A source of uncertainty in words, and its cause."""
 
 
 @dataclass(frozen=True)
@@ -42,18 +36,18 @@ class CombinedUncertainty:
     shared: tuple[str, ...]
 
 
-def footing(recording: Recording, analysis: Analysis) -> Footing:
-    """What an analysis of a run stands on."""
+def grounds_of(recording: Recording, analysis: Analysis) -> Grounds:
+    """What an analysis of a run rests on."""
     m = recording.metadata
     channel = str(analysis.result.get("options", {}).get("channel") or "torque")
     mounted = f"{m.gear_serial}|{m.mounting}|{m.conditions.get('mounted_on', '')}"
     output, motor = _instrument(recording, "output_angle"), _instrument(recording, "input_angle")
     return {
-        "torque channel": _instrument(recording, channel),
-        "tare": str(analysis.content.get("tare", {}).get("sha256", "")),
-        "parameter set": str(analysis.content.get("gear", "")),
-        "output encoder as mounted": output and f"{output}|{mounted}",
-        "motor encoder as mounted": motor and f"{motor}|{mounted}",
+        Ground.TORQUE_CHANNEL: _instrument(recording, channel),
+        Ground.TARE: str(analysis.content.get("tare", {}).get("sha256", "")),
+        Ground.PARAMETER_SET: str(analysis.content.get("gear", "")),
+        Ground.OUTPUT_ENCODER: output and f"{output}|{mounted}",
+        Ground.MOTOR_ENCODER: motor and f"{motor}|{mounted}",
     }
 
 
@@ -67,9 +61,10 @@ def _instrument(recording: Recording, channel: str) -> str:
     )
     if column is None:
         return ""
-    known = column.serial_number or column.calibration.certificate
+    identity = column.serial_number or column.calibration.certificate
     rig = simulated_bench(recording.metadata)
-    if not known or (recording.metadata.origin == "simulated" and not rig):
+    # Every simulated rig has the same serial numbers: without its seed it cannot be told from another.
+    if not identity or (recording.metadata.origin == "simulated" and not rig):
         return ""
     parts = (
         recording.metadata.origin,
@@ -94,54 +89,58 @@ def simulated_bench(metadata: RunMetadata) -> str:
     )
 
 
-def same_things(first: Footing, second: Footing) -> frozenset[str]:
-    """What both stand on."""
-    return frozenset(name for name, what in first.items() if what and second.get(name) == what)
+def common_grounds(first: Grounds, second: Grounds) -> frozenset[Ground]:
+    """What both rest on."""
+    return frozenset(ground for ground, what in first.items() if what and second[ground] == what)
 
 
 def combined_uncertainty(
-    first: Mapping[str, Any], second: Mapping[str, Any], same: frozenset[str]
+    first: Mapping[str, Any], second: Mapping[str, Any], common: frozenset[Ground]
 ) -> CombinedUncertainty | None:
     """U of the difference of two estimates as the analysis store keeps them; None where one has no uncertainty."""
     a, b = _parts(first), _parts(second)
     if a is None or b is None:
         return None
-    shared = tuple(name for name in a if name in b and _is_shared(name, same))
-    own = sum(u * u for part in (a, b) for name, u in part.items() if name not in shared)
-    own += sum((a[name] - b[name]) ** 2 for name in shared)
-    everything = sum(u * u for part in (a, b) for u in part.values())
+    shared = tuple(part for part in a if part in b and _is_shared(part, common))
+    own = sum(u * u for parts in (a, b) for part, u in parts.items() if part not in shared)
+    own += sum((a[part] - b[part]) ** 2 for part in shared)
+    everything = sum(u * u for parts in (a, b) for u in parts.values())
     return CombinedUncertainty(
-        COVERAGE_FACTOR * math.sqrt(everything), COVERAGE_FACTOR * math.sqrt(own), shared
+        COVERAGE_FACTOR * math.sqrt(everything),
+        COVERAGE_FACTOR * math.sqrt(own),
+        tuple(source for source, _ in shared),
     )
 
 
-def _parts(estimate: Mapping[str, Any]) -> dict[str, float] | None:
+def _parts(estimate: Mapping[str, Any]) -> dict[_Part, float] | None:
     """Standard uncertainties by source; lines of type A are numbered, as two of one name are still two causes."""
     whole = estimate.get("expanded_uncertainty")
     if whole is None:
         return None
-    found: dict[str, float] = {}
+    parts: dict[_Part, float] = {}
     for index, line in enumerate(estimate.get("budget") or ()):
         if line.get("standard_uncertainty") is None:
             return None
-        name = str(line["source"]) if line["kind"] == "B" else f"A, line {index}"
-        found[name] = math.hypot(found.get(name, 0.0), float(line["standard_uncertainty"]))
-    return found or {"interval": float(whole) / COVERAGE_FACTOR}
+        part: _Part = (f"A, line {index}", None)
+        if line["kind"] == "B":
+            cause = line.get("cause")
+            part = (str(line["source"]), Cause(cause) if cause else None)
+        parts[part] = math.hypot(parts.get(part, 0.0), float(line["standard_uncertainty"]))
+    return parts or {("interval", None): float(whole) / COVERAGE_FACTOR}
 
 
-def _is_shared(source: str, same: frozenset[str]) -> bool:
-    return any(
-        source.startswith(begin) and same.issuperset(needed) for begin, needed in CAUSES.items()
-    )
+def _is_shared(part: _Part, common: frozenset[Ground]) -> bool:
+    _, cause = part
+    return cause is not None and cause.grounds <= common
 
 
-def own_uncertainty(estimate: Mapping[str, Any], same: frozenset[str]) -> float:
-    """U (k = 2) of one estimate without the causes that it shares with others which stand on the
-    `same` things; NaN unknown.
+def own_uncertainty(estimate: Mapping[str, Any], common: frozenset[Ground]) -> float:
+    """U (k = 2) of one estimate without the causes that it shares with others which rest on the
+    same grounds; NaN unknown.
     """
     parts = _parts(estimate)
     if parts is None:
         return math.nan
     return COVERAGE_FACTOR * math.sqrt(
-        sum(u * u for name, u in parts.items() if not _is_shared(name, same))
+        sum(u * u for part, u in parts.items() if not _is_shared(part, common))
     )

@@ -17,9 +17,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from experiments.quantity import Quantity, bare_quantity, quantity_of
 from experiments.recording import Recording, RunMetadata
+from model.identify.cause import Ground
 from model.identify.estimate import BudgetLine, Estimate
-from rig.analysis.causes import Footing, combined_uncertainty, footing, same_things
+from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
+from rig.analysis.result_data import declared_quantities
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.wording import show
 from rig.runfile.header import read_header
@@ -77,10 +80,15 @@ class Change:
     note: str = ""
     own_uncertainty: float | None = None
     significant_without_shared: bool | None = None
+    title: str = ""
+    """What an estimate is called; "" for everything else."""
+    shown: str = ""
+    """Difference ± U_c as it is read in a laboratory."""
 
     def as_json(self) -> dict[str, Any]:
         """One line of `rig diff --json`."""
-        return {name: getattr(self, name) for name in self.__slots__}
+        names = [name for name in self.__slots__ if name not in ("title", "shown")]
+        return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True)
@@ -145,12 +153,12 @@ def _is_same(change: Change) -> bool:
 
 @dataclass(frozen=True)
 class _Facts:
-    """What a run says, flattened to text by group, its newest analysis per kind, and what each of them stands on."""
+    """What a run says, flattened to text by group, its newest analysis per kind, and what each of them rests on."""
 
     run_id: str
     groups: Mapping[str, Mapping[str, str]]
     analyses: Mapping[str, Analysis]
-    footings: Mapping[str, Footing]
+    grounds: Mapping[str, Grounds]
 
 
 def _facts(path: Path) -> _Facts:
@@ -158,8 +166,8 @@ def _facts(path: Path) -> _Facts:
     recording = open_run(path)
     try:
         groups = _groups(recording)
-        footings = {kind: footing(recording, analysis) for kind, analysis in newest.items()}
-        return _Facts(recording.metadata.run_id or path.name, groups, newest, footings)
+        grounds = {kind: grounds_of(recording, analysis) for kind, analysis in newest.items()}
+        return _Facts(recording.metadata.run_id or path.name, groups, newest, grounds)
     finally:
         close_recording(recording)
 
@@ -292,11 +300,24 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
             for change in apart
             if change.name.split(": ")[1] in SUBJECT
         )
-        same = same_things(a.footings[kind], b.footings[kind])
+        common = common_grounds(a.grounds[kind], b.grounds[kind])
         found, others = left.result.get("parameters", {}), right.result.get("parameters", {})
         for name in dict.fromkeys((*found, *others)):
+            quantity = (left if name in found else right).quantity(name)
+            shown = Change(
+                group="results",
+                name=f"{kind}: {name}",
+                first=_shown(found.get(name), quantity),
+                second=_shown(others.get(name), quantity),
+                title=quantity.titled(name),
+            )
             yield _compared(
-                f"{kind}: {name}", found.get(name), others.get(name), same, other_subject=other
+                shown,
+                found.get(name),
+                others.get(name),
+                common,
+                quantity=quantity,
+                other_subject=other,
             )
 
 
@@ -322,16 +343,15 @@ def _analysed_otherwise(kind: str, left: Analysis, right: Analysis) -> Iterable[
 
 
 def _compared(
-    name: str,
+    shown: Change,
     first: Mapping[str, Any] | None,
     second: Mapping[str, Any] | None,
-    same: frozenset[str],
+    common: frozenset[Ground],
     *,
+    quantity: Quantity,
     other_subject: bool,
 ) -> Change:
-    shown = Change(
-        group="results", name=name, first=_shown(first, name), second=_shown(second, name)
-    )
+    """What the difference of two estimates means, added to how they are shown."""
     if first is None or second is None:
         return replace(shown, note="found in one of the two only")
     unit = str(first.get("unit", ""))
@@ -339,12 +359,13 @@ def _compared(
     values = first.get("value"), second.get("value")
     if values[0] is None or values[1] is None or unit != str(second.get("unit", "")):
         return replace(shown, note="cannot be compared")
-    change = _away(name, unit, float(values[0]), float(values[1]))
+    change = _away(quantity, float(values[0]), float(values[1]))
     shown = replace(shown, difference=change)
-    combined = combined_uncertainty(first, second, same)
+    combined = combined_uncertainty(first, second, common)
     if combined is None:
         return replace(shown, note="no uncertainty is known")
-    shown = replace(shown, uncertainty=combined.independent)
+    text = _in_laboratory_units(quantity, change, combined.independent, unit)
+    shown = replace(shown, uncertainty=combined.independent, shown=text)
     unknown = [e for e in (first, second) if e.get("identifiability") == "no"]
     if unknown or other_subject:
         note = (
@@ -367,38 +388,47 @@ def _compared(
     )
 
 
-def _away(name: str, unit: str, first: float, second: float) -> float:
-    """Second minus first; of a phase the shorter way round, of numbers that agree to all but their
+def _away(quantity: Quantity, first: float, second: float) -> float:
+    """Second minus first; on the circle the shorter way round, of numbers that agree to all but their
     last digits nothing.
     """
     change = second - first
-    if unit == "rad" and "phase" in name:
+    if quantity.is_circular:
         change = math.remainder(change, 2.0 * math.pi)
     return 0.0 if abs(change) <= SAME_NUMBER * max(abs(first), abs(second)) else change
 
 
-def _shown(found: Mapping[str, Any] | None, name: str = "") -> str:
+def _shown(found: Mapping[str, Any] | None, quantity: Quantity | None = None) -> str:
     """A value ± U as the report prints it: in the unit of the laboratory, rounded to two digits of U."""
     value = None if found is None else found.get("value")
     if found is None or value is None:
         return "-"
-    return in_laboratory_units(
-        name, float(value), found.get("expanded_uncertainty"), str(found.get("unit", "1"))
+    return _in_laboratory_units(
+        quantity, float(value), found.get("expanded_uncertainty"), str(found.get("unit", "1"))
     )
 
 
-def in_laboratory_units(name: str, value: float, doubt: float | None, unit: str) -> str:
-    """`value ± doubt unit` of a quantity in SI, `name` tells which, as it is read in a laboratory."""
+def _in_laboratory_units(
+    quantity: Quantity | None, value: float, doubt: float | None, unit: str
+) -> str:
+    """`value ± doubt unit` of a quantity in SI as it is read in a laboratory."""
     budget = () if doubt is None else (BudgetLine("", "A", 0.5 * float(doubt)),)
     estimate = Estimate(
-        name=name.rpartition(": ")[2],
+        name="",
         value=value,
         unit=unit,
         low=math.nan,
         high=math.nan,
         budget=budget,
     )
-    return show(estimate).with_uncertainty
+    return show(estimate, quantity or bare_quantity("", unit)).with_uncertainty
+
+
+def in_laboratory_units(name: str, value: float, doubt: float | None, unit: str) -> str:
+    """Until nobody imports it: `Change.shown`."""
+    kind, _, key = name.partition(": ")
+    quantity = quantity_of(declared_quantities(kind), key)
+    return _in_laboratory_units(quantity, value, doubt, unit)
 
 
 def _flat(found: Mapping[str, Any], prefix: str = "") -> dict[str, str]:

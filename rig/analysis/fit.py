@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rig.analysis.tare import check_tare, tare_kind
 from rig.errors import RigError
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
 
 TARE = "motor-tare"
-"""The protocol whose result can be subtracted as a tare."""
+"""Until nobody imports it: `rig.analysis.tare.tare_kind`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +99,7 @@ def fit_recording(
             "Give yours with --parameters."
         )
     if tare is not None:
-        check_tare(recording, tare)
+        check_tare(recording, tare.recording, tare.result)
     evidence = _evidence(known, tare, settings or {}, largest_missed_share)
     result = experiment.analyse(recording, evidence)
     options = dict(result.options)
@@ -147,33 +148,6 @@ def score(fit: Fit) -> Result:
     return compare(fit.recording, fit.gear, fit.evidence)
 
 
-def check_tare(recording: Recording, tare: Fit) -> None:
-    """Raise `RigError` unless `tare` is a motor tare of the same kind of rig as the recording."""
-    here, there = recording.metadata, tare.recording.metadata
-    if tare.result.kind != TARE:
-        raise RigError(
-            "only a motor-tare run (gear removed) can be subtracted as a tare",
-            where=there.run_id,
-            value=tare.result.kind,
-            limit=TARE,
-            remedy="Run `rig run motor-tare` on this rig and give that run.",
-        )
-    if there.gear_mounted:
-        raise RigError(
-            "the tare was taken with a gear mounted, so that it holds the gear's own friction",
-            where=there.run_id,
-            remedy="Remove the gear and run motor-tare again.",
-        )
-    if here.origin != there.origin:
-        raise RigError(
-            "tare and run do not come from the same kind of rig",
-            where=there.run_id,
-            value=there.origin,
-            limit=here.origin,
-            remedy="Take the tare on the rig on which the run was made.",
-        )
-
-
 def fit_files(
     paths: Sequence[str | Path],
     kind: str = "",
@@ -190,7 +164,7 @@ def fit_files(
     if tare is not None:
         taken = fit_recording(
             open_run(Path(tare)),
-            TARE,
+            tare_kind(),
             gear=gear,
             path=Path(tare),
             largest_missed_share=largest_missed_share,
@@ -211,6 +185,7 @@ def fit_files(
 
 def store(fit: Fit, created: str) -> Fit:
     """Append a fit to the store beside its run and say under which name; a recording that is no file stays as it is."""
+    from experiments import catalogue
     from model.gear_file import gear_to_mapping
     from rig.analysis.store import Basis, append_analysis
 
@@ -221,7 +196,12 @@ def store(fit: Fit, created: str) -> Fit:
         there = fit.tare.recording.metadata
         tare = {"run": there.run_id, "sha256": there.sha256}
     basis = Basis(
-        fit.recording.metadata.sha256, created, gear_to_mapping(fit.gear), tare, fit.settings
+        fit.recording.metadata.sha256,
+        created,
+        gear=gear_to_mapping(fit.gear),
+        tare=tare,
+        settings=fit.settings,
+        analysis_version=catalogue.load(fit.result.kind).version,
     )
-    kept = append_analysis(fit.path, fit.result, basis)
-    return dataclasses.replace(fit, stored=f"{kept.path.parent.name}/{kept.path.name}")
+    stored = append_analysis(fit.path, fit.result, basis).path
+    return dataclasses.replace(fit, stored=f"{stored.parent.name}/{stored.name}")

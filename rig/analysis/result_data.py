@@ -5,13 +5,16 @@ nothing hands to one that draws.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments import catalogue
+from experiments.quantity import Quantity, with_bare
 from experiments.result import Plot, Result, Series, Table, Verdict
+from model.identify.cause import Cause
 from model.identify.estimate import BudgetLine, Estimate
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
@@ -31,6 +34,7 @@ def result_from_mapping(
     return Result(
         run=str(told["run"]),
         kind=str(told["kind"]),
+        quantities=quantities_for(str(told["kind"]), estimates, told.get("metrics", ())),
         estimates=estimates,
         metrics={name: _number(value) for name, value in told.get("metrics", {}).items()},
         warnings=tuple(str(warning) for warning in told.get("warnings", ())),
@@ -41,11 +45,29 @@ def result_from_mapping(
     )
 
 
+def declared_quantities(kind: str) -> tuple[Quantity, ...]:
+    """What a kind of analysis declares; nothing for one that is not in the catalogue."""
+    experiment = catalogue.declared(kind)
+    return experiment.quantities if experiment else ()
+
+
+def quantities_for(
+    kind: str, estimates: Mapping[str, Estimate], metrics: Iterable[str]
+) -> tuple[Quantity, ...]:
+    """What a kind of analysis declares, and of numbers that it does not (any more) their names and units."""
+    units = dict.fromkeys(metrics, "") | {name: e.unit for name, e in estimates.items()}
+    return with_bare(declared_quantities(kind), units)
+
+
 def estimate_from_mapping(name: str, told: Mapping[str, Any]) -> Estimate:
     """One identified number out of JSON data."""
     budget = tuple(
         BudgetLine(
-            str(b["source"]), b["kind"], _number(b["standard_uncertainty"]), str(b.get("note", ""))
+            str(b["source"]),
+            b["kind"],
+            _number(b["standard_uncertainty"]),
+            str(b.get("note", "")),
+            Cause(b["cause"]) if b.get("cause") else None,
         )
         for b in told.get("budget", ())
     )

@@ -1,8 +1,9 @@
 """The analysis store: what was found of a run lies beside it, one numbered file per analysis, appended, never edited.
 
-`<run>.analysis/0001.json` names the run by its SHA-256, the program's version, the parameter set
-and the settings that were used, and holds the result as `rig fit --json` prints it. The run file
-itself is never touched.
+`<run>.analysis/0001.json` names the run and its tare by their SHA-256, the versions of program and
+analysis, the parameter set and the settings that were used, and holds the result as `rig fit
+--json` prints it, what each of its numbers is, and the covariance of what was fitted together. The
+run file itself is never touched. Analyses of format 1 are read as if they were of format 2.
 """
 
 from __future__ import annotations
@@ -18,10 +19,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from experiments.quantity import Quantity, quantity_of
 from experiments.result import Result
+from rig.analysis import format_1
+from rig.analysis.result_data import declared_quantities, table_to_mapping
 from rig.errors import RunFileError
 
-STORE_FORMAT = "harmonic-rig-analysis-1"
+STORE_FORMAT = "harmonic-rig-analysis-2"
 _NUMBER = re.compile(r"(\d{4,})\.json\Z")
 
 
@@ -43,13 +47,24 @@ class Analysis:
         """The result as `rig fit --json` prints it."""
         return self.content.get("result", {})
 
+    def quantity(self, name: str) -> Quantity:
+        """What its protocol declares of an estimate; what was stored of one that it no longer declares."""
+        quantity = quantity_of(declared_quantities(self.kind), name)
+        if quantity is not None:
+            return quantity
+        stored = self.content["quantities"].get(name, {})
+        return Quantity(
+            name=name, title=str(stored.get("title", name)), unit=str(stored.get("unit", "1"))
+        )
+
 
 @dataclass(frozen=True)
 class Basis:
     """What an analysis rests on besides the recording.
 
     `run_sha256` of the run file, `gear` the parameter set as a mapping, `tare` names run and SHA-256 of the motor tare,
-    `settings` what was asked for, `created` the calendar time (ISO 8601).
+    `settings` what was asked for, `created` the calendar time (ISO 8601), `analysis_version` that of
+    the kind of analysis (`Experiment.version`).
     """
 
     run_sha256: str
@@ -57,6 +72,7 @@ class Basis:
     gear: Mapping[str, Any] = field(default_factory=dict)
     tare: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    analysis_version: int = 1
 
 
 def program_version() -> str:
@@ -120,10 +136,13 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
         "gear": dict(basis.gear),
         "outcome": result.outcome,
         "result": result.as_json(),
-        "tables": [
-            {"name": t.name, "title": t.title, "columns": t.columns, "rows": t.rows, "note": t.note}
-            for t in result.tables
-        ],
+        "tables": [table_to_mapping(table) for table in result.tables],
+        "analysis_version": basis.analysis_version,
+        "quantities": {
+            name: _quantity(result, name) for name in (*result.estimates, *result.metrics)
+        },
+        "covariance": result.covariance,
+        "checks": [],
     }
     content = json_ready(content)
     stored = read_analyses(run)
@@ -140,6 +159,16 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
             value=error.strerror or str(error),
             remedy="Make the folder writable, or copy the run to one that is.",
         ) from None
+
+
+def _quantity(result: Result, name: str) -> dict[str, str]:
+    """What an estimate or a metric is, for a reader who has this file alone."""
+    quantity, estimate = result.quantity(name), result.estimates.get(name)
+    return {
+        "title": quantity.titled(name),
+        "unit": estimate.unit if estimate else quantity.unit,
+        "definition": quantity.definition,
+    }
 
 
 def _write_next(folder: Path, content: Mapping[str, Any], number: int) -> Analysis:
@@ -189,7 +218,9 @@ def read_analyses(run: str | Path) -> tuple[Analysis, ...]:
             raise RunFileError(
                 "a stored analysis cannot be read", where=str(path), value=str(error)
             ) from None
-        if not isinstance(content, dict) or content.get("format") != STORE_FORMAT:
+        if isinstance(content, dict) and content.get("format") == format_1.FORMAT:
+            content = format_1.from_format_1(content)
+        elif not isinstance(content, dict) or content.get("format") != STORE_FORMAT:
             raise RunFileError(
                 "is no analysis of this program", where=str(path), limit=f"format {STORE_FORMAT}"
             )

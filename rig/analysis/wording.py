@@ -8,8 +8,9 @@ import math
 import re
 from dataclasses import dataclass
 
+from experiments.quantity import Quantity
 from model.identify.estimate import Estimate
-from model.units import ARCMIN, ARCSEC, DEGREE, RPM
+from model.units import ARCMIN, ARCSEC, DEGREE, LABORATORY_UNITS, RPM, by_size
 
 _ARCMIN_WORDS = ("accuracy", "peak_to_peak", "closure", "backlash")
 _PHASE_WORDS = ("phase", "lag_angle")
@@ -75,16 +76,32 @@ def display_unit(name: str, unit: str, size: float) -> tuple[float, str]:
     return 1.0, pretty(unit)
 
 
+def laboratory_unit(unit: str, size: float, shown: str = "") -> tuple[float, str]:
+    """Factor and unit in which a number in SI is read in a laboratory: SI = factor * shown.
+
+    `shown` is what its quantity declares; where that is nothing, or a unit of something else (a
+    channel's own unit, not that of the quantity), its size decides.
+    """
+    if shown not in LABORATORY_UNITS or LABORATORY_UNITS[shown][0] != unit:
+        shown = by_size(unit, size)
+    if shown in LABORATORY_UNITS:
+        return LABORATORY_UNITS[shown][1], shown
+    return 1.0, "" if shown == "1" else pretty(shown)
+
+
 def pretty(unit: str) -> str:
     """Squares and cubes as they are printed: m2/s is m²/s."""
     return re.sub(r"(?<=[A-Za-z])[23](?=$|[ /])", lambda m: {"2": "²", "3": "³"}[m[0]], unit)
 
 
-def show(estimate: Estimate) -> Shown:
-    """An estimate as text in the unit of the laboratory, rounded to two digits of its expanded uncertainty."""
+def show(estimate: Estimate, quantity: Quantity | None = None) -> Shown:
+    """An estimate as text in the unit that its quantity is shown in, rounded to two digits of U."""
     expanded = estimate.expanded_uncertainty
     size = max((abs(v) for v in (estimate.value, expanded) if math.isfinite(v)), default=0.0)
-    factor, unit = display_unit(estimate.name, estimate.unit, size)
+    if quantity is not None:
+        factor, unit = laboratory_unit(estimate.unit, size, quantity.shown)
+    else:
+        factor, unit = display_unit(estimate.name, estimate.unit, size)
     value, low, high = (v / factor for v in (estimate.value, estimate.low, estimate.high))
     expanded /= factor
     size /= factor
@@ -281,6 +298,12 @@ METRIC_UNITS: dict[str, tuple[tuple[str, str], ...]] = {
     "warm-up": (("last_change", "N m"), ("total_change", "N m"), ("time_until", "s")),
 }
 """SI units of the figures of merit that have one: kind of fit, beginning of the name."""
+
+
+def metric_text(quantity: Quantity, value: float) -> str:
+    """A figure of merit with its unit, where it has one."""
+    factor, unit = laboratory_unit(quantity.unit, value, quantity.shown)
+    return f"{number(value / factor)} {unit}".rstrip()
 
 
 def metric(kind: str, name: str, value: float) -> str:

@@ -134,7 +134,7 @@ def compare(
 
     gear = _gear(parameters)
     assert gear is not None
-    found = fit_files(
+    fitted = fit_files(
         [run],
         kind,
         gear=gear,
@@ -142,23 +142,23 @@ def compare(
         settings=_settings(setting),
         largest_missed_share=largest_missed_share,
     )[0]
-    rows = compare_with(gear, found.result)
-    scored = score(found)
+    rows = compare_with(gear, fitted.result)
+    scored = score(fitted)
     if json:
         from rig.analysis.store import json_text
 
-        made = {
-            "run": found.result.run,
-            "kind": found.result.kind,
+        values = {
+            "run": fitted.result.run,
+            "kind": fitted.result.kind,
             "parameter_set": gear.name,
             "parameters_file": str(parameters),
             "comparison": {row.path: row.as_json() for row in rows},
             "metrics": dict(scored.metrics),
-            "warnings": list(dict.fromkeys((*scored.warnings, *found.result.warnings))),
+            "warnings": list(dict.fromkeys((*scored.warnings, *fitted.result.warnings))),
         }
-        typer.echo(json_text(made))
+        typer.echo(json_text(values))
         return
-    _print_comparison(found, scored, gear, rows)
+    _print_comparison(fitted, scored, gear, rows)
 
 
 def split_kind(words: list[str]) -> tuple[str, list[Path]]:
@@ -188,13 +188,13 @@ def _gear(path: Path | None) -> HarmonicDrive | None:
 
 def _settings(pairs: list[str] | None) -> dict[str, Any]:
     """NAME=VALUE pairs; numbers, truth values and lists of numbers are read as such."""
-    made: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for pair in pairs or ():
         name, equals, text = pair.partition("=")
         if not equals or not name.strip():
             raise typer.BadParameter(f"{pair!r} is not NAME=VALUE", param_hint="--set")
-        made[name.strip().replace("-", "_")] = _read(text.strip())
-    return made
+        settings[name.strip().replace("-", "_")] = _read(text.strip())
+    return settings
 
 
 def _read(text: str) -> Any:
@@ -223,15 +223,15 @@ def _keep(fits: tuple[Fit, ...]) -> list[str]:
     from rig.errors import RunFileError
 
     notes = []
-    for found in fits:
+    for one in fits:
         try:
-            kept = store(found, datetime.now().astimezone().isoformat(timespec="seconds"))
+            stored = store(one, datetime.now().astimezone().isoformat(timespec="seconds"))
         except RunFileError as error:
             typer.echo(f"Not stored: {error}", err=True)
         else:
-            if kept.stored and found.path is not None:
+            if stored.stored and one.path is not None:
                 notes.append(
-                    f"kept as {found.path.with_name(kept.stored.split('/')[0]) / kept.stored.split('/')[1]}"
+                    f"kept as {one.path.with_name(stored.stored.split('/')[0]) / stored.stored.split('/')[1]}"
                 )
     return notes
 
@@ -264,19 +264,20 @@ def _with_drawings(result: Result, *, wanted: bool) -> dict[str, Any]:
 def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
     from rich.text import Text
 
-    from rig.analysis.wording import number, readable
+    from experiments.quantity import quantity_of
+    from rig.analysis.wording import number
     from rig.commands.result_tables import console, print_result
     from rig.present.figure import WATERMARKS
 
     out = console()
-    for found in fits:
-        metadata = found.recording.metadata
+    for one in fits:
+        metadata = one.recording.metadata
         word = WATERMARKS.get(metadata.origin, metadata.origin.upper())
         gear = f", gear {metadata.gear_serial}" if metadata.gear_serial else ""
         print_result(
             out,
-            found.result,
-            f"{found.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}",
+            one.result,
+            f"{one.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}",
         )
     if len(fits) > 1:
         from rig.analysis.adopt import pooled
@@ -285,8 +286,11 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
         if spread:
             out.print()
             out.print(Text("Between runs", style="bold"))
+        quantities = {f.result.kind: f.result.quantities for f in fits}
         for p in spread:
-            text = f"  {p.kind} {readable(p.name)}: mean {number(p.mean)}, standard deviation {number(p.deviation)}"
+            quantity = quantity_of(quantities[p.kind], p.name)
+            title = p.name if quantity is None else quantity.titled(p.name)
+            text = f"  {p.kind} {title}: mean {number(p.mean)}, standard deviation {number(p.deviation)}"
             out.print(Text(f"{text} {p.unit} over {p.runs} runs"))
     out.print()
     for note in notes:
@@ -294,20 +298,20 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
 
 
 def _print_comparison(
-    found: Fit, scored: Result, gear: HarmonicDrive, rows: Sequence[Comparison]
+    fitted: Fit, scored: Result, gear: HarmonicDrive, rows: Sequence[Comparison]
 ) -> None:
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    from rig.analysis.wording import display_unit, number
+    from rig.analysis.wording import laboratory_unit, number
     from rig.commands.result_tables import console, print_metrics, print_warnings
 
     out = console()
     out.print()
     out.print(
         Text(
-            f"{found.result.kind} · run {found.result.run} against parameter set {gear.name}",
+            f"{fitted.result.kind} · run {fitted.result.run} against parameter set {gear.name}",
             style="bold",
         )
     )
@@ -317,7 +321,7 @@ def _print_comparison(
             heading, justify="left" if heading in ("parameter", "unit", "agrees?") else "right"
         )
     for row in rows:
-        factor, unit = display_unit(row.path, row.unit, row.identified)
+        factor, unit = laboratory_unit(row.unit, row.identified)
         table.add_row(
             _name_of(gear, row.path),
             number(row.parameter / factor),
@@ -332,7 +336,7 @@ def _print_comparison(
     else:
         out.print(Text("  This run identifies no value that a parameter set holds.", style="dim"))
     print_metrics(out, scored)
-    print_warnings(out, tuple(dict.fromkeys((*scored.warnings, *found.result.warnings))))
+    print_warnings(out, tuple(dict.fromkeys((*scored.warnings, *fitted.result.warnings))))
 
 
 def _name_of(gear: HarmonicDrive, path: str) -> str:

@@ -68,13 +68,13 @@ def _bars() -> Iterator[Callable[[Step | Finished], None]]:
         yield show
 
 
-def print_demonstration(made: Demonstration) -> None:
+def print_demonstration(demonstration: Demonstration) -> None:
     """What was found, and where the files are."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    from rig.analysis.wording import number, readable, show
+    from rig.analysis.wording import number, show
     from rig.commands.result_tables import VERDICT_STYLE, console, print_warnings, verdict_sentence
 
     out = console()
@@ -83,17 +83,19 @@ def print_demonstration(made: Demonstration) -> None:
     for heading in ("found ± U", "truth", "|Δ| / U"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("in U")
+    results = {fit.result.kind: fit.result for fit in demonstration.fits}
     last = ""
-    for kind, row in made.truth:
+    for kind, row in demonstration.truth:
         if row.estimate.name.startswith("phase_"):
             continue
+        quantity = results[kind].quantity(row.estimate.name)
         if kind != last:
             table.add_row(Text(kind, style="bold"))
             last = kind
-        shown, u = show(row.estimate), row.estimate.expanded_uncertainty
+        shown, u = show(row.estimate, quantity), row.estimate.expanded_uncertainty
         truth = shown.number(row.estimate.value - row.difference)
         table.add_row(
-            "  " + readable(row.estimate.name).removesuffix(", amplitude"),
+            "  " + quantity.titled(row.estimate.name).removesuffix(", amplitude"),
             shown.with_uncertainty,
             truth,
             number(abs(row.difference) / u, 2) if u > 0 else "–",
@@ -105,18 +107,21 @@ def print_demonstration(made: Demonstration) -> None:
     )
     out.print(table)
     covered, within = (
-        sum(getattr(row, what) for _, row in made.truth) for what in ("covered", "within")
+        sum(getattr(row, what) for _, row in demonstration.truth) for what in ("covered", "within")
     )
-    of = f"of {len(made.truth)} true values (phases included)"
+    of = f"of {len(demonstration.truth)} true values (phases included)"
     out.print(Text(f"{covered} {of} lie in the 95 % interval, {within} within ± U (k = 2).\n"))
-    for fit in made.fits:
+    for fit in demonstration.fits:
         for verdict in fit.result.verdicts:
             line = Text.assemble("  ", (verdict.outcome, VERDICT_STYLE.get(verdict.outcome, "")))
-            out.print(line.append(f"  {verdict.name}: {verdict_sentence(verdict)}"))
+            out.print(line.append(verdict_sentence(fit.result, verdict)))
         print_warnings(out, [f"{fit.result.kind}: {w}" for w in fit.result.warnings])
     out.print()
-    for name, path in (("report", made.report), ("parameter set", made.parameters)):
+    for name, path in (
+        ("report", demonstration.report),
+        ("parameter set", demonstration.parameters),
+    ):
         out.print(Text(f"  {name:<14} {path}"), soft_wrap=True)
-    for done in made.finished:
+    for done in demonstration.finished:
         out.print(Text(f"  {done.protocol:<14} {done.path}"), soft_wrap=True)
-    out.print(Text(f"\nDone in {made.seconds:.0f} s.", style="dim"))
+    out.print(Text(f"\nDone in {demonstration.seconds:.0f} s.", style="dim"))

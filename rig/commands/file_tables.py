@@ -30,10 +30,10 @@ _STATE_WORDS = {
 }
 
 
-def print_runs(folder: Path, found: Sequence[IndexedRun]) -> None:
+def print_runs(folder: Path, listed: Sequence[IndexedRun]) -> None:
     """The list of a folder, or what a search found in it."""
     console = Console()
-    if not found:
+    if not listed:
         console.print(f"No runs in {folder}.")
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
@@ -42,7 +42,7 @@ def print_runs(folder: Path, found: Sequence[IndexedRun]) -> None:
         table.add_column(
             heading, overflow="fold", no_wrap=heading == "run", justify="right" if right else "left"
         )
-    for run in found:
+    for run in listed:
         if run.problem:
             table.add_row(run.path.name, Text("unreadable: " + run.problem, style="bold red"))
             continue

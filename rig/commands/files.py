@@ -68,7 +68,7 @@ def runs(
 
     with reading_bar("Reading the runs", quiet=json) as on_progress:
         index = LibraryIndex(folder, on_progress)
-        found = index.search(
+        listed = index.search(
             text,
             gear=gear,
             protocol=protocol,
@@ -85,14 +85,14 @@ def runs(
                 {
                     "folder": str(folder),
                     "index": index.rebuilt,
-                    "runs": [run.as_json() for run in found],
+                    "runs": [run.as_json() for run in listed],
                 }
             )
         )
         return
     from rig.commands.file_tables import print_runs
 
-    print_runs(folder, found)
+    print_runs(folder, listed)
 
 
 def _day(text: str | None, flag: str) -> str | None:
@@ -293,7 +293,7 @@ def import_(
         output_sense=output_sense,
     )
     read = import_csv if format is TableFormat.csv else import_mat
-    made = read(
+    recording = read(
         file, options, lambda: claim_run(output, protocol or "import", gear or file.stem).path
     )
     if json:
@@ -302,16 +302,16 @@ def import_(
         typer.echo(
             json_text(
                 {
-                    "run": str(made.path),
-                    "rows": made.rows,
-                    "rows_left_out": made.dropped,
-                    "notes": made.notes,
+                    "run": str(recording.path),
+                    "rows": recording.rows,
+                    "rows_left_out": recording.dropped,
+                    "notes": recording.notes,
                 }
             )
         )
         return
-    typer.echo(f"{made.rows} rows imported into {made.path} (IMPORTED)")
-    for note in made.notes:
+    typer.echo(f"{recording.rows} rows imported into {recording.path} (IMPORTED)")
+    for note in recording.notes:
         typer.echo(f"  {note}")
 
 
@@ -328,11 +328,11 @@ def recover(
     if json:
         from rig.analysis.store import json_text
 
-        found = [
+        paths = [
             {"run": str(r.path), "rows": r.rows, "outcome": r.outcome, "notes": r.notes}
             for r in recovered
         ]
-        typer.echo(json_text({"recovered": found}))
+        typer.echo(json_text({"recovered": paths}))
         return
     for run in recovered:
         typer.echo(f"{run.rows} rows recovered into {run.path}, outcome {run.outcome or '-'}")
@@ -355,7 +355,7 @@ def verify(
     if json:
         from rig.analysis.store import json_text
 
-        found = [
+        paths = [
             {
                 "run": path,
                 "findings": [
@@ -364,7 +364,7 @@ def verify(
             }
             for path, findings in checked.items()
         ]
-        typer.echo(json_text({"runs": found, "trusted": not failed}))
+        typer.echo(json_text({"runs": paths, "trusted": not failed}))
     else:
         from rig.commands.file_tables import print_findings
 

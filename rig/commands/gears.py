@@ -169,12 +169,12 @@ def _card(folder: Path, serial: str) -> GearCard:
 
     card = card_for(folder, serial)
     if card is None:
-        known = ", ".join(one.card.serial for one in list_cards(folder) if one.card)
+        serials = ", ".join(one.card.serial for one in list_cards(folder) if one.card)
         raise ConfigurationError(
             "there is no card of this gear",
             where=str(folder),
             value=serial,
-            limit=known,
+            limit=serials,
             remedy="Write one with `rig gear set`.",
         )
     return card
@@ -197,11 +197,11 @@ def _print(card: GearCard) -> None:
     from rig.gears.card import GearFacts, in_words, known
 
     console = Console(highlight=False)
-    told = known(card.facts)
+    facts = known(card.facts)
     units = {field.name: field.unit for field in parameter_fields(GearFacts)}
     table = Table(show_header=False, box=None, title=f"Gear {card.serial}", title_justify="left")
     for field in dataclasses.fields(GearFacts):
-        value = told.get(field.name)
+        value = facts.get(field.name)
         text = (
             "not known"
             if value is None

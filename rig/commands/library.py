@@ -31,18 +31,18 @@ def diff(
     """
     from rig.analysis.difference import difference
 
-    found = difference(first, second)
+    changes = difference(first, second)
     if json:
         from rig.analysis.store import json_text
 
-        told = found.as_json()
+        content = changes.as_json()
         if everything:
-            told["same"] = [change.as_json() for change in found.same]
-        typer.echo(json_text(told))
+            content["same"] = [change.as_json() for change in changes.same]
+        typer.echo(json_text(content))
         return
     from rig.commands.library_tables import print_difference
 
-    print_difference(found, everything=everything)
+    print_difference(changes, everything=everything)
 
 
 def passport(
@@ -88,12 +88,12 @@ def passport(
 
     where = output or [Path("runs")]
     analysed = _analyse(where, serial, tare, origin, quiet=json) if analyse else ()
-    made = passport_of(where, serial, origin=origin, baseline=baseline)
+    passport_of_gear = passport_of(where, serial, origin=origin, baseline=baseline)
     if json:
         from rig.analysis.store import json_text
 
-        told = made.as_json()
-        told["analysed"] = [
+        content = passport_of_gear.as_json()
+        content["analysed"] = [
             {
                 "run": one.run.run_id,
                 "file": str(one.run.path),
@@ -102,11 +102,11 @@ def passport(
             }
             for one in analysed
         ]
-        typer.echo(json_text(told))
+        typer.echo(json_text(content))
         return
     from rig.commands.library_tables import print_passport
 
-    print_passport(made, analysed)
+    print_passport(passport_of_gear, analysed)
 
 
 def _analyse(

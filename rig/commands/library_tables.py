@@ -16,17 +16,19 @@ from rig.analysis.wording import number
 _STATE_COLOURS = {"in control": "green", "to be watched": "yellow", "out of control": "bold red"}
 
 
-def print_difference(found: Difference, *, everything: bool) -> None:
+def print_difference(compared: Difference, *, everything: bool) -> None:
     """What differs, group by group; with `everything` what does not as well."""
     console = Console()
     console.print(
-        Text(found.first, style="bold") + Text("  against  ") + Text(found.second, style="bold")
+        Text(compared.first, style="bold")
+        + Text("  against  ")
+        + Text(compared.second, style="bold")
     )
-    for group, looked_at in found.compared.items():
-        changes = found.of(group)
+    for group, looked_at in compared.compared.items():
+        changes = compared.of(group)
         shown = [
             *changes,
-            *(change for change in found.same if change.group == group and everything),
+            *(change for change in compared.same if change.group == group and everything),
         ]
         title = (
             f"{group}: {len(changes)} of {looked_at} differ"
@@ -36,7 +38,7 @@ def print_difference(found: Difference, *, everything: bool) -> None:
         console.print(Text(title, style="bold" if changes else "dim"))
         if shown:
             console.print(_change_table(shown, results=group == "results"))
-    if not found.differs:
+    if not compared.differs:
         console.print("Nothing differs but number and time.")
 
 
@@ -51,18 +53,18 @@ def _change_table(changes: Sequence[Change], *, results: bool) -> Table:
     for heading in headings:
         table.add_column(heading, overflow="fold")
     for change in changes:
-        row = [Text(change.name), Text(change.first or "-"), Text(change.second or "-")]
+        row = [Text(_name(change)), Text(change.first or "-"), Text(change.second or "-")]
         if results:
-            row += [Text(_difference_text(change)), _significance(change), Text(change.note)]
+            row += [Text(change.shown), _significance(change), Text(change.note)]
         table.add_row(*row)
     return table
 
 
-def _difference_text(change: Change) -> str:
-    if change.difference is None:
-        return ""
-    doubt = "" if change.uncertainty is None else f" ± {number(change.uncertainty, 2)}"
-    return f"{number(change.difference, 3)}{doubt} {change.unit}".removesuffix(" 1").rstrip()
+def _name(change: Change) -> str:
+    """What changed; an estimate by its kind of fit and its title."""
+    if not change.title:
+        return change.name
+    return f"{change.name.partition(': ')[0]}: {change.title}"
 
 
 def _significance(change: Change) -> Text:
@@ -75,11 +77,11 @@ def _significance(change: Change) -> Text:
     )
 
 
-def print_passport(made: Passport, analysed: Sequence[Analysed] = ()) -> None:
+def print_passport(passport: Passport, analysed: Sequence[Analysed] = ()) -> None:
     """The series of a gear, what their charts say, and what is missing."""
     console = Console()
-    mark = Text(f"  {made.mark}", style="bold magenta") if made.mark else Text("")
-    console.print(Text(f"Gear {made.serial}", style="bold") + Text(f"  {made.gear}") + mark)
+    mark = Text(f"  {passport.mark}", style="bold magenta") if passport.mark else Text("")
+    console.print(Text(f"Gear {passport.serial}", style="bold") + Text(f"  {passport.gear}") + mark)
     for one in analysed:
         console.print(
             Text(
@@ -87,14 +89,16 @@ def print_passport(made: Passport, analysed: Sequence[Analysed] = ()) -> None:
                 style="" if one.stored else "bold red",
             )
         )
-    first, last = (made.runs[0].start[:10], made.runs[-1].start[:10]) if made.runs else ("-", "-")
-    console.print(f"{len(made.runs)} runs, {first} to {last}")
-    if made.series:
-        console.print(_series_table(made.series))
-    for series in made.series:
+    first, last = (
+        (passport.runs[0].start[:10], passport.runs[-1].start[:10]) if passport.runs else ("-", "-")
+    )
+    console.print(f"{len(passport.runs)} runs, {first} to {last}")
+    if passport.series:
+        console.print(_series_table(passport.series))
+    for series in passport.series:
         for point in series.points:
             for signal in point.signals:
-                text = f"{series.title}, {point.run}: {made.rules[signal]}"
+                text = f"{series.title}, {point.run}: {passport.rules[signal]}"
                 text += " (within the measuring uncertainty)" if point.within_uncertainty else ""
                 console.print(
                     Text(
@@ -104,7 +108,10 @@ def print_passport(made: Passport, analysed: Sequence[Analysed] = ()) -> None:
                         ],
                     )
                 )
-    for heading, lines in (("Missing", made.missing), ("Runs that do not count", made.left_out)):
+    for heading, lines in (
+        ("Missing", passport.missing),
+        ("Runs that do not count", passport.left_out),
+    ):
         if lines:
             console.print(Text(heading, style="bold"))
         for line in lines:

@@ -92,13 +92,13 @@ def carded(request: RunRequest, mounting: str | None, parameters_given: bool) ->
     card = card_for(request.output, request.gear_serial)
     if card is None:
         return request
-    known = card.facts.mounting
-    if mounting and known and mounting != known:
+    noted = card.facts.mounting
+    if mounting and noted and mounting != noted:
         raise ConfigurationError(
             "the gear's card says otherwise",
             where="--mounting",
             value=mounting,
-            limit=known,
+            limit=noted,
             remedy=f"If it was mounted anew: rig gear set {card.serial} --mounting {mounting}.",
         )
     if card.warning:

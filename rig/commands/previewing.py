@@ -83,17 +83,17 @@ def preview(
         output=output,
         gear_serial=gear_serial,
     )
-    found = preview_plan(plan_request(request))
-    written = _write_figures(found, figures, request.backend) if figures is not None else []
+    prediction = preview_plan(plan_request(request))
+    written = _write_figures(prediction, figures, request.backend) if figures is not None else []
     if json:
         from rig.analysis.store import json_text
 
-        typer.echo(json_text({**found.as_json(), "figures": [str(path) for path in written]}))
+        typer.echo(json_text({**prediction.as_json(), "figures": [str(path) for path in written]}))
         return
-    _print(found, written)
+    _print(prediction, written)
 
 
-def _write_figures(found: PlanPreview, folder: Path, backend: str) -> list[Path]:
+def _write_figures(prediction: PlanPreview, folder: Path, backend: str) -> list[Path]:
     from rig.errors import RigError
     from rig.present.figure import draw_png
     from rig.present.preview.figures import figures_of
@@ -101,8 +101,8 @@ def _write_figures(found: PlanPreview, folder: Path, backend: str) -> list[Path]
     written = []
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, plot in figures_of(found).items():
-            path = folder / f"{found.planned.experiment.name}-preview-{name}.png"
+        for name, plot in figures_of(prediction).items():
+            path = folder / f"{prediction.planned.experiment.name}-preview-{name}.png"
             # A prediction is marked as what it is; it is no recording that could be a rig's own.
             path.write_bytes(draw_png(plot, "prediction"))
             written.append(path)
@@ -113,7 +113,7 @@ def _write_figures(found: PlanPreview, folder: Path, backend: str) -> list[Path]
     return written
 
 
-def _print(found: PlanPreview, written: list[Path]) -> None:
+def _print(prediction: PlanPreview, written: list[Path]) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -122,12 +122,12 @@ def _print(found: PlanPreview, written: list[Path]) -> None:
     from rig.run.progress import in_words
 
     console = Console(highlight=False)
-    planned = found.planned
+    planned = prediction.planned
     console.print(
         f"{planned.experiment.name} on {planned.gear.name}, {planned.mounting}: {in_words(planned.nominal)} nominal",
         markup=False,
     )
-    start = found.starting
+    start = prediction.starting
     console.print(
         f"predicted starting torque {1e3 * float(start.value):.0f} ± {1e3 * float(start.uncertainty):.0f} mN m (95 %)"
     )
@@ -141,7 +141,7 @@ def _print(found: PlanPreview, written: list[Path]) -> None:
         title="Margins with their uncertainty",
         title_justify="left",
     )
-    for margin in found.margins:
+    for margin in prediction.margins:
         factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
         doubt = f" ± {margin.uncertainty / factor:.2g}" if margin.uncertainty else ""
         table.add_row(
@@ -154,7 +154,7 @@ def _print(found: PlanPreview, written: list[Path]) -> None:
             style="yellow" if margin.touches else None,
         )
     console.print(table)
-    for warning in found.warnings:
+    for warning in prediction.warnings:
         console.print(f"warning: {warning.text}", style="yellow", markup=False, soft_wrap=True)
     for path in written:
         console.print(str(path), markup=False, soft_wrap=True)

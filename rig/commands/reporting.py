@@ -83,21 +83,23 @@ def report(
     lines: list[str] = []
     written: list[Path] = []
     if gear:
-        made = [report_on_gear(folder, gear, [output.with_suffix(suffix) for suffix in suffixes])]
+        reports = [
+            report_on_gear(folder, gear, [output.with_suffix(suffix) for suffix in suffixes])
+        ]
     elif per_run:
         named = [
             (run, [output / f"{run.name.split('.')[0]}{suffix}" for suffix in suffixes])
             for run in runs or ()
         ]
-        made = []
+        reports = []
         for number, (run, paths) in enumerate(named, 1):
             if not json and len(named) > 1:
                 typer.echo(f"{number}/{len(named)} {run}", err=True)
-            made.append(report_on_files([run], paths, tare=tare, parameters=parameters))
+            reports.append(report_on_files([run], paths, tare=tare, parameters=parameters))
     else:
         paths = [output.with_suffix(suffix) for suffix in suffixes]
-        made = [report_on_files(runs or [], paths, tare=tare, parameters=parameters)]
-    for one in made:
+        reports = [report_on_files(runs or [], paths, tare=tare, parameters=parameters)]
+    for one in reports:
         lines += one.lines
         written += one.paths
     if json:
@@ -150,7 +152,7 @@ def demo(
     order = DemoOrder(output, seed, datetime.now().astimezone().isoformat(timespec="seconds"))
     try:
         with progress(quiet=json) as show:
-            made = demonstrate(order, show=show)
+            demonstration = demonstrate(order, show=show)
     except KeyboardInterrupt as stopped:
         # Caught here because the command-line library would make an exit code of its own out of it.
         code, sentence = explain(stopped) or (ABORTED, "")
@@ -159,6 +161,6 @@ def demo(
     if json:
         from rig.analysis.store import json_text
 
-        typer.echo(json_text(made.as_json()))
+        typer.echo(json_text(demonstration.as_json()))
     else:
-        print_demonstration(made)
+        print_demonstration(demonstration)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from experiments.result import Result
+    from experiments.result import Result, Verdict
 
 VERDICT_STYLE = {
     "PASS": "bold green",
@@ -31,14 +31,12 @@ def print_result(out: Console, result: Result, heading: str = "") -> None:
     """One analysed run on the terminal."""
     from rich.text import Text
 
-    from rig.analysis.wording import readable
-
     out.print()
     out.print(Text(heading or f"{result.kind} of run {result.run}", style="bold"))
     if result.estimates:
         out.print(estimate_table(result))
     notes = [
-        (readable(n), e.note)
+        (result.quantity(n).titled(n), e.note)
         for n, e in result.estimates.items()
         if e.note and e.identifiable != "yes"
     ]
@@ -47,8 +45,7 @@ def print_result(out: Console, result: Result, heading: str = "") -> None:
     print_metrics(out, result)
     for verdict in result.verdicts:
         line = Text.assemble("  ", (verdict.outcome, VERDICT_STYLE.get(verdict.outcome, "")))
-        line.append(f"  {verdict.name}: {verdict_sentence(verdict)}")
-        out.print(line)
+        out.print(line.append(verdict_sentence(result, verdict)))
     print_warnings(out, result.warnings)
 
 
@@ -56,32 +53,31 @@ def print_metrics(out: Console, result: Result) -> None:
     """The figures of merit of a result."""
     from rich.text import Text
 
-    from rig.analysis.wording import metric, readable
+    from rig.analysis.wording import metric_text
 
     if not result.metrics:
         return
     grid = _grid()
     for name, value in result.metrics.items():
-        grid.add_row(Text(readable(name)), Text(metric(result.kind, name, float(value))))
+        quantity = result.quantity(name)
+        grid.add_row(Text(quantity.titled(name)), Text(metric_text(quantity, float(value))))
     out.print(grid)
 
 
-def verdict_sentence(verdict: Any) -> str:
-    """What was found against which limit."""
-    from rig.analysis.wording import display_unit, number, show
+def verdict_sentence(result: Result, verdict: Verdict) -> str:
+    """What was judged: the value and the limit that it was held against."""
+    from rig.present.content import held_against
 
-    estimate = verdict.estimate
-    shown = show(estimate)
-    factor, unit = display_unit(estimate.name, estimate.unit, estimate.value)
-    limit = f"{number(verdict.limit / factor)} {unit}".rstrip()
-    return f"{shown.with_uncertainty}, limit {limit} ({verdict.limit_provenance}: {verdict.limit_source})"
+    value, limit = held_against(result, verdict)
+    source = f"{verdict.limit_provenance}: {verdict.limit_source}"
+    return f"  {verdict.name}: {value}, limit {limit} ({source})"
 
 
-def print_warnings(out: Console, found: tuple[str, ...] | list[str]) -> None:
+def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
     """Warnings, each on its own line."""
     from rich.text import Text
 
-    for warning in found:
+    for warning in warnings:
         out.print(Text.assemble(("  warning  ", "bold yellow"), warning))
 
 
@@ -91,7 +87,7 @@ def estimate_table(result: Result) -> Any:
     from rich.table import Table
     from rich.text import Text
 
-    from rig.analysis.wording import readable, show
+    from rig.analysis.wording import show
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     table.add_column("quantity")
@@ -100,10 +96,11 @@ def estimate_table(result: Result) -> Any:
     table.add_column("95 % interval", no_wrap=True)
     table.add_column("identifiable", no_wrap=True)
     for name, estimate in result.estimates.items():
-        shown = show(estimate)
+        quantity = result.quantity(name)
+        shown = show(estimate, quantity)
         verdict = Text(estimate.identifiable, style=IDENTIFIABLE_STYLE[estimate.identifiable])
         table.add_row(
-            Text(readable(name)),
+            Text(quantity.titled(name)),
             f"{shown.value} ± {shown.expanded or '?'}",
             shown.unit,
             f"{shown.low} … {shown.high}",

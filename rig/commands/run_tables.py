@@ -139,13 +139,13 @@ def _print_margins(console: Console, report: RunReport) -> None:
         title_justify="left",
         box=None,
     )
-    for name, found in sorted(report.margins.items(), key=lambda item: item[1]["margin"]):
-        style = "red" if found["margin"] < 0.0 else "yellow" if found["margin"] < 0.1 else None
-        share = f"{100.0 * found['margin']:.0f} %"
+    for name, margin in sorted(report.margins.items(), key=lambda item: item[1]["margin"]):
+        style = "red" if margin["margin"] < 0.0 else "yellow" if margin["margin"] < 0.1 else None
+        share = f"{100.0 * margin['margin']:.0f} %"
         table.add_row(
             name.replace("_", " "),
-            f"{found['peak']:.4g}",
-            f"{found['limit']:.4g}",
+            f"{margin['peak']:.4g}",
+            f"{margin['limit']:.4g}",
             share,
             style=style,
         )

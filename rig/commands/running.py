@@ -224,9 +224,9 @@ def read_protocol(arguments: Sequence[str]) -> tuple[str, dict[str, Any]]:
     from experiments import catalogue
 
     if not arguments or arguments[0].startswith("-"):
-        found = f"{arguments[0]!r} stands where the protocol belongs. " if arguments else ""
+        instead = f"{arguments[0]!r} stands where the protocol belongs. " if arguments else ""
         raise typer.BadParameter(
-            f"{found}Name the protocol first: {', '.join(catalogue.names())}.",
+            f"{instead}Name the protocol first: {', '.join(catalogue.names())}.",
             param_hint="PROTOCOL",
         )
     protocol = arguments[0]
@@ -285,9 +285,9 @@ def _values_after(rest: list[str], field: ParameterField) -> list[str]:
     return taken
 
 
-def _nearest(found: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(found, known, n=2, cutoff=0.5)
-    return f"Did you mean {' or '.join(near)}?" if near else f"There are: {', '.join(known)}."
+def _nearest(word: str, words: Sequence[str]) -> str:
+    near = difflib.get_close_matches(word, words, n=2, cutoff=0.5)
+    return f"Did you mean {' or '.join(near)}?" if near else f"There are: {', '.join(words)}."
 
 
 def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> RunReport:

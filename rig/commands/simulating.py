@@ -146,7 +146,7 @@ def _faults(texts: list[str]) -> list[Any]:
     from rig.errors import ConfigurationError
     from rig.trial.drill.catalogue import DRILLS
 
-    made = []
+    faults = []
     for text in texts:
         name, _, cycle = text.rpartition("@")
         drill = DRILLS.get(name)
@@ -156,7 +156,7 @@ def _faults(texts: list[str]) -> list[Any]:
             or "wire" not in drill.carriers
             or not cycle.isdecimal()
         ):
-            known = [
+            names = [
                 each.name
                 for each in DRILLS.values()
                 if each.fault is not None and "wire" in each.carriers
@@ -165,11 +165,11 @@ def _faults(texts: list[str]) -> list[Any]:
                 "no such fault on the wire",
                 where="--fault",
                 value=repr(text),
-                limit=", ".join(known),
+                limit=", ".join(names),
                 remedy="Give the name, an @ and the number of the SYNC.",
             )
-        made.append(drill.fault(int(cycle)))
-    return made
+        faults.append(drill.fault(int(cycle)))
+    return faults
 
 
 def _sentence(served: Served, configuration: Path | None) -> str:

@@ -36,9 +36,9 @@ def live(
     It needs the extra "window" (PySide6 and pyqtgraph). The run is a process of its own: closing
     the window during a run asks, and makes the rig safe.
     """
-    for name, value, known in (("--theme", theme, THEMES), ("--page", page, PAGES)):
-        if value not in known:
-            raise typer.BadParameter(f"{value!r} is none of {', '.join(known)}", param_hint=name)
+    for name, value, allowed in (("--theme", theme, THEMES), ("--page", page, PAGES)):
+        if value not in allowed:
+            raise typer.BadParameter(f"{value!r} is none of {', '.join(allowed)}", param_hint=name)
     from rig.errors import ConfigurationError
 
     try:

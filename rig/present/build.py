@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments import catalogue
 from rig.errors import RigError, RunFileError
 
 if TYPE_CHECKING:
@@ -15,12 +16,11 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
     from rig.analysis.fit import Fit
 
-ERROR, STEPS = "kinematic-error", "velocity-steps"
 """The protocol that identifies a kinematic error, and the one whose analysis needs it."""
 
 
 @dataclass(frozen=True)
-class Made:
+class Reports:
     """A written report: its files, the fits in it, and what to tell whoever asked for it."""
 
     paths: tuple[Path, ...]
@@ -40,7 +40,7 @@ def report_on_files(
     tare: Path | None = None,
     parameters: Path | None = None,
     created: str | None = None,
-) -> Made:
+) -> Reports:
     """Fit these run files and write the report of them: one file, or several of the same content (HTML, PDF).
 
     A motor-tare run among them is subtracted from the others unless `tare` names another one;
@@ -48,7 +48,8 @@ def report_on_files(
     identified. `created` is the calendar time of the report; now, if not given.
     """
     from model.gear_file import load_gear
-    from rig.analysis.fit import TARE, fit_recording, store
+    from rig.analysis.fit import fit_recording, store
+    from rig.analysis.tare import tare_kind
     from rig.present.page import report_context
     from rig.runfile.read import open_run
 
@@ -58,48 +59,51 @@ def report_on_files(
     gear = load_gear(parameters) if parameters else None
     opened = [(Path(p), open_run(Path(p))) for p in dict.fromkeys(runs)]
     tares = [
-        fit_recording(r, gear=gear, path=p) for p, r in opened if r.metadata.experiment == TARE
+        fit_recording(r, gear=gear, path=p)
+        for p, r in opened
+        if r.metadata.experiment == tare_kind()
     ]
     if tare is not None:
-        used = fit_recording(open_run(tare), TARE, gear=gear, path=tare)
+        used = fit_recording(open_run(tare), tare_kind(), gear=gear, path=tare)
     else:
         used = max(tares, key=lambda f: f.recording.metadata.start_time, default=None)
     fits = list(tares)
-    for path, recording in sorted(opened, key=lambda pair: pair[1].metadata.experiment == STEPS):
-        if recording.metadata.experiment != TARE:
+    # What an analysis builds on has to be identified before it.
+    for path, recording in sorted(opened, key=lambda pair: bool(_basis(pair[1]))):
+        if recording.metadata.experiment != tare_kind():
             fits.append(
                 fit_recording(
                     recording, gear=_gear_for(recording, gear, fits), tare=used, path=path
                 )
             )
     lines = []
-    kept = []
+    stored_fits = []
     for fit in fits:
         try:
-            kept.append(store(fit, created))
+            stored_fits.append(store(fit, created))
         except RunFileError as error:
-            kept.append(fit)
+            stored_fits.append(fit)
             lines.append(f"Not stored: {error}")
     outputs = (output,) if isinstance(output, Path) else tuple(output)
-    count = f"{len(kept)} {'run' if len(kept) == 1 else 'runs'}"
-    lines += _written(report_context(kept, created=_readable(created)), outputs, count)
-    return Made(outputs, tuple(kept), tuple(lines))
+    count = f"{len(stored_fits)} {'run' if len(stored_fits) == 1 else 'runs'}"
+    lines += _written(report_context(stored_fits, created=_readable(created)), outputs, count)
+    return Reports(outputs, tuple(stored_fits), tuple(lines))
 
 
 def report_on_gear(
     folder: Path, serial: str, outputs: Sequence[Path], *, created: str | None = None
-) -> Made:
+) -> Reports:
     """Write the report of a gear over its life, from the analyses that lie beside its runs in a folder."""
     from rig.analysis.passport.build import passport
     from rig.present.gear import gear_context
 
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
-    found = passport(folder, serial)
-    context = gear_context(found, created=_readable(created))
-    return Made(
+    record = passport(folder, serial)
+    context = gear_context(record, created=_readable(created))
+    return Reports(
         tuple(outputs),
         (),
-        tuple(_written(context, outputs, f"gear {serial}, {len(found.runs)} runs")),
+        tuple(_written(context, outputs, f"gear {serial}, {len(record.runs)} runs")),
     )
 
 
@@ -116,8 +120,8 @@ def _written(context: dict[str, Any], outputs: Sequence[Path], what: str) -> lis
 def _gear_for(
     recording: Recording, given: HarmonicDrive | None, fits: Sequence[Fit]
 ) -> HarmonicDrive | None:
-    """The parameter set for a run: the one given or the run's own (None); for velocity steps with
-    the error identified.
+    """The parameter set for a run: the one given or the run's own (None), with what runs of the
+    same gear identified that its analysis builds on.
     """
     from rig.analysis.adopt import adopt
 
@@ -126,13 +130,19 @@ def _gear_for(
     same = [
         f
         for f in fits
-        if f.result.kind == ERROR
+        if f.result.kind in _basis(recording)
         and f.recording.metadata.gear_serial == metadata.gear_serial
         and f.recording.metadata.mounting == metadata.mounting
     ]
-    if metadata.experiment != STEPS or base is None or not same:
+    if base is None or not same:
         return given
     return adopt(base, [same[-1].result]).gear
+
+
+def _basis(recording: Recording) -> tuple[str, ...]:
+    """The protocols whose identified parameters the analysis of this recording builds on."""
+    experiment = catalogue.declared(recording.metadata.experiment)
+    return () if experiment is None else experiment.builds_on
 
 
 def _readable(created: str) -> str:

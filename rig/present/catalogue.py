@@ -5,74 +5,36 @@ conditions on either side.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rig.analysis.wording import display_unit, number, readable, show, source_text
+from rig.analysis.tare import takes_tare
+from rig.analysis.wording import laboratory_unit, number, show, source_text
 from rig.present.content import Grid
 from rig.present.provenance import tare_of
 
 if TYPE_CHECKING:
+    from experiments.quantity import Quantity
     from model.gear import HarmonicDrive, Value
-    from model.identify.estimate import Estimate
     from rig.analysis.fit import Fit
 
-
-@dataclass(frozen=True)
-class Promise:
-    """A quantity that catalogues state and this rig can measure.
-
-    `rating` its name in the parameter set, `kind` the fit that measures it, `estimates` the
-    beginning of the names of its results; `conditions` are those under which catalogues customarily
-    state it.
-    """
-
-    rating: str
-    kind: str
-    estimates: str
-    definition: str
-    conditions: str
-
-
-PROMISES = (
-    Promise(
-        "transmission_accuracy",
-        "kinematic-error",
-        "transmission_accuracy",
-        "largest positive plus largest negative deviation of the output from the ideal over "
-        "one complete output revolution, "
-        "one direction",
-        "nothing on the output, low speed",
-    ),
-    Promise(
-        "running_torque",
-        "friction",
-        "running_torque",
-        "torque that keeps the input turning at a constant speed, nothing on the output",
-        "nothing on the output, at a stated speed and temperature (20 °C), the maker's grease "
-        "in its standard quantity, "
-        "ratio 100 (others are corrected for)",
-    ),
-    Promise(
-        "starting_torque",
-        "starting-torque",
-        "starting_torque",
-        "quasi-static torque at which the input begins to turn, nothing on the output",
-        "nothing on the output, housing at 20 °C, the unit's own grease",
-    ),
-)
-"""What of a catalogue this rig can measure."""
 
 OUT_OF_REACH = (
     (
         "hysteresis_loss",
         "hysteresis loss: torsion left at the output after loading both ways, input locked",
+        "arcmin",
     ),
-    ("stiffness_1", "static torsional stiffness K1: torque over torsion at the output up to T1"),
-    ("stiffness_2", "static torsional stiffness K2: the same from T1 to T2"),
-    ("stiffness_3", "static torsional stiffness K3: the same above T2"),
+    (
+        "stiffness_1",
+        "static torsional stiffness K1: torque over torsion at the output up to T1",
+        "",
+    ),
+    ("stiffness_2", "static torsional stiffness K2: the same from T1 to T2", ""),
+    ("stiffness_3", "static torsional stiffness K3: the same above T2", ""),
 )
-"""What it cannot, and why it stands in the table all the same: nobody shall look for it in vain."""
+"""Ratings that this rig cannot measure, in words, and the unit shown. Why they stand in the table
+all the same: nobody shall look for them in vain.
+"""
 
 COLUMNS = (
     "Quantity by its definition",
@@ -114,9 +76,9 @@ def catalogue_rows(
     for fit, prevailing in zip(fits, conditions, strict=True):
         if not fit.gear_known:
             continue
-        found = tuple(_measured(fit, dict(prevailing)))
-        rows += found
-        if found and all(fit.gear.ratings != gear.ratings for gear in gears):
+        measured = tuple(_measured(fit, dict(prevailing)))
+        rows += measured
+        if measured and all(fit.gear.ratings != gear.ratings for gear in gears):
             gears.append(fit.gear)
     for gear in gears:
         rows += _unmeasured(gear)
@@ -124,35 +86,39 @@ def catalogue_rows(
 
 
 def _measured(fit: Fit, conditions: Mapping[str, str]) -> Iterator[Row]:
+    """A row per result whose quantity has a counterpart in the catalogue; what several share is said once."""
     outcomes = {v.estimate.name: v.outcome for v in fit.result.verdicts}
-    for promise in PROMISES:
-        if promise.kind != fit.result.kind:
+    before = None
+    for name, estimate in fit.result.estimates.items():
+        quantity = fit.result.quantity(name)
+        counterpart = quantity.catalogue
+        if counterpart is None:
             continue
-        stated = fit.gear.value(f"ratings.{promise.rating}")
-        definition = f": {promise.definition}"
-        source = (
-            f"{promise.conditions}; {source_text(stated.origin.provenance, stated.origin.source)}"
+        stated = fit.gear.value(f"ratings.{counterpart.rating}")
+        definition, source = "", "as above"
+        if counterpart != before:
+            definition = f": {counterpart.definition}"
+            origin = source_text(stated.origin.provenance, stated.origin.source)
+            source = f"{counterpart.conditions}; {origin}"
+        before = counterpart
+        shown = show(estimate, quantity)
+        yield (
+            quantity.titled(name) + definition,
+            shown.with_uncertainty,
+            f"{number(stated.value / shown.scale)} {shown.unit}".rstrip(),
+            source,
+            _here(fit, quantity, conditions),
+            outcomes.get(name, "not judged"),
         )
-        for name, estimate in fit.result.estimates.items():
-            if name.startswith(promise.estimates):
-                shown = show(estimate)
-                yield (
-                    readable(name) + definition,
-                    shown.with_uncertainty,
-                    f"{number(stated.value / shown.scale)} {shown.unit}".rstrip(),
-                    source,
-                    _here(fit, estimate, conditions),
-                    outcomes.get(name, "not judged"),
-                )
-                definition, source = "", "as above"
 
 
-def _here(fit: Fit, estimate: Estimate, conditions: Mapping[str, str]) -> str:
+def _here(fit: Fit, quantity: Quantity, conditions: Mapping[str, str]) -> str:
     """What prevailed when this quantity was measured."""
     subject = fit.result.options.get("torque_is_of", "")
     positions = conditions.get("Wave-generator positions", "")
-    told = [
-        "" if "rpm" in estimate.name else conditions.get("Input speeds", ""),
+    lacks_tare = takes_tare(fit.result.kind) and tare_of(fit) == "none"
+    parts = [
+        "" if quantity.placeholder == "speed" else conditions.get("Input speeds", ""),
         f"wave-generator positions {positions}" if positions else "",
         f"housing {conditions['Housing temperature']}"
         if "Housing temperature" in conditions
@@ -161,19 +127,17 @@ def _here(fit: Fit, estimate: Estimate, conditions: Mapping[str, str]) -> str:
         if "Lubricant" in conditions
         else "lubricant not noted",
         f"torque of {subject}" if subject else "",
-        "no tare" if subject and tare_of(fit) == "none" and fit.result.kind == "friction" else "",
+        "no tare" if subject and lacks_tare else "",
     ]
-    return ", ".join(part for part in told if part)
+    return ", ".join(part for part in parts if part)
 
 
 def _unmeasured(gear: HarmonicDrive) -> Iterator[Row]:
     """What the catalogue states and this rig cannot measure; a source that several share is said once."""
     said = ""
-    for name, words in OUT_OF_REACH:
+    for name, words, shown in OUT_OF_REACH:
         stated: Value = gear.value(f"ratings.{name}")
-        factor, unit = display_unit(
-            "accuracy" if stated.unit == "rad" else name, stated.unit, stated.value
-        )
+        factor, unit = laboratory_unit(stated.unit, stated.value, shown)
         text = f"{number(stated.value / factor)} {unit}".rstrip()
         source = source_text(stated.origin.provenance, stated.origin.source)
         yield (

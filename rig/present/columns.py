@@ -35,15 +35,15 @@ def column(title: str, cells: Sequence[Any]) -> tuple[str, list[str], bool]:
 
 
 def _in_small_unit(title: str, values: list[float]) -> tuple[str, list[float]]:
-    found = _UNIT.search(title)
-    factor, unit = SMALL_UNITS.get(found[1], (1.0, "")) if found else (1.0, "")
+    match = _UNIT.search(title)
+    factor, unit = SMALL_UNITS.get(match[1], (1.0, "")) if match else (1.0, "")
     if (
-        not found
+        not match
         or not unit
         or max((abs(v) for v in values if math.isfinite(v)), default=1.0) >= 1.0
     ):
         return title, values
-    return f"{title[: found.start()]}[{unit}]", [value / factor for value in values]
+    return f"{title[: match.start()]}[{unit}]", [value / factor for value in values]
 
 
 def _decimals(values: Sequence[float]) -> int | None:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from experiments.result import Result
+from experiments.quantity import Quantity, bare_quantity, key_names, quantity_of
+from experiments.result import Result, Verdict
 from rig.analysis.wording import (
-    display_unit,
-    metric,
+    laboratory_unit,
+    metric_text,
     number,
     order_label,
     pretty,
@@ -43,6 +43,8 @@ class Grid:
     rows: tuple[tuple[str, ...], ...]
     numeric: tuple[bool, ...]
     note: str = ""
+    hashes: tuple[str, ...] = ()
+    """Headings of columns of hashes: compared letter by letter, they stand in one line, all letters of one width."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,16 +138,14 @@ def verdict_lines(fits: Sequence[Fit]) -> tuple[VerdictLine, ...]:
     lines = []
     for fit in fits:
         for v in fit.result.verdicts:
-            factor, unit = display_unit(v.estimate.name, v.estimate.unit, v.estimate.value)
-            limit = f"≤ {number(v.limit / factor)} {unit}".rstrip()
+            value, limit = held_against(fit.result, v)
             source = source_text(v.limit_provenance, v.limit_source)
-            value = show(v.estimate).with_uncertainty
             lines.append(
                 VerdictLine(
                     name=readable(v.name),
                     definition=v.definition,
                     value=value,
-                    limit=limit,
+                    limit=f"≤ {limit}",
                     source=source,
                     outcome=v.outcome,
                     run=fit.result.run,
@@ -154,17 +154,28 @@ def verdict_lines(fits: Sequence[Fit]) -> tuple[VerdictLine, ...]:
     return tuple(lines)
 
 
-def estimate_grid(title: str, estimates: Mapping[str, Estimate]) -> Grid | None:
+def held_against(result: Result, verdict: Verdict) -> tuple[str, str]:
+    """Value ± U and limit of a verdict in words, both in the unit of its quantity."""
+    estimate = verdict.estimate
+    quantity = quantity_of(result.quantities, estimate.name)
+    quantity = quantity or bare_quantity(estimate.name, estimate.unit)
+    factor, unit = laboratory_unit(estimate.unit, estimate.value, quantity.shown)
+    limit = f"{number(verdict.limit / factor)} {unit}".rstrip()
+    return show(estimate, quantity).with_uncertainty, limit
+
+
+def estimate_grid(title: str, result: Result, estimates: Mapping[str, Estimate]) -> Grid | None:
     """Value ± U, unit, interval, identifiability, remark."""
     if not estimates:
         return None
     rows = []
     for name, estimate in estimates.items():
-        s = show(estimate)
+        quantity = result.quantity(name)
+        s = show(estimate, quantity)
         interval = f"{s.low} … {s.high}"
         rows.append(
             (
-                readable(name),
+                quantity.titled(name),
                 s.value,
                 s.expanded or "–",
                 s.unit,
@@ -187,7 +198,7 @@ def estimate_grid(title: str, estimates: Mapping[str, Estimate]) -> Grid | None:
     )
 
 
-def budget_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
+def budget_grid(result: Result, estimates: Mapping[str, Estimate]) -> Grid | None:
     """Standard uncertainties by source, its type beside it; what there is more of, quantities or
     sources, goes down the page.
     """
@@ -197,15 +208,18 @@ def budget_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
     )
     if not sources:
         return None
-    columns = [_budget_column(name, estimate, sources) for name, estimate in with_budget.items()]
+    columns = [
+        _budget_column(result.quantity(name), estimate, sources)
+        for name, estimate in with_budget.items()
+    ]
     heads = (*(f"{source} ({kind})" for source, kind in sources), "u", "U (k = 2)")
     notes = dict.fromkeys(
         f"{b.source}: {b.note}" for e in with_budget.values() for b in e.budget if b.note
     )
-    told = "; ".join(notes)
+    remarks = "; ".join(notes)
     note = (
         "Standard uncertainties by source, type A or B; u is their root sum of squares. "
-        f"{told[:1].upper()}{told[1:]}"
+        f"{remarks[:1].upper()}{remarks[1:]}"
     ).strip()
     if len(heads) <= len(columns) + 1:
         lines = tuple((name, unit, *cells) for name, unit, cells in columns)
@@ -228,23 +242,22 @@ def budget_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
 
 
 def _budget_column(
-    name: str, estimate: Estimate, sources: Sequence[tuple[str, str]]
+    quantity: Quantity, estimate: Estimate, sources: Sequence[tuple[str, str]]
 ) -> tuple[str, str, tuple[str, ...]]:
     """Name, unit and standard uncertainties of one quantity: by source, combined, expanded."""
-    factor, unit = display_unit(
-        estimate.name, estimate.unit, max(abs(estimate.value), estimate.expanded_uncertainty)
-    )
-    found: dict[tuple[str, str], float] = {}
+    size = max(abs(estimate.value), estimate.expanded_uncertainty)
+    factor, unit = laboratory_unit(estimate.unit, size, quantity.shown)
+    shares: dict[tuple[str, str], float] = {}
     for line in estimate.budget:
         key = (line.source, line.kind)
-        found[key] = math.hypot(found.get(key, 0.0), line.standard_uncertainty)
+        shares[key] = math.hypot(shares.get(key, 0.0), line.standard_uncertainty)
     sizes = (
-        *(found.get(source) for source in sources),
+        *(shares.get(source) for source in sources),
         estimate.standard_uncertainty,
         estimate.expanded_uncertainty,
     )
     return (
-        readable(name),
+        quantity.titled(estimate.name),
         unit,
         tuple("·" if size is None else number(size / factor, 2) for size in sizes),
     )
@@ -252,13 +265,15 @@ def _budget_column(
 
 def data_grid(table: Any) -> Grid:
     """A table of an analysis as text."""
-    made = [column(title, [row[i] for row in table.rows]) for i, title in enumerate(table.columns)]
-    rows = tuple(tuple(texts[k] for _, texts, _ in made) for k in range(len(table.rows)))
+    columns = [
+        column(title, [row[i] for row in table.rows]) for i, title in enumerate(table.columns)
+    ]
+    rows = tuple(tuple(texts[k] for _, texts, _ in columns) for k in range(len(table.rows)))
     return Grid(
         table.title,
-        tuple(title for title, _, _ in made),
+        tuple(title for title, _, _ in columns),
         rows,
-        tuple(numeric for _, _, numeric in made),
+        tuple(numeric for _, _, numeric in columns),
         table.note,
     )
 
@@ -271,26 +286,30 @@ def file_grid(fits: Sequence[Fit]) -> Grid:
         for r in (f.recording, f.tare.recording if f.tare else None)
         if r is not None
     ]
-    found = {r.metadata.run_id: r.metadata for r in recordings}
+    files = {r.metadata.run_id: r.metadata for r in recordings}
     rows = tuple(
         (m.run_id, m.outcome or "not stated", m.sha256 or "not sealed")
-        for _, m in sorted(found.items())
+        for _, m in sorted(files.items())
     )
-    return Grid(
-        "Run files", ("Run", "Outcome", "SHA-256 of the run file"), rows, (False, False, False)
-    )
+    return run_files(rows)
+
+
+def run_files(rows: Sequence[tuple[str, str, str]]) -> Grid:
+    """The table of run files: run, outcome, hash."""
+    columns = ("Run", "Outcome", "SHA-256 of the run file")
+    return Grid("Run files", columns, tuple(rows), (False, False, False), hashes=columns[2:])
 
 
 def without_empty(grid: Grid) -> Grid:
     """The grid without the columns that say nothing."""
-    kept = [i for i in range(len(grid.columns)) if any(row[i] for row in grid.rows)]
-    if len(kept) == len(grid.columns) or not kept:
+    full = [i for i in range(len(grid.columns)) if any(row[i] for row in grid.rows)]
+    if len(full) == len(grid.columns) or not full:
         return grid
     return replace(
         grid,
-        columns=tuple(grid.columns[i] for i in kept),
-        numeric=tuple(grid.numeric[i] for i in kept),
-        rows=tuple(tuple(row[i] for i in kept) for row in grid.rows),
+        columns=tuple(grid.columns[i] for i in full),
+        numeric=tuple(grid.numeric[i] for i in full),
+        rows=tuple(tuple(row[i] for i in full) for row in grid.rows),
     )
 
 
@@ -301,32 +320,33 @@ def metric_grid(result: Result) -> Grid | None:
     ways = ("forward", "reverse")
     rows: dict[str, list[str]] = {}
     for name, value in result.metrics.items():
-        stem, _, way = name.rpartition("_")
+        quantity = result.quantity(name)
+        way = quantity.member(name)
+        title = quantity.family_title if way in ways else quantity.titled(name)
         column = ways.index(way) if way in ways else 0
-        text = metric(result.kind, name, float(value))
-        rows.setdefault(stem if way in ways else name, ["", ""])[column] = text
+        rows.setdefault(title, ["", ""])[column] = metric_text(quantity, float(value))
     if any(cells[1] for cells in rows.values()):
-        made = tuple((readable(name), *cells) for name, cells in rows.items())
+        lines = tuple((title, *cells) for title, cells in rows.items())
         return Grid(
             "Figures of merit",
             ("Figure of merit", "Value, or forward", "Reverse"),
-            made,
+            lines,
             (False, True, True),
         )
-    made = tuple((readable(name), cells[0]) for name, cells in rows.items())
-    return Grid("Figures of merit", ("Figure of merit", "Value"), made, (False, True))
+    lines = tuple((title, cells[0]) for title, cells in rows.items())
+    return Grid("Figures of merit", ("Figure of merit", "Value"), lines, (False, True))
 
 
-def order_grid(estimates: Mapping[str, Estimate]) -> Grid | None:
+def order_grid(result: Result, estimates: Mapping[str, Estimate]) -> Grid | None:
     """The orders of a series, one per row: amplitude and phase with their expanded uncertainties."""
     rows = []
     for name, amplitude in estimates.items():
         if not name.startswith("amplitude_"):
             continue
         label = name.removeprefix("amplitude_")
-        a = show(amplitude)
+        a = show(amplitude, result.quantity(name))
         phase = estimates.get(f"phase_{label}")
-        p = show(phase) if phase else None
+        p = show(phase, result.quantity(phase.name)) if phase else None
         angle = (p.value, p.expanded or "–") if p else ("", "")
         rows.append(
             (
@@ -382,10 +402,10 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
             )
         )
     for h in gear.kinematic_error:
-        factor, unit = display_unit("amplitude", "rad", h.amplitude)
+        factor, unit = laboratory_unit("rad", h.amplitude)
         origin = gear.origins.get(harmonic_path(h.order))
         u = origin.standard_uncertainty if origin else None
-        known = (origin.provenance, origin.source) if origin else ("", "")
+        stated = (origin.provenance, origin.source) if origin else ("", "")
         name = f"kinematic error, order {order_label(h.order, gear.ratio)}: amplitude"
         rows.append(
             (
@@ -394,7 +414,7 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
                 number(h.amplitude / factor),
                 number(u / factor, 2) if u else "",
                 unit,
-                *known,
+                *stated,
             )
         )
     columns = ("Parameter", "Symbol", "Value", "u", "Unit", "Provenance", "Source")
@@ -429,18 +449,29 @@ def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
     return tuple(grids)
 
 
-def truth_grid(rows: Sequence[tuple[str, TruthRow]]) -> Grid:
-    """Identified against true values of a simulated gear: kind of fit and row."""
-    made = []
+def truth_grid(rows: Sequence[tuple[str, TruthRow]], results: Sequence[Result]) -> Grid:
+    """Identified against true values of a simulated gear: kind of fit and row; `results` are those of the fits."""
+    of_kind = {result.kind: result for result in results}
+    lines = []
     for kind, row in rows:
         e = row.estimate
-        s = show(e)
+        quantity = of_kind[kind].quantity(e.name)
+        s = show(e, quantity)
         u = e.expanded_uncertainty
         distance = number(abs(row.difference) / u, 2) if u > 0 else "–"
         inside = ("yes" if row.covered else "no", "yes" if row.within else "no")
         truth = s.number(e.value - row.difference)
-        made.append(
-            (kind, readable(e.name), s.value, s.expanded or "–", truth, s.unit, distance, *inside)
+        lines.append(
+            (
+                kind,
+                quantity.titled(e.name),
+                s.value,
+                s.expanded or "–",
+                truth,
+                s.unit,
+                distance,
+                *inside,
+            )
         )
     columns = (
         "Test",
@@ -454,31 +485,17 @@ def truth_grid(rows: Sequence[tuple[str, TruthRow]]) -> Grid:
         "Within U",
     )
     numeric = (False, False, True, True, True, False, True, False, False)
-    return Grid("Found against the simulator's truth", columns, tuple(made), numeric)
+    return Grid("Found against the simulator's truth", columns, tuple(lines), numeric)
 
 
 LONG_TABLE = 16
 """Rows above which a table of data stands in the annex."""
 
-KEY_RESULTS = {
-    "kinematic-error": (
-        "transmission_accuracy",
-        "amplitude_2",
-        "amplitude_1",
-        "figure_16_phase_difference",
-    ),
-    "friction": ("running_torque", "coulomb", "static", "stribeck_velocity", "viscous"),
-    "velocity-steps": ("stiffness_over_inertia", "damping", "resonance"),
-}
-"""What a reader of each kind looks for first: beginnings of names."""
-
-_ORDER_ROW = re.compile(r"(amplitude|phase|cosine|sine|a|b)[_ ]?(order)?[_ ]?\d|_order_|\border\b")
-
 
 def part_of(fit: Fit, index: int, title: str) -> Part:
     """One analysed run for the page, its figures still to be drawn."""
     result = fit.result
-    orders = {n: e for n, e in result.estimates.items() if _ORDER_ROW.match(n)}
+    orders = {n: e for n, e in result.estimates.items() if _is_order(result, n)}
     if len(orders) < 8:
         orders = {}
     others = {n: e for n, e in result.estimates.items() if n not in orders}
@@ -489,9 +506,9 @@ def part_of(fit: Fit, index: int, title: str) -> Part:
         title=title,
         run=result.run,
         word=fit.recording.metadata.origin,
-        estimates=estimate_grid("Results", others),
-        orders=order_grid(orders),
-        budget=budget_grid(others),
+        estimates=estimate_grid("Results", result, others),
+        orders=order_grid(result, orders),
+        budget=budget_grid(result, others),
         metrics=metric_grid(result),
         tables=tuple(g for g in grids if len(g.rows) <= LONG_TABLE),
         annex=tuple(
@@ -502,17 +519,21 @@ def part_of(fit: Fit, index: int, title: str) -> Part:
     )
 
 
+def _is_order(result: Result, name: str) -> bool:
+    """Whether an estimate is one of a series over orders, which stand in a table of their own."""
+    return result.quantity(name).placeholder == "order"
+
+
 def key_results(fits: Sequence[Fit], most: int = 8) -> tuple[tuple[str, str, str, str], ...]:
     """The results that a reader looks for first: kind, quantity, value ± U, identifiable."""
     rows = []
-    for fit in fits:
-        wanted = KEY_RESULTS.get(fit.result.kind, ())
-        found = fit.result.estimates
-        names = [n for start in wanted for n in found if n == start or n.startswith(start + "_")]
-        names = names or [n for n in found if not _ORDER_ROW.match(n)]
+    for result in (fit.result for fit in fits):
+        names = key_names(result.quantities, result.estimates)
+        names = names or tuple(n for n in result.estimates if not _is_order(result, n))
         for name in names[:most]:
-            e = found[name]
-            rows.append((fit.result.kind, readable(name), show(e).with_uncertainty, e.identifiable))
+            e, quantity = result.estimates[name], result.quantity(name)
+            value = show(e, quantity).with_uncertainty
+            rows.append((result.kind, quantity.titled(name), value, e.identifiable))
     return tuple(rows)
 
 

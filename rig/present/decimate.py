@@ -23,20 +23,20 @@ def peak_rows(y: NDArray[np.float64], bins: int = LINE_BINS) -> NDArray[np.intp]
     edges = np.linspace(0, n, bins + 1).astype(np.intp)
     starts, stops = edges[:-1], edges[1:]
     gap = ~np.isfinite(y)
-    kept = [starts, stops - 1]
+    chosen = [starts, stops - 1]
     for filler, pick in ((np.inf, np.minimum), (-np.inf, np.maximum)):
         filled = np.where(gap, filler, y)
         extreme = np.repeat(pick.reduceat(filled, starts), stops - starts)
-        kept.append(_first_true(filled == extreme, starts))
+        chosen.append(_first_true(filled == extreme, starts))
     if gap.any():
-        kept.append(_first_true(gap, starts))
-    return np.unique(np.concatenate(kept))
+        chosen.append(_first_true(gap, starts))
+    return np.unique(np.concatenate(chosen))
 
 
-def _first_true(found: NDArray[np.bool_], starts: NDArray[np.intp]) -> NDArray[np.intp]:
+def _first_true(flags: NDArray[np.bool_], starts: NDArray[np.intp]) -> NDArray[np.intp]:
     """The first true row of each bin; bins without one give nothing."""
-    n = len(found)
-    rows = np.minimum.reduceat(np.where(found, np.arange(n), n), starts)
+    n = len(flags)
+    rows = np.minimum.reduceat(np.where(flags, np.arange(n), n), starts)
     return rows[rows < n]
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
+
+from experiments import catalogue
+from experiments.terms import PaperFigure, Term
 
 PAPER = (
     "Zou, Tao, Jiang, Mei, Wu: A harmonic drive model considering geometry and internal "
@@ -10,92 +13,26 @@ PAPER = (
     "Journal of Mechanical Engineering Science (2015), DOI 10.1177/0954406215621097"
 )
 
-DEFINITIONS: tuple[tuple[str, tuple[str, ...], str], ...] = (
-    (
-        "Kinematic error",
-        ("kinematic-error", "velocity-steps"),
-        "Difference between the output angle and the input angle divided by the ratio, as a "
-        "function of the input angle. "
-        "Positive means that the output leads in the direction of travel.",
-    ),
-    (
-        "Transmission accuracy",
-        ("kinematic-error",),
-        "Sum of the largest positive and the largest negative deviation of the output from the ideal over one complete "
-        "output revolution, one direction. It is taken from the fitted curve up to the stated "
-        "order; the raw peak-to-peak, "
-        "which holds quantisation and noise, stands beside it.",
-    ),
-    (
-        "Normalised mean square error (MSE)",
-        ("kinematic-error", "velocity-steps"),
-        "Equation 22: 100 times the mean squared deviation of the fit over the variance of "
-        "the measured curve. 100 is no "
-        "better than the mean, below 5 is good, below 1 is excellent. It is computed on the "
-        "curve averaged per bin of the "
-        "input angle; the value on raw samples is given where it was computed.",
-    ),
-    (
-        "No-load running torque",
-        ("friction", "warm-up"),
-        "Torque that keeps the input turning at a defined constant speed with nothing on the "
-        "output, averaged over whole "
-        "wave-generator revolutions.",
-    ),
-    (
-        "No-load starting torque",
-        ("starting-torque",),
-        "Quasi-static torque at which the input begins to turn, with nothing on the output.",
-    ),
-    (
-        "Motor + gear",
-        ("friction", "warm-up", "starting-torque"),
-        "The torque monitor shows the friction of motor and gear together. Only a tare (the same motor with the gear "
-        "removed) separates them; without it the results are those of the pair.",
-    ),
-    (
-        "Friction parameters",
-        ("friction",),
-        "Parameters of the Stribeck curve of the tooth mesh, equation 19: Coulomb friction F_c, static friction F_s, "
-        "Stribeck velocity v_s, shape σ, viscous coefficient c_v. Their size depends on the "
-        "torque balance by which the "
-        "mesh force is referred to the input; the balance used is named in the provenance.",
-    ),
-    (
-        "Dynamic stiffness over inertia, K/J",
-        ("velocity-steps",),
-        "Square of the frequency of the pole from input to output angle. A stiffness taken from it is dynamic and for "
-        "small signals; it is not the static torsional stiffness of the catalogue.",
-    ),
-    (
-        "Skill",
-        ("velocity-steps",),
-        "One minus the squared error of the model over that of a null model (a rigid gear; a "
-        "rigid gear with the kinematic "
-        "error). Zero is no better than the null model, one is perfect.",
-    ),
-    (
+COMMON = (
+    Term(
         "Identifiable",
-        (),
         "Whether the data can tell the parameter at all: “yes”; “weakly”, where the interval is wide or rests on an "
         "assumption; “no”, where the number must not be used.",
     ),
-    (
+    Term(
         "Uncertainty",
-        (),
         "U is the expanded uncertainty with coverage factor k = 2, from the budget: type A "
         "from the scatter of the data, "
         "type B from elsewhere (scales, zeros, encoders, tare). The 95 % interval holds the statistical part alone.",
     ),
-    (
+    Term(
         "Verdict",
-        (),
         "PASS and FAIL where the limit lies outside value ± U, MARGINAL where it lies inside. "
         "A limit that is only assumed "
         "or recalled from memory gives “no verified limit”, never PASS or FAIL.",
     ),
 )
-"""Term, the kinds of fit that need it (none: every report), definition."""
+"""Terms that every report needs; those of a kind of fit stand with its protocol."""
 
 NOT_MEASURED = (
     "Hysteresis loss, lost motion, static torsional stiffness, back-driving torque and "
@@ -109,20 +46,22 @@ NOT_MEASURED = (
 """What no analysis of these runs can give, whatever the data."""
 
 
+def title_of(kind: str) -> str:
+    """The heading of a kind of fit; its name where the catalogue does not have it."""
+    experiment = catalogue.declared(kind)
+    return kind if experiment is None else experiment.title
+
+
 def definitions_for(kinds: Iterable[str]) -> tuple[tuple[str, str], ...]:
-    """The definitions that a report on these kinds of fit needs."""
-    present = set(kinds)
-    return tuple(
-        (term, text) for term, needed, text in DEFINITIONS if not needed or present & set(needed)
-    )
+    """The definitions that a report on these kinds of fit needs, each once."""
+    experiments = [catalogue.declared(kind) for kind in dict.fromkeys(kinds)]
+    terms = [term for experiment in experiments if experiment for term in experiment.terms]
+    return tuple((term.term, term.definition) for term in dict.fromkeys((*terms, *COMMON)))
 
 
-PAPER_FIGURES: Mapping[str, tuple[str, str]] = {
-    "9": ("friction torque at the input over speed", "friction"),
-    "12": ("kinematic error over the input angle", "kinematic-error"),
-    "13": ("fitted kinematic error and its orders", "kinematic-error"),
-    "16": ("friction torque and kinematic error over the wave-generator angle", "kinematic-error"),
-    "17": ("measured and fitted friction torque, both directions", "friction"),
-    "19": ("output speed after velocity steps, simulated and measured", "velocity-steps"),
-}
-"""The paper's figures: what each shows, and the protocol whose run it is made from."""
+def paper_figures() -> list[tuple[PaperFigure, str]]:
+    """The paper's figures in their order, each with the protocol whose run it is drawn from."""
+    figures = [
+        (figure, kind) for kind in catalogue.kinds() for figure in catalogue.load(kind).figures
+    ]
+    return sorted(figures, key=lambda pair: pair[0].number)

@@ -129,7 +129,7 @@ def draw_png(
 
 def _drawable(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
     """The plot without what a logarithmic axis or a page cannot show, and the sentences that say so."""
-    kept, remarks = [], []
+    drawable, remarks = [], []
     for series in plot.series:
         x, y = np.asarray(series.x, dtype=float).ravel(), np.asarray(series.y, dtype=float).ravel()
         low, high = (
@@ -148,11 +148,11 @@ def _drawable(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
             )
         low, high = (None if a is None else a[good] for a in (low, high))
         label = printable(series.label)
-        kept.append(replace(series, label=label, x=x[good], y=y[good], low=low, high=high))
+        drawable.append(replace(series, label=label, x=x[good], y=y[good], low=low, high=high))
     words = {
         name: printable(getattr(plot, name)) for name in ("title", "x_label", "y_label", "note")
     }
-    return replace(plot, series=tuple(kept), **words), tuple(remarks)
+    return replace(plot, series=tuple(drawable), **words), tuple(remarks)
 
 
 def _draw(plot: Plot, origin: str, size: tuple[float, float], title: str) -> Figure:

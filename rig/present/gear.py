@@ -15,7 +15,7 @@ from rig.present import catalogue, content, definitions, provenance
 from rig.present import figure as figures
 from rig.present.content import Grid, Overall, Part
 from rig.present.gear_runs import gear_alarms, gear_files, newest_fits
-from rig.present.page import ORIGIN_SENTENCES, TITLES, Figure, Signature, run_line
+from rig.present.page import ORIGIN_SENTENCES, Figure, Signature, run_line
 from rig.present.provenance import Provenance
 
 if TYPE_CHECKING:
@@ -99,10 +99,8 @@ def _of_all_runs(passport: Passport) -> dict[str, Any]:
 
 def _of_newest(passport: Passport, fits: Sequence[Fit]) -> dict[str, Any]:
     """Verdict, catalogue, conditions, calibrations and provenance of the newest analysed runs, and the files of all."""
-    titles = [
-        f"{TITLES.get(fit.result.kind, fit.result.kind)}, run {fit.result.run}" for fit in fits
-    ]
-    told = list(zip(titles, map(provenance.provenance_of, fits), strict=True))
+    titles = [f"{definitions.title_of(fit.result.kind)}, run {fit.result.run}" for fit in fits]
+    origins = list(zip(titles, map(provenance.provenance_of, fits), strict=True))
     verdict = (
         content.overall(fits)
         if fits
@@ -117,20 +115,22 @@ def _of_newest(passport: Passport, fits: Sequence[Fit]) -> dict[str, Any]:
         "overall": verdict,
         "states": (verdict, _state(passport.series)),
         "verdicts": content.verdict_lines(fits),
-        "catalogue": catalogue.catalogue_grid(fits, [found.conditions for _, found in told]),
+        "catalogue": catalogue.catalogue_grid(fits, [origin.conditions for _, origin in origins]),
         "files": gear_files(passport, fits),
-        "conditions": provenance.side_by_side([(title, found.conditions) for title, found in told]),
+        "conditions": provenance.side_by_side(
+            [(title, origin.conditions) for title, origin in origins]
+        ),
         "calibrations": provenance.side_by_side(
-            [(title, found.calibrations) for title, found in told]
+            [(title, origin.calibrations) for title, origin in origins]
         ),
         "identities": provenance.side_by_side(
-            [(title, found.rows) for title, found in told], "Newest runs"
+            [(title, origin.rows) for title, origin in origins], "Newest runs"
         ),
         "conventions": provenance.side_by_side(
-            [(title, found.options) for title, found in told], "Conventions of the analyses"
+            [(title, origin.options) for title, origin in origins], "Conventions of the analyses"
         ),
         "settings": provenance.side_by_side(
-            [(title, found.settings) for title, found in told],
+            [(title, origin.settings) for title, origin in origins],
             "Parameters of the protocols and settings of the analyses",
         ),
     }
@@ -162,25 +162,27 @@ def _state(series: Sequence[PassportSeries]) -> Overall:
 
 def _warnings(passport: Passport) -> list[tuple[str, str, str, str]]:
     """What is missing, and runs that do not count, as lines with a place to go to."""
-    found = [("Missing", one) for one in passport.missing] + [
+    concerns = [("Missing", one) for one in passport.missing] + [
         ("Left out", one) for one in passport.left_out
     ]
-    told = []
-    for title, one in found:
+    lines = []
+    for title, one in concerns:
         what = f"{one.run}: {one.what}" if one.run else one.what
-        told.append((title, "parameters", one.run, f"{what}. {one.remedy}" if one.remedy else what))
-    return told
+        lines.append(
+            (title, "parameters", one.run, f"{what}. {one.remedy}" if one.remedy else what)
+        )
+    return lines
 
 
 def _parts(passport: Passport) -> list[Part]:
     tables = dict(zip((series.key for series in passport.series), passport.tables, strict=False))
     plots = [(series.title, series.plot, series) for series in passport.series]
-    made = []
+    parts = []
     for index, (title, plot, series) in enumerate(plots, 1):
         table = tables.get(series.key)
         grid = content.data_grid(table) if table is not None else None
         facts = "; ".join(f"{name}: {value}" for name, value in series.conditions.items())
-        made.append(
+        parts.append(
             _part(
                 index,
                 title,
@@ -195,10 +197,10 @@ def _parts(passport: Passport) -> list[Part]:
         _drawn(plot, origin, len(plots) + k) for k, plot in enumerate(passport.spectra, 1)
     )
     if spectra:
-        made.append(
+        parts.append(
             _part(len(plots) + 1, "Order spectra", spectra, run="the kinematic error identified")
         )
-    return made
+    return parts
 
 
 def _part(
@@ -279,9 +281,9 @@ def _run_grid(passport: Passport) -> Grid:
 
 def _definitions(passport: Passport) -> list[tuple[str, str]]:
     """What is followed, what the signals of the charts mean, and how uncertainty and verdict are to be read."""
-    found = {one.title: one.definition for one in passport.series}
+    followed = {one.title: one.definition for one in passport.series}
     signals = ((f"Signal {name}", meaning) for name, meaning in passport.rules.items())
-    return [*found.items(), *signals, *definitions.definitions_for(())]
+    return [*followed.items(), *signals, *definitions.definitions_for(())]
 
 
 def _signature(words: Sequence[str]) -> Signature:

@@ -9,15 +9,13 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rig.errors import RigError
-from rig.present.content import Grid
+from rig.present.content import Grid, run_files
 from rig.present.provenance import alarms_of
 
 if TYPE_CHECKING:
     from rig.analysis.fit import Fit
     from rig.analysis.passport.content import Passport, PassportPoint
     from rig.analysis.store import Analysis
-
-FILE_COLUMNS = ("Run", "Outcome", "SHA-256 of the run file")
 
 
 @contextmanager
@@ -97,13 +95,13 @@ def gear_files(passport: Passport, fits: Sequence[Fit]) -> Grid:
         (run.run_id, run.outcome or "not stated", recorded_sha256(run.path) or "not sealed")
         for run in passport.runs
     ]
-    known = {row[0] for row in rows}
+    listed = {row[0] for row in rows}
     for fit in fits:
         tare = _analysis_tare(fit)
-        if tare and tare[0] not in known:
-            known.add(tare[0])
+        if tare and tare[0] not in listed:
+            listed.add(tare[0])
             rows.append((tare[0], "motor tare", tare[1] or "not stated"))
-    return Grid("Run files", FILE_COLUMNS, tuple(rows), (False, False, False))
+    return run_files(rows)
 
 
 def _analysis_tare(fit: Fit) -> tuple[str, str] | None:
@@ -122,15 +120,15 @@ def gear_alarms(passport: Passport) -> tuple[str, ...]:
     """What makes the scales of these runs doubtful, each alarm once with the runs that it concerns."""
     from rig.runfile.read import close_recording, open_run
 
-    found: dict[str, list[str]] = {}
+    alarms: dict[str, list[str]] = {}
     for run in passport.runs:
         recording = open_run(run.path, digest=False)
         try:
             for alarm in alarms_of(recording):
-                found.setdefault(alarm, []).append(run.run_id)
+                alarms.setdefault(alarm, []).append(run.run_id)
         finally:
             close_recording(recording)
-    return tuple(f"{alarm} ({_named(runs)})" for alarm, runs in found.items())
+    return tuple(f"{alarm} ({_named(runs)})" for alarm, runs in alarms.items())
 
 
 def _named(runs: Sequence[str]) -> str:

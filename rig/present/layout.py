@@ -41,7 +41,7 @@ class Layout:
     lines: int = 0
 
     @property
-    def kept(self) -> bool:
+    def fits_one_page(self) -> bool:
         """Whether the table is short enough to stand on one page."""
         return self.lines <= KEPT_LINES
 
@@ -50,9 +50,9 @@ def laid_out(grid: Grid, largest: float = SIZES[0]) -> tuple[tuple[Grid, Layout]
     """A table with its layout; one that fits no page comes in several, each with the first columns,
     which name the row.
     """
-    found = layout_of(grid, largest)
-    if found is not None:
-        return ((grid, found),)
+    whole = layout_of(grid, largest)
+    if whole is not None:
+        return ((grid, whole),)
     columns = len(grid.columns)
     if columns <= 2:
         return ((grid, _squeezed(grid)),)
@@ -78,13 +78,12 @@ def layout_of(grid: Grid, largest: float = SIZES[0]) -> Layout | None:
     """
     columns = range(len(grid.columns))
     heads = [_heading_width(grid.columns[i]) for i in columns]
-    letters = [_hash_width if is_hash(grid.columns[i]) else width_of for i in columns]
+    hashes = [column in grid.hashes for column in grid.columns]
+    letters = [_hash_width if is_hash else width_of for is_hash in hashes]
     bodies = [max((letters[i](row[i]) for row in grid.rows), default=0.0) for i in columns]
     unbroken = [max((_longest_word(row[i]) for row in grid.rows), default=0.0) for i in columns]
     wanted = [max(head, body) + SPARE for head, body in zip(heads, bodies, strict=True)]
-    flexible = [
-        not grid.numeric[i] and bodies[i] > LONG and not is_hash(grid.columns[i]) for i in columns
-    ]
+    flexible = [not grid.numeric[i] and bodies[i] > LONG and not hashes[i] for i in columns]
     for landscape, room in ((False, PORTRAIT), (True, LANDSCAPE)):
         for size in (size for size in SIZES if size <= largest):
             space = (room - INSET * len(wanted)) / size
@@ -109,13 +108,6 @@ def layout_of(grid: Grid, largest: float = SIZES[0]) -> Layout | None:
                         landscape=landscape,
                     )
     return None
-
-
-def is_hash(heading: str) -> bool:
-    """Whether a column holds hashes: they are compared letter by letter and stand in one line, all
-    letters of one width.
-    """
-    return heading.startswith("SHA-256")
 
 
 def _squeezed(grid: Grid) -> Layout:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments import catalogue as experiments_catalogue
 from experiments.result import Plot
 from rig.analysis.wording import printable, unbroken
 from rig.errors import RigError
@@ -26,23 +27,6 @@ if TYPE_CHECKING:
     from rig.analysis.fit import Fit
 
 TEMPLATE, STYLE = "page.html", "page.css"
-
-TITLES = {
-    "kinematic-error": "Kinematic error and transmission accuracy",
-    "friction": "No-load running torque and friction",
-    "velocity-steps": "Velocity steps",
-    "motor-tare": "Motor tare",
-    "warm-up": "Warm-up",
-    "starting-torque": "No-load starting torque",
-    "home": "Index marks",
-    "motion": "Inertia and friction from motion",
-    "revolution": "Fourier series per revolution",
-    "order-spectrum": "Order spectrum",
-}
-"""Headings of the kinds of fit."""
-
-ORDER = tuple(TITLES)
-"""The order of the parts of a report."""
 
 ORIGIN_SENTENCES = {
     "simulated": "Made on a simulated rig with a simulated gear. "
@@ -201,8 +185,10 @@ def _cut(text: str, most: int) -> str:
 
 
 def _place(fit: Fit) -> tuple[int, str]:
-    kind = fit.result.kind
-    return ORDER.index(kind) if kind in ORDER else len(ORDER), fit.recording.metadata.start_time
+    """Parts stand in the order of the catalogue."""
+    kinds, kind = experiments_catalogue.kinds(), fit.result.kind
+    place = kinds.index(kind) if kind in kinds else len(kinds)
+    return place, fit.recording.metadata.start_time
 
 
 def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict[str, Any]:
@@ -250,7 +236,7 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
             [(p.title, p.provenance.settings) for p in parts],
             "Parameters of the protocols and settings of the analyses",
         ),
-        "truth": content.truth_grid(truth) if truth else None,
+        "truth": content.truth_grid(truth, results) if truth else None,
         "truth_note": _truth_note(truth),
         "paper_figures": [row for row in _paper_figures(all_figures) if row[2] or len(fits) > 1],
         "run_word": "Run",
@@ -267,12 +253,12 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
 
 def _alarms(parts: Sequence[content.Part], serials: Sequence[str]) -> tuple[str, ...]:
     """What stands loudly at the top: doubtful scales, and runs of more than one gear under one verdict."""
-    told = dict.fromkeys(alarm for p in parts for alarm in p.provenance.alarms)
+    alarms = dict.fromkeys(alarm for p in parts for alarm in p.provenance.alarms)
     if len(serials) > 1:
-        told[
+        alarms[
             f"These runs are of more than one gear ({', '.join(serials)}): the verdict covers them together."
         ] = None
-    return tuple(told)
+    return tuple(alarms)
 
 
 def _truth_note(truth: Sequence[tuple[str, TruthRow]]) -> str:
@@ -304,7 +290,7 @@ def _parts(fits: Sequence[Fit]) -> tuple[tuple[content.Part, ...], list[tuple[Fi
 
 
 def _title(fit: Fit, fits: Sequence[Fit]) -> str:
-    title = TITLES.get(fit.result.kind, fit.result.kind)
+    title = definitions.title_of(fit.result.kind)
     same = [f for f in fits if f.result.kind == fit.result.kind]
     return f"{title}, run {fit.result.run}" if len(same) > 1 else title
 
@@ -317,7 +303,7 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
     siblings: dict[str, int] = defaultdict(int)
     for plot in fit.result.plots:
         siblings[plot.figure] += bool(plot.figure)
-    made = []
+    drawn = []
     begun: set[str] = set()
     for number, plot in enumerate(fit.result.plots, before + 1):
         half = siblings[plot.figure] >= 3 and not (
@@ -328,7 +314,7 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
         drawing = figures.draw_svg(plot, origin, f"f{number}", size)
         after = f"cf. figure {plot.figure} of the paper" if plot.figure else ""
         note = " ".join(part for part in (plot.note, *drawing.remarks) if part)
-        made.append(
+        drawn.append(
             (
                 Figure(
                     number=number,
@@ -342,24 +328,27 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
                 plot,
             )
         )
-    return made
+    return drawn
 
 
-def _paper_figures(made: Sequence[tuple[Figure, Plot]]) -> list[tuple[str, str, list[Figure], str]]:
+def _paper_figures(
+    drawn: Sequence[tuple[Figure, Plot]],
+) -> list[tuple[str, str, list[Figure], str]]:
     """Each of the paper's figures: its number, what it shows, the figures here, and what is missing."""
     rows = []
-    for number, (what, kind) in definitions.PAPER_FIGURES.items():
-        here = [f for f, plot in made if number in _figure_numbers(plot.figure)]
-        rows.append((number, what, here, "" if here else f"needs a {kind} run"))
+    for figure, kind in definitions.paper_figures():
+        number = str(figure.number)
+        here = [f for f, plot in drawn if number in _figure_numbers(plot.figure)]
+        rows.append((number, figure.shows, here, "" if here else f"needs a {kind} run"))
     return rows
 
 
 def _figure_numbers(text: str) -> set[str]:
     """The numbers named in a plot's `figure`: "12", "12-13", "9, 17"."""
-    found: set[str] = set()
+    numbers: set[str] = set()
     for first, last in re.findall(r"(\d+)(?:\s*[-–]\s*(\d+))?", text):
-        found |= {str(n) for n in range(int(first), int(last or first) + 1)}
-    return found
+        numbers |= {str(n) for n in range(int(first), int(last or first) + 1)}
+    return numbers
 
 
 def _heading(gears: Sequence[HarmonicDrive], serials: Sequence[str], fits: Sequence[Fit]) -> str:

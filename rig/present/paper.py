@@ -17,7 +17,7 @@ from typing import Any
 from rig.analysis.wording import printable, unbroken
 from rig.errors import RigError
 from rig.present.content import Grid, VerdictLine
-from rig.present.layout import KEPT_LINES, PORTRAIT, SIZES, Layout, is_hash, laid_out, width_of
+from rig.present.layout import KEPT_LINES, PORTRAIT, SIZES, Layout, laid_out, width_of
 
 TEMPLATE = "page.typ"
 LONGEST_WORD = 26
@@ -31,15 +31,17 @@ WIDEST_NAME = 14.0
 
 def render_pdf(context: Mapping[str, Any]) -> bytes:
     """The pages of a report as PDF; `context` is what the HTML page is made of. Raises `RigError`."""
-    made = _compiled(context, format="pdf")
-    assert isinstance(made, bytes)
-    return made
+    document = _compiled(context, format="pdf")
+    assert isinstance(document, bytes)
+    return document
 
 
 def draw_pages(context: Mapping[str, Any], dots_per_inch: float = 72.0) -> list[bytes]:
     """The pages of a report as PNG pictures. Raises `RigError`."""
-    made = _compiled(context, format="png", ppi=dots_per_inch)
-    return [made] if isinstance(made, bytes) else [page for page in made or () if page is not None]
+    pages = _compiled(context, format="png", ppi=dots_per_inch)
+    return (
+        [pages] if isinstance(pages, bytes) else [page for page in pages or () if page is not None]
+    )
 
 
 def _compiled(context: Mapping[str, Any], **wanted: Any) -> Any:
@@ -140,21 +142,24 @@ def _laid_out(grid: Grid, largest: float = SIZES[0]) -> list[dict[str, Any]]:
         tuple(_clean(unbroken(c)) for c in grid.columns),
         tuple(map(tuple, _clean(grid.rows))),
         grid.numeric,
+        hashes=tuple(_clean(unbroken(c)) for c in grid.hashes),
     )
-    found = laid_out(plain, largest)
-    made = []
-    for number, (part, layout) in enumerate(found, 1):
+    tables = laid_out(plain, largest)
+    placed = []
+    for number, (part, layout) in enumerate(tables, 1):
         title = (
-            f"{grid.title}, columns part {number} of {len(found)}" if len(found) > 1 else grid.title
+            f"{grid.title}, columns part {number} of {len(tables)}"
+            if len(tables) > 1
+            else grid.title
         )
-        note = grid.note if number == len(found) else ""
-        made.append(_table(replace(part, title=title, note=note), layout))
-    return made
+        note = grid.note if number == len(tables) else ""
+        placed.append(_table(replace(part, title=title, note=note), layout))
+    return placed
 
 
 def _table(grid: Grid, layout: Layout) -> dict[str, Any]:
-    faces = [FACES.get(column, "hash" if is_hash(column) else "") for column in grid.columns]
-    return {**asdict(grid), "faces": faces, **asdict(layout), "kept": layout.kept}
+    faces = [FACES.get(column, "hash" if column in grid.hashes else "") for column in grid.columns]
+    return {**asdict(grid), "faces": faces, **asdict(layout), "kept": layout.fits_one_page}
 
 
 FACES = {"Verdict": "verdict", "Identifiable": "verdict", "Symbol": "symbol", "Quantity": "words"}
@@ -186,12 +191,12 @@ def _key_grid(rows: Sequence[tuple[str, str, str, str]]) -> Grid:
 
 
 def _paper_grid(rows: Sequence[tuple[str, str, Sequence[Any], str]]) -> Grid:
-    told = tuple(
+    cells = tuple(
         (number, what, f"Figure {', '.join(str(f.number) for f in here)}" if here else missing)
         for number, what, here, missing in rows
     )
     return Grid(
-        "Figures after the paper", ("Paper", "What it shows", "Here"), told, (True, False, False)
+        "Figures after the paper", ("Paper", "What it shows", "Here"), cells, (True, False, False)
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from experiments import catalogue
 from rig.analysis.wording import number, pretty, readable
 
 if TYPE_CHECKING:
@@ -49,13 +50,15 @@ def side_by_side(
     ones are left out.
     """
     given = [(heading, dict(rows)) for heading, rows in facts if rows]
-    made = []
+    tables = []
     for first in range(0, len(given), MATRIX_COLUMNS):
         some = given[first : first + MATRIX_COLUMNS]
-        names = list(dict.fromkeys(name for _, found in some for name in found))
-        rows = tuple((name, tuple(found.get(name, "–") for _, found in some)) for name in names)
-        made.append(Matrix(caption, tuple(heading for heading, _ in some), rows))
-    return tuple(made)
+        names = list(dict.fromkeys(name for _, facts_of_run in some for name in facts_of_run))
+        rows = tuple(
+            (name, tuple(facts_of_run.get(name, "–") for _, facts_of_run in some)) for name in names
+        )
+        tables.append(Matrix(caption, tuple(heading for heading, _ in some), rows))
+    return tuple(tables)
 
 
 def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[tuple[str, str], ...]:
@@ -100,19 +103,14 @@ def _condition(name: str, text: str) -> tuple[str, str]:
     )
 
 
-POSITIONED = frozenset({"starting-torque"})
-"""Protocols whose segments are set to angles of the wave generator; those of all others are set to
-speeds of the input.
-"""
-
-
 def _setpoints(recording: Recording) -> list[tuple[str, str]]:
     """What the rig was set to: speeds of the input, or places of the wave generator."""
     from model.units import DEGREE, RPM
 
     turning = [s for s in recording.segments if s.direction]
     both = ", both directions" if {s.direction for s in turning} >= {1, -1} else ""
-    if recording.metadata.experiment in POSITIONED:
+    experiment = catalogue.declared(recording.metadata.experiment)
+    if experiment is not None and experiment.setpoint == "position":
         places = sorted({round(s.setpoint / DEGREE, 3) for s in turning})
         if not places:
             return []
@@ -225,12 +223,12 @@ def calibrations_of(recording: Recording) -> tuple[tuple[str, str], ...]:
     rows = []
     for name, calibration in _calibrated(recording):
         c = calibration
-        told = [
+        parts = [
             c.certificate or "no certificate",
             f"of {c.date}" if c.date else "",
             f"due {c.due}" if c.due else "",
         ]
-        text = ", ".join(part for part in told if part) + (
+        text = ", ".join(part for part in parts if part) + (
             f": {EXPIRED}" if _expired(recording, c) else ""
         )
         rows.append((name, text))
@@ -239,24 +237,24 @@ def calibrations_of(recording: Recording) -> tuple[tuple[str, str], ...]:
 
 def alarms_of(recording: Recording) -> tuple[str, ...]:
     """Sentences for the top of the report: expired calibrations, and channels of hardware without a certificate."""
-    told = []
+    sentences = []
     for name, c in _calibrated(recording):
         if _expired(recording, c):
-            told.append(
+            sentences.append(
                 f"The calibration of {name.lower()} ({c.certificate or 'no certificate'}) was "
                 f"due on {c.due}: {EXPIRED}."
             )
         elif recording.metadata.origin == "hardware" and not c.certificate:
-            told.append(f"{name} has no calibration certificate.")
-    return tuple(told)
+            sentences.append(f"{name} has no calibration certificate.")
+    return tuple(sentences)
 
 
 def _calibrated(recording: Recording) -> list[tuple[str, Calibration]]:
     columns = getattr(recording.source, "columns", ())
-    found = [(column.name, column.channel.calibration) for column in columns]
+    calibrations = [(column.name, column.channel.calibration) for column in columns]
     return [
         (readable(n).capitalize(), c)
-        for n, c in found
+        for n, c in calibrations
         if c.certificate or c.date or c.due or n in CALIBRATED
     ]
 
@@ -285,12 +283,12 @@ def _moment(text: str) -> str:
 
 def _parameters(protocol: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Parameters of a protocol and settings of an analysis, with the units of the protocol's parameter model."""
-    from experiments import catalogue
     from experiments.parameters import parameter_fields
 
     units: dict[str, str] = {}
-    if protocol in catalogue.kinds():
-        units = {f.name: f.unit for f in parameter_fields(catalogue.load(protocol).parameters)}
+    experiment = catalogue.declared(protocol)
+    if experiment is not None:
+        units = {f.name: f.unit for f in parameter_fields(experiment.parameters)}
     rows = []
     for name, value in values.items():
         unit = units.get(name, "")

@@ -32,9 +32,9 @@ def acquisition_facts(figures: object) -> list[tuple[str, str]]:
         },
     )
     facts = [("acquisition", rate)]
-    for name, found in _groups(figures.get("index_marks")):
+    for name, group in _groups(figures.get("index_marks")):
         text = _numbers(
-            found,
+            group,
             {"marks": ("{:.0f} marks", 1.0), "worst_excess": ("at worst {:+.0f} counts off", 1.0)},
         )
         facts.append(("index marks", f"{name}: {text}"))
@@ -52,12 +52,12 @@ def acquisition_facts(figures: object) -> list[tuple[str, str]]:
                 ),
             )
         )
-    for name, found in _groups(figures.get("skew")):
+    for name, group in _groups(figures.get("skew")):
         value = _numbers(
-            found, {"value": ("{:+.1f} µs", 1e6), "expanded_uncertainty": ("U {:.1f} µs", 1e6)}
+            group, {"value": ("{:+.1f} µs", 1e6), "expanded_uncertainty": ("U {:.1f} µs", 1e6)}
         )
-        verdict = f"identifiable: {found.get('identifiability', '?')}" + (
-            f", {found['note']}" if found.get("note") else ""
+        verdict = f"identifiable: {group.get('identifiability', '?')}" + (
+            f", {group['note']}" if group.get("note") else ""
         )
         facts.append((SKEWS.get(name, name), ", ".join(part for part in (value, verdict) if part)))
     return facts
@@ -66,18 +66,18 @@ def acquisition_facts(figures: object) -> list[tuple[str, str]]:
 SKEWS = {"encoder_skew": "skew, output after input", "torque_skew": "skew, torque port after drive"}
 
 
-def _groups(found: object) -> list[tuple[str, Mapping[str, Any]]]:
+def _groups(value: object) -> list[tuple[str, Mapping[str, Any]]]:
     return (
-        [(n, f) for n, f in found.items() if isinstance(f, Mapping)]
-        if isinstance(found, Mapping)
+        [(n, f) for n, f in value.items() if isinstance(f, Mapping)]
+        if isinstance(value, Mapping)
         else []
     )
 
 
-def _numbers(found: Mapping[str, Any], forms: Mapping[str, tuple[str, float]]) -> str:
+def _numbers(values: Mapping[str, Any], forms: Mapping[str, tuple[str, float]]) -> str:
     """The numbers that are there, each in its form after its factor."""
     return ", ".join(
-        form.format(factor * found[name])
+        form.format(factor * values[name])
         for name, (form, factor) in forms.items()
-        if isinstance(found.get(name), (int, float))
+        if isinstance(values.get(name), (int, float))
     )

@@ -39,6 +39,9 @@ FAULT = "fault"
 LATE_TURN = "late_turn"
 MAKE_SAFE_FAILED = "make_safe_failed"
 
+SESSION_ERRORS = frozenset({"preflight", "step-failed", "recorder", "exception", "latch"})
+"""Codes with which a session says that the program or the run failed; its other errors are causes of trips."""
+
 DEVICE_CAUSES = frozenset(
     {EMERGENCY, HEARTBEAT_LOST, BOOT_UP, NOT_OPERATIONAL, DRIVE_STATE, FAULT, BUS_LOST}
 )

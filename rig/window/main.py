@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import importlib
 import os
 import signal
 import sys
@@ -13,7 +12,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QLibraryInfo, QObject, Qt, QTimer, Slot
@@ -33,6 +31,8 @@ from PySide6.QtWidgets import (
 )
 
 from rig.errors import ConfigurationError
+from rig.window.prepare.page import PreparePage
+from rig.window.review.page import ReviewPage
 from rig.window.run.page import RunPage
 from rig.window.shell.collector import collector_in_this_thread
 from rig.window.shell.session import WindowSession
@@ -56,9 +56,9 @@ class MainWindow(QMainWindow):
         self.setWindowTitle("harmonic-rig")
         self.setMinimumSize(*SMALLEST)
         self.stack = QStackedWidget()
-        self.prepare = _page("rig.window.prepare.page", "PreparePage", session)
+        self.prepare = PreparePage(session)
         self.run = RunPage(session)
-        self.review = _page("rig.window.review.page", "ReviewPage", session)
+        self.review = ReviewPage(session)
         self._buttons = QButtonGroup(self)
         whole = QWidget()
         column = QVBoxLayout(whole)
@@ -72,8 +72,7 @@ class MainWindow(QMainWindow):
         self.statusBar().setSizeGripEnabled(False)
         session.message.connect(lambda text: self.statusBar().showMessage(text, 15_000))
         session.theme_changed.connect(lambda _: self._apply_theme())
-        if hasattr(self.prepare, "start_requested"):
-            self.prepare.start_requested.connect(self.start)
+        self.prepare.start_requested.connect(self.start)
         self.run.review_requested.connect(self.show_review)
         self.run.state_changed.connect(self._show_state)
         self.run.closed_safely.connect(self.close)
@@ -147,8 +146,7 @@ class MainWindow(QMainWindow):
     def show_review(self, path: Path) -> None:
         """Open a run on the Review page."""
         self.show_page("review")
-        if hasattr(self.review, "show_run"):
-            self.review.show_run(path)  # type: ignore[attr-defined]
+        self.review.show_run(path)
 
     def switch_theme(self) -> None:
         """Light to dark and back."""
@@ -225,19 +223,6 @@ def refuse_a_screen_that_qt_cannot_use(
         ) from error
 
 
-def _page(module: str, name: str, session: WindowSession) -> Any:
-    """A page of the window; a plain page that says so where it is not part of this installation."""
-    try:
-        made = getattr(importlib.import_module(module), name)
-    except ModuleNotFoundError as error:
-        if error.name != module:
-            raise
-        missing = QLabel(f"{name.removesuffix('Page')} is not part of this installation.")
-        missing.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        return missing
-    return made(session)
-
-
 def open_window(
     folder: Path,
     backend: str = "sim",
@@ -262,7 +247,7 @@ def open_window(
     window.show_page(page)
     window.show()
     QTimer.singleShot(0, lambda: _fit_to_screen(window))
-    with collector_in_this_thread(), _python_awake(window), _defects_told(session):
+    with collector_in_this_thread(), _python_awake(window), _defects_shown(session):
         return application.exec()
 
 
@@ -281,7 +266,7 @@ def _python_awake(window: MainWindow) -> Iterator[None]:
 
 
 @contextmanager
-def _defects_told(session: WindowSession) -> Iterator[None]:
+def _defects_shown(session: WindowSession) -> Iterator[None]:
     """What nobody expected goes into a log and into the status bar, and the window stays: a run may be going on."""
 
     def tell(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

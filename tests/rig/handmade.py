@@ -11,16 +11,18 @@ from experiments.recording import ArraySource, Origin, Recording, RunMetadata, S
 from experiments.result import Plot, Result, Series, Table, judge_upper
 from model.channel import Channel
 from model.gear_file import shipped_gear
+from model.identify.cause import Cause
 from model.identify.estimate import BudgetLine, Estimate
 from model.units import ARCMIN, RPM
 from rig.analysis.fit import Fit
+from rig.analysis.result_data import quantities_for
 
 
 def estimate(name: str, value: float, unit: str, u: float, **more: Any) -> Estimate:
     """An estimate with an interval of two standard deviations and a budget of two lines."""
     budget = (
         BudgetLine("repeats", "A", u),
-        BudgetLine("torque scale", "B", 0.5 * u, "certificate"),
+        BudgetLine("torque scale", "B", 0.5 * u, "certificate", Cause.TORQUE_SCALE),
     )
     return Estimate(
         name=name,
@@ -134,6 +136,7 @@ def friction_result(limit: float = 0.15, provenance: Any = "catalogue") -> Resul
     return Result(
         run="R-000042",
         kind="friction",
+        quantities=quantities_for("friction", estimates, ("mse", "relative_error")),
         estimates=estimates,
         metrics={"mse": 0.431, "relative_error": 0.012},
         warnings=("The bracket drifted by 1.2 % over the sweep.",),
@@ -184,6 +187,7 @@ def kinematic_result() -> Result:
     return Result(
         run="R-000041",
         kind="kinematic-error",
+        quantities=quantities_for("kinematic-error", estimates, ("mse",)),
         estimates=estimates,
         metrics={"mse": 0.71},
         plots=plots,

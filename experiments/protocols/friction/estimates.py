@@ -11,30 +11,30 @@ import numpy as np
 
 from experiments.budget import torque_scale_uncertainty
 from experiments.protocols.friction.points import Correction, MeasuredFriction
+from experiments.protocols.friction.quantities import CATALOGUE_SPEEDS_RPM
 from experiments.recording import Recording
 from experiments.torque.running_torque import TEMPERATURE
 from experiments.torque.zero import TorqueZero
 from model.friction import bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive, Origin
+from model.identify.cause import Cause
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.friction import FrictionFit, TorqueUncertainty
 from model.identify.stribeck import NAMES, fit_stribeck_genetic
 from model.units import RPM
 
-CATALOGUE_SPEEDS_RPM = (500.0, 1000.0, 2000.0, 3500.0)
-"""Input speeds at which catalogues give the no-load running torque."""
 TARE_RELATIVE = 0.03
-"""Relative standard uncertainty of a tare as a whole: the same motor, another day, another warmth."""
+"""Relative standard uncertainty of a tare as a whole: the same motor, another day, another temperature."""
 BEARING_RELATIVE = 0.2
 """Relative standard uncertainty of M_0 where f_0 and nu_0 are taken from the literature."""
 TEMPERATURE_COEFFICIENT = -0.04
 """Change of friction per kelvin, relative: typical of grease."""
-UNKNOWN_WARMTH = 0.5
-"""K, standard uncertainty of the warmth of a run without a thermometer on the housing."""
-MOTOR_WARMTH = 1e-3
+UNKNOWN_TEMPERATURE = 0.5
+"""K, standard uncertainty of the temperature of a run without a thermometer on the housing."""
+MOTOR_TEMPERATURE = 1e-3
 """Relative standard uncertainty of the torque constant within a day: magnets lose 0.1 % per kelvin,
 and nothing measures the
-motor's warmth. It is common to all points of a run, so more points do not average it out."""
+motor's temperature. It is common to all points of a run, so more points do not average it out."""
 THERMOMETER = 0.2
 """K, standard uncertainty of a thermometer without calibration."""
 
@@ -42,13 +42,14 @@ THERMOMETER = 0.2
 def type_b(
     recording: Recording, gear: HarmonicDrive, measured: MeasuredFriction, correction: Correction
 ) -> TorqueUncertainty:
-    """What the data cannot show: torque scale, zero, the tare as a whole, warmth of the points, literature values.
+    """What the data cannot show: torque scale, zero, the tare as a whole, temperature of the points, literature values.
 
-    Points that were brought to their mean warmth leave the thermometer's own uncertainty; others their span of warmth.
+    Points that were brought to their mean temperature leave the thermometer's own uncertainty,
+    others their spread of temperature.
     """
     scale, _ = torque_scale_uncertainty(recording, measured.channel)
-    warmth, coefficient = measured.warmth, TEMPERATURE_COEFFICIENT
-    spread = float(np.std(warmth)) if np.isfinite(warmth).all() else UNKNOWN_WARMTH
+    temperature, coefficient = measured.temperature, TEMPERATURE_COEFFICIENT
+    spread = float(np.std(temperature)) if np.isfinite(temperature).all() else UNKNOWN_TEMPERATURE
     if correction.per_kelvin is not None:
         spread = recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
         coefficient = correction.per_kelvin[1]
@@ -66,8 +67,8 @@ def type_b(
     )
 
 
-def with_warmth(estimates: dict[str, Estimate], scale: float) -> dict[str, Estimate]:
-    """The parameters with the warmth of the motor in their 95 % intervals.
+def with_motor_temperature(estimates: dict[str, Estimate], scale: float) -> dict[str, Estimate]:
+    """The parameters with the temperature of the motor in their 95 % intervals.
 
     It changes from run to run and is common to the points of one: the scatter between points does
     not show it. `scale` is the relative uncertainty that the budget's line "torque scale" stands
@@ -80,8 +81,10 @@ def with_warmth(estimates: dict[str, Estimate], scale: float) -> dict[str, Estim
 
 
 def _widened(estimate: Estimate, scale: float) -> Estimate:
-    lines = {line.source: line.standard_uncertainty for line in estimate.budget}
-    motor = lines.get("torque scale", 0.0) * MOTOR_WARMTH / scale if scale > 0.0 else 0.0
+    by_scale = next(
+        (b.standard_uncertainty for b in estimate.budget if b.cause is Cause.TORQUE_SCALE), 0.0
+    )
+    motor = by_scale * MOTOR_TEMPERATURE / scale if scale > 0.0 else 0.0
     common = 1.96 * motor
     low = estimate.value - math.hypot(estimate.value - estimate.low, common)
     high = estimate.value + math.hypot(estimate.high - estimate.value, common)
@@ -127,18 +130,17 @@ def running_torques(
         if not fit.speed.min() <= speed <= fit.speed.max() * 1.01:
             continue
         value, error = _between_points(fit, speed)
-        motor = MOTOR_WARMTH * value
+        motor = MOTOR_TEMPERATURE * value
         budget = [
             BudgetLine("points nearby", "A", error),
             BudgetLine("warmth of the motor", "A", motor),
-            BudgetLine("torque scale", "B", scale * value, source),
+            BudgetLine("torque scale", "B", scale * value, source, Cause.TORQUE_SCALE),
         ]
         half = 1.96 * math.hypot(error, motor)
         if measured.tare is not None:
             at, _, _ = measured.tare.at(np.array([speed]))
-            budget.append(
-                BudgetLine("tare", "B", TARE_RELATIVE * float(at[0]), "same motor, another day")
-            )
+            tare = TARE_RELATIVE * float(at[0])
+            budget.append(BudgetLine("tare", "B", tare, "same motor, another day", Cause.TARE))
         name = f"running_torque_{rpm:.0f}_rpm"
         found[name] = Estimate(
             name=name,

@@ -7,6 +7,7 @@ import math
 from experiments.errors import analysing
 from experiments.protocols.friction.plots import point_table
 from experiments.protocols.friction.points import MeasuredFriction
+from experiments.protocols.friction.quantities import QUANTITIES
 from experiments.recording import Recording
 from experiments.result import Result
 from model.identify.estimate import Estimate
@@ -58,6 +59,7 @@ def friction_in_foreign_unit(recording: Recording, measured: MeasuredFriction) -
     return Result(
         run=recording.metadata.run_id,
         kind=KIND,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics={
             "points": float(len(points.speed)),

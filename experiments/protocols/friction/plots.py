@@ -260,7 +260,7 @@ FIT_TABLE = "fitted-points"
 
 
 def fit_table(fit: FrictionFit) -> Table:
-    """What was fitted: friction of each pair of directions, tare subtracted, brought to mean place and warmth."""
+    """What was fitted: friction of each pair of directions, tare subtracted, brought to mean place and temperature."""
     rows = tuple(
         (float(v) / RPM, float(t), float(u), float(f), float(t - f))
         for v, t, u, f in zip(fit.speed, fit.torque, fit.standard_error, fit.fitted, strict=True)

@@ -1,4 +1,4 @@
-"""The points of a friction run, and what else than speed they depend on: place on the output, warmth, reproducibility.
+"""The points of a friction run, and what else than speed they depend on: place, temperature, reproducibility.
 
 Friction varies over the output revolution (mesh depth) and with heat. Points start at places spread
 over the output and go up and down, so that both can be told from speed. With y = friction/fitted
@@ -7,7 +7,7 @@ curve - 1 of every point, reference speed included,
     y = c_0 + sum_k (a_k cos k theta_o + b_k sin k theta_o) + (temperature - mean) (d_0 + d_1 viscous share(speed))    k = 1..4
 
 is solved by least squares and divided out where it is significant: what is left holds at mean place
-and mean warmth. Near a resonance the vibrating output takes power that is no friction: such points
+and mean temperature. Near a resonance the vibrating output takes power that is no friction: such points
 count less.
 """  # noqa: E501
 
@@ -39,9 +39,9 @@ PLACE_ORDERS = (1, 2, 3, 4)
 POINTS_PER_TERM = 2.5
 """Pairs of points that each correcting term needs."""
 LEAST_WARMING = 0.2
-"""K of span below which warmth is not corrected for."""
+"""K of span below which temperature is not corrected for."""
 HIGHEST_CORRELATION = 0.7
-"""Correlation of warmth with log speed above which heat and speed cannot be told apart."""
+"""Correlation of temperature with log speed above which heat and speed cannot be told apart."""
 SIGNIFICANCE = 0.01
 FIRST_DAMPING = 0.02
 """Damping ratio of the first mode that the loss near a resonance is estimated with."""
@@ -60,7 +60,7 @@ class MeasuredFriction:
     warnings: list[str]
 
     @property
-    def warmth(self) -> FloatArray:
+    def temperature(self) -> FloatArray:
         """Housing temperature of the holds [degC], NaN where it was not recorded."""
         return np.array([h.torque.temperature for h in self.holds])
 
@@ -193,24 +193,25 @@ def corrected(
     curve: Callable[[FloatArray], FloatArray],
     dry: Callable[[FloatArray], FloatArray],
 ) -> tuple[MeasuredFriction, Correction]:
-    """The points brought to mean place and mean warmth, seen from a fitted friction curve [N m] over speed [rad/s].
+    """The points brought to mean place and mean temperature, seen from a fitted curve [N m] over speed [rad/s].
 
     `dry` is the part of the curve that does not come from the viscosity of the grease.
 
-    Nothing is done where there are too few points, or where place and warmth explain no more than chance would.
+    Nothing is done where there are too few points, or where place and temperature explain no more
+    than chance would.
     """
     every = [*measured.holds, *measured.bracket]
     speed = np.array([abs(h.torque.speed) for h in every])
     direction = np.array([h.torque.direction for h in every])
     tare = measured.tare.at(speed)[0] if measured.tare is not None else np.zeros_like(speed)
     friction = direction * np.array([h.torque.torque for h in every]) - tare
-    warmth = _warmth_columns(every, 1.0 - dry(speed) / curve(speed), measured.warmth)
-    room = math.floor(len(every) / (2.0 * POINTS_PER_TERM)) - 1 - warmth.shape[1]
+    temperature = _temperature_columns(every, 1.0 - dry(speed) / curve(speed), measured.temperature)
+    room = math.floor(len(every) / (2.0 * POINTS_PER_TERM)) - 1 - temperature.shape[1]
     place = _place_columns(every, min(max(room // 2, 0), len(PLACE_ORDERS)))
-    terms = place.shape[1] + warmth.shape[1]
+    terms = place.shape[1] + temperature.shape[1]
     if terms == 0 or room < 0:
         return measured, Correction()
-    columns = np.column_stack([place, warmth])
+    columns = np.column_stack([place, temperature])
     away = friction / curve(speed) - 1.0
     design = np.column_stack([np.ones(len(every)), columns])
     solution = np.asarray(np.linalg.lstsq(design, away, rcond=None)[0], dtype=np.float64)
@@ -223,15 +224,15 @@ def corrected(
         for h, t in zip(every, brought, strict=True)
     ]
     split = len(measured.holds)
-    return dataclasses.replace(measured, holds=moved[:split], bracket=moved[split:]), _told(
-        solution[1:], place, warmth
-    )
+    return dataclasses.replace(
+        measured, holds=moved[:split], bracket=moved[split:]
+    ), _correction_of(solution[1:], place, temperature)
 
 
-def _told(solution: FloatArray, place: FloatArray, warmth: FloatArray) -> Correction:
+def _correction_of(solution: FloatArray, place: FloatArray, temperature: FloatArray) -> Correction:
     pairs = solution[: place.shape[1]].reshape(-1, 2)
     per_kelvin = None
-    if warmth.shape[1]:
+    if temperature.shape[1]:
         base, rise = solution[place.shape[1] :]
         per_kelvin = float(base), float(base + rise)
     return Correction(tuple(float(a) for a in np.hypot(pairs[:, 0], pairs[:, 1])), per_kelvin)
@@ -251,22 +252,22 @@ def _place_columns(holds: list[Hold], count: int) -> FloatArray:
     return np.column_stack(columns)
 
 
-def _warmth_columns(holds: list[Hold], viscous: FloatArray, about: FloatArray) -> FloatArray:
+def _temperature_columns(holds: list[Hold], viscous: FloatArray, about: FloatArray) -> FloatArray:
     """Temperature about the mean of `about`, and the same times the viscous share; none where heat
     and speed went together.
     """
-    warmth = np.array([h.torque.temperature for h in holds])
+    temperature = np.array([h.torque.temperature for h in holds])
     if (
-        not np.isfinite(warmth).all()
-        or float(np.ptp(warmth)) < LEAST_WARMING
+        not np.isfinite(temperature).all()
+        or float(np.ptp(temperature)) < LEAST_WARMING
         or float(np.ptp(viscous)) < 0.05
     ):
         return np.empty((len(holds), 0))
     speed = np.array([abs(h.torque.speed) for h in holds])
-    correlation = float(np.corrcoef(warmth, np.log(speed))[0, 1])
+    correlation = float(np.corrcoef(temperature, np.log(speed))[0, 1])
     if abs(correlation) > HIGHEST_CORRELATION:
         return np.empty((len(holds), 0))
-    centred = warmth - about.mean()
+    centred = temperature - about.mean()
     return np.column_stack([centred, centred * viscous])
 
 

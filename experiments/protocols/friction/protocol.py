@@ -46,7 +46,7 @@ from experiments.protocols.friction.estimates import (
     offset_estimate,
     running_torques,
     type_b,
-    with_warmth,
+    with_motor_temperature,
 )
 from experiments.protocols.friction.foreign import friction_in_foreign_unit
 from experiments.protocols.friction.plots import (
@@ -63,8 +63,9 @@ from experiments.protocols.friction.points import (
     reproducibility,
     weighed,
 )
+from experiments.protocols.friction.quantities import QUANTITIES
 from experiments.recording import Recording
-from experiments.result import Result, Verdict, judge_upper
+from experiments.result import Result, Verdict, judge_upper, Covariance
 from experiments.steps.vocabulary import (
     HoldRevolutions,
     HoldTime,
@@ -74,6 +75,7 @@ from experiments.steps.vocabulary import (
     Settle,
     Step,
 )
+from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE, PaperFigure, Term
 from model.friction import bearing_lever, bearing_magnitude, friction_torque, mesh_lever
 from model.gear import HarmonicDrive, Origin
 from model.identify.estimate import Estimate
@@ -270,9 +272,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             metrics |= genetic_metrics(fit, evidence.gear, int(settings.get("seed", 0)))
     metrics["torque_zero_drift"] = measured.zero.drift
     metrics["reproducibility"] = reproducibility(brought.bracket)
-    metrics |= correction.metrics() | _warmth(measured)
+    metrics |= correction.metrics() | _housing_temperature(measured)
     estimates = (
-        with_warmth(dict(fit.estimates), torque_scale_uncertainty(recording, measured.channel)[0])
+        with_motor_temperature(
+            dict(fit.estimates), torque_scale_uncertainty(recording, measured.channel)[0]
+        )
         | offset_estimate(fit, measured.zero)
         | running_torques(recording, fit, evidence.gear, measured)
     )
@@ -280,6 +284,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=run,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
         warnings=(*measured.warnings, *fit.warnings),
@@ -297,13 +302,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "low_speed_branch": evidence.gear.options.low_speed_branch,
             "points_brought_to": correction.words(),
         },
+        covariance=Covariance(NAMES, fit.stribeck.covariance),
     )
 
 
 def _fit(
     recording: Recording, evidence: Evidence, measured: MeasuredFriction
 ) -> tuple[FrictionFit, MeasuredFriction, Correction]:
-    """The fit of the points, brought to mean place and warmth as the fit itself shows them (two rounds)."""
+    """The fit of the points, brought to mean place and temperature as the fit itself shows them (two rounds)."""
     settings = evidence.settings
 
     def fit_of(points: MeasuredFriction, correction: Correction, *, profile: bool) -> FrictionFit:
@@ -346,14 +352,14 @@ def _curves_of(fit: FrictionFit, gear: HarmonicDrive) -> tuple[Curve, Curve]:
     return whole, dry
 
 
-def _warmth(measured: MeasuredFriction) -> dict[str, float]:
+def _housing_temperature(measured: MeasuredFriction) -> dict[str, float]:
     """Mean and span of the housing temperature of the points [degC], where it was recorded."""
-    warmth = measured.warmth
-    if not np.isfinite(warmth).all():
+    temperature = measured.temperature
+    if not np.isfinite(temperature).all():
         return {}
     return {
-        "housing_temperature": float(warmth.mean()),
-        "housing_temperature_span": float(np.ptp(warmth)),
+        "housing_temperature": float(temperature.mean()),
+        "housing_temperature_span": float(np.ptp(temperature)),
     }
 
 
@@ -409,6 +415,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates={},
         metrics=metrics,
         warnings=tuple(warnings),
@@ -474,7 +481,7 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
 
 EXPERIMENT = Experiment(
     name=NAME,
-    title="Friction",
+    title="No-load running torque and friction",
     summary="no-load running torque at constant speeds, both directions, up and down",
     parameters=Parameters,
     plan=plan,
@@ -482,4 +489,22 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     compare=compare,
     identified=identified,
+    quantities=QUANTITIES,
+    live=("speed", "torque points", "torque"),
+    takes_tare=True,
+    terms=(
+        RUNNING_TORQUE,
+        MOTOR_AND_GEAR,
+        Term(
+            "Friction parameters",
+            "Parameters of the Stribeck curve of the tooth mesh, equation 19: Coulomb friction "
+            "F_c, static friction F_s, Stribeck velocity v_s, shape σ, viscous coefficient c_v. "
+            "Their size depends on the torque balance by which the mesh force is referred to the "
+            "input; the balance used is named in the provenance.",
+        ),
+    ),
+    figures=(
+        PaperFigure(9, "friction torque at the input over speed"),
+        PaperFigure(17, "measured and fitted friction torque, both directions"),
+    ),
 )

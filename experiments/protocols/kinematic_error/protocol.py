@@ -39,9 +39,12 @@ from experiments.protocols.kinematic_error.plots import (
     order_table,
     prediction_plot,
 )
+from experiments.protocols.kinematic_error.quantities import QUANTITIES
+from experiments.quantity import quantity_of
 from experiments.recording import Recording, Segment
-from experiments.result import Result, Verdict, judge_upper
+from experiments.result import Result, Verdict, judge_upper, Covariance
 from experiments.steps.vocabulary import HoldRevolutions, Mark, SegmentLabel, Step
+from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.gear import Harmonic, HarmonicDrive, Origin
 from model.gear_file import harmonic_path
@@ -216,6 +219,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
         warnings=tuple(dict.fromkeys(warnings)),
@@ -225,6 +229,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         ),
         tables=(order_table(combined[0]), budget_table(estimates.values())),
         options=options,
+        covariance=_covariance(combined, estimates),
     )
 
 
@@ -352,6 +357,18 @@ def _figure_16(
     )
 
 
+def _covariance(
+    combined: list[CombinedKinematicError], estimates: dict[str, Estimate]
+) -> Covariance:
+    """Of the cosines and sines (rad) of the orders that are reported, mean of both directions and of the repeats."""
+    reported = [k for k, n in enumerate(combined[0].labels) if f"amplitude_{n}" in estimates]
+    rows = [2 * k + part for k in reported for part in (0, 1)]
+    labels = [combined[0].labels[k] for k in reported]
+    names = tuple(f"{part}_{label}" for label in labels for part in ("cosine", "sine"))
+    whole = sum(one.covariance for one in combined) / len(combined) ** 2
+    return Covariance(names, whole[np.ix_(rows, rows)])
+
+
 def _one_direction(
     context: _Context, traverses: list[Traverse], evidence: Evidence, warnings: list[str]
 ) -> Result:
@@ -375,6 +392,7 @@ def _one_direction(
     return Result(
         run=run,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
         warnings=tuple(dict.fromkeys(warnings)),
@@ -395,7 +413,8 @@ def _pooled(found: list[dict[str, Estimate]]) -> dict[str, Estimate]:
 
 def _mean_of(name: str, estimates: list[Estimate]) -> Estimate:
     values = np.array([e.value for e in estimates])
-    if name.startswith("phase"):
+    quantity = quantity_of(QUANTITIES, name)
+    if quantity is not None and quantity.is_circular:
         mean = float(np.angle(np.mean(np.exp(1j * values))))
         away = np.angle(np.exp(1j * (values - mean)))
     else:
@@ -503,6 +522,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates={},
         metrics=metrics,
         warnings=tuple(warnings),
@@ -569,11 +589,29 @@ def _order_of(label: str, ratio: float) -> float:
 
 EXPERIMENT = Experiment(
     name=NAME,
-    title="Kinematic error",
+    title="Kinematic error and transmission accuracy",
     summary="kinematic error over whole output revolutions at low speed, both directions",
     parameters=Parameters,
     plan=plan,
     analyse=analyse,
     compare=compare,
     identified=identified,
+    quantities=QUANTITIES,
+    live=("speed", "wave", "torque", "output"),
+    terms=(
+        KINEMATIC_ERROR,
+        Term(
+            "Transmission accuracy",
+            "Sum of the largest positive and the largest negative deviation of the output from "
+            "the ideal over one complete output revolution, one direction. It is taken from the "
+            "fitted curve up to the stated order; the raw peak-to-peak, which holds quantisation "
+            "and noise, stands beside it.",
+        ),
+        NORMALISED_MSE,
+    ),
+    figures=(
+        PaperFigure(12, "kinematic error over the input angle"),
+        PaperFigure(13, "fitted kinematic error and its orders"),
+        PaperFigure(16, "friction torque and kinematic error over the wave-generator angle"),
+    ),
 )

@@ -40,9 +40,11 @@ from experiments.protocols.velocity_steps.plots import (
     scored_step_plots,
     step_table,
 )
+from experiments.protocols.velocity_steps.quantities import QUANTITIES
 from experiments.recording import Recording
 from experiments.result import Result
 from experiments.steps.vocabulary import HoldTime, MoveToAngle, SegmentLabel, SpeedStep, Step
+from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import torque_zero
 from model.gear import HarmonicDrive, Origin
 from model.identify.dynamics import StepFit, combine_steps, fit_step
@@ -162,6 +164,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates=estimates,
         metrics=_metrics(fits),
         warnings=tuple(dict.fromkeys(warnings)),
@@ -361,6 +364,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
+        quantities=QUANTITIES,
         estimates={},
         metrics={"steps": float(len(steps)), **metrics},
         warnings=tuple(warnings),
@@ -441,4 +445,24 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     compare=compare,
     identified=identified,
+    quantities=QUANTITIES,
+    live=("speed", "steps", "torque"),
+    builds_on=("kinematic-error",),
+    terms=(
+        KINEMATIC_ERROR,
+        NORMALISED_MSE,
+        Term(
+            "Dynamic stiffness over inertia, K/J",
+            "Square of the frequency of the pole from input to output angle. A stiffness taken "
+            "from it is dynamic and for small signals; it is not the static torsional stiffness "
+            "of the catalogue.",
+        ),
+        Term(
+            "Skill",
+            "One minus the squared error of the model over that of a null model (a rigid gear; a "
+            "rigid gear with the kinematic error). Zero is no better than the null model, one is "
+            "perfect.",
+        ),
+    ),
+    figures=(PaperFigure(19, "output speed after velocity steps, simulated and measured"),),
 )

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from model.errors import WordedError
+from rig.analysis.passport.followed import watched_kinds
 from rig.analysis.passport.gather import COUNTED_OUTCOMES, counted_origin, runs_of
-from rig.analysis.passport.quantities import KINDS
 from rig.analysis.store import read_analyses
+from rig.analysis.tare import takes_tare
 from rig.library.index import IndexedRun
 
 
@@ -34,20 +35,24 @@ def analyse_runs(
     """Fit every run of a gear that a passport follows and that was never fitted, and keep the results beside the runs.
 
     `created` the calendar time (ISO 8601) of the analyses; `tare` a motor-tare run, subtracted from
-    friction runs; `origin` as in `passport`; `tell` is called before each run. A run that cannot be
+    runs that take one; `origin` as in `passport`; `tell` is called before each run. A run that cannot be
     analysed is told with its reason, and the others are analysed all the same.
     """
     runs = runs_of(where, serial)
     only = counted_origin(runs, origin)
     return tuple(
-        _analyse(run, created, tare if run.protocol == "friction" else None, tell)
+        _analyse(run, created, tare if takes_tare(run.protocol) else None, tell)
         for run in runs
         if _lacks_analysis(run) and only in ("", run.origin)
     )
 
 
 def _lacks_analysis(run: IndexedRun) -> bool:
-    if run.state != "sealed" or run.protocol not in KINDS or run.outcome not in COUNTED_OUTCOMES:
+    if (
+        run.state != "sealed"
+        or run.protocol not in watched_kinds()
+        or run.outcome not in COUNTED_OUTCOMES
+    ):
         return False
     try:
         return all(analysis.kind != run.protocol for analysis in read_analyses(run.path))

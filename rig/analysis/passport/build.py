@@ -6,12 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from experiments.quantity import Quantity
 from rig.analysis.passport.chart import BASELINE_RUNS, RULES
 from rig.analysis.passport.content import Missing, Passport, PassportSeries
 from rig.analysis.passport.draw import point_table, spectrum_plots
+from rig.analysis.passport.followed import FollowedQuantity, followed, largest_followed, watched
 from rig.analysis.passport.gather import FoundRun, Gathered, gather, runs_of
-from rig.analysis.passport.quantities import QUANTITIES, Quantity, order_labels, order_quantity
 from rig.analysis.passport.series import series_of, usable
+from rig.analysis.tare import takes_tare, tare_kind
 from rig.errors import RigError
 from rig.runfile.header import ORIGIN_WORDS
 
@@ -48,7 +50,7 @@ def passport(
     gathered = gather(runs, origin)
     found = gathered.found
     series = tuple(
-        one for quantity in _quantities(found) for one in series_of(quantity, found, baseline)
+        one for quantity in _followed(found) for one in series_of(quantity, found, baseline)
     )
     origins = sorted({run.origin for run in gathered.runs})
     mark = " / ".join(ORIGIN_WORDS.get(one, one.upper()) for one in origins if one != "hardware")
@@ -70,21 +72,23 @@ def _place(where: str | Path | Iterable[str | Path]) -> str:
     return str(where) if isinstance(where, (str, Path)) else ", ".join(str(one) for one in where)
 
 
-def _quantities(found: Sequence[FoundRun]) -> tuple[Quantity, ...]:
-    """The followed quantities, the largest orders of these runs after the transmission accuracy."""
-    amplitudes = [
-        _amplitudes(one.estimates) for one in found if one.analysis.kind == "kinematic-error"
-    ]
-    orders = tuple(order_quantity(label) for label in order_labels(amplitudes))
-    accuracy = tuple(quantity for quantity in QUANTITIES if quantity.kind == "kinematic-error")
-    return (*accuracy, *orders, *(quantity for quantity in QUANTITIES if quantity not in accuracy))
+def _followed(found: Sequence[FoundRun]) -> list[FollowedQuantity]:
+    """The followed quantities; of a family without members of its own the largest of these runs."""
+    quantities: list[FollowedQuantity] = []
+    for kind, quantity in watched():
+        expected = followed(kind, quantity)
+        if not expected:
+            sizes = [_sizes(quantity, one.estimates) for one in found if one.analysis.kind == kind]
+            expected = largest_followed(kind, quantity, sizes)
+        quantities += expected
+    return quantities
 
 
-def _amplitudes(estimates: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+def _sizes(quantity: Quantity, estimates: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
     return {
-        name.removeprefix("amplitude_"): float(estimate["value"])
+        quantity.member(name): float(estimate["value"])
         for name, estimate in estimates.items()
-        if name.startswith("amplitude_") and usable(estimate)
+        if quantity.matches(name) and usable(estimate)
     }
 
 
@@ -92,28 +96,27 @@ def _missing(gathered: Gathered, series: Sequence[PassportSeries]) -> list[Missi
     """What a whole passport would have besides: quantities without a run, numbers that the data
     could not tell, tares.
     """
-    followed = {one.quantity for one in series}
-    missing = [
-        _nothing_of(quantity, gathered) for quantity in QUANTITIES if quantity.key not in followed
-    ]
+    drawn = {(one.kind, one.quantity) for one in series}
+    expected = [one for kind, quantity in watched() for one in followed(kind, quantity)]
+    missing = [_nothing_of(one, gathered) for one in expected if (one.kind, one.key) not in drawn]
     for one in gathered.found:
-        for quantity in QUANTITIES:
+        for quantity in expected:
             estimate = one.estimates.get(quantity.key)
             if quantity.kind == one.analysis.kind and estimate is not None and not usable(estimate):
                 why = estimate.get("note") or "not identifiable from this run"
                 missing.append(Missing(f"{quantity.title}: {why}", one.run.run_id))
-        if one.analysis.kind == "friction" and one.facts.get("torque of") != "gear":
+        if takes_tare(one.analysis.kind) and one.facts.get("torque of") != "gear":
             missing.append(
                 Missing(
                     "its running torque is that of motor and gear together: no motor tare was subtracted",
                     one.run.run_id,
-                    f"rig fit {one.run.path} --tare RUN (a motor-tare run)",
+                    f"rig fit {one.run.path} --tare RUN (a {tare_kind()} run)",
                 )
             )
     return missing
 
 
-def _nothing_of(quantity: Quantity, gathered: Gathered) -> Missing:
+def _nothing_of(quantity: FollowedQuantity, gathered: Gathered) -> Missing:
     analysed = [one for one in gathered.found if one.analysis.kind == quantity.kind]
     if analysed:
         return Missing(

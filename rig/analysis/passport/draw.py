@@ -8,37 +8,40 @@ from typing import Any
 
 import numpy as np
 
+from experiments.quantity import Quantity
 from experiments.result import Plot, Series, Table
-from model.units import ARCSEC
 from rig.analysis.passport.content import (
     CatalogueLimit,
     ControlLimits,
     PassportPoint,
     PassportSeries,
 )
+from rig.analysis.passport.followed import comparable, order_of, watched
 from rig.analysis.passport.gather import FoundRun
-from rig.analysis.passport.quantities import Quantity, comparable, order_of, order_quantity
+from rig.analysis.wording import laboratory_unit
 from rig.runfile.header import ORIGIN_WORDS
 
 MEASURED, CONTROL, CATALOGUE, SIGNALS = range(4)
 """Colours: what belongs together shares one."""
-SPECTRUM = order_quantity("")
 
 
 def control_plot(
-    quantity: Quantity,
-    title: str,
+    axis: str,
     points: Sequence[PassportPoint],
     control: ControlLimits | None,
     limit: CatalogueLimit | None,
+    *,
+    factor: float,
+    name: str,
+    title: str,
     mark: str,
 ) -> Plot:
     """The chart of one series: values with U (k = 2), centre line and control limits, the
     catalogue's limit beside them.
     """
     x = np.array([point.position for point in points], dtype=np.float64)
-    y = np.array([point.value for point in points]) / quantity.factor
-    u = np.array([point.expanded_uncertainty for point in points]) / quantity.factor
+    y = np.array([point.value for point in points]) / factor
+    u = np.array([point.expanded_uncertainty for point in points]) / factor
     u = np.where(np.isfinite(u), u, 0.0)
     across = np.array([0.5, max(len(points), 1) + 0.5])
     out = np.array([bool(point.signals) for point in points], dtype=bool)
@@ -71,7 +74,7 @@ def control_plot(
                 Series(
                     label=label,
                     x=across,
-                    y=np.full(2, value / quantity.factor),
+                    y=np.full(2, value / factor),
                     style="line",
                     group=CONTROL,
                 )
@@ -82,7 +85,7 @@ def control_plot(
             Series(
                 label=label,
                 x=across,
-                y=np.full(2, limit.value / quantity.factor),
+                y=np.full(2, limit.value / factor),
                 style="line",
                 group=CATALOGUE,
             )
@@ -94,10 +97,10 @@ def control_plot(
     )
     note = ". ".join(text for text in (mark, days) if text)
     return Plot(
-        name=f"passport-{quantity.key}",
+        name=name,
         title=title,
         x_label="run of this series, in order of time",
-        y_label=f"{quantity.axis} [{quantity.display_unit}]",
+        y_label=axis,
         series=tuple(series),
         note=note,
     )
@@ -105,32 +108,37 @@ def control_plot(
 
 def spectrum_plots(found: Sequence[FoundRun]) -> tuple[Plot, ...]:
     """Amplitudes over order, the first run against the newest and the mean of those between, per
-    set of comparable runs.
+    watched family of orders and set of comparable runs.
     """
-    groups: dict[tuple[str, tuple[tuple[str, str], ...]], list[FoundRun]] = {}
-    for one in found:
-        if one.analysis.kind == SPECTRUM.kind and _spectrum(one):
-            groups.setdefault(
-                (one.origin, tuple(comparable(one.facts, SPECTRUM).items())), []
-            ).append(one)
-    return tuple(
-        _spectrum_plot(members, origin, [text for _, text in conditions], several=len(groups) > 1)
-        for (origin, conditions), members in groups.items()
-    )
+    plots: list[Plot] = []
+    for kind, quantity in watched():
+        if quantity.placeholder != "order":
+            continue
+        groups: dict[tuple[str, tuple[tuple[str, str], ...]], list[FoundRun]] = {}
+        for one in found:
+            if one.analysis.kind == kind and _spectrum(quantity, one):
+                conditions = tuple(comparable(one.facts, quantity).items())
+                groups.setdefault((one.origin, conditions), []).append(one)
+        for (origin, conditions), members in groups.items():
+            apart = [text for _, text in conditions] if len(groups) > 1 else []
+            plots.append(_spectrum_plot(quantity, members, origin, apart))
+    return tuple(plots)
 
 
 def _spectrum_plot(
-    members: Sequence[FoundRun], origin: str, conditions: Sequence[str], *, several: bool
+    quantity: Quantity, members: Sequence[FoundRun], origin: str, conditions: Sequence[str]
 ) -> Plot:
-    spectra = [_spectrum(one) for one in members]
-    series = [_drawn(f"run {members[0].run.run_id}", spectra[0], 0)]
+    spectra = [_spectrum(quantity, one) for one in members]
+    sizes = [amplitude for spectrum in spectra for amplitude, _ in spectrum.values()]
+    factor, unit = laboratory_unit(quantity.unit, max(sizes), quantity.shown)
+    series = [_drawn(f"run {members[0].run.run_id}", spectra[0], 0, factor)]
     if len(members) > 2:
         orders = sorted({order for spectrum in spectra for order in spectrum})
         every = [
             [spectrum[order][0] for spectrum in spectra if order in spectrum] for order in orders
         ]
-        low, high = (np.array([pick(values) for values in every]) / ARCSEC for pick in (min, max))
-        mean = np.array([sum(values) / len(values) for values in every]) / ARCSEC
+        low, high = (np.array([pick(values) for values in every]) / factor for pick in (min, max))
+        mean = np.array([sum(values) / len(values) for values in every]) / factor
         series.append(
             Series(
                 label=f"mean and range of {len(members)} runs",
@@ -143,22 +151,25 @@ def _spectrum_plot(
             )
         )
     if len(members) > 1:
-        series.append(_drawn(f"run {members[-1].run.run_id}, the newest", spectra[-1], 1))
-    words = f" ({', '.join(conditions)})" if several else ""
+        label = f"run {members[-1].run.run_id}, the newest"
+        series.append(_drawn(label, spectra[-1], 1, factor))
+    words = f" ({', '.join(conditions)})" if conditions else ""
     return Plot(
         name="passport-order-spectrum",
-        title=f"Order spectrum of the kinematic error{words}",
+        title=f"Order spectrum of the {quantity.subject}{words}",
         x_label="order [cycles per input revolution]",
-        y_label="amplitude [arcsec]",
+        y_label=f"amplitude [{unit}]",
         series=tuple(series),
         y_scale="log",
         note=ORIGIN_WORDS.get(origin, ""),
     )
 
 
-def _drawn(label: str, spectrum: Mapping[float, tuple[float, float]], group: int) -> Series:
+def _drawn(
+    label: str, spectrum: Mapping[float, tuple[float, float]], group: int, factor: float
+) -> Series:
     orders = np.array(sorted(spectrum))
-    values = np.array([spectrum[order] for order in orders]) / ARCSEC
+    values = np.array([spectrum[order] for order in orders]) / factor
     amplitude, u = values[:, 0], values[:, 1]
     # On a logarithmic scale an interval cannot reach zero.
     return Series(
@@ -172,20 +183,18 @@ def _drawn(label: str, spectrum: Mapping[float, tuple[float, float]], group: int
     )
 
 
-def _spectrum(one: FoundRun) -> dict[float, tuple[float, float]]:
+def _spectrum(quantity: Quantity, one: FoundRun) -> dict[float, tuple[float, float]]:
     """Amplitude and U by order, of the orders that the run identified and whose label is an order."""
     ratio = one.analysis.result.get("options", {}).get("ratio")
-    found: dict[float, tuple[float, float]] = {}
+    spectrum: dict[float, tuple[float, float]] = {}
     for name, estimate in one.estimates.items():
-        order = (
-            order_of(name.removeprefix("amplitude_"), ratio)
-            if name.startswith("amplitude_")
-            else math.nan
-        )
-        if math.isfinite(order) and _shown(estimate):
+        if not quantity.matches(name) or not _shown(estimate):
+            continue
+        order = order_of(quantity.member(name), ratio)
+        if math.isfinite(order):
             u = estimate.get("expanded_uncertainty")
-            found[order] = (float(estimate["value"]), float(u) if u is not None else 0.0)
-    return found
+            spectrum[order] = (float(estimate["value"]), float(u) if u is not None else 0.0)
+    return spectrum
 
 
 def _shown(estimate: Mapping[str, Any]) -> bool:

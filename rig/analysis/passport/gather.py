@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from experiments.recording import Origin, Recording
-from rig.analysis.causes import Footing, footing, simulated_bench
+from model.identify.cause import Ground
+from rig.analysis.causes import Grounds, grounds_of, simulated_bench
 from rig.analysis.passport.content import Missing
-from rig.analysis.passport.quantities import FACTS, KINDS
+from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
 from rig.analysis.store import Analysis, read_analyses
 from rig.errors import RigError, RunFileError
 from rig.library.index import IndexedRun, LibraryIndex
@@ -35,7 +36,7 @@ class FoundRun:
     origin: Origin
     facts: Mapping[str, str]
     changing: Mapping[str, str]
-    footing: Footing
+    grounds: Grounds
     estimates: Mapping[str, Mapping[str, Any]]
     verdicts: Sequence[Mapping[str, Any]]
     housing_temperature: float | None
@@ -133,19 +134,19 @@ def _copy_of(run: IndexedRun, seen: dict[str, IndexedRun]) -> str:
 
 def _read(run: IndexedRun) -> tuple[list[FoundRun], list[Missing]]:
     """The newest analyses of a run of the kinds that are followed, and what it lacks."""
-    command = f"rig fit {run.path}"
+    command, kinds = f"rig fit {run.path}", watched_kinds()
     try:
         stored = {
             analysis.kind: analysis
             for analysis in read_analyses(run.path)
-            if analysis.kind in KINDS
+            if analysis.kind in kinds
         }
     except RunFileError as error:
         return [], [
             Missing(str(error), run.run_id, "Move the damaged file away and fit the run again.")
         ]
     missing = []
-    if run.protocol in KINDS and run.protocol not in stored:
+    if run.protocol in kinds and run.protocol not in stored:
         missing.append(Missing(f"its {run.protocol} is not analysed", run.run_id, command))
     if not stored:
         return [], missing
@@ -176,27 +177,28 @@ def _found(run: IndexedRun, recording: Recording, analysis: Analysis) -> FoundRu
     result = analysis.result
     options, settings = result.get("options", {}), analysis.content.get("settings", {})
     facts = {"part": m.gear.name if m.gear is not None else "", "mounting": m.mounting}
-    facts |= {name: read(m.parameters, options, settings) for name, read in FACTS.items()}
-    standing = footing(recording, analysis)
+    names = [name for _, quantity in watched() for name in quantity.conditions if name not in facts]
+    facts |= facts_of(dict.fromkeys((*FACTS, *names)), m.parameters, options, settings)
+    grounds = grounds_of(recording, analysis)
     changing = {
         "lubricant": str(m.conditions.get("lubricant", "")),
         "mounted on": str(m.conditions.get("mounted_on", "")),
-        "torque calibration": standing["torque channel"],
+        "torque calibration": grounds[Ground.TORQUE_CHANNEL],
         "simulated rig": simulated_bench(m),
         "program version of the analysis": str(analysis.content.get("program_version", "")),
         "settings of the analysis": ", ".join(
             f"{name} = {value}" for name, value in settings.items()
         ),
     }
-    warmth = result.get("metrics", {}).get("housing_temperature")
+    temperature = result.get("metrics", {}).get("housing_temperature")
     return FoundRun(
         run=run,
         analysis=analysis,
         origin=m.origin,
         facts=facts,
         changing=changing,
-        footing=standing,
+        grounds=grounds,
         estimates=result.get("parameters", {}),
         verdicts=result.get("verdicts", ()),
-        housing_temperature=float(warmth) if isinstance(warmth, (int, float)) else None,
+        housing_temperature=float(temperature) if isinstance(temperature, (int, float)) else None,
     )

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rig.analysis.causes import own_uncertainty, same_things
+from rig.analysis.causes import common_grounds, own_uncertainty
 from rig.analysis.passport.chart import control_limits, signals_of
 from rig.analysis.passport.content import (
     CatalogueLimit,
@@ -17,23 +17,26 @@ from rig.analysis.passport.content import (
     PassportSeries,
 )
 from rig.analysis.passport.draw import control_plot
+from rig.analysis.passport.followed import FollowedQuantity, comparable
 from rig.analysis.passport.gather import FoundRun
-from rig.analysis.passport.quantities import Quantity, comparable
+from rig.analysis.wording import laboratory_unit
 from rig.runfile.header import ORIGIN_WORDS
 
-WARMTH_THAT_MATTERS = 1.0
+TEMPERATURE_THAT_MATTERS = 1.0
 """K between a run's housing and that of the first runs from which on it is told: friction falls
 some percent per kelvin.
 """
 
 
-def series_of(quantity: Quantity, found: Sequence[FoundRun], baseline: int) -> list[PassportSeries]:
+def series_of(
+    quantity: FollowedQuantity, found: Sequence[FoundRun], baseline: int
+) -> list[PassportSeries]:
     """One series per set of comparable runs; what parts them is in their titles."""
     groups: dict[tuple[str, tuple[tuple[str, str], ...]], list[FoundRun]] = {}
     for one in found:
         if one.analysis.kind == quantity.kind and usable(one.estimates.get(quantity.key)):
             groups.setdefault(
-                (one.origin, tuple(comparable(one.facts, quantity).items())), []
+                (one.origin, tuple(comparable(one.facts, quantity.quantity).items())), []
             ).append(one)
     everywhere = (
         set.intersection(*(set(conditions) for _, conditions in groups)) if groups else set()
@@ -58,7 +61,7 @@ def usable(estimate: Mapping[str, Any] | None) -> bool:
 
 
 def _one_series(
-    quantity: Quantity,
+    quantity: FollowedQuantity,
     title: str,
     conditions: Mapping[str, str],
     members: Sequence[FoundRun],
@@ -67,27 +70,39 @@ def _one_series(
     values = [float(one.estimates[quantity.key]["value"]) for one in members]
     control = control_limits(values, [one.run.run_id for one in members], baseline)
     signals = signals_of(values, control) if control is not None else ((),) * len(values)
-    warmth = _mean([one.housing_temperature for one in members[:baseline]])
+    temperature = _mean([one.housing_temperature for one in members[:baseline]])
     points = tuple(
-        _point(quantity.key, index, members, signals[index], control, warmth)
+        _point(quantity.key, index, members, signals[index], control, temperature)
         for index in range(len(members))
     )
     limit = _catalogue_limit(quantity, members[-1])
     origin = members[0].origin
-    notes = _notes(points, control, limit, quantity, baseline)
+    unit = str(members[0].estimates[quantity.key].get("unit", ""))
+    size = max(abs(value) for value in values)
+    factor, shown = laboratory_unit(unit, size, quantity.quantity.shown)
+    notes = _notes(points, control, limit, (factor, shown), baseline)
     return PassportSeries(
         key=" | ".join((origin, quantity.key, *conditions.values())),
         quantity=quantity.key,
         title=title,
-        definition=quantity.definition,
+        definition=quantity.quantity.definition,
         kind=quantity.kind,
-        unit=str(members[0].estimates[quantity.key].get("unit", "")),
-        factor=quantity.factor,
-        display_unit=quantity.display_unit,
+        unit=unit,
+        factor=factor,
+        display_unit=shown,
         origin=origin,
         conditions=conditions,
         points=points,
-        plot=control_plot(quantity, title, points, control, limit, ORIGIN_WORDS.get(origin, "")),
+        plot=control_plot(
+            f"{quantity.axis} [{shown}]".removesuffix(" []"),
+            points,
+            control,
+            limit,
+            factor=factor,
+            name=f"passport-{quantity.key}",
+            title=title,
+            mark=ORIGIN_WORDS.get(origin, ""),
+        ),
         control=control,
         limit=limit,
         notes=notes,
@@ -105,15 +120,15 @@ def _point(
     members: Sequence[FoundRun],
     signals: tuple[str, ...],
     control: ControlLimits | None,
-    warmth: float | None,
+    temperature: float | None,
 ) -> PassportPoint:
     one = members[index]
     estimate = one.estimates[key]
     value = float(estimate["value"])
     remarks = list(_changes(members[index - 1], one)) if index else []
-    if warmth is not None and one.housing_temperature is not None:
-        warmer = one.housing_temperature - warmth
-        if abs(warmer) > WARMTH_THAT_MATTERS:
+    if temperature is not None and one.housing_temperature is not None:
+        warmer = one.housing_temperature - temperature
+        if abs(warmer) > TEMPERATURE_THAT_MATTERS:
             remarks.append(
                 f"housing {abs(warmer):.1f} K {'warmer' if warmer > 0 else 'colder'} than in the first runs"
             )
@@ -121,7 +136,7 @@ def _point(
         remarks.append(f"weakly identifiable: {estimate.get('note') or 'wide interval'}")
     within = None
     if control is not None:
-        own = own_uncertainty(estimate, same_things(members[0].footing, one.footing))
+        own = own_uncertainty(estimate, common_grounds(members[0].grounds, one.grounds))
         within = abs(value - control.centre) <= own
     return PassportPoint(
         position=index + 1,
@@ -161,12 +176,12 @@ def _number(value: object) -> float:
     return float(value) if isinstance(value, (int, float)) else math.nan
 
 
-def _catalogue_limit(quantity: Quantity, newest: FoundRun) -> CatalogueLimit | None:
+def _catalogue_limit(quantity: FollowedQuantity, newest: FoundRun) -> CatalogueLimit | None:
     """The limit that the newest analysis judged the kind by; limits of one kind are one and the
     same for all its speeds.
     """
     for verdict in newest.verdicts:
-        if quantity.key.startswith("amplitude_") or verdict.get("limit") is None:
+        if quantity.quantity.catalogue is None or verdict.get("limit") is None:
             continue
         return CatalogueLimit(
             float(verdict["limit"]), str(verdict["limit_source"]), verdict["limit_provenance"]
@@ -178,7 +193,7 @@ def _notes(
     points: Sequence[PassportPoint],
     control: ControlLimits | None,
     limit: CatalogueLimit | None,
-    quantity: Quantity,
+    shown: tuple[float, str],
     baseline: int,
 ) -> tuple[str, ...]:
     notes = []
@@ -190,7 +205,7 @@ def _notes(
             else f"No control limits yet: {len(points)} of {baseline} runs."
         )
     else:
-        notes += _control_notes(points, control, quantity)
+        notes += _control_notes(points, control, *shown)
     if limit is not None and limit.provenance not in (
         "catalogue",
         "measured",
@@ -202,7 +217,7 @@ def _notes(
 
 
 def _control_notes(
-    points: Sequence[PassportPoint], control: ControlLimits, quantity: Quantity
+    points: Sequence[PassportPoint], control: ControlLimits, factor: float, unit: str
 ) -> list[str]:
     share = f"{100.0 * control.false_alarms:.1f} %"
     notes = [
@@ -219,14 +234,14 @@ def _control_notes(
         p.expanded_uncertainty for p in points if math.isfinite(p.expanded_uncertainty)
     )
     if expanded:
-        middle = expanded[len(expanded) // 2] / quantity.factor
-        reach = 3.0 * control.sigma / quantity.factor
+        middle = expanded[len(expanded) // 2] / factor
+        reach = 3.0 * control.sigma / factor
         notes.append(
-            f"Control limits lie {reach:.3g} {quantity.display_unit} from the centre; U of one run is {middle:.3g} "
-            f"{quantity.display_unit}, most of it common to all runs where that is larger."
+            f"Control limits lie {reach:.3g} {unit} from the centre; U of one run is {middle:.3g} "
+            f"{unit}, most of it common to all runs where that is larger."
             if middle > reach
-            else f"Control limits lie {reach:.3g} {quantity.display_unit} from the centre; "
+            else f"Control limits lie {reach:.3g} {unit} from the centre; "
             f"U of one run is {middle:.3g} "
-            f"{quantity.display_unit}."
+            f"{unit}."
         )
     return notes

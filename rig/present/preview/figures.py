@@ -25,10 +25,10 @@ NEAR = 2.5
 
 def figures_of(preview: PlanPreview) -> dict[str, Plot]:
     """The figures by name: "speed", "torque", "friction", and with a gear "output" and "kinematic-error"."""
-    found = {"speed": _speed(preview), "torque": _torque(preview)}
+    figures = {"speed": _speed(preview), "torque": _torque(preview)}
     if preview.error is not None:
-        found |= {"output": _output(preview), "kinematic-error": _error(preview)}
-    return {**found, "friction": _friction(preview)}
+        figures |= {"output": _output(preview), "kinematic-error": _error(preview)}
+    return {**figures, "friction": _friction(preview)}
 
 
 def _axis(preview: PlanPreview) -> tuple[float, str]:

@@ -109,26 +109,27 @@ def demonstrate(
     finished = sorted(messages, key=lambda f: ORDER.index(f.protocol))
     stopped = [f for f in finished if f.result is None]
     if any(f.outcome == "ABORTED" for f in stopped):
-        raise KeyboardInterrupt(_kept(order))
+        raise KeyboardInterrupt(_recorded(order))
     if stopped or len(finished) < len(ORDER):
-        told = (
+        reason = (
             "; ".join(f"{f.protocol} {f.outcome}: {f.message}" for f in stopped)
             or "a run is missing"
         )
         raise RigError(
-            "the demonstration did not reach its end", where=str(order.folder), value=told
+            "the demonstration did not reach its end", where=str(order.folder), value=reason
         )
     return _conclude(order, tuple(finished), started)
 
 
-def _kept(order: DemoOrder) -> str:
+def _recorded(order: DemoOrder) -> str:
     return f"what was recorded is kept in {order.folder}"
 
 
 def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) -> Demonstration:
     from model.gear_file import save_gear, shipped_gear
     from rig.analysis.adopt import adopt
-    from rig.analysis.fit import TARE, Fit
+    from rig.analysis.fit import Fit
+    from rig.analysis.tare import tare_kind
     from rig.present.page import write_report
     from rig.runfile.read import open_run
 
@@ -136,7 +137,8 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
     for done in finished:
         assert done.result is not None
         gear = gear_for(done.protocol, fits)
-        tare = fits.get(TARE) if done.result.options.get("tare_run") not in (None, "none") else None
+        with_tare = done.result.options.get("tare_run") not in (None, "none")
+        tare = fits.get(tare_kind()) if with_tare else None
         fits[done.protocol] = Fit(
             recording=open_run(done.path),
             gear=gear,
@@ -145,18 +147,18 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
             tare=tare,
             stored=done.stored,
         )
-    made = tuple(fits.values())
-    truth = tuple((fit.result.kind, row) for fit in made for row in _truth(fit))
-    adopted = adopt(shipped_gear(), [fit.result for fit in made])
+    fitted = tuple(fits.values())
+    truth = tuple((fit.result.kind, row) for fit in fitted for row in _truth(fit))
+    adopted = adopt(shipped_gear(), [fit.result for fit in fitted])
     parameters = order.folder / PARAMETERS
     save_gear(adopted.gear, parameters)
     note = "Made by rig demo: the whole chain, from plan to report, on the simulated rig."
     created = order.created.replace("T", " ", 1)
-    report = write_report(made, order.folder / REPORT, created=created, truth=truth, note=note)
+    report = write_report(fitted, order.folder / REPORT, created=created, truth=truth, note=note)
     return Demonstration(
         order=order,
         finished=finished,
-        fits=made,
+        fits=fitted,
         truth=truth,
         report=report,
         parameters=parameters,
@@ -196,9 +198,9 @@ def _in_processes(order: DemoOrder, show: Callable[[Step | Finished], None]) -> 
             child.start()
     try:
         with _ctrl_c(shared):
-            found = _collect(messages, len(children), show, children)
+            finished = _collect(messages, len(children), show, children)
         if shared.value:
-            raise KeyboardInterrupt(_kept(order))
+            raise KeyboardInterrupt(_recorded(order))
     except BaseException:
         shared.value = 2
         raise
@@ -208,7 +210,7 @@ def _in_processes(order: DemoOrder, show: Callable[[Step | Finished], None]) -> 
             if child.is_alive():
                 child.terminate()
                 child.join(5.0)
-    return found
+    return finished
 
 
 @contextlib.contextmanager
@@ -251,7 +253,7 @@ def _collect(
     children: Sequence[Any] = (),
 ) -> list[Finished]:
     """Everything until each branch has ended. Raises what a branch raised, and `RigError` for a process that died."""
-    found: list[Finished] = []
+    finished: list[Finished] = []
     failed: list[Failed] = []
     while branches:
         try:
@@ -272,9 +274,9 @@ def _collect(
         else:
             show(message)
             if isinstance(message, Finished):
-                found.append(message)
+                finished.append(message)
     for failure in failed:
         if failure.error is not None:
             raise failure.error
         raise RuntimeError(failure.text)
-    return found
+    return finished

@@ -87,14 +87,14 @@ def work(
 ) -> None:
     """Run and fit the protocols of one branch; everything that happens goes into `messages`, None at the end."""
     try:
-        found: dict[str, Fit] = {}
+        fits: dict[str, Fit] = {}
         for protocol in branch:
             if not _turn_has_come(protocol, begun):
                 _compile_ahead(protocol)
             _wait_for_turn(protocol, begun, shared)
             if shared.value:
                 break
-            finished = _one(protocol, order, messages, begun, SharedStop(shared), found)
+            finished = _one(protocol, order, messages, begun, SharedStop(shared), fits)
             messages.put(finished)
             if finished.result is None:
                 break
@@ -143,10 +143,11 @@ def _one(
     messages: Any,
     begun: Mapping[str, Any],
     stop: StopRequest,
-    found: dict[str, Fit],
+    fits: dict[str, Fit],
 ) -> Finished:
     """Run one protocol, fit it, keep the analysis."""
-    from rig.analysis.fit import TARE, fit_recording, store
+    from rig.analysis.fit import fit_recording, store
+    from rig.analysis.tare import tare_kind
     from rig.present.content import UNFINISHED
     from rig.run.start import run_request
     from rig.runfile.read import open_run
@@ -182,9 +183,9 @@ def _one(
         )
     messages.put(Step(protocol, 1.0, 0.0, "fitting"))
     recording = open_run(report.path)
-    tare = found.get(TARE) if protocol != TARE else None
-    fit = fit_recording(recording, gear=gear_for(protocol, found), tare=tare, path=report.path)
-    fit = found[protocol] = store(fit, order.created)
+    tare = None if protocol == tare_kind() else fits.get(tare_kind())
+    fit = fit_recording(recording, gear=gear_for(protocol, fits), tare=tare, path=report.path)
+    fit = fits[protocol] = store(fit, order.created)
     seconds = time.monotonic() - started
     return Finished(
         protocol=protocol,
@@ -214,16 +215,12 @@ def _request(protocol: str, order: DemoOrder) -> Any:
     )
 
 
-def gear_for(protocol: str, found: Mapping[str, Fit]) -> HarmonicDrive:
-    """The parameter set to compare with: the shipped one; velocity steps know the kinematic error
-    that was just found.
-    """
+def gear_for(protocol: str, fits: Mapping[str, Fit]) -> HarmonicDrive:
+    """The parameter set to compare with: the shipped one with what this protocol builds on, as identified just now."""
+    from experiments import catalogue
     from model.gear_file import shipped_gear
     from rig.analysis.adopt import adopt
 
-    results = (
-        [found["kinematic-error"].result]
-        if protocol == "velocity-steps" and "kinematic-error" in found
-        else []
-    )
+    basis = catalogue.load(protocol).builds_on
+    results = [fits[earlier].result for earlier in basis if earlier in fits]
     return adopt(shipped_gear(), results).gear

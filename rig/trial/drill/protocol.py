@@ -16,6 +16,7 @@ import numpy as np
 
 from experiments.contract import Evidence, Experiment
 from experiments.evidence import check_recording, usable
+from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Result, judge_upper
 from experiments.steps import vocabulary as s
@@ -49,6 +50,13 @@ def plan(parameters: DrillParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
     yield s.ServoOff(0.08, s.SegmentLabel("zero-after"))
 
 
+QUANTITIES = (
+    Quantity(name="closure", title="closure", unit="rad", shown="arcmin"),
+    Quantity(name="running_torque", title="running torque", unit="N m"),
+    Quantity(name="flagged", title="flagged", unit="1"),
+)
+
+
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """|theta_o - theta_i/N| turned over each hold, in complete cycles: the worst of them against its limit."""
     checked = check_recording(recording, "drill", 0.05)
@@ -72,6 +80,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     return Result(
         run=recording.metadata.run_id,
         kind="drill",
+        quantities=QUANTITIES,
         estimates={"closure": estimate},
         metrics=metrics,
         warnings=checked.warnings,
@@ -93,4 +102,5 @@ EXPERIMENT = Experiment(
     plan=plan,
     analyse=analyse,
     needs=("input_angle", "output_angle", "torque"),
+    quantities=QUANTITIES,
 )

@@ -26,9 +26,9 @@ class LabAxis(pg.AxisItem):
 
     def __init__(self, orientation: str) -> None:
         super().__init__(orientation)
-        self._kept: QPixmap | None = None
-        self._kept_for: tuple[Any, ...] = ()
-        self.times_made = 0
+        self._drawn: QPixmap | None = None
+        self._drawn_for: tuple[Any, ...] = ()
+        self.times_drawn = 0
         """How often the picture was made."""
 
     def paint(self, p: QPainter, opt: Any, widget: Any) -> None:
@@ -47,22 +47,27 @@ class LabAxis(pg.AxisItem):
         first = QPointF(math.floor(left * ratio) / ratio, math.floor(top * ratio) / ratio)
         within = QPointF(left - first.x(), top - first.y())
         wanted = (rect, ratio, within)
-        if self._kept is None or self.picture is None or self._kept_for != wanted:
-            self._kept, self._kept_for = self._made(rect, ratio, within, opt, widget), wanted
-        p.drawPixmap(QPointF(first.x() - place.dx(), first.y() - place.dy()), self._kept)
+        if self._drawn is None or self.picture is None or self._drawn_for != wanted:
+            self._drawn, self._drawn_for = (
+                self._draw_picture(rect, ratio, within, opt, widget),
+                wanted,
+            )
+        p.drawPixmap(QPointF(first.x() - place.dx(), first.y() - place.dy()), self._drawn)
 
-    def _made(self, rect: QRectF, ratio: float, within: QPointF, opt: Any, widget: Any) -> QPixmap:
-        self.times_made += 1
-        made = QPixmap(
+    def _draw_picture(
+        self, rect: QRectF, ratio: float, within: QPointF, opt: Any, widget: Any
+    ) -> QPixmap:
+        self.times_drawn += 1
+        picture = QPixmap(
             math.ceil((rect.width() + 1.0) * ratio), math.ceil((rect.height() + 1.0) * ratio)
         )
-        made.setDevicePixelRatio(ratio)
-        made.fill(Qt.GlobalColor.transparent)
-        painter = QPainter(made)
+        picture.setDevicePixelRatio(ratio)
+        picture.fill(Qt.GlobalColor.transparent)
+        painter = QPainter(picture)
         painter.translate(within - rect.topLeft())
         super().paint(painter, opt, widget)
         painter.end()
-        return made
+        return picture
 
     def logTickValues(
         self,

@@ -45,16 +45,16 @@ def overlay(runs: Sequence[Overlaid], name: str) -> Overlay | None:
 
     The runs are aligned by what the figure is drawn over: angle, speed, time or order.
     """
-    found = [(run, plot) for run in runs for plot in run.plots if plot.name == name]
-    if not found:
+    pairs = [(run, plot) for run in runs for plot in run.plots if plot.name == name]
+    if not pairs:
         return None
-    every = [axes_of(plot) for _, plot in found]
+    every = [axes_of(plot) for _, plot in pairs]
     axes = max(every, key=every.count)
-    first = found[every.index(axes)][1]
-    having = [run for run, _ in found]
+    first = pairs[every.index(axes)][1]
+    having = [run for run, _ in pairs]
     left_out = [f"{run.name} has no such figure." for run in runs if run not in having]
     series, names = [], []
-    for run, plot in found:
+    for run, plot in pairs:
         odd = [mine for mine, theirs in zip(axes_of(plot), axes, strict=True) if mine != theirs]
         if odd:
             left_out.append(f"{run.name} is drawn over other axes ({', '.join(odd)}).")
@@ -75,13 +75,13 @@ def axes_of(plot: Plot) -> tuple[str, str, str, str]:
 
 def short_names(runs: Mapping[str, tuple[int, str]]) -> dict[str, str]:
     """Names for a legend by run: its number and gear; the whole name where that would not tell two apart."""
-    made = {
+    names = {
         run: " ".join(part for part in (f"{number:05d}" if number else "", serial) if part)
         for run, (number, serial) in runs.items()
     }
-    every = list(made.values())
+    every = list(names.values())
     twice = {name for name in every if every.count(name) > 1 or not name}
-    return {run: run if name in twice else name for run, name in made.items()}
+    return {run: run if name in twice else name for run, name in names.items()}
 
 
 def mark_of(runs: Sequence[Overlaid]) -> str:

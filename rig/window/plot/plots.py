@@ -162,11 +162,11 @@ class LabPlot(QWidget):
         if still:
             item.curve.setCacheMode(KEPT)
         self.item.addItem(item)
-        made = Curve(item, name, group, style, dense)
-        self._curves.append(made)
-        self._style_curve(made, self._session.palette)
+        curve = Curve(item, name, group, style, dense)
+        self._curves.append(curve)
+        self._style_curve(curve, self._session.palette)
         self._draw_legend(self._session.palette)
-        return made
+        return curve
 
     def clear_data(self) -> None:
         """Take every curve away."""
@@ -235,11 +235,11 @@ class LabPlot(QWidget):
         width = 0.7 * float(np.min(np.diff(np.sort(x)))) if len(x) > 1 else 0.7
         item = pg.BarGraphItem(x=x, height=y, width=width, pen=None)
         self.item.addItem(item)
-        made = Curve(item, name, group, "bars")
-        self._curves.append(made)
-        self._style_curve(made, self._session.palette)
+        curve = Curve(item, name, group, "bars")
+        self._curves.append(curve)
+        self._style_curve(curve, self._session.palette)
         self._draw_legend(self._session.palette)
-        return made
+        return curve
 
     def _error_bars(
         self,
@@ -357,9 +357,9 @@ class LabPlot(QWidget):
 
 def shade(colour: str, alpha: int) -> Any:
     """A colour (CSS hex) made transparent: alpha 0..255."""
-    made = pg.mkColor(colour)
-    made.setAlpha(alpha)
-    return made
+    shaded = pg.mkColor(colour)
+    shaded.setAlpha(alpha)
+    return shaded
 
 
 def _is_segmented(style: CurveStyle, dense: bool) -> bool:

@@ -103,8 +103,8 @@ class ResultPlot(LabPlot):
         y = np.where(np.isfinite(series.y), series.y, foot)
         item = _upright(x, np.full(len(x), foot), y, logs)
         self.item.addItem(item)
-        made = Curve(item, series.label, series.group, "line")
-        self._curves.append(made)
+        curve = Curve(item, series.label, series.group, "line")
+        self._curves.append(curve)
         arms: Any = None
         if series.low is not None and series.high is not None:
             arms = _upright(
@@ -155,7 +155,7 @@ def _upright(
 
 def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
     """The figure without values that a logarithmic axis has no place for, and the sentences that say so."""
-    kept, remarks = [], []
+    drawable, remarks = [], []
     for series in plot.series:
         good = np.ones(len(series.x), dtype=bool)
         if plot.x_scale == "log":
@@ -170,8 +170,8 @@ def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
         low, high = (None if edge is None else edge[good] for edge in (series.low, series.high))
         if low is not None and plot.y_scale == "log":
             low = np.where(low > 0, low, np.nan)
-        kept.append(replace(series, x=series.x[good], y=series.y[good], low=low, high=high))
-    return replace(plot, series=tuple(kept)), tuple(remarks)
+        drawable.append(replace(series, x=series.x[good], y=series.y[good], low=low, high=high))
+    return replace(plot, series=tuple(drawable)), tuple(remarks)
 
 
 def dash_of(all_series: Sequence[Series], number: int) -> CurveStyle:

@@ -11,11 +11,11 @@ RESULTS = ("ok", "warning", "failed")
 NOT_LOOKED_AT = "skipped"
 
 
-def checks_from(found: Any, code: int, told: str) -> tuple[Check, ...]:
+def checks_from(answer: Any, code: int, complaint: str) -> tuple[Check, ...]:
     """The checks of a doctor's JSON object, without what it did not look at; one that says so where there is none."""
     rows = (
-        next((v for v in found.values() if _is_list_of_checks(v)), None)
-        if isinstance(found, dict)
+        next((v for v in answer.values() if _is_list_of_checks(v)), None)
+        if isinstance(answer, dict)
         else None
     )
     if rows is not None:
@@ -29,7 +29,7 @@ def checks_from(found: Any, code: int, told: str) -> tuple[Check, ...]:
             for row in rows
             if row["result"] in RESULTS
         )
-    if "No such command" in told:
+    if "No such command" in complaint:
         return (
             Check(
                 NAME,
@@ -37,18 +37,18 @@ def checks_from(found: Any, code: int, told: str) -> tuple[Check, ...]:
                 "this installation has no `rig doctor`: nobody asked the rig itself",
             ),
         )
-    last = told.splitlines()[-1] if told else f"exit code {code}, nothing was said"
+    last = complaint.splitlines()[-1] if complaint else f"exit code {code}, nothing was said"
     return (Check(NAME, "failed", last, "Run `rig doctor` in a terminal."),)
 
 
-def _is_list_of_checks(found: Any) -> bool:
+def _is_list_of_checks(value: Any) -> bool:
     return (
-        isinstance(found, list)
-        and bool(found)
+        isinstance(value, list)
+        and bool(value)
         and all(
             isinstance(row, dict)
             and "name" in row
             and row.get("result") in (*RESULTS, NOT_LOOKED_AT)
-            for row in found
+            for row in value
         )
     )

@@ -62,7 +62,7 @@ class FieldRow(QObject):
         self.note.setWordWrap(True)
         self.note.setTextFormat(Qt.TextFormat.PlainText)
         self.unit.setProperty("part", "muted")
-        self.editor = self._made_editor()
+        self.editor = self._new_editor()
         self.editor.setObjectName(field.name)
         self.editor.setAccessibleName(f"{self.label.text()} {self.unit.text()}".strip())
         self.editor.setAccessibleDescription(field.help)
@@ -71,7 +71,7 @@ class FieldRow(QObject):
         self.set_value(field.default)
         self.set_problem("")
 
-    def _made_editor(self) -> QLineEdit | QComboBox | QCheckBox:
+    def _new_editor(self) -> QLineEdit | QComboBox | QCheckBox:
         name = self.field.name
         if self.choices or self.suggestions:
             box = EditableChoice() if self.suggestions else CalmComboBox()

@@ -253,8 +253,8 @@ class GearSection(QWidget):
 
 def digest_of(facts: GearFacts) -> str:
     """A card in two lines."""
-    told = known(facts)
-    words = [str(told[name]) for name in ("part", "mounting", "lubricant") if name in told]
+    values = known(facts)
+    words = [str(values[name]) for name in ("part", "mounting", "lubricant") if name in values]
     if facts.hours is not None:
         words.append(f"{facts.hours:g} h")
     if facts.load_inertia_kg_m2 is not None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from PySide6.QtCore import Qt, QThreadPool, QTimer, Signal
+from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtGui import QHideEvent, QShowEvent
 from PySide6.QtWidgets import (
     QCompleter,
@@ -32,7 +32,6 @@ from rig.window.prepare.checklist import Checklist
 from rig.window.prepare.checklist_doctor import checks_from
 from rig.window.prepare.form import refusal_text
 from rig.window.prepare.gear import GearSection
-from rig.window.prepare.job import OutlookJob
 from rig.window.prepare.preview_plot import (
     PreviewPlots,
     restyled,
@@ -40,7 +39,6 @@ from rig.window.prepare.preview_plot import (
     summary,
     summary_label,
 )
-from rig.window.prepare.process import SideProcess
 from rig.window.prepare.protocol import ProtocolSection
 from rig.window.prepare.request import (
     Intent,
@@ -56,6 +54,7 @@ from rig.window.prepare.request import (
     write_parameters,
 )
 from rig.window.shell.session import WindowSession
+from rig.window.work.background import BackgroundCommand, LatestTask, json_object
 from rig.window.work.prepared import PreparedRun
 
 TYPING_PAUSE = 250
@@ -73,7 +72,8 @@ class PreparePage(QWidget):
         super().__init__()
         self._session = session
         self.outlook: Outlook | None = None
-        self._wanted, self._answered = 0, 0
+        self.looking_ahead = LatestTask(self)
+        """Works out what a run as the page says it would do."""
         self.doctor_checks: tuple[Check, ...] = ()
         """What the rig answered for this run."""
         self._timer = QTimer(self)
@@ -93,7 +93,7 @@ class PreparePage(QWidget):
         self.training_button = QPushButton("&Training …")
         self.acknowledge_button = QPushButton("Ac&knowledge the trip …")
         self.waiting = QLabel()
-        self._doctor = SideProcess(self)
+        self._doctor: BackgroundCommand | None = None
         self._lay_out()
         self._connect()
         self._show_for_protocol()
@@ -220,7 +220,8 @@ class PreparePage(QWidget):
             "Connect and look: nodes, directions, torque zero, limits (rig doctor)"
         )
         self.doctor_button.clicked.connect(self.ask_the_rig)
-        self._doctor.finished.connect(self.show_doctor)
+        self.looking_ahead.done.connect(self._take_outlook)
+        self.looking_ahead.failed.connect(self._session.message.emit)
         self._session.runs_changed.connect(self._ask_for_outlook)
 
     @property
@@ -243,25 +244,25 @@ class PreparePage(QWidget):
         """What Start is waiting for, the most important first; nothing when the run may begin."""
         if self.is_stale:
             return ["the plan is being worked out"]
-        found = obstacles(self.intent, self.outlook)
+        reasons = obstacles(self.intent, self.outlook)
         if not self.protocol.form.is_valid:
-            found.insert(0, "a parameter of the protocol is refused")
+            reasons.insert(0, "a parameter of the protocol is refused")
         if self._session.is_hardware and not self.doctor_checks:
-            found.append("the rig has not been asked")
-        found += [
+            reasons.append("the rig has not been asked")
+        reasons += [
             f"{check.name}: {check.evidence}"
             for check in self.doctor_checks
             if check.result == "failed"
         ]
         left = len(self.checklist.open)
         if left:
-            found.append(f"{left} {'item' if left == 1 else 'items'} of the checklist not signed")
-        return found
+            reasons.append(f"{left} {'item' if left == 1 else 'items'} of the checklist not signed")
+        return reasons
 
     @property
     def is_stale(self) -> bool:
         """Whether the preview is not yet that of what the page says."""
-        under_way = self._timer.isActive() or self._answered != self._wanted
+        under_way = self._timer.isActive() or self.looking_ahead.is_running
         return self.outlook is None or under_way or self.outlook.intent != self.intent
 
     def start(self) -> None:
@@ -297,6 +298,8 @@ class PreparePage(QWidget):
 
     def ask_the_rig(self) -> None:
         """Run `rig doctor` on the rig of this window. A rig of hardware turns only once it is armed."""
+        if self.is_asking:
+            return
         intent, request, parameters = self.intent, None, None
         if self.outlook is not None and not self.is_stale and self.outlook.request is not None:
             request = self.outlook.request
@@ -307,9 +310,11 @@ class PreparePage(QWidget):
                 return
             if not is_armed(intent):
                 request = replace(request, confirmation="")
-        if self._doctor.start(doctor_arguments(request, intent.rig, parameters)):
-            self.doctor_button.setEnabled(False)
-            self.doctor_button.setText("Asking the rig …")
+        self._doctor = BackgroundCommand(doctor_arguments(request, intent.rig, parameters), self)
+        self._doctor.done.connect(self._take_doctor)
+        self._doctor.start()
+        self.doctor_button.setEnabled(False)
+        self.doctor_button.setText("Asking the rig …")
 
     def acknowledge_trip(self) -> None:
         """Show the trip that is latched; it is released by name and with what was found."""
@@ -360,15 +365,11 @@ class PreparePage(QWidget):
         self._show_readiness()
 
     def _look_ahead(self) -> None:
-        self._wanted += 1
-        job = OutlookJob(self._wanted, self.intent, look_ahead)
-        job.told.done.connect(self._take_outlook)
-        QThreadPool.globalInstance().start(job)
+        intent = self.intent
+        self.looking_ahead.start(lambda: look_ahead(intent))
 
-    def _take_outlook(self, number: int, outlook: Outlook) -> None:
-        if number != self._wanted:
-            return
-        self.outlook, self._answered = outlook, number
+    def _take_outlook(self, outlook: Outlook) -> None:
+        self.outlook = outlook
         self._show_outlook(outlook)
         self._show_readiness()
 
@@ -387,18 +388,26 @@ class PreparePage(QWidget):
         restyled(self.refusal, "bad" if problem is not None else "warning")
         self.checklist.set_checks((*outlook.checks, *self.doctor_checks))
 
-    def show_doctor(self, found: Any, code: int, told: str) -> None:
+    @property
+    def is_asking(self) -> bool:
+        """Whether `rig doctor` is at work."""
+        return self._doctor is not None and self._doctor.is_running
+
+    def _take_doctor(self, code: int, output: str, complaint: str) -> None:
+        self.show_doctor(json_object(output), code, complaint.strip())
+
+    def show_doctor(self, answer: dict[str, Any] | None, code: int, complaint: str) -> None:
         """Take over what `rig doctor` said: its JSON object, exit code, standard error."""
         self.doctor_button.setEnabled(True)
         self._name_doctor_button()
-        self.doctor_checks = checks_from(found, code, told)
+        self.doctor_checks = checks_from(answer, code, complaint)
         self.checklist.set_checks(
             (*(self.outlook.checks if self.outlook else ()), *self.doctor_checks)
         )
         self._show_readiness()
 
     def _name_doctor_button(self) -> None:
-        if self._doctor.is_running:
+        if self.is_asking:
             return
         moves = self._session.is_hardware and is_armed(self.intent)
         self.doctor_button.setText("Ask the &rig (it will turn)" if moves else "Ask the &rig")

@@ -104,7 +104,7 @@ def _cells(margin: PredictedMargin) -> tuple[str, ...]:
     )
     doubt = f" ± {margin.uncertainty / factor:.2g}" if margin.uncertainty else ""
     least = f"{'! ' if margin.touches else ''}{percent(margin.least_margin)}"
-    known = (
+    cells = (
         f" ({margin.limit.provenance})"
         if margin.limit.provenance in ("recalled", "assumed")
         else ""
@@ -115,7 +115,7 @@ def _cells(margin: PredictedMargin) -> tuple[str, ...]:
         f"{number(margin.limit.value / factor, 4)} {unit}",
         percent(margin.margin),
         least,
-        f"{margin.limit.tier}{known}",
+        f"{margin.limit.tier}{cells}",
         margin.where,
     )
 

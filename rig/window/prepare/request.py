@@ -130,8 +130,14 @@ def _described(
         return shipped_gear(), shipped_motor(), {}, DEFAULT_SAMPLE_RATE, None
     from rig.bench.config.apply import configured_rig
 
-    found = configured_rig(path)
-    return found.gear, found.motor, found.limits, found.configuration.rig.sample_rate_hz, path
+    configured = configured_rig(path)
+    return (
+        configured.gear,
+        configured.motor,
+        configured.limits,
+        configured.configuration.rig.sample_rate_hz,
+        path,
+    )
 
 
 def look_ahead(intent: Intent) -> Outlook:
@@ -173,8 +179,8 @@ def parameters_check(planned: PlannedRun, rig: RigChoice) -> Check:
     if not planned.experiment.gear_mounted:
         return Check("parameters", "ok", f"{planned.motor.name} without a gear")
     inertia = planned.gear.value("inertia.output")
-    known = inertia.origin.standard_uncertainty
-    doubt = f" ± {known:g}" if known is not None else ""
+    uncertainty = inertia.origin.standard_uncertainty
+    doubt = f" ± {uncertainty:g}" if uncertainty is not None else ""
     evidence = (
         f"{planned.gear.name}, {planned.mounting.replace('-', ' ')}, ratio "
         f"{planned.load.ratio:g}; load inertia {inertia.value:g}"
@@ -238,22 +244,22 @@ def obstacles(intent: Intent, outlook: Outlook | None) -> list[str]:
     """Why a run cannot be started yet, apart from the sign-off: the most important first."""
     if outlook is None:
         return ["the plan is being worked out"]
-    found = []
+    reasons = []
     if outlook.problem is not None:
-        found.append(short(outlook.problem))
-    found += [
+        reasons.append(short(outlook.problem))
+    reasons += [
         f"{check.name}: {check.evidence}" for check in outlook.checks if check.result == "failed"
     ]
     if not intent.operator.strip():
-        found.append("no operator is named")
+        reasons.append("no operator is named")
     if intent.rig.is_hardware:
         mounted = catalogue.load(intent.protocol).gear_mounted
         serial = intent.facts.serial if intent.facts is not None else ""
         try:
             refuse_unarmed(Arming(intent.operator, serial, intent.confirmation, mounted))
         except ConfigurationError as error:
-            found.append(short(error))
-    return found
+            reasons.append(short(error))
+    return reasons
 
 
 def short(error: Exception) -> str:
@@ -367,9 +373,9 @@ def sign_off_notes(checks: Sequence[Check], name: str) -> tuple[str, ...]:
     with its evidence.
     """
     good = ", ".join(dict.fromkeys(check.name for check in checks if check.result == "ok"))
-    found = [f"checklist signed by {name}: {good}"] if good else []
+    notes = [f"checklist signed by {name}: {good}"] if good else []
     return (
-        *found,
+        *notes,
         *(f"accepted by {name}: {c.name}: {c.evidence}" for c in checks if c.result == "warning"),
     )
 

@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
 )
 
 from rig.window.prepare.preview_plot import restyled
-from rig.window.prepare.process import SideProcess
+from rig.window.work.background import BackgroundCommand, json_object
 
 
 class TrainingDialog(QDialog):
@@ -49,8 +49,7 @@ class TrainingDialog(QDialog):
         self.run_button.clicked.connect(self.run)
         close = QPushButton("C&lose")
         close.clicked.connect(self.reject)
-        self._process = SideProcess(self)
-        self._process.finished.connect(self.show_verdict)
+        self._drill: BackgroundCommand | None = None
         column = QVBoxLayout(self)
         explained = QLabel(
             "Something goes wrong on a simulated rig of its own; the program has to notice, "
@@ -81,9 +80,9 @@ class TrainingDialog(QDialog):
     def _filter(self, text: str) -> None:
         for row in range(self.drills.count()):
             item = self.drills.item(row)
-            told = f"{item.text()} {item.data(Qt.ItemDataRole.UserRole)}".lower()
-            item.setHidden(text.lower() not in told)
-        # What is run is what is seen: a choice that the search has hidden gives way to the first that was found.
+            text_of_item = f"{item.text()} {item.data(Qt.ItemDataRole.UserRole)}".lower()
+            item.setHidden(text.lower() not in text_of_item)
+        # What is run is what is seen: a choice that the search has hidden gives way to the first that is left.
         shown = [
             self.drills.item(row)
             for row in range(self.drills.count())
@@ -102,26 +101,37 @@ class TrainingDialog(QDialog):
         )
 
     def _show_runnable(self) -> None:
-        self.run_button.setEnabled(
-            self.drills.currentItem() is not None and not self._process.is_running
-        )
+        self.run_button.setEnabled(self.drills.currentItem() is not None and not self.is_running)
+
+    @property
+    def is_running(self) -> bool:
+        """Whether a drill is at work."""
+        return self._drill is not None and self._drill.is_running
 
     def run(self) -> None:
         """Run the chosen drill."""
         item = self.drills.currentItem()
-        if item is None or not self._process.start(["drill", "--fault", item.text(), "--json"]):
+        if item is None or self.is_running:
             return
+        self._drill = BackgroundCommand(["drill", "--fault", item.text(), "--json"], self)
+        self._drill.done.connect(self._take_verdict)
+        self._drill.start()
         self.run_button.setEnabled(False)
         restyled(self.verdict, "muted")
         self.verdict.setText(f"{item.text()}: running on a simulated rig …")
 
-    def show_verdict(self, found: Any, code: int, told: str) -> None:
-        """What came of the drill."""
+    def _take_verdict(self, code: int, output: str, complaint: str) -> None:
+        self.show_verdict(json_object(output), code, complaint.strip())
+
+    def show_verdict(self, answer: dict[str, Any] | None, code: int, complaint: str) -> None:
+        """What came of the drill: its JSON object, exit code, standard error."""
         self._show_runnable()
-        rows = found.get("faults") if isinstance(found, dict) else None
+        rows = (answer or {}).get("faults")
         if not rows:
             restyled(self.verdict, "bad")
-            self.verdict.setText(f"The drill did not come to an end (exit code {code}). {told}")
+            self.verdict.setText(
+                f"The drill did not come to an end (exit code {code}). {complaint}"
+            )
             return
         row = rows[0]
         restyled(self.verdict, "good" if row.get("passed") else "bad")
@@ -129,7 +139,8 @@ class TrainingDialog(QDialog):
 
     def done(self, result: int) -> None:
         """Close; a drill that is at work is ended."""
-        self._process.stop()
+        if self._drill is not None and self._drill.is_running:
+            self._drill.cancel()
         super().done(result)
 
 

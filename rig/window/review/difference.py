@@ -7,12 +7,12 @@ from pathlib import Path
 
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from rig.analysis.difference import Change, Difference, difference, in_laboratory_units
+from rig.analysis.difference import Change, Difference, difference
 from rig.analysis.wording import readable
 from rig.gears.card import UNITS, in_words
-from rig.window.review.errand import Errand
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
+from rig.window.work.background import LatestTask
 
 COLUMNS = ("group", "what", "first", "second", "difference ± U_c", "significance", "remark")
 EVERYTHING = "everything that differs"
@@ -36,9 +36,9 @@ class DifferenceView(QWidget):
         self.group.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.group.currentIndexChanged.connect(lambda _: self._fill())
         self.table = GridTable(session, "Differences", judged=("significance",), widest=WIDEST)
-        self._errand = Errand(self)
-        self._errand.done.connect(self._take)
-        self._errand.failed.connect(self._refuse)
+        self._comparing = LatestTask(self)
+        self._comparing.done.connect(self._take)
+        self._comparing.failed.connect(self._refuse)
         head = QHBoxLayout()
         head.addWidget(QLabel("show"))
         head.addWidget(self.group)
@@ -56,22 +56,22 @@ class DifferenceView(QWidget):
         self.group.clear()
         self.table.show_rows(COLUMNS, ())
         self.says.setText("Reading both runs …")
-        self._errand.start(lambda: difference(first, second))
+        self._comparing.start(lambda: difference(first, second))
 
-    def _take(self, found: Difference) -> None:
-        self.difference = found
-        self.title.setText(f"{found.first}  against  {found.second}")
-        counts = {group: len(found.of(group)) for group in found.compared}
+    def _take(self, compared: Difference) -> None:
+        self.difference = compared
+        self.title.setText(f"{compared.first}  against  {compared.second}")
+        counts = {group: len(compared.of(group)) for group in compared.compared}
         self.group.clear()
         self.group.addItem(EVERYTHING, "")
         for group, count in counts.items():
             if count:
                 self.group.addItem(f"{group} ({count})", group)
-        same = [group for group, count in counts.items() if not count and found.compared[group]]
-        looked_at = sum(found.compared.values())
+        same = [group for group, count in counts.items() if not count and compared.compared[group]]
+        looked_at = sum(compared.compared.values())
         text = (
-            f"{len(found.changes)} of {looked_at} things differ."
-            if found.differs
+            f"{len(compared.changes)} of {looked_at} things differ."
+            if compared.differs
             else "Nothing differs but number and time."
         )
         self.says.setText(text + (f" The same in both: {', '.join(same)}." if same else ""))
@@ -110,7 +110,7 @@ def change_row(change: Change, *, several_kinds: bool = True) -> tuple[str, ...]
     kind, _, name = (
         change.name.partition(": ") if change.group == "results" else ("", "", change.name)
     )
-    words = readable(name) if name else kind
+    words = change.title or readable(name) or kind
     if change.group in ("parameters", "conditions"):
         # The unit is part of the name in files only.
         words, unit = _without_unit(name)
@@ -121,8 +121,7 @@ def change_row(change: Change, *, several_kinds: bool = True) -> tuple[str, ...]
     what = f"{kind}: {words}" if name and kind and several_kinds else words
     if change.difference is None or change.uncertainty is None:
         return (change.group, what, change.first, change.second, "", "", change.note)
-    shown = in_laboratory_units(change.name, change.difference, change.uncertainty, change.unit)
     verdict = (
         "" if change.significant is None else "significant" if change.significant else "within U"
     )
-    return (change.group, what, change.first, change.second, shown, verdict, change.note)
+    return (change.group, what, change.first, change.second, change.shown, verdict, change.note)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,11 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 
 from experiments.result import Result
+from rig.analysis.passport.gather import COUNTED_OUTCOMES
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis
-from rig.library.index import fingerprint_of
+from rig.analysis.tare import tare_kind
+from rig.library.index import IndexedRun, fingerprint_of
 from rig.window.work.background import BackgroundCommand
 
 MOST_KEPT = 40
@@ -39,12 +41,12 @@ class FitOrder:
     @property
     def arguments(self) -> list[str]:
         """Everything after `rig`."""
-        made = ["fit", *([self.kind] if self.kind else []), str(self.run)]
+        words = ["fit", *([self.kind] if self.kind else []), str(self.run)]
         for flag, value in (("--tare", self.tare), ("--parameters", self.parameters)):
-            made += [flag, str(value)] if value is not None else []
+            words += [flag, str(value)] if value is not None else []
         for name, value in self.settings:
-            made += ["--set", f"{name}={value}"]
-        return [*made, "--json", "--plots", "--keep" if self.keep else "--no-keep"]
+            words += ["--set", f"{name}={value}"]
+        return [*words, "--json", "--plots", "--keep" if self.keep else "--no-keep"]
 
     def key(self) -> tuple[Any, ...]:
         """What must be the same for the same result: what is asked for, and the files as they are now."""
@@ -56,13 +58,26 @@ class FitOrder:
         )
 
 
-def order_of(analysis: Analysis, run: Path, known: Mapping[str, Path]) -> FitOrder:
+def order_of(analysis: Analysis, run: Path, runs: Mapping[str, Path]) -> FitOrder:
     """The fit that a stored analysis was, to be made again; `known` are the runs of the folder by their name."""
-    tare = known.get(str(analysis.content.get("tare", {}).get("run", "")))
+    tare = runs.get(str(analysis.content.get("tare", {}).get("run", "")))
     settings = tuple(
         (name, _setting(value)) for name, value in analysis.content.get("settings", {}).items()
     )
     return FitOrder(run, analysis.kind, tare, None, settings)
+
+
+def tares_among(runs: Iterable[IndexedRun], origin: str) -> list[IndexedRun]:
+    """The runs that may be subtracted as a tare from one of this origin, the newest last."""
+    return [
+        run
+        for run in runs
+        if run.protocol == tare_kind()
+        and run.origin == origin
+        and run.state == "sealed"
+        # A run that was broken off is no tare: it lacks speeds.
+        and run.outcome in COUNTED_OUTCOMES
+    ]
 
 
 def _setting(value: Any) -> str:
@@ -94,7 +109,7 @@ class FitDesk(QObject):
         """Whether a fit is at work."""
         return self._command is not None
 
-    def known(self, order: FitOrder) -> Result | None:
+    def cached_result(self, order: FitOrder) -> Result | None:
         """The result of an order that was worked off already."""
         return self.cache.get(order.key())
 
@@ -117,9 +132,9 @@ class FitDesk(QObject):
     def _next(self) -> None:
         while self._waiting and self._command is None:
             order = self._waiting.popleft()
-            known = None if order.keep else self.known(order)
-            if known is not None:
-                self._count(order, known)
+            cached = None if order.keep else self.cached_result(order)
+            if cached is not None:
+                self._count(order, cached)
                 continue
             self._command = BackgroundCommand(order.arguments, self)
             self._command.done.connect(
@@ -146,16 +161,16 @@ class FitDesk(QObject):
         while len(self.cache) > MOST_KEPT:
             del self.cache[next(iter(self.cache))]
 
-    def _count(self, order: FitOrder, found: Result | str) -> None:
+    def _count(self, order: FitOrder, answer: Result | str) -> None:
         self._done += 1
         done, asked = self._done, self._asked
         if done == asked:
             self._done = self._asked = 0
         self.progressed.emit(done, asked)
-        if isinstance(found, str):
-            self.refused.emit(order, found)
+        if isinstance(answer, str):
+            self.refused.emit(order, answer)
         else:
-            self.fitted.emit(order, found)
+            self.fitted.emit(order, answer)
 
 
 def in_words(complaint: str) -> str:

@@ -250,8 +250,8 @@ class LibraryTable(QWidget):
     def select(self, *paths: Path) -> None:
         """Choose runs; one that is not listed yet is chosen when it comes."""
         self._waited_for = None
-        known = {run.path for run in self.model.runs}
-        if len(paths) == 1 and paths[0] not in known:
+        listed = {run.path for run in self.model.runs}
+        if len(paths) == 1 and paths[0] not in listed:
             self._waited_for = paths[0]
         if not all(
             self.filtered.wanted.passes(run) for run in self.model.runs if run.path in paths
@@ -275,8 +275,8 @@ class LibraryTable(QWidget):
         self.says.setVisible(bool(text))
 
     def _serial(self) -> str:
-        found = (run.gear_serial for path in self.selected if (run := self.run_of(path)))
-        return next((serial for serial in found if serial not in ("", NO_SERIAL)), "")
+        serials = (run.gear_serial for path in self.selected if (run := self.run_of(path)))
+        return next((serial for serial in serials if serial not in ("", NO_SERIAL)), "")
 
     def _take(self, runs: Sequence[IndexedRun]) -> None:
         before = [path.name.removesuffix(".part") for path in self.selected]
@@ -357,9 +357,9 @@ def _offer(box: QComboBox, words: Sequence[str]) -> None:
 
 
 def _button(text: str, tip: str) -> QPushButton:
-    made = QPushButton(text)
-    made.setToolTip(tip)
-    return made
+    button = QPushButton(text)
+    button.setToolTip(tip)
+    return button
 
 
 def _day(day: date) -> QDate:

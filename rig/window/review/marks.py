@@ -11,15 +11,16 @@ import pyqtgraph as pg
 from PySide6.QtCore import QLineF, QRectF, Qt
 from PySide6.QtGui import QPainter, QPainterPath
 
+from experiments import catalogue
 from experiments.recording import Event, Recording, Segment
-from model.units import RPM
+from model.units import DEGREE, RPM
 from rig.window.plot.plots import shade
 from rig.window.shell.palette import Palette
 
 EVENT_COLOURS = {"error": "bad", "warning": "warning"}
 """Colours of the palette by level of an event; any other one is muted."""
-TORQUE_MODE = ("starting-torque",)
-"""Protocols whose set-points are torques [N m] instead of speeds [rad/s]."""
+SETPOINTS = {"speed": (RPM, "r/min"), "torque": (1.0, "N m"), "position": (DEGREE, "°")}
+"""Factor from SI and unit in which a set-point is read, by what a protocol sets its segments to."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,12 @@ class TimeMarks:
 
     def event_near(self, moment: float, reach: float) -> Event | None:
         """The nearest event, if it is within reach [s]."""
-        at, found = min(
+        at, nearest = min(
             ((abs(t - moment), event) for t, event in self.events),
             default=(0.0, None),
             key=lambda pair: pair[0],
         )
-        return found if at <= reach else None
+        return nearest if at <= reach else None
 
 
 def marks_of(recording: Recording) -> TimeMarks:
@@ -65,12 +66,9 @@ def segment_words(segment: Segment, protocol: str) -> str:
     """A segment in words: label, set-point, direction, repeat."""
     parts = [f"segment {segment.index}: {segment.label}"]
     if segment.setpoint:
-        value = (
-            f"{segment.setpoint:.4g} N m"
-            if protocol in TORQUE_MODE
-            else f"{segment.setpoint / RPM:.5g} r/min"
-        )
-        parts.append(value)
+        experiment = catalogue.declared(protocol)
+        factor, unit = SETPOINTS["speed" if experiment is None else experiment.setpoint]
+        parts.append(f"{segment.setpoint / factor:.5g} {unit}".replace(" °", "°"))
     if segment.direction:
         parts.append("forward" if segment.direction > 0 else "reverse")
     if segment.repeat:

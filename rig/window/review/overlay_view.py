@@ -116,7 +116,7 @@ class OverlayView(QWidget):
     @property
     def overlaid(self) -> list[Overlaid]:
         """The runs that are there and wanted."""
-        made = []
+        runs = []
         for row, line in enumerate(self._lines):
             item = self.runs.item(row)
             if (
@@ -125,8 +125,8 @@ class OverlayView(QWidget):
                 and item.checkState() is Qt.CheckState.Checked
             ):
                 mark = ORIGIN_WORDS.get(line.run.origin, line.run.origin)
-                made.append(Overlaid(line.name, mark, line.result.plots, row))
-        return made
+                runs.append(Overlaid(line.name, mark, line.result.plots, row))
+        return runs
 
     def _take(self, order: FitOrder, result: Result) -> None:
         for line in self._lines:
@@ -193,15 +193,15 @@ class OverlayView(QWidget):
     def _draw(self) -> None:
         name = self.figure.currentData()
         runs = self.overlaid
-        made = overlay(runs, name) if name else None
-        if made is None:
+        overlaid = overlay(runs, name) if name else None
+        if overlaid is None:
             self.plot.clear_data()
             self.plot.set_labels("", "", "")
             self.says.setText(self._why_nothing())
             return
         self.plot.set_mark(mark_of(runs))
-        self.plot.show_data(made.plot)
-        self.says.setText(" ".join((*made.left_out, *self.plot.remarks)))
+        self.plot.show_data(overlaid.plot)
+        self.says.setText(" ".join((*overlaid.left_out, *self.plot.remarks)))
 
     def _why_nothing(self) -> str:
         problems = [f"{line.name}: {line.problem}" for line in self._lines if line.problem]
@@ -222,6 +222,6 @@ def _order(run: IndexedRun, library: Mapping[str, Path]) -> FitOrder:
 
 
 def _swatch(colour: str) -> QIcon:
-    made = QPixmap(14, 14)
-    made.fill(QColor(colour))
-    return QIcon(made)
+    picture = QPixmap(14, 14)
+    picture.fill(QColor(colour))
+    return QIcon(picture)

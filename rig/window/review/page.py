@@ -151,13 +151,13 @@ class ReviewPage(QWidget):
 
     def _tare_of(self, paths: Sequence[Path]) -> Path | None:
         """The tare that the newest analysis of these runs was made with: what was decided here holds in the report."""
-        known = {run.run_id: run.path for run in self.library.model.runs if run.state == "sealed"}
+        runs = {run.run_id: run.path for run in self.library.model.runs if run.state == "sealed"}
         for path in reversed(paths):
             try:
                 analyses = read_analyses(path)
             except RigError:
                 continue
-            tare = order_of(analyses[-1], path, known).tare if analyses else None
+            tare = order_of(analyses[-1], path, runs).tare if analyses else None
             if tare is not None and tare not in paths:
                 return tare
         return None

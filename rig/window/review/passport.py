@@ -20,16 +20,16 @@ from PySide6.QtWidgets import (
 )
 
 from rig.analysis.store import read_analyses
+from rig.analysis.tare import takes_tare
 from rig.analysis.wording import fixed, number
 from rig.errors import RigError
 from rig.library.index import IndexedRun
 from rig.window.plot.result_plot import PlotGallery
-from rig.window.review.errand import Errand
-from rig.window.review.fit import FitDesk, FitOrder
+from rig.window.review.fit import FitDesk, FitOrder, tares_among
 from rig.window.review.grid import GridTable
-from rig.window.review.results import TARE, TARED
 from rig.window.review.table_model import local_time, outcome_of, with_sign
 from rig.window.shell.session import WindowSession
+from rig.window.work.background import LatestTask
 
 if TYPE_CHECKING:
     from rig.analysis.passport.content import Passport, PassportPoint, PassportSeries
@@ -98,9 +98,9 @@ class PassportView(QWidget):
         self.desk.refused.connect(
             lambda order, why: self._refusals.append(f"{order.run.name}: {why}")
         )
-        self._errand = Errand(self)
-        self._errand.done.connect(self._take)
-        self._errand.failed.connect(self.says.setText)
+        self._reading = LatestTask(self)
+        self._reading.done.connect(self._take)
+        self._reading.failed.connect(self.says.setText)
         self._lay_out()
         self._show_busy(False)
 
@@ -127,7 +127,7 @@ class PassportView(QWidget):
     @property
     def is_busy(self) -> bool:
         """Whether it is still being read, or runs are being fitted."""
-        return self._errand.is_running or self.desk.is_running
+        return self._reading.is_running or self.desk.is_running
 
     def show_gear(self, serial: str, library: Sequence[IndexedRun] = ()) -> None:
         """The passport of a gear by its serial number; `library` are the runs of the folder."""
@@ -141,7 +141,7 @@ class PassportView(QWidget):
         self.mark.clear()
         self.charts.show_plots((), "")
         self.says.setText("Reading the analyses of its runs …")
-        self._errand.start(_reader(self._session.folder, serial))
+        self._reading.start(_reader(self._session.folder, serial))
 
     def fit_missing(self) -> None:
         """Fit what has no analysis yet, each run in a process of its own, and read the passport again."""
@@ -215,27 +215,22 @@ def _reader(folder: Path, serial: str) -> Callable[[], Passport]:
 
 def missing_fits(library: Sequence[IndexedRun], serial: str) -> list[FitOrder]:
     """The fits that the passport of a gear waits for; friction with the newest motor tare of the same kind of rig."""
+    from rig.analysis.passport.followed import watched_kinds
     from rig.analysis.passport.gather import COUNTED_OUTCOMES
-    from rig.analysis.passport.quantities import KINDS
+
+    kinds = watched_kinds()
 
     orders = []
     for run in library:
         if (
             run.gear_serial != serial
             or run.state != "sealed"
-            or run.protocol not in KINDS
+            or run.protocol not in kinds
             or run.outcome not in COUNTED_OUTCOMES
         ):
             continue
-        tares = [
-            r.path
-            for r in library
-            if r.protocol == TARE
-            and r.origin == run.origin
-            and r.state == "sealed"
-            and r.outcome in COUNTED_OUTCOMES
-        ]
-        tare = tares[-1] if tares and run.protocol in TARED else None
+        tares = tares_among(library, run.origin) if takes_tare(run.protocol) else []
+        tare = tares[-1].path if tares else None
         try:
             # At its end a run is fitted without a tare: of the gear alone nothing is known before
             # it is fitted with one.

@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
 from experiments import catalogue
 from experiments.result import Result
 from model.gear import HarmonicDrive
+from rig.analysis.tare import takes_tare
 from rig.library.index import IndexedRun
 from rig.window.review.fit import FitOrder
 from rig.window.review.grid import GridTable
@@ -29,8 +30,6 @@ from rig.window.review.table_model import local_time
 from rig.window.review.words import RESULT_COLUMNS, result_page, result_rows
 from rig.window.shell.session import WindowSession
 
-TARE, TARED = "motor-tare", ("friction",)
-"""The protocol that gives a tare, and the kinds of fit that subtract one."""
 ChooseFile = Callable[[], Path | None]
 
 
@@ -145,7 +144,7 @@ class FitBar(QWidget):
             str(self.tare.currentData() or ""),
             str(self.parameters.currentData() or ""),
         )
-        with_tare = self.kind.currentData() in TARED and tare
+        with_tare = takes_tare(str(self.kind.currentData())) and tare
         return FitOrder(
             self._run,
             str(self.kind.currentData() or ""),
@@ -172,7 +171,7 @@ class FitBar(QWidget):
         self.says.setVisible(bool(text))
 
     def _offer_tare(self) -> None:
-        needs = self.kind.currentData() in TARED
+        needs = takes_tare(str(self.kind.currentData()))
         self.tare.clear()
         self.tare.addItem("none", "")
         for run in self._tares:
@@ -212,13 +211,13 @@ class FitBar(QWidget):
     def _ask_target(self) -> Path | None:
         begin = f"{self._run.name.removesuffix('.h5')}.toml" if self._run is not None else ""
         title = "Where is the parameter set written?"
-        found, _ = QFileDialog.getSaveFileName(self, title, begin, "Parameter sets (*.toml)")
-        return Path(found).with_suffix(".toml") if found else None
+        chosen, _ = QFileDialog.getSaveFileName(self, title, begin, "Parameter sets (*.toml)")
+        return Path(chosen).with_suffix(".toml") if chosen else None
 
     def _ask_file(self) -> Path | None:
         title = "Which parameter set is held against this run?"
-        found, _ = QFileDialog.getOpenFileName(self, title, "", "Parameter sets (*.toml)")
-        return Path(found) if found else None
+        chosen, _ = QFileDialog.getOpenFileName(self, title, "", "Parameter sets (*.toml)")
+        return Path(chosen) if chosen else None
 
 
 class ResultsView(QWidget):
@@ -291,10 +290,10 @@ class ResultsView(QWidget):
 
 
 def comparison_rows(
-    told: Mapping[str, object], gear: HarmonicDrive | None
+    content: Mapping[str, object], gear: HarmonicDrive | None
 ) -> list[tuple[str, ...]]:
     """What `rig compare --json` found, a row per value of the parameter set."""
-    from rig.analysis.wording import display_unit, number, readable
+    from rig.analysis.wording import laboratory_unit, number, readable
 
     described = (
         {v.path: f"{v.description} {v.symbol}".rstrip() for v in gear.values()}
@@ -302,16 +301,16 @@ def comparison_rows(
         else {}
     )
     rows = []
-    comparison = told.get("comparison")
+    comparison = content.get("comparison")
     for path, row in comparison.items() if isinstance(comparison, Mapping) else ():
-        found = row["identified"]
-        factor, unit = display_unit(path, row["unit"], found)
+        identified = row["identified"]
+        factor, unit = laboratory_unit(row["unit"], identified)
         ratio = row["normalised_error"]
         rows.append(
             (
                 described.get(path, readable(path.replace(".", " "))),
                 number(row["parameter"] / factor),
-                number(found / factor),
+                number(identified / factor),
                 number(row["expanded_uncertainty"] / factor, 2),
                 unit,
                 "∞" if ratio is None else number(ratio, 2),

@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
 
 from experiments.recording import Recording
 from rig.window.plot.plots import Curve, LabPlot
-from rig.window.review.errand import Errand
 from rig.window.review.marks import MarksItem, TimeMarks, marks_of, segment_words
 from rig.window.review.signals_data import (
     SPEEDS,
@@ -30,6 +29,7 @@ from rig.window.review.signals_data import (
 )
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
+from rig.window.work.background import LatestTask
 
 ZOOM_PAUSE_MS = 90
 """ms after the last movement of the view until finer data are read."""
@@ -59,9 +59,9 @@ class SignalsView(QWidget):
         """The curves by channel."""
         self._drawn_marks: dict[str, MarksItem] = {}
         session.theme_changed.connect(self._restyle)
-        self._errand, self._marker = Errand(self), Errand(self)
-        self._errand.done.connect(self._draw)
-        self._errand.failed.connect(lambda text: self.readout.setText(text))
+        self._reading, self._marker = LatestTask(self), LatestTask(self)
+        self._reading.done.connect(self._draw)
+        self._reading.failed.connect(lambda text: self.readout.setText(text))
         self._marker.done.connect(self._take_marks)
         self.channels = QListWidget()
         self.channels.setAccessibleName("Channels")
@@ -129,14 +129,14 @@ class SignalsView(QWidget):
         at_end = not same or self.view[1] >= self._end
         self._recording, self._mark = recording, mark
         self._end = duration_of(recording)
-        known = channels_of(recording)
+        channels = channels_of(recording)
         checked = (
-            [name for name in checked if name in known]
-            or [name for name in AT_FIRST if name in known][:2]
-            or [*known][:1]
+            [name for name in checked if name in channels]
+            or [name for name in AT_FIRST if name in channels][:2]
+            or [*channels][:1]
         )
-        if not same or self.channels.count() != len(known):
-            self._offer(known, checked)
+        if not same or self.channels.count() != len(channels):
+            self._offer(channels, checked)
             self._rebuild()
         if at_end:
             self.show_all()
@@ -171,10 +171,10 @@ class SignalsView(QWidget):
             plot.item.setXRange(begin, end, padding=0.01)
         self._pause.start()
 
-    def _offer(self, known: dict[str, tuple[str, str]], checked: list[str]) -> None:
+    def _offer(self, channels: dict[str, tuple[str, str]], checked: list[str]) -> None:
         self.channels.blockSignals(True)
         self.channels.clear()
-        for name, (what, unit) in known.items():
+        for name, (what, unit) in channels.items():
             words = name.replace("_", " ")
             item = QListWidgetItem(f"{words} [{unit}]" if unit not in ("", "1") else words)
             item.setToolTip(what)
@@ -195,9 +195,9 @@ class SignalsView(QWidget):
         self.plots, self.curves, self._drawn_marks = {}, {}, {}
         if self._recording is None:
             return
-        known = channels_of(self._recording)
+        channels = channels_of(self._recording)
         for place, name in enumerate(self.chosen):
-            unit = known[name][1]
+            unit = channels[name][1]
             plot = self.plots.get(unit) or (
                 self._new_plot(unit) if len(self.plots) < MOST_PLOTS else None
             )
@@ -230,7 +230,7 @@ class SignalsView(QWidget):
         recording, names = self._recording, self.chosen
         if recording is not None and names:
             begin, end = self.view
-            self._errand.start(lambda: shapes_of(recording, names, begin, end))
+            self._reading.start(lambda: shapes_of(recording, names, begin, end))
 
     def _draw(self, shapes: list[Shape]) -> None:
         for shape in shapes:
@@ -247,13 +247,13 @@ class SignalsView(QWidget):
             old = self._drawn_marks.pop(unit, None)
             if old is not None:
                 plot.item.removeItem(old)
-            made = MarksItem(self._marks, self._session.palette)
-            plot.item.addItem(made, ignoreBounds=True)
-            self._drawn_marks[unit] = made
+            item = MarksItem(self._marks, self._session.palette)
+            plot.item.addItem(item, ignoreBounds=True)
+            self._drawn_marks[unit] = item
 
     def _restyle(self, palette: Palette) -> None:
-        for made in self._drawn_marks.values():
-            made.restyle(palette)
+        for item in self._drawn_marks.values():
+            item.restyle(palette)
 
     def _point(self, plot: LabPlot, place: Any) -> None:
         """What stands under the pointer, in words."""

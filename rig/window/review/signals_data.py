@@ -36,14 +36,14 @@ class Shape:
 
 def channels_of(recording: Recording) -> dict[str, tuple[str, str]]:
     """What can be drawn: name, what it is, unit. Speeds first, then the channels as they were recorded, in SI."""
-    found = {
+    channels = {
         name: (f"{name.replace('_', ' ')}, from the angle", SPEED_UNIT)
         for name, angle in SPEEDS.items()
         if recording.has(angle) and np.isfinite(recording.metadata.sample_rate)
     }
     for name, signal in recording.signals.items():
-        found[name] = (signal.long_name or name.replace("_", " "), signal.unit)
-    return found
+        channels[name] = (signal.long_name or name.replace("_", " "), signal.unit)
+    return channels
 
 
 def duration_of(recording: Recording) -> float:
@@ -73,8 +73,8 @@ def shapes_of(
     """These channels between two times [s], one row more on either side."""
     start = max(row_at(recording, begin - LEAD) - 1, 0)
     stop = min(row_at(recording, end) + 1, recording.rows)
-    known = channels_of(recording)
-    envelopes = {name: Envelope(bins) for name in names if name in known}
+    channels = channels_of(recording)
+    envelopes = {name: Envelope(bins) for name in names if name in channels}
     speeds = {
         name: SlidingSpeed(1.0 / recording.metadata.sample_rate)
         for name in envelopes
@@ -87,7 +87,9 @@ def shapes_of(
                 envelope.add(stamps, values / RPM)
             else:
                 envelope.add(block.time, block.si[name])
-    return [Shape(name, known[name][1], *envelope.curve()) for name, envelope in envelopes.items()]
+    return [
+        Shape(name, channels[name][1], *envelope.curve()) for name, envelope in envelopes.items()
+    ]
 
 
 def values_at(recording: Recording, names: list[str], moment: float) -> dict[str, float]:

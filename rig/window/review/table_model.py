@@ -18,6 +18,7 @@ from PySide6.QtCore import (
 )
 from PySide6.QtGui import QColor, QFont
 
+from experiments import catalogue
 from rig.library.index import IndexedRun
 from rig.present.run_words import duration_text
 from rig.runfile.header import ORIGIN_WORDS
@@ -89,7 +90,8 @@ def _duration(run: IndexedRun) -> str:
 
 def gear_words(run: IndexedRun) -> str:
     """The serial number of the gear; a bare motor has none."""
-    if run.gear_serial == NO_SERIAL and run.protocol == "motor-tare":
+    experiment = catalogue.declared(run.protocol)
+    if run.gear_serial == NO_SERIAL and experiment is not None and not experiment.gear_mounted:
         return "no gear"
     return run.gear_serial or "–"
 
@@ -230,12 +232,12 @@ class Wanted:
 
     def passes(self, run: IndexedRun) -> bool:
         """Whether a run is wanted."""
-        for wanted, found in (
+        for wanted, value in (
             (self.gear, run.gear_serial),
             (self.protocol, run.protocol),
             (self.outcome, outcome_of(run)),
         ):
-            if wanted and wanted != found:
+            if wanted and wanted != value:
                 return False
         day = local_time(run.start)[:10]
         if (self.since and day < self.since) or (self.until and not day <= self.until):

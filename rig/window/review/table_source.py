@@ -48,7 +48,7 @@ class LibrarySource(QObject):
         self.runs: tuple[IndexedRun, ...] | None = None
         """The latest runs; None until they were read once."""
         self._index = LibraryIndex(folder, self._tell)
-        self._told = -PROGRESS_INTERVAL
+        self._last_progress = -PROGRESS_INTERVAL
         self._reading = self._again = self._stopped = False
         self._thread: threading.Thread | None = None
         self._watcher = QFileSystemWatcher(self)
@@ -86,32 +86,32 @@ class LibrarySource(QObject):
 
     def _work(self) -> None:
         """In a thread of its own: reading a folder for the first time takes milliseconds per run."""
-        found: Sequence[IndexedRun] | str
+        answer: Sequence[IndexedRun] | str
         try:
-            found = self._index.search() if self.folder.is_dir() else []
+            answer = self._index.search() if self.folder.is_dir() else []
         except RigError as error:
-            found = str(error)
+            answer = str(error)
         except _StoppedError:
             return
         # The window may be gone by now, and its signals with it.
         with contextlib.suppress(RuntimeError):
-            self._read.emit(found)
+            self._read.emit(answer)
 
     def _tell(self, done: int, of: int) -> None:
         if self._stopped:
             raise _StoppedError
         now = time.monotonic()
-        if now - self._told >= PROGRESS_INTERVAL:
-            self._told = now
+        if now - self._last_progress >= PROGRESS_INTERVAL:
+            self._last_progress = now
             with contextlib.suppress(RuntimeError):
                 self.progressed.emit(done, of)
 
-    def _take(self, found: Sequence[IndexedRun] | str) -> None:
+    def _take(self, answer: Sequence[IndexedRun] | str) -> None:
         self._reading = False
-        if isinstance(found, str):
-            self.failed.emit(found)
-        elif self.runs is None or _compared(found) != _compared(self.runs):
-            self.runs = tuple(found)
+        if isinstance(answer, str):
+            self.failed.emit(answer)
+        elif self.runs is None or _compared(answer) != _compared(self.runs):
+            self.runs = tuple(answer)
             self.changed.emit(self.runs)
         else:
             self.progressed.emit(0, 0)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 
+from experiments.quantity import Quantity
 from experiments.result import Result, Verdict
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
-from rig.analysis.wording import display_unit, number, readable, show
-from rig.present.content import Grid, data_grid, metric_grid
+from rig.analysis.wording import laboratory_unit, number, readable, show
+from rig.present.content import Grid, data_grid, held_against, metric_grid
 from rig.window.shell.palette import Palette
 
 RESULT_COLUMNS = (
@@ -21,12 +22,6 @@ RESULT_COLUMNS = (
     "limit or catalogue",
     "remark",
 )
-RATINGS = {
-    "transmission_accuracy": "transmission_accuracy",
-    "running_torque": "running_torque",
-    "starting_torque": "starting_torque",
-}
-"""Results that a catalogue gives, by how their name begins, and the rating that holds its value."""
 
 
 def result_rows(result: Result, gear: HarmonicDrive | None) -> list[tuple[str, ...]]:
@@ -34,36 +29,41 @@ def result_rows(result: Result, gear: HarmonicDrive | None) -> list[tuple[str, .
     verdicts = {id(v.estimate): v for v in result.verdicts}
     rows = []
     for name, estimate in result.estimates.items():
-        s = show(estimate)
+        quantity = result.quantity(name)
+        s = show(estimate, quantity)
         verdict = verdicts.get(id(estimate))
-        limit = verdict_words(verdict) if verdict else catalogue_words(estimate, gear)
+        limit = catalogue_words(quantity, estimate, gear)
+        if verdict is not None:
+            limit = f"{verdict.outcome} {limit_words(result, verdict)}"
         interval = f"{s.low} … {s.high}"
         value = f"{s.value} ± {s.expanded or '?'}"
         rows.append(
-            (readable(name), value, s.unit, interval, estimate.identifiable, limit, estimate.note)
+            (
+                quantity.titled(name),
+                value,
+                s.unit,
+                interval,
+                estimate.identifiable,
+                limit,
+                estimate.note,
+            )
         )
     return rows
 
 
-def verdict_words(verdict: Verdict) -> str:
-    """The outcome, the limit that it was held against, and where that is from and under which conditions it holds."""
-    factor, unit = display_unit(
-        verdict.estimate.name, verdict.estimate.unit, verdict.estimate.value
-    )
+def limit_words(result: Result, verdict: Verdict) -> str:
+    """The limit that a quantity was held against, where it is from and under which conditions it holds."""
+    _, limit = held_against(result, verdict)
     source = f"{verdict.limit_provenance}: {verdict.limit_source}".rstrip(": ")
-    limit = f"≤ {number(verdict.limit / factor)} {unit}".rstrip()
-    return f"{verdict.outcome} ({limit}, {source})"
+    return f"(≤ {limit}, {source})"
 
 
-def catalogue_words(estimate: Estimate, gear: HarmonicDrive | None) -> str:
+def catalogue_words(quantity: Quantity, estimate: Estimate, gear: HarmonicDrive | None) -> str:
     """The value of the catalogue, where it is from and under which conditions it holds; "" where there is none."""
-    rating = next(
-        (rating for start, rating in RATINGS.items() if estimate.name.startswith(start)), ""
-    )
-    if not rating or gear is None:
+    if quantity.catalogue is None or gear is None:
         return ""
-    value = gear.value(f"ratings.{rating}")
-    factor, unit = display_unit(estimate.name, value.unit, estimate.value)
+    value = gear.value(f"ratings.{quantity.catalogue.rating}")
+    factor, unit = laboratory_unit(value.unit, estimate.value, quantity.shown)
     source = f"{value.origin.provenance}: {value.origin.source}".rstrip(": ")
     return f"catalogue {number(value.value / factor)} {unit} ({source})"
 
@@ -78,9 +78,9 @@ def result_page(result: Result, palette: Palette) -> str:
         colour = {"PASS": palette.good, "FAIL": palette.bad, "MARGINAL": palette.warning}.get(
             v.outcome, palette.muted
         )
-        limit = verdict_words(v).removeprefix(v.outcome).strip()
+        value, _ = held_against(result, v)
         definition = v.definition[:1].upper() + v.definition[1:]
-        words = html.escape(f"{v.name}: {show(v.estimate).with_uncertainty} {limit}. {definition}.")
+        words = html.escape(f"{v.name}: {value} {limit_words(result, v)}. {definition}.")
         parts.append(f'<p><b style="color:{colour}">{html.escape(v.outcome)}</b>&nbsp; {words}</p>')
     grids = [metric_grid(result), *(data_grid(table) for table in result.tables)]
     parts += [grid_html(grid, palette) for grid in grids if grid is not None]

@@ -127,9 +127,9 @@ class EventsView(QWidget):
             self.note.clear()
 
     def _item(self, row: int, column: int) -> QTableWidgetItem:
-        found = self.table.item(row, column)
-        assert found is not None
-        return found
+        item = self.table.item(row, column)
+        assert item is not None
+        return item
 
     def _clock(self, time_ns: int) -> str:
         return "" if self._first_ns is None else f"{(time_ns - self._first_ns) * 1e-9:.2f}"

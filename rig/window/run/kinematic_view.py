@@ -188,11 +188,11 @@ class WaveView:
 
     def take(self, block: Block) -> None:
         """New rows."""
-        found = self._rows.of(block)
-        if found is None:
+        rows = self._rows.of(block)
+        if rows is None:
             self._changed |= self.revolutions.cut()
         else:
-            inner, _, error, way = found
+            inner, _, error, way = rows
             self.revolutions.add(inner, error, way)
             self._changed = True
 
@@ -273,10 +273,10 @@ class OutputView:
 
     def take(self, block: Block) -> None:
         """New rows."""
-        found = self._rows.of(block)
-        if found is None:
+        rows = self._rows.of(block)
+        if rows is None:
             return
-        _, outer, error, way = found
+        _, outer, error, way = rows
         if self._origin is None:
             self._origin = float(outer[0])
         angle = np.mod((outer - self._origin) / REVOLUTION, 1.0)
@@ -297,9 +297,9 @@ class OutputView:
         while self._changed:
             way = self._changed.pop()
             low, high, curves = self._low[way], self._high[way], self._curves[way]
-            known = np.isfinite(low)
-            if known.any():
-                middle = 0.5 * (float(low[known].min()) + float(high[known].max()))
+            filled = np.isfinite(low)
+            if filled.any():
+                middle = 0.5 * (float(low[filled].min()) + float(high[filled].max()))
                 for curve, edge in zip(curves, (low, high), strict=True):
-                    curve.item.setData(degrees[known], (edge[known] - middle) / ARCMIN)
+                    curve.item.setData(degrees[filled], (edge[filled] - middle) / ARCMIN)
         self._values.follow(recent)

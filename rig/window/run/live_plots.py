@@ -1,4 +1,4 @@
-"""The board of live plots of one run: which plots a protocol shows, and the beat at which they read and draw."""
+"""The board of live plots of one run: which plots a protocol shows, and how often they read and draw."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from pathlib import Path
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
+from experiments import catalogue
+from experiments.contract import Experiment
 from rig.errors import RunFileError
 from rig.present.preview.plan import PlanPreview
 from rig.run.dry_run import PlannedRun
@@ -25,36 +27,36 @@ from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block, LiveFile, open_live
 from rig.window.work.segment_work import SegmentWork
 
-BEAT_MS = 25
+FRAME_MS = 25
 """ms between two looks at the file, and between two frames: forty a second."""
-COUNT_BEATS = 8
-"""Beats between two counts of the rows in words: nobody reads them faster, and each lays the page out anew."""
+COUNT_FRAMES = 8
+"""Frames between two counts of the rows in words: nobody reads them faster, and each lays the page out anew."""
 READING_ALLOWED = 0.010
-"""s of a beat that reading may take while it catches up."""
-TELLING_ALLOWED = 0.005
-"""s of a beat that the views may take to hear of segments."""
+"""s of a frame that reading may take while it catches up."""
+SEGMENTS_ALLOWED = 0.005
+"""s of a frame that the views may take to take in segments."""
 
 Maker = Callable[[WindowSession, LiveContext], LiveView]
-BOARDS: dict[str, tuple[Maker, ...]] = {
-    "kinematic-error": (SpeedView, WaveView, torque_view, OutputView),
-    "friction": (SpeedView, TorquePoints, torque_view),
-    "motor-tare": (SpeedView, TorquePoints, torque_view),
-    "velocity-steps": (SpeedView, StepView, torque_view),
-    "warm-up": (SpeedView, temperature_view, torque_view),
-    "starting-torque": (SpeedView, StartingPoints, torque_view),
+VIEWS: dict[str, Maker] = {
+    "speed": SpeedView,
+    "wave": WaveView,
+    "torque": torque_view,
+    "output": OutputView,
+    "torque points": TorquePoints,
+    "starting points": StartingPoints,
+    "steps": StepView,
+    "temperature": temperature_view,
 }
-"""What each protocol shows besides speed (top left) and torque (bottom left): in the order of the
-grid, row by row. A board
-of three gives the second plot the whole height of its column."""
-OTHERS: tuple[Maker, ...] = (SpeedView, WaveView, torque_view, temperature_view)
-"""The board of everything else."""
+"""The live plots by the names under which protocols ask for them, in the order of the grid, row by
+row. A board of three gives the second plot the whole height of its column.
+"""
 
 
 class LivePlots(QWidget):
     """Draws one growing run. `open` begins, `finish` reads what is left."""
 
     drawn = Signal()
-    """A beat has brought new rows to the screen."""
+    """A frame has brought new rows to the screen."""
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
@@ -64,7 +66,7 @@ class LivePlots(QWidget):
         self.plots: list[LabPlot] = []
         self.mark = ""
         self.protocol = ""
-        self._beats = 0
+        self._frames = 0
         self._pacer = Pacer()
         self._work: SegmentWork | None = None
         self._is_over = False
@@ -93,8 +95,8 @@ class LivePlots(QWidget):
         self._recent.setVisible(False)
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
-        self._timer.setInterval(BEAT_MS)
-        self._timer.timeout.connect(self.beat)
+        self._timer.setInterval(FRAME_MS)
+        self._timer.timeout.connect(self.refresh)
         session.theme_changed.connect(lambda _: self._draw())
 
     @property
@@ -120,9 +122,9 @@ class LivePlots(QWidget):
         if self.live is None and self._waiting_for is None:
             self._waiting_for = path
             self._timer.start()
-            self.beat()
+            self.refresh()
 
-    def beat(self) -> None:
+    def refresh(self) -> None:
         """One look: read within the time allowed, draw if there is something new."""
         if self.live is None:
             self._begin()
@@ -130,15 +132,15 @@ class LivePlots(QWidget):
             return
         try:
             fresh = 0 if self._is_over else self._read_more(self.live)
-            ended = self._tell_segments() + self._work.deliver()
+            ended = self._take_segments() + self._work.deliver()
         except RunFileError as error:
             self._session.message.emit(str(error))
             self._timer.stop()
             return
         if fresh or ended:
-            self._beats += 1
+            self._frames += 1
             self._draw()
-            if self._beats % COUNT_BEATS == 1:
+            if self._frames % COUNT_FRAMES == 1:
                 self._count()
             self.drawn.emit()
         if self._is_over and not ended and self._work.is_idle:
@@ -160,7 +162,7 @@ class LivePlots(QWidget):
             self.live.look()
             self.live.read(float("inf"), self._pacer.put)
             self._take_all(self._pacer.rest())
-            self._tell_segments()
+            self._take_segments()
         except RunFileError as error:
             self._session.message.emit(str(error))
         self._is_over = True
@@ -200,7 +202,9 @@ class LivePlots(QWidget):
         self.protocol, self.mark = metadata.experiment, ORIGIN_WORDS[metadata.origin]
         self._work = SegmentWork()
         context = LiveContext(live.recording, *self._context, work=self._work)
-        self._lay_out([make(self._session, context) for make in BOARDS.get(self.protocol, OTHERS)])
+        # A recording of nobody's protocol gets the board of a protocol that asks for nothing special.
+        experiment = catalogue.declared(self.protocol) or Experiment
+        self._lay_out([VIEWS[name](self._session, context) for name in experiment.live])
         live.want({name for view in self.views for name in view.wanted})
 
     def _lay_out(self, views: Sequence[LiveView]) -> None:
@@ -215,8 +219,7 @@ class LivePlots(QWidget):
         grid.setSpacing(6)
         self.views, places = list(views), [(0, 0), (0, 1), (1, 0), (1, 1)]
         self.plots = [view.plot for view in views]
-        if isinstance(views[1], StepView):
-            self.plots.append(views[1].residual.plot)
+        self.plots += [view.residual.plot for view in views if isinstance(view, StepView)]
         for plot, (row, column) in zip(self.plots, places, strict=False):
             spans = 2 if len(self.plots) == 3 and column == 1 else 1
             grid.addWidget(plot, row, column, spans, 1)
@@ -245,18 +248,18 @@ class LivePlots(QWidget):
         live.read(READING_ALLOWED, self._pacer.put)
         return self._take_all(self._pacer.due(behind=live.behind > 0))
 
-    def _tell_segments(self) -> int:
+    def _take_segments(self) -> int:
         """Tell the views of segments that have ended, as many as the work on them has room for."""
         assert self.live is not None
-        begin, told = time.monotonic(), 0
-        while not told or time.monotonic() - begin < TELLING_ALLOWED:
+        begin, count = time.monotonic(), 0
+        while not count or time.monotonic() - begin < SEGMENTS_ALLOWED:
             segment = None if self._work is None or self._work.is_full else self.live.next_segment()
             if segment is None:
                 break
-            told += 1
+            count += 1
             for view in self.views:
                 view.ended(segment, self.live.recording)
-        return told
+        return count
 
     def _draw(self) -> None:
         """Bring every view up to date; those that have nothing new change nothing, and are not painted."""

@@ -24,6 +24,10 @@ from PySide6.QtWidgets import (
 from model.identify.estimate import BudgetLine, Estimate
 from rig.analysis.wording import readable, show
 from rig.bench.identity import option_of
+from experiments.quantity import key_names
+from experiments.result import Result
+from rig.analysis.result_data import result_from_mapping
+from rig.analysis.tare import takes_tare
 from rig.run.trips import rule_of
 from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
@@ -31,19 +35,12 @@ from rig.window.work.background import BackgroundCommand
 
 MOST_LINES = 6
 """Results that are named here; all of them stand in review and report."""
-RESULTS_ARE = {
-    "kinematic-error": ("transmission_accuracy", "amplitude"),
-    "friction": ("running_torque", "stribeck", "coulomb", "static"),
-    "velocity-steps": ("frequency", "damping_ratio", "stiffness_over_inertia"),
-    "starting-torque": ("starting_torque",),
-}
-"""Which results of a protocol come first, by how their name begins."""
-WITNESSES = {
+OBSERVERS = {
     "statusword": "the drive",
     "input_angle": "the input encoder",
     "output_angle": "the output encoder",
 }
-"""Who says that the rig stands, in words."""
+"""What each observer of the standstill is called in words."""
 
 
 class OutcomeView(QFrame):
@@ -90,9 +87,7 @@ class OutcomeView(QFrame):
         self._path = None
         self.hide()
 
-    def show_end(
-        self, state: RunState, report: dict[str, Any], path: Path | None, protocol: str
-    ) -> None:
+    def show_end(self, state: RunState, report: dict[str, Any], path: Path | None) -> None:
         """The end of a run. `path` is its sealed file, None where there is none."""
         self._path = path
         self.headline.setText(headline_of(state, report))
@@ -110,9 +105,7 @@ class OutcomeView(QFrame):
         if path is not None and state.outcome in ("PASS", "MARGINAL", "FAIL"):
             self.results.setText("Working out the results …")
             self.results.show()
-            self._run(
-                ["fit", str(path), "--json"], lambda *told: self._show_results(protocol, *told)
-            )
+            self._run(["fit", str(path), "--json"], self._show_results)
 
     def _run(self, arguments: list[str], then: Any) -> None:
         command = BackgroundCommand(arguments, self)
@@ -120,14 +113,15 @@ class OutcomeView(QFrame):
         self._work.append(command)
         command.start()
 
-    def _show_results(self, protocol: str, code: int, out: str, complaint: str) -> None:
-        lines = result_lines(out, protocol)
-        if not lines:
+    def _show_results(self, code: int, out: str, complaint: str) -> None:
+        result = fitted_result(out)
+        if result is None or not result.estimates:
             self.results.setText(
                 complaint.strip()[-400:] or "The analysis has nothing to tell of this run."
             )
         else:
-            self.results.setText("\n".join(("   ·   ".join(lines), *remarks(out))))
+            lines = "   ·   ".join(result_lines(result))
+            self.results.setText("\n".join((lines, *remarks(result))))
 
     def _ask_review(self) -> None:
         if self._path is not None:
@@ -175,8 +169,8 @@ def sentence_of(state: RunState, report: dict[str, Any], bench: str) -> str:
     parts: list[str] = []
     trip = report.get("trip") or {}
     if state.cause:
-        found = rule_of(state.cause)
-        parts.append(f"Cause: {state.cause.replace('_', ' ')}, {found.what}.")
+        rule = rule_of(state.cause)
+        parts.append(f"Cause: {state.cause.replace('_', ' ')}, {rule.what}.")
         if trip.get("value") is not None and trip.get("limit") is not None:
             unit = f" {trip['unit']}" if trip.get("unit") else ""
             parts.append(f"Found {trip['value']:.4g}{unit}, limit {trip['limit']:.4g}{unit}.")
@@ -188,7 +182,7 @@ def sentence_of(state: RunState, report: dict[str, Any], bench: str) -> str:
     if made_safe.get("safe"):
         parts.append(
             f"Made safe ({made_safe.get('action', '')}), standstill verified by "
-            f"{', '.join(WITNESSES.get(str(w), str(w)) for w in made_safe.get('verified_by', ()))}."
+            f"{', '.join(OBSERVERS.get(str(w), str(w)) for w in made_safe.get('verified_by', ()))}."
         )
     if state.outcome == "TRIPPED":
         parts.append(
@@ -198,56 +192,35 @@ def sentence_of(state: RunState, report: dict[str, Any], bench: str) -> str:
     return " ".join(parts)
 
 
-def result_lines(out: str, protocol: str) -> list[str]:
-    """The first results of `rig fit --json`, each with its interval and unit."""
+def fitted_result(out: str) -> Result | None:
+    """The result that `rig fit --json` printed; None where it printed none."""
     try:
-        told = json.loads(out)
-    except ValueError:
-        return []
-    found = told[0] if isinstance(told, list) and told else told
-    parameters = found.get("parameters", {}) if isinstance(found, dict) else {}
-    first = RESULTS_ARE.get(protocol, ())
-    names = sorted(
-        parameters,
-        key=lambda name: next((k for k, begin in enumerate(first) if name.startswith(begin)), 99),
-    )
+        return result_from_mapping(json.loads(out))
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def result_lines(result: Result) -> list[str]:
+    """The first results, each with its uncertainty and unit; what the data cannot tell is said beside it."""
+    doubts = {"weakly": " (weakly identifiable)", "no": " (not identifiable)"}
+    names = dict.fromkeys((*key_names(result.quantities, result.estimates), *result.estimates))
     lines = []
-    for name in names[:MOST_LINES]:
-        lines.append(f"{readable(name)} {_shown(name, parameters[name])}")
+    for name in list(names)[:MOST_LINES]:
+        estimate, quantity = result.estimates[name], result.quantity(name)
+        value = show(estimate, quantity).with_uncertainty
+        doubt = doubts.get(estimate.identifiable, "")
+        lines.append(f"{quantity.titled(name)} {value}{doubt}")
     return lines
 
 
-def remarks(out: str) -> list[str]:
-    """What must not be missed beside the numbers of `rig fit --json`: whose torque it is, and that
-    nothing was judged.
-    """
-    told = json.loads(out)
-    found = told[0] if isinstance(told, list) and told else told
-    if not isinstance(found, dict):
-        return []
-    said = []
-    if (found.get("options") or {}).get("torque_is_of") == "motor + gear":
-        way = " Review fits it with a motor-tare run." if found.get("kind") == "friction" else ""
-        said.append(f"Motor + gear: no tare was subtracted.{way}")
-    outcomes = {str(verdict.get("outcome", "")) for verdict in found.get("verdicts") or ()}
-    if outcomes == {"no verified limit"}:
-        said.append("The gear is not judged: its catalogue limits are not verified.")
-    return said
-
-
-def _shown(name: str, told: dict[str, Any]) -> str:
-    """An estimate out of JSON in the words of the report; what the data cannot tell is said beside it."""
-    low, high = (float("nan") if told[end] is None else float(told[end]) for end in ("low", "high"))
-    expanded = told.get("expanded_uncertainty")
-    budget = () if expanded is None else (BudgetLine("", "A", 0.5 * float(expanded)),)
-    estimate = Estimate(
-        name=name,
-        value=float(told["value"]),
-        unit=str(told["unit"]),
-        low=low,
-        high=high,
-        budget=budget,
-    )
-    known = str(told.get("identifiability", "yes"))
-    words = {"weakly": " (weakly identifiable)", "no": " (not identifiable)"}
-    return show(estimate).with_uncertainty + words.get(known, "")
+def remarks(result: Result) -> list[str]:
+    """What must not be missed beside the numbers: whose torque it is, and that nothing was judged."""
+    lines = []
+    if result.options.get("torque_is_of") == "motor + gear":
+        way = ""
+        if takes_tare(result.kind):
+            way = " Review fits it with a motor-tare run."
+        lines.append(f"Motor + gear: no tare was subtracted.{way}")
+    if {verdict.outcome for verdict in result.verdicts} == {"no verified limit"}:
+        lines.append("The gear is not judged: its catalogue limits are not verified.")
+    return lines

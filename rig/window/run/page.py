@@ -131,7 +131,7 @@ class RunPage(QWidget):
         self, process: RunProcess, planned: PlannedRun | None, prediction: PlanPreview | None
     ) -> None:
         self.process, self.report, self._closing = process, {}, False
-        process.event_told.connect(self._on_event)
+        process.event_received.connect(self._on_event)
         process.progress.connect(self._on_progress)
         process.prompt.connect(self.prompt.ask)
         process.report.connect(self._on_report)
@@ -151,7 +151,7 @@ class RunPage(QWidget):
 
     def _on_event(self, event: Event) -> None:
         self.events.add(event)
-        self._change(self.state.told(event))
+        self._change(self.state.after(event))
 
     def _on_progress(self, progress: Progress) -> None:
         self._change(self.state.went_on(progress))
@@ -193,7 +193,7 @@ class RunPage(QWidget):
                 "the plan was completed" if completed else f"ended at {self._step.text()}"
             )
             self._times.setText(f"{self.report.get('rows', 0)} cycles")
-        self.outcome.show_end(self.state, self.report, path, self._protocol or self.plots.protocol)
+        self.outcome.show_end(self.state, self.report, path)
         self._session.runs_changed.emit()
         self.outcome.review.setFocus()
         self._close_if_waiting()

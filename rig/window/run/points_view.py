@@ -114,10 +114,10 @@ class TorquePoints:
         self._changed = False
         both: list[dict[float, float]] = []
         for way, curve in self._curves.items():
-            found = np.array(self._points[way, "all"]).reshape(-1, 2)
-            curve.item.setData(found[:, 0] / RPM, found[:, 1] / MILLI)
+            points = np.array(self._points[way, "all"]).reshape(-1, 2)
+            curve.item.setData(points[:, 0] / RPM, points[:, 1] / MILLI)
             groups = defaultdict(list)
-            for speed, torque in found.tolist():
+            for speed, torque in points.tolist():
                 groups[float(f"{speed:.2g}")].append(torque)
             both.append({speed: float(np.mean(values)) for speed, values in groups.items()})
         shared = sorted(both[0].keys() & both[1].keys())
@@ -178,5 +178,5 @@ class StartingPoints:
             return
         self._drawn = self.points
         for way, curve in self._curves.items():
-            found = np.array(self._points[way]).reshape(-1, 2)
-            curve.item.setData(found[:, 0] / DEGREE, found[:, 1] / MILLI)
+            points = np.array(self._points[way]).reshape(-1, 2)
+            curve.item.setData(points[:, 0] / DEGREE, points[:, 1] / MILLI)

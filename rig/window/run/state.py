@@ -13,7 +13,7 @@ from typing import Any
 
 from experiments.recording import Event
 from rig.run.order import Progress
-from rig.run.trips import rule_of
+from rig.run.trips import SESSION_ERRORS, rule_of
 
 MAKING_SAFE = "making safe"
 """What progress says while the rig is brought to standstill."""
@@ -63,7 +63,7 @@ class RunState:
         """The process was started: it looks whether the rig is fit."""
         return RunState(state=State.ARMED, what="looking whether the rig is fit to run")
 
-    def told(self, event: Event) -> RunState:
+    def after(self, event: Event) -> RunState:
         """After an event."""
         if event.code == MADE_SAFE:
             return replace(self, safe=True)
@@ -76,16 +76,17 @@ class RunState:
                 what=event.text,
                 remedy=rule_of("make_safe_failed").remedy,
             )
-        if event.source == "session" and event.text.startswith("TRIPPED") and not self.cause:
+        if event.source != "session":
+            return self
+        if event.code in ("STOP", "ABORT"):
+            if self.state is State.TRIPPED:
+                return self
+            return replace(self, state=State.STOPPING, what=event.text)
+        tripped = event.level == "error" and event.code not in SESSION_ERRORS
+        if tripped and not self.cause:
             rule = rule_of(event.code)
             return replace(
                 self, state=State.TRIPPED, cause=event.code, what=rule.what, remedy=rule.remedy
-            )
-        if event.source == "session" and event.code in ("STOP", "ABORT"):
-            return (
-                replace(self, state=State.STOPPING, what=event.text)
-                if self.state is not State.TRIPPED
-                else self
             )
         return self
 

@@ -123,11 +123,11 @@ class StepView:
         steps, _, _ = recorded_steps(
             one, ratio, reference, None, source, first_resonances(gear)[-1]
         )
-        found = next((step for step in steps if step.segment.index == segment.index), None)
-        if found is None:
+        scored = next((step for step in steps if step.segment.index == segment.index), None)
+        if scored is None:
             return None
-        driven = dataclasses.replace(gear, kinematic_error=found.data.kinematic_error)
-        return score_step(found.data, simulated_output(found, driven))
+        driven = dataclasses.replace(gear, kinematic_error=scored.data.kinematic_error)
+        return score_step(scored.data, simulated_output(scored, driven))
 
     def draw(self, recent: bool) -> None:
         """Show the latest step."""

@@ -86,7 +86,7 @@ class WindowSession(QObject):
 def _read(path: Path) -> dict[str, Any]:
     """What was remembered; nothing from a file that is missing or damaged."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        values = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return values if isinstance(values, dict) else {}

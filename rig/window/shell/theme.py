@@ -37,7 +37,7 @@ def apply_theme(application: QApplication, theme: str) -> Palette:
 
 
 def _qt_palette(p: Palette) -> QPalette:
-    role, made = QPalette.ColorRole, QPalette()
+    role, palette = QPalette.ColorRole, QPalette()
     for name, colour in (
         (role.Window, p.window),
         (role.WindowText, p.text),
@@ -54,10 +54,10 @@ def _qt_palette(p: Palette) -> QPalette:
         (role.Link, p.accent),
         (role.BrightText, p.bad),
     ):
-        made.setColor(name, QColor(colour))
+        palette.setColor(name, QColor(colour))
     for name in (role.WindowText, role.Text, role.ButtonText):
-        made.setColor(QPalette.ColorGroup.Disabled, name, QColor(p.muted))
-    return made
+        palette.setColor(QPalette.ColorGroup.Disabled, name, QColor(p.muted))
+    return palette
 
 
 def style_sheet(p: Palette) -> str:

@@ -53,7 +53,7 @@ class RunProcess(QObject):
     `arguments` is everything after `program`; by default the program is this Python with `-m rig`.
     """
 
-    event_told = Signal(object)
+    event_received = Signal(object)
     """An `Event` of the run."""
     progress = Signal(object)
     """A `Progress`, about ten times a second."""
@@ -173,21 +173,21 @@ class RunProcess(QObject):
     def _take(self, line: str) -> None:
         """One line of the run; what is not one of its objects is passed over (a library's own printing)."""
         try:
-            told = json.loads(line)
+            message = json.loads(line)
         except ValueError:
             return
-        if not isinstance(told, dict):
+        if not isinstance(message, dict):
             return
-        kind = told.pop("kind", "")
+        kind = message.pop("kind", "")
         if kind == "event":
-            self.event_told.emit(_made(Event, told))
+            self.event_received.emit(_from_fields(Event, message))
         elif kind == "progress":
-            self.progress.emit(_made(Progress, told))
+            self.progress.emit(_from_fields(Progress, message))
         elif kind == "prompt":
-            self.prompt.emit(str(told.get("text", "")), str(told.get("key", "")))
+            self.prompt.emit(str(message.get("text", "")), str(message.get("key", "")))
         elif kind == "report":
             self._reported = True
-            self.report.emit(told)
+            self.report.emit(message)
 
     def _end(self, ending: Ending) -> None:
         ending = Ending(ending.code, self._reported, ending.complaint)
@@ -208,9 +208,9 @@ def _collect(stream: IO[bytes], into: list[str]) -> None:
             del into[:100]
 
 
-def _made(kind: type[Any], told: dict[str, Any]) -> Any:
+def _from_fields(kind: type[Any], message: dict[str, Any]) -> Any:
     """An object from the fields that it has; a newer run may tell more."""
-    return kind(**{f.name: told[f.name] for f in fields(kind) if f.name in told})
+    return kind(**{f.name: message[f.name] for f in fields(kind) if f.name in message})
 
 
 def _one_line(text: str) -> str:

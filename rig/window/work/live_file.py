@@ -210,11 +210,11 @@ class RollingEnvelope:
             return
         index = np.floor(time_s / self._width).astype(np.int64)
         last = int(index[-1])
-        first_kept = last - self._bins + 1
-        keep = index >= first_kept
+        first_bin = last - self._bins + 1
+        keep = index >= first_bin
         index, values = index[keep], values[keep]
         # Bins that nothing fell into yet are empty again.
-        fresh = np.arange(max(self._last + 1, first_kept), last + 1) % self._bins
+        fresh = np.arange(max(self._last + 1, first_bin), last + 1) % self._bins
         self._low[fresh] = self._high[fresh] = np.nan
         edges = np.flatnonzero(np.diff(index, prepend=index[0] - 1))
         where = index[edges] % self._bins

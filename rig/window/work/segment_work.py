@@ -41,11 +41,11 @@ class SegmentWork:
 
     def deliver(self) -> int:
         """Hand over what is done by now; returns how much. Raises what the work raised."""
-        told = 0
+        count = 0
         while self._waiting and self._waiting[0][0].done():
             self._hand_over()
-            told += 1
-        return told
+            count += 1
+        return count
 
     def finish(self) -> None:
         """Wait until all is done, and hand it over."""

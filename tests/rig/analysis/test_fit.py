@@ -15,8 +15,9 @@ from experiments.result import Result
 from model.gear import HarmonicDrive, Origin
 from model.gear_file import shipped_gear
 from rig.analysis.adopt import adopt, compare_with, pooled
-from rig.analysis.fit import Fit, check_tare, fit_recording, kind_of, score, store
+from rig.analysis.fit import Fit, fit_recording, kind_of, score, store
 from rig.analysis.store import read_analyses
+from rig.analysis.tare import check_tare
 from rig.errors import RigError
 from tests.rig import handmade
 
@@ -54,6 +55,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Evidence]]:
             plan=no_plan,
             analyse=analyse,
             identified=identified,
+            gives_tare=name == "motor-tare",
         )
 
     monkeypatch.setattr(catalogue, "load", load)
@@ -115,7 +117,7 @@ def test_the_tare_goes_into_the_evidence_and_its_run_into_the_options(
 )
 def test_a_tare_that_is_none_is_refused(wrong: Fit, words: str) -> None:
     with pytest.raises(RigError, match=words):
-        check_tare(handmade.recording("simulated"), wrong)
+        check_tare(handmade.recording("simulated"), wrong.recording, wrong.result)
 
 
 def test_a_fit_is_stored_beside_its_run(tmp_path: Path, asked: list[tuple[str, Evidence]]) -> None:

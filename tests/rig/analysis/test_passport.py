@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from experiments.result import Plot
+from model.identify.cause import Cause
 from model.units import ARCMIN, ARCSEC
-from rig.analysis.causes import CAUSES
 from rig.analysis.passport.build import passport
 from rig.analysis.passport.content import Passport, PassportSeries
-from rig.analysis.passport.quantities import QUANTITIES, order_labels, order_of
+from rig.analysis.passport.followed import followed, largest_members, order_of, watched
 from rig.analysis.result_data import plot_from_mapping
 from rig.analysis.store import json_text
 from rig.errors import RigError, RunFileError
@@ -161,7 +161,9 @@ def test_runs_without_an_analysis_and_quantities_without_a_run_are_missing(folde
     assert [one.run for one in lacking] == ["00004-friction-A1"]
     assert "rig fit" in lacking[0].remedy
     told = " ".join(one.what for one in found.missing)
-    for quantity in QUANTITIES:
+    expected = [one for kind, quantity in watched() for one in followed(kind, quantity)]
+    assert len(expected) == 7
+    for quantity in expected:
         assert (quantity.title in told) == (quantity.key != RUNNING)
     assert "rig run starting-torque" in {one.remedy for one in found.missing}
 
@@ -287,8 +289,8 @@ def test_a_number_that_the_data_cannot_tell_is_missing_not_drawn(folder: Path) -
 
 def test_what_changed_since_the_run_before_stands_beside_the_point(folder: Path) -> None:
     other = write(folder, 20, start_time=start(20), conditions={"lubricant": "SK-2"})
-    for run, warmth in ((runs_in(folder)[0], 22.0), (runs_in(folder)[1], 22.4), (other, 26.0)):
-        analyse(run, estimate(RUNNING, 0.08), metrics={"housing_temperature": warmth})
+    for run, temperature in ((runs_in(folder)[0], 22.0), (runs_in(folder)[1], 22.4), (other, 26.0)):
+        analyse(run, estimate(RUNNING, 0.08), metrics={"housing_temperature": temperature})
     one = series(passport(folder, "A1", baseline=2))
     assert one.points[1].remarks == ()
     assert one.points[2].remarks == (
@@ -391,11 +393,11 @@ def test_the_order_of_a_label(label: str, order: float | None) -> None:
 
 
 def test_the_largest_orders_whatever_run_had_them() -> None:
-    assert order_labels([{"2": 3.0, "1": 1.0}, {"2": 3.0, "7": 2.0, "9": 0.1}], most=2) == (
+    assert largest_members([{"2": 3.0, "1": 1.0}, {"2": 3.0, "7": 2.0, "9": 0.1}], most=2) == (
         "2",
         "7",
     )
-    assert order_labels([]) == ()
+    assert largest_members([]) == ()
 
 
 def test_starting_torque_is_followed_with_the_limit_it_was_judged_by(tmp_path: Path) -> None:
@@ -468,5 +470,6 @@ def test_every_cause_that_is_shared_is_a_line_of_some_budget() -> None:
         for floor in ("experiments", "model")
         for path in (ROOT / floor).rglob("*.py")
     ]
-    for cause in CAUSES:
-        assert any(f'"{cause}' in text for text in sources), cause
+    for cause in Cause:
+        assert any(f"Cause.{cause.name}" in text for text in sources if "Enum" not in text), cause
+        assert cause.grounds

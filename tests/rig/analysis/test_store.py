@@ -11,7 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.result import Covariance
+from model.identify.cause import Cause
+from rig.analysis.format_1 import from_format_1
+from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import (
+    STORE_FORMAT,
     Basis,
     analysis_folder,
     append_analysis,
@@ -82,6 +87,66 @@ def test_a_number_that_another_program_has_taken_is_left_to_it(tmp_path: Path) -
         analysis_folder(run), {"format": results.STORE_FORMAT, "kind": "x"}, 1
     )
     assert stored.number == 2
+
+
+def test_a_stored_analysis_says_what_its_numbers_are(tmp_path: Path) -> None:
+    covariance = Covariance(("F_c", "F_s"), np.array([[0.81, 0.1], [0.1, 9.6]]))
+    told = replace(friction_result(), covariance=covariance)
+    append_analysis(tmp_path / "r.h5", told, replace(BASIS, analysis_version=3))
+    (stored,) = read_analyses(tmp_path / "r.h5")
+    assert (stored.content["format"], stored.content["analysis_version"]) == (STORE_FORMAT, 3)
+    assert set(stored.content["quantities"]) == {*told.estimates, *told.metrics}
+    running = stored.content["quantities"]["running_torque"]
+    assert running == {"title": "running torque", "unit": "N m", "definition": ""}
+    assert stored.content["covariance"] == {
+        "names": ["F_c", "F_s"],
+        "matrix": [[0.81, 0.1], [0.1, 9.6]],
+    }
+    assert stored.content["checks"] == []
+    budget = stored.result["parameters"]["running_torque"]["budget"]
+    assert [line["cause"] for line in budget] == [None, "torque scale"]
+    assert result_from_mapping(stored.result).estimates == told.estimates
+
+
+def test_an_analysis_of_format_1_is_read_as_one_of_format_2(tmp_path: Path) -> None:
+    """As version 0.1.0 wrote it: no causes, no quantities, no covariance."""
+    stored = append_analysis(tmp_path / "r.h5", friction_result(), BASIS)
+    new = ("analysis_version", "quantities", "covariance", "checks")
+    old = {name: value for name, value in stored.content.items() if name not in new}
+    old["format"] = "harmonic-rig-analysis-1"
+    for estimate in old["result"]["parameters"].values():
+        for line in estimate["budget"]:
+            del line["cause"]
+    stored.path.unlink()
+    stored.path.write_text(json_text(old), encoding="utf-8")
+    (read,) = read_analyses(tmp_path / "r.h5")
+    assert result_from_mapping(read.result).estimates == friction_result().estimates
+    assert (read.content["analysis_version"], read.content["covariance"]) == (1, None)
+    assert read.content["quantities"]["F_c"]["unit"] == "N"
+    assert {name: value for name, value in read.content.items() if name not in new}.keys() == (
+        old.keys()
+    )
+
+
+@pytest.mark.parametrize(
+    ("source", "kind", "cause"),
+    [
+        ("torque scale", "B", Cause.TORQUE_SCALE),
+        ("tare", "B", Cause.TARE),
+        ("bearing no-load torque", "B", Cause.BEARING_TORQUE),
+        ("output encoder, eccentricity of the scale", "B", Cause.OUTPUT_ENCODER),
+        ("motor encoder, once and twice per revolution", "B", Cause.MOTOR_ENCODER),
+        ("encoder accuracy at this order", "B", Cause.BOTH_ENCODERS),
+        ("torque zero", "B", None),
+        ("torque scale", "A", None),
+    ],
+)
+def test_the_causes_of_format_1_are_those_of_its_sentences(
+    source: str, kind: str, cause: Cause | None
+) -> None:
+    line = {"source": source, "kind": kind, "standard_uncertainty": 1.0, "note": ""}
+    read = from_format_1({"result": {"parameters": {"x": {"unit": "N", "budget": [line]}}}})
+    assert read["result"]["parameters"]["x"]["budget"] == [{**line, "cause": cause}]
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"format": "something"}'])

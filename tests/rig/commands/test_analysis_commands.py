@@ -15,6 +15,7 @@ from typer.testing import Result as Called
 
 from experiments import catalogue
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
+from experiments.quantity import bare_quantity
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear_file import load_gear, save_gear, shipped_gear
@@ -66,6 +67,7 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: dict[str, Res
                 kind=name,
                 estimates={},
                 metrics={"mse_of_the_set": 3.5},
+                quantities=(bare_quantity("mse_of_the_set", "1"),),
                 warnings=("scored",),
             )
 

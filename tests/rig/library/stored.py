@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from experiments.result import Result
+from model.identify.cause import Cause
 from model.identify.estimate import BudgetLine, Estimate
+from rig.analysis.result_data import quantities_for
 from rig.analysis.store import Analysis, Basis, append_analysis
 from rig.runfile.layout import Column
 from rig.runfile.seal import recorded_sha256
@@ -55,7 +57,8 @@ def estimate(
     """An estimate with `own` standard uncertainty of type A and a relative one of the torque scale."""
     budget = [BudgetLine("points nearby", "A", own)]
     if scale:
-        budget.append(BudgetLine("torque scale", "B", scale * abs(value), "certificate"))
+        by_scale = scale * abs(value)
+        budget.append(BudgetLine("torque scale", "B", by_scale, "certificate", Cause.TORQUE_SCALE))
     return Estimate(
         name=name,
         value=value,
@@ -79,10 +82,12 @@ def analyse(
     """Lay a result beside a run."""
     told = {"torque_is_of": "gear", "channel": "torque"} if options is None else options
     run_id = run.name.removesuffix(".h5")
+    named = {e.name: e for e in estimates}
     result = Result(
         run=run_id,
         kind=kind,
-        estimates={e.name: e for e in estimates},
+        quantities=quantities_for(kind, named, metrics or {}),
+        estimates=named,
         metrics=metrics or {},
         options=told,
     )

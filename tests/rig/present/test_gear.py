@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 from experiments.result import Result, judge_upper
 from model.gear_file import gear_to_mapping, shipped_gear
 from rig.analysis.passport.build import passport
+from rig.analysis.result_data import quantities_for
 from rig.analysis.store import Basis, append_analysis
 from rig.errors import RigError
 from rig.main import app
@@ -49,6 +50,7 @@ def life(folder: Path, values: Sequence[float] = VALUES, **more: Any) -> Path:
         result = Result(
             run=run.name.removesuffix(".h5"),
             kind="friction",
+            quantities=quantities_for("friction", {RUNNING: found}, ()),
             estimates={RUNNING: found},
             verdicts=(verdict,),
             options=options,

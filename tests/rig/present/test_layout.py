@@ -47,7 +47,7 @@ def test_a_short_table_is_kept_together_and_a_long_one_is_not() -> None:
     layouts = [
         layout_of(Grid("t", ("a", "b"), (("1", "2"),) * rows, (True, True))) for rows in (5, 60)
     ]
-    assert [layout.kept for layout in layouts if layout] == [True, False]
+    assert [layout.fits_one_page for layout in layouts if layout] == [True, False]
 
 
 def test_hashes_stand_in_one_line() -> None:
@@ -57,6 +57,7 @@ def test_hashes_stand_in_one_line() -> None:
             ("Run", "SHA-256 of the run file"),
             (("00001-friction-" + "x" * 60, "ab" * 32),),
             (False,) * 2,
+            hashes=("SHA-256 of the run file",),
         )
     )
     assert layout is not None

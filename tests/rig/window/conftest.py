@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from PySide6.QtCore import QTimer
+from PySide6.QtCore import QTimer, Signal
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
@@ -73,6 +73,18 @@ def session(tmp_path: Path, qapp: Any) -> Iterator[WindowSession]:
     made.deleteLater()
 
 
+class EmptyPage(QWidget):
+    """What the main window needs of a page that a test does not look at."""
+
+    start_requested = Signal(object)
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+
+    def show_run(self, path: Path) -> None:
+        """Nothing is shown."""
+
+
 @pytest.fixture
 def window(
     session: WindowSession, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
@@ -80,7 +92,8 @@ def window(
     """A window on its Run page, the other pages left empty. At the end its run is let go, and has
     to make itself safe.
     """
-    monkeypatch.setattr("rig.window.main._page", lambda module, name, session: QWidget())
+    for name in ("PreparePage", "ReviewPage"):
+        monkeypatch.setattr(f"rig.window.main.{name}", EmptyPage)
     made = MainWindow(session)
     qtbot.addWidget(made, before_close_func=_end_run)
     made.resize(1366, 768)

@@ -32,7 +32,7 @@ from rig.window.work.live_file import Block
 from rig.window.work.segment_work import MOST_WAITING, SegmentWork
 
 RATE = 1000.0
-BEAT = 0.025
+FRAME = 0.025
 SPEED = 20.0
 RATIO = 120.0
 LONGEST_REST = 10_000
@@ -137,9 +137,9 @@ def show(session: WindowSession, qtbot: QtBot) -> Callable[[LabPlot], LabPlot]:
 def test_bursts_become_an_even_stream() -> None:
     clock = HandClock()
     pacer, given_rows, seen = Pacer(clock), 0, []
-    for beat in range(400):
-        clock.now += BEAT
-        if beat % 2 == 0:
+    for frame in range(400):
+        clock.now += FRAME
+        if frame % 2 == 0:
             pacer.put(rows(given_rows, 50))
             given_rows += 50
         seen.append(pacer.due())
@@ -162,16 +162,16 @@ BURSTS = st.tuples(st.integers(0, 25), st.lists(st.integers(1, 9000), max_size=3
 def test_no_row_is_lost_doubled_or_kept_for_long(bursts: list[tuple[int, list[int], bool]]) -> None:
     clock = HandClock()
     pacer, put, got = Pacer(clock), 0, []
-    for beats, counts, behind in bursts:
-        for _ in range(beats):
-            clock.now += BEAT
+    for frames, counts, behind in bursts:
+        for _ in range(frames):
+            clock.now += FRAME
             got += pacer.due()
         for count in counts:
             pacer.put(rows(put, count))
             put += count
         got += pacer.due(behind)
         assert pacer.waiting <= MOST
-    clock.now += LONGEST + BEAT
+    clock.now += LONGEST + FRAME
     got += pacer.due()
     assert pacer.waiting == 0, "nothing waits longer than that"
     assert [block.start for block in got] == list(
@@ -191,7 +191,7 @@ def test_a_burst_that_is_read_in_parts_is_one_burst_and_the_file_is_left_alone_u
     pacer = Pacer(clock)
     for burst in range(20):
         for part in range(20):
-            clock.now += BEAT
+            clock.now += FRAME
             if part < 3:
                 pacer.put(rows(0, 8000))
             pacer.due(behind=part < 2)
@@ -273,19 +273,19 @@ def test_the_picture_of_an_axis_is_made_when_it_changes_and_not_with_every_frame
     plot.item.setRange(xRange=(0.0, 10.0), yRange=(0.0, 1.0), padding=0.0)
     axes = [plot.item.getAxis(side) for side in ("left", "bottom")]
     plot.canvas.grab()
-    before = [axis.times_made for axis in axes]
+    before = [axis.times_drawn for axis in axes]
     for frame in range(5):
         curve.item.setData([0.0, 10.0], [0.0, 0.1 * frame])
         plot.canvas.grab()
-    assert [axis.times_made for axis in axes] == before
+    assert [axis.times_drawn for axis in axes] == before
     plot.item.setYRange(0.0, 2.0, padding=0.0)
     plot.canvas.grab()
-    assert axes[0].times_made > before[0]
-    before = [axis.times_made for axis in axes]
+    assert axes[0].times_drawn > before[0]
+    before = [axis.times_drawn for axis in axes]
     for theme in ("dark", "light"):
         session.set_theme(theme)
         plot.canvas.grab()
-    assert all(axis.times_made >= count + 2 for axis, count in zip(axes, before, strict=True))
+    assert all(axis.times_drawn >= count + 2 for axis, count in zip(axes, before, strict=True))
 
 
 def test_a_kept_axis_looks_as_one_that_is_painted(

@@ -21,7 +21,7 @@ from rig.main import app
 from rig.window.main import (
     PAGES,
     MainWindow,
-    _defects_told,
+    _defects_shown,
     open_window,
     refuse_a_screen_that_qt_cannot_use,
 )
@@ -102,7 +102,7 @@ def test_a_figure_of_a_result_is_drawn_with_its_units(session: WindowSession, qt
 
 
 def test_a_defect_is_told_and_the_window_stays(session: WindowSession, qtbot: QtBot) -> None:
-    with _defects_told(session), qtbot.waitSignal(session.message) as said:
+    with _defects_shown(session), qtbot.waitSignal(session.message) as said:
         sys.excepthook(KeyError, KeyError("x"), None)
     assert "A defect of the program: KeyError" in said.args[0]
     log = Path(said.args[0].rpartition(" ")[2])

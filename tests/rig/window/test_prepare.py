@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 import typer
-from PySide6.QtCore import Qt, QThreadPool
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QApplication,
     QComboBox,
@@ -34,9 +34,9 @@ from rig.window.prepare.checklist import Checklist
 from rig.window.prepare.checklist_doctor import checks_from
 from rig.window.prepare.latch import AcknowledgeDialog
 from rig.window.prepare.page import PreparePage
-from rig.window.prepare.process import SideProcess
 from rig.window.prepare.training import TrainingDialog, verdict_text
 from rig.window.shell.session import WindowSession
+from rig.window.work.background import BackgroundCommand, json_object
 from rig.window.work.prepared import PreparedRun
 
 LONGEST = 20_000
@@ -59,11 +59,15 @@ def settle(qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> Iterator[Settle]:
     """Waits until a page has worked out what it was told last; at the end, until no thread works any more."""
     monkeypatch.setattr("rig.window.prepare.page.TYPING_PAUSE", 15)
 
+    pages: list[PreparePage] = []
+
     def wait(page: PreparePage) -> None:
+        pages.append(page)
         qtbot.waitUntil(lambda: not page.is_stale, timeout=LONGEST)
 
     yield wait
-    QThreadPool.globalInstance().waitForDone()
+    for page in pages:
+        page.looking_ahead.wait()
 
 
 @pytest.fixture
@@ -430,16 +434,37 @@ def test_what_the_doctor_says_or_does_not_say() -> None:
     assert checks_from({"checks": []}, 1, "")[0].result == "failed"
 
 
-def test_a_side_process_gives_its_json_and_is_ended_with_its_window(qtbot: QtBot) -> None:
-    process = SideProcess()
-    with qtbot.waitSignal(process.finished, timeout=LONGEST) as caught:
-        assert process.start(["drill", "--list", "--json"])
-        assert not process.start(["drill", "--list"])
+def test_a_background_command_gives_what_it_printed_and_is_ended_with_its_window(
+    qtbot: QtBot,
+) -> None:
+    command = BackgroundCommand(["drill", "--list", "--json"])
+    with qtbot.waitSignal(command.done, timeout=LONGEST) as caught:
+        command.start()
     assert caught.args is not None
-    assert caught.args[1] == 0
-    process.start(["drill"])
-    process.stop()
-    assert not process.is_running
+    assert caught.args[0] == 0
+    assert "statusword" in caught.args[1]
+    assert json_object('{"faults": []}') == {"faults": []}
+    assert json_object("no JSON") is json_object("[1]") is None
+    longer = BackgroundCommand(["drill"])
+    longer.start()
+    longer.cancel()
+    assert not longer.is_running
+
+
+def test_the_rig_is_asked_once_at_a_time(
+    page: PreparePage, monkeypatch: pytest.MonkeyPatch, settle: Settle
+) -> None:
+    started: list[list[str]] = []
+    monkeypatch.setattr(
+        BackgroundCommand, "start", lambda self: started.append(self._arguments[2:])
+    )
+    monkeypatch.setattr(BackgroundCommand, "is_running", property(lambda self: bool(started)))
+    settle(page)
+    page.ask_the_rig()
+    page.ask_the_rig()
+    assert len(started) == 1
+    assert started[0][0] == "doctor"
+    assert not page.doctor_button.isEnabled()
 
 
 def test_training_lists_the_drills_and_tells_the_verdict(
@@ -447,7 +472,7 @@ def test_training_lists_the_drills_and_tells_the_verdict(
 ) -> None:
     started: list[list[str]] = []
     monkeypatch.setattr(
-        SideProcess, "start", lambda self, words: bool(started.append(list(words)) or True)
+        BackgroundCommand, "start", lambda self: started.append(self._arguments[2:])
     )
     dialog = TrainingDialog()
     qtbot.addWidget(dialog)

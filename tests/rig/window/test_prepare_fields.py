@@ -5,7 +5,7 @@ drills that are searched.
 from __future__ import annotations
 
 import pytest
-from PySide6.QtCore import Qt, QThreadPool
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QScrollArea
 from pytestqt.qtbot import QtBot
 
@@ -15,9 +15,9 @@ from rig.gears.card import GearFacts, now_text, save_card, with_changes, with_co
 from rig.window.prepare.form import ParameterForm, printed
 from rig.window.prepare.gear import GearSection
 from rig.window.prepare.page import PreparePage
-from rig.window.prepare.process import SideProcess
 from rig.window.prepare.training import TrainingDialog
 from rig.window.shell.session import WindowSession
+from rig.window.work.background import BackgroundCommand
 
 LONG = "SN 0815/ä that somebody pasted out of a spreadsheet with everything that stood in its row, 1234567890"
 
@@ -105,7 +105,7 @@ def test_a_very_long_serial_number_cuts_nothing_off(page: PreparePage, qtbot: Qt
     inner = area.widget()
     assert inner is not None
     qtbot.waitUntil(lambda: area.viewport().width() >= inner.width())
-    QThreadPool.globalInstance().waitForDone()
+    page.looking_ahead.wait()
 
 
 def test_a_whole_name_is_offered_nothing_more(page: PreparePage, qtbot: QtBot) -> None:
@@ -119,7 +119,7 @@ def test_a_whole_name_is_offered_nothing_more(page: PreparePage, qtbot: QtBot) -
     assert offered.isVisible()
     qtbot.keyClicks(page.operator, "e")
     qtbot.waitUntil(lambda: not offered.isVisible())
-    QThreadPool.globalInstance().waitForDone()
+    page.looking_ahead.wait()
 
 
 def test_a_drill_that_the_search_has_hidden_is_not_run(
@@ -127,7 +127,7 @@ def test_a_drill_that_the_search_has_hidden_is_not_run(
 ) -> None:
     started: list[list[str]] = []
     monkeypatch.setattr(
-        SideProcess, "start", lambda self, words: bool(started.append(list(words)) or True)
+        BackgroundCommand, "start", lambda self: started.append(self._arguments[2:])
     )
     dialog = TrainingDialog()
     qtbot.addWidget(dialog)

@@ -4,6 +4,8 @@ error, states in order.
 
 from __future__ import annotations
 
+import ast
+import inspect
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +13,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import rig.run.session
+from experiments import catalogue
 from experiments.recording import Event, RunMetadata, Segment
 from model.channel import Channel
 from model.units import ARCMIN, REVOLUTION
 from rig.run.order import Progress
-from rig.run.trips import TRIPS
+from rig.run.trips import SESSION_ERRORS, TRIPS
 from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column
 from rig.runfile.write import RunWriter
 from rig.window.run.banner import LOOKS, look_of
 from rig.window.run.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows
+from rig.window.run.live_plots import VIEWS
 from rig.window.run.margins_view import number, worded
-from rig.window.run.outcome_view import result_lines
+from rig.window.run.outcome_view import fitted_result, result_lines
 from rig.window.run.state import LOST, STOOD, RunState, State
 from rig.window.shell.palette import DARK, LIGHT, Palette
 from rig.window.work.live_file import Block, Envelope, LiveFile, RollingEnvelope, SlidingSpeed
@@ -151,7 +156,7 @@ def test_states_of_a_run_in_order() -> None:
         "progress after STOP does not look like running"
     )
     assert running.went_on(safe).state is State.STOPPING
-    ended = pressed.told(event("made-safe", "make-safe", "info")).reported(
+    ended = pressed.after(event("made-safe", "make-safe", "info")).reported(
         {"outcome": "ABORTED", "make_safe": {"safe": True}}
     )
     assert (ended.state, ended.outcome, ended.safe) == (State.FINISHED, "ABORTED", True)
@@ -166,10 +171,10 @@ def test_every_trip_names_its_cause_and_its_remedy(cause: str) -> None:
         .armed()
         .went_on(Progress(step=1, steps=3, what="hold", elapsed=1.0, left=2.0, speed=3.0, events=0))
     )
-    tripped = running.told(event(cause, text=f"TRIPPED {cause}: something"))
+    tripped = running.after(event(cause, text="in any words"))
     assert tripped.state is State.TRIPPED
     assert (tripped.what, tripped.remedy) == (TRIPS[cause].what, TRIPS[cause].remedy)
-    later = tripped.told(event("over_speed", text="TRIPPED over_speed: later")).pressed("STOP")
+    later = tripped.after(event("over_speed", text="later")).pressed("STOP")
     assert later.cause == cause, "the first cause stays"
     assert later.state is State.TRIPPED
     report = {
@@ -179,6 +184,26 @@ def test_every_trip_names_its_cause_and_its_remedy(cause: str) -> None:
         "message": "m",
     }
     assert later.reported(report).remedy == TRIPS[cause].remedy
+
+
+def test_an_error_that_is_no_trip_is_shown_as_none() -> None:
+    running = RunState(state=State.RUNNING, moved=True)
+    for code in SESSION_ERRORS:
+        assert running.after(event(code, text="TRIPPED over a cable")) == running
+    # An ABORT while an error is being brought to standstill is written at the level of that error.
+    assert running.after(event("ABORT")).state is State.STOPPING
+
+
+def test_every_error_of_the_session_is_in_the_table() -> None:
+    """Whatever ends a run in ERROR is no trip; a new code that is not in the table would be shown as one."""
+    calls = [
+        [ast.literal_eval(a) if isinstance(a, ast.Constant) else None for a in node.args]
+        for node in ast.walk(ast.parse(inspect.getsource(rig.run.session)))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+    ]
+    ends = {words[-1] for words in calls if len(words) == 4 and words[1] == "ERROR"}
+    logged = {words[1] for words in calls if words[:1] == ["error"] and words[2:3] == ["session"]}
+    assert ends | logged == SESSION_ERRORS
 
 
 def test_an_end_without_a_report() -> None:
@@ -194,7 +219,7 @@ def test_an_end_without_a_report() -> None:
     lost = moved.gone(False, "boom")
     assert (lost.state, lost.safe, lost.remedy) == (State.LOST, None, LOST)
     assert "boom" in lost.what
-    stood = moved.told(event("made-safe", "make-safe", "info")).gone(False, "")
+    stood = moved.after(event("made-safe", "make-safe", "info")).gone(False, "")
     assert (stood.safe, stood.remedy) == (True, STOOD)
     unsafe = moved.reported({"outcome": "PASS", "make_safe": {"safe": False}})
     assert unsafe.state is State.TRIPPED
@@ -244,14 +269,19 @@ def test_margins_and_results_carry_their_units() -> None:
         for name in ("travel", "following_error", "missed_cycles", "stale_data", "torsion_torque")
     )
     assert [number(v) for v in (3016.2, 0.07242, 22.1)] == ["3016", "0.0724", "22.1"]
-    told = (
-        '{"parameters": {"starting_torque": {"value": 0.0649, "unit": "N m", "low": 0.063, "high": 0.067, '
-        '"expanded_uncertainty": 0.0025, "identifiability": "weakly"}}}'
+    result = fitted_result(
+        '{"run": "7", "kind": "starting-torque", "parameters": {"starting_torque": {"value": 0.0649, "unit": "N m", '
+        '"low": 0.063, "high": 0.067, "identifiability": "weakly", '
+        '"budget": [{"source": "scale", "kind": "B", "standard_uncertainty": 0.00125}]}}}'
     )
-    assert result_lines(told, "starting-torque") == [
-        "starting torque 64.9 ± 2.5 mN m (weakly identifiable)"
-    ]
-    assert result_lines("no JSON", "home") == []
+    assert result is not None
+    assert result_lines(result) == ["starting torque 64.9 ± 2.5 mN m (weakly identifiable)"]
+    assert fitted_result("no JSON") is None
+
+
+def test_every_live_plot_that_a_protocol_asks_for_is_there() -> None:
+    wanted = {name for kind in catalogue.kinds() for name in catalogue.load(kind).live}
+    assert wanted <= set(VIEWS)
 
 
 def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Path) -> None:

@@ -9,11 +9,11 @@ import pytest
 from rig.analysis.difference import Change
 from rig.window.review.difference import change_row
 from rig.window.review.table_model import gear_words
-from rig.window.run.outcome_view import remarks, result_lines
+from rig.window.run.outcome_view import fitted_result, remarks, result_lines
 from tests.rig.window.reviewing import indexed
 
 
-def told(**changes: object) -> str:
+def answer(**changes: object) -> str:
     """What `rig fit --json` prints of a friction run."""
     estimate = {
         "value": 0.0734795,
@@ -21,28 +21,52 @@ def told(**changes: object) -> str:
         "low": 0.0733,
         "high": 0.0736,
         "expanded_uncertainty": 0.0021,
+        "budget": [{"source": "scale", "kind": "B", "standard_uncertainty": 0.00105}],
     }
     found = {
+        "run": "00003-friction-A1",
         "kind": "friction",
         "parameters": {"running_torque_500_rpm": estimate, "coulomb": {**estimate, "unit": "N"}},
     }
-    return json.dumps([{**found, **changes}])
+    return json.dumps({**found, **changes})
+
+
+def said(**changes: object) -> list[str]:
+    """What is said beside the numbers of such a run."""
+    result = fitted_result(answer(**changes))
+    assert result is not None
+    return remarks(result)
+
+
+def verdict(outcome: str) -> dict[str, object]:
+    """A verdict as JSON."""
+    return {
+        "name": "running torque",
+        "definition": "",
+        "value": 0.0734795,
+        "unit": "N m",
+        "expanded_uncertainty": 0.0021,
+        "limit": 0.1,
+        "limit_source": "",
+        "limit_provenance": "assumed",
+        "outcome": outcome,
+    }
 
 
 def test_the_end_of_a_run_names_results_in_words_and_whose_torque_it_is() -> None:
-    first, second = result_lines(told(), "friction")
+    result = fitted_result(answer())
+    assert result is not None
+    first, second = result_lines(result)
     assert first == "running torque 500 r/min 73.5 ± 2.1 mN m"
     assert second.startswith("Coulomb friction ")
-    assert remarks(told()) == []
-    (whose,) = remarks(told(options={"torque_is_of": "motor + gear"}))
+    assert said() == []
+    (whose,) = said(options={"torque_is_of": "motor + gear"})
     assert "no tare was subtracted. Review fits it" in whose
-    assert (
-        "Review"
-        not in remarks(told(kind="starting-torque", options={"torque_is_of": "motor + gear"}))[0]
-    )
-    (judged,) = remarks(told(verdicts=[{"outcome": "no verified limit"}]))
+    (whose,) = said(kind="starting-torque", options={"torque_is_of": "motor + gear"})
+    assert "Review" not in whose
+    (judged,) = said(verdicts=[verdict("no verified limit")])
     assert "not judged" in judged
-    assert remarks(told(verdicts=[{"outcome": "no verified limit"}, {"outcome": "FAIL"}])) == []
+    assert said(verdicts=[verdict("no verified limit"), verdict("FAIL")]) == []
 
 
 @pytest.mark.parametrize(
@@ -71,6 +95,8 @@ def test_the_end_of_a_run_names_results_in_words_and_whose_torque_it_is() -> Non
                 unit="N m",
                 significant=False,
                 note="",
+                title="offset",
+                shown="0.02 ± 0.12 mN m",
             ),
             ("results", "offset", "38 ± 88 µN m", "-", "0.02 ± 0.12 mN m", "within U", ""),
         ),

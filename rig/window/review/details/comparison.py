@@ -8,10 +8,12 @@ from typing import Any
 
 from PySide6.QtWidgets import QLabel, QTextBrowser, QVBoxLayout, QWidget
 
+from experiments.quantity import bare_quantity, quantity_of
 from model.errors import ModelError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
-from rig.analysis.wording import metric, readable
+from rig.analysis.result_data import quantities_for
+from rig.analysis.wording import metric_text
 from rig.window.review.grid import GridTable
 from rig.window.review.results import COMPARISON_COLUMNS, comparison_rows
 from rig.window.review.words import facts_html
@@ -24,7 +26,7 @@ class ComparisonView(QWidget):
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
         self._session = session
-        self._told: Mapping[str, Any] = {}
+        self._content: Mapping[str, Any] = {}
         self.title = QLabel()
         self.title.setProperty("part", "heading")
         self.title.setWordWrap(True)
@@ -40,13 +42,12 @@ class ComparisonView(QWidget):
         column.addWidget(self.page, 2)
         session.theme_changed.connect(lambda _: self._write())
 
-    def show_comparison(self, told: Mapping[str, Any], parameters: Path) -> None:
+    def show_comparison(self, content: Mapping[str, Any], parameters: Path) -> None:
         """What was told of a run and a parameter set."""
-        self._told = told
-        rows = comparison_rows(told, _gear(parameters))
-        self.title.setText(
-            f"{told.get('kind', '')}: run {told.get('run', '')} against the set {told.get('parameter_set', '')}"
-        )
+        self._content = content
+        rows = comparison_rows(content, _gear(parameters))
+        kind, run, against = (content.get(key, "") for key in ("kind", "run", "parameter_set"))
+        self.title.setText(f"{kind}: run {run} against the set {against}")
         self.title.setToolTip(str(parameters))
         self.table.show_rows(
             COMPARISON_COLUMNS, rows, (False, True, True, True, False, True, False)
@@ -56,15 +57,15 @@ class ComparisonView(QWidget):
         self._write()
 
     def _write(self) -> None:
-        told, palette = self._told, self._session.palette
-        pairs = [
-            (
-                readable(name),
-                "–" if value is None else metric(str(told.get("kind", "")), name, float(value)),
-            )
-            for name, value in told.get("metrics", {}).items()
-        ]
-        warnings = [("", str(text)) for text in told.get("warnings", ())]
+        content, palette = self._content, self._session.palette
+        metrics = content.get("metrics", {})
+        quantities = quantities_for(str(content.get("kind", "")), {}, metrics)
+        pairs = []
+        for name, value in metrics.items():
+            quantity = quantity_of(quantities, name) or bare_quantity(name, "")
+            text = "–" if value is None else metric_text(quantity, float(value))
+            pairs.append((quantity.titled(name), text))
+        warnings = [("", str(text)) for text in content.get("warnings", ())]
         self.page.setHtml(
             facts_html("To beware of", warnings, palette)
             + facts_html("How well the set predicts", pairs, palette)

@@ -90,17 +90,17 @@ def parameters_of(protocol: str, values: Mapping[str, Any]) -> Pairs:
     units = {}
     if protocol in catalogue.kinds():
         units = {f.name: f.unit for f in parameter_fields(catalogue.load(protocol).parameters)}
-    made = []
+    rows = []
     for name, value in values.items():
         unit = units.get(name, "")
         text = {"True": "yes", "False": "no"}.get(str(value), _text(value))
-        made.append(
+        rows.append(
             (
                 readable(name).removesuffix(" rpm"),
                 f"{text} {unit}" if unit not in ("", "1") and text else text,
             )
         )
-    return tuple(made)
+    return tuple(rows)
 
 
 def calibration_grid(header: RunHeader) -> Grid:
@@ -126,18 +126,18 @@ def calibration_grid(header: RunHeader) -> Grid:
 
 
 def _limits(limits: Mapping[str, Any]) -> Pairs:
-    made = []
-    for name, told in limits.items():
-        if isinstance(told, Mapping) and isinstance(told.get("value"), (int, float)):
-            value, unit = float(told["value"]), str(told.get("unit", ""))
+    rows = []
+    for name, limit in limits.items():
+        if isinstance(limit, Mapping) and isinstance(limit.get("value"), (int, float)):
+            value, unit = float(limit["value"]), str(limit.get("unit", ""))
             shown = f"{number(value / RPM)} r/min" if unit == "rad/s" else f"{number(value)} {unit}"
             origin = ", ".join(
-                str(told[key]) for key in ("tier", "origin", "provenance") if told.get(key)
+                str(limit[key]) for key in ("tier", "origin", "provenance") if limit.get(key)
             )
-            made.append((readable(name), f"{shown} ({origin})" if origin else shown))
+            rows.append((readable(name), f"{shown} ({origin})" if origin else shown))
         else:
-            made.append((readable(name), _text(told)))
-    return tuple(made)
+            rows.append((readable(name), _text(limit)))
+    return tuple(rows)
 
 
 def _text(value: Any) -> str:

@@ -11,10 +11,10 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWi
 from rig.analysis.store import Analysis, analysis_folder
 from rig.runfile.seal import recorded_sha256
 from rig.runfile.verify import Finding, verify_run
-from rig.window.review.errand import Errand
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
+from rig.window.work.background import LatestTask
 
 COLUMNS = ("#", "kind of fit", "made", "verdict", "tare", "program", "file")
 Opener = Callable[[QUrl], object]
@@ -48,9 +48,9 @@ class RunFilesView(QWidget):
         self.says = QLabel()
         self.says.setProperty("part", "muted")
         self.says.setWordWrap(True)
-        self._errand = Errand(self)
-        self._errand.done.connect(self._show_findings)
-        self._errand.failed.connect(self.findings.setText)
+        self._verifying = LatestTask(self)
+        self._verifying.done.connect(self._show_findings)
+        self._verifying.failed.connect(self.findings.setText)
         head = QHBoxLayout()
         head.addWidget(self.file, 1)
         head.addWidget(self.verify, 0, Qt.AlignmentFlag.AlignTop)
@@ -67,7 +67,7 @@ class RunFilesView(QWidget):
         if path != self._path:
             self.findings.clear()
             self.findings.hide()
-            self._errand.forget()
+            self._verifying.forget()
         self._path, self._analyses = path, tuple(analyses)
         sha = recorded_sha256(path)
         self.file.setText(
@@ -79,12 +79,12 @@ class RunFilesView(QWidget):
         for a in self._analyses:
             tare = str(a.content.get("tare", {}).get("run", "")) or "none"
             version = str(a.content.get("program_version", ""))
-            made = local_time(str(a.content.get("created", "")))
+            created = local_time(str(a.content.get("created", "")))
             rows.append(
                 (
                     str(a.number),
                     a.kind,
-                    made,
+                    created,
                     str(a.content.get("outcome", "")),
                     tare,
                     version,
@@ -107,7 +107,7 @@ class RunFilesView(QWidget):
         if path is not None:
             self.findings.setText("Reading the file from end to end …")
             self.findings.show()
-            self._errand.start(lambda: verify_run(path))
+            self._verifying.start(lambda: verify_run(path))
 
     def _show_findings(self, findings: Sequence[Finding]) -> None:
         lines = [

@@ -107,5 +107,5 @@ class RunHeaderView(QFrame):
 def _hash_words(path: Path) -> str:
     if path.name.endswith(".part"):
         return "not sealed"
-    found = recorded_sha256(path)
-    return f"SHA-256 {found[:SHOWN_HASH]}…" if found else "no SHA-256 noted"
+    recorded = recorded_sha256(path)
+    return f"SHA-256 {recorded[:SHOWN_HASH]}…" if recorded else "no SHA-256 noted"

@@ -14,9 +14,9 @@ from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
-from rig.analysis.passport.gather import COUNTED_OUTCOMES
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis, read_analyses
+from rig.analysis.tare import takes_tare
 from rig.errors import RigError
 from rig.library.index import IndexedRun
 from rig.runfile.header import ORIGIN_WORDS
@@ -27,13 +27,12 @@ from rig.window.review.details.events import RunEventsView
 from rig.window.review.details.facts import Facts, facts_of
 from rig.window.review.details.files import RunFilesView
 from rig.window.review.details.header import RunHeaderView
-from rig.window.review.errand import Errand
-from rig.window.review.fit import FitDesk, FitOrder, ResultCache, in_words, order_of
+from rig.window.review.fit import FitDesk, FitOrder, ResultCache, in_words, order_of, tares_among
 from rig.window.review.library_table import HTML, PDF
-from rig.window.review.results import TARE, TARED, ChooseFile, FitBar, ResultsView
+from rig.window.review.results import ChooseFile, FitBar, ResultsView
 from rig.window.review.signals import SignalsView
 from rig.window.shell.session import WindowSession
-from rig.window.work.background import BackgroundCommand
+from rig.window.work.background import BackgroundCommand, LatestTask
 
 GROWING_MS = 1000
 """ms between two looks at a run that is being written."""
@@ -75,7 +74,7 @@ class RunDetails(QWidget):
         self.comparison = ComparisonView(session)
         self.problem = QLabel()
         self.problem.setWordWrap(True)
-        self._reader = Errand(self)
+        self._reader = LatestTask(self)
         self._growing = QTimer(self)
         self._growing.setInterval(GROWING_MS)
         self._lay_out()
@@ -265,17 +264,8 @@ class RunDetails(QWidget):
         assert self.recording is not None
         metadata = self.recording.metadata
         newest = self._analyses[-1] if self._analyses else None
-        used = order_of(newest, self.path, self._known_runs()) if newest else None
-        # A run that was broken off is no tare: it lacks speeds.
-        tares = [
-            r
-            for r in self._library
-            if r.protocol == TARE
-            and r.origin == metadata.origin
-            and r.state == "sealed"
-            and r.outcome in COUNTED_OUTCOMES
-            and r.path != self.path
-        ]
+        used = order_of(newest, self.path, self._sealed_runs()) if newest else None
+        tares = [r for r in tares_among(self._library, metadata.origin) if r.path != self.path]
         self.bar.show_run(self.path, metadata.experiment, tares, used)
         self.bar.setEnabled(self._state != "being written")
         self._set_figures((), self._why_no_figures())
@@ -288,7 +278,7 @@ class RunDetails(QWidget):
         else:
             self.results.show_nothing("Nothing has been identified from this run yet. Press Fit.")
 
-    def _known_runs(self) -> Mapping[str, Path]:
+    def _sealed_runs(self) -> Mapping[str, Path]:
         return {run.run_id: run.path for run in self._library if run.state == "sealed"}
 
     def _show_analysis(self, analysis: Analysis, *, front: bool = True) -> None:
@@ -298,15 +288,15 @@ class RunDetails(QWidget):
             self.results.show_nothing(f"Analysis {analysis.number} cannot be read: {error}.")
             return
         self.results.show_result(result, self._gear)
-        made = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
+        heading = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
         tare = str(analysis.content.get("tare", {}).get("run", ""))
-        self.bar.say(f"{made}, {analysis.kind}{self._tare_words(tare, analysis.kind)}.")
+        self.bar.say(f"{heading}, {analysis.kind}{self._tare_words(tare, analysis.kind)}.")
         if front:
             self.tabs.setCurrentWidget(self.results)
 
     def _tare_words(self, tare: str, kind: str) -> str:
         """Which tare an analysis was made with; nothing for a kind that has none."""
-        if kind not in TARED:
+        if not takes_tare(kind):
             return ""
         if tare:
             return f", less the motor by {tare}"
@@ -357,7 +347,7 @@ class RunDetails(QWidget):
             return
         newest = self._analyses[-1] if self._analyses else None
         order = (
-            order_of(newest, self.path, self._known_runs())
+            order_of(newest, self.path, self._sealed_runs())
             if newest
             else self.bar.order(keep=False)
         )
@@ -393,12 +383,12 @@ class RunDetails(QWidget):
         self._comparing = None
         self.bar.set_busy(False)
         try:
-            told = json.loads(out)
+            content = json.loads(out)
         except ValueError:
             self.bar.say(in_words(complaint), "bad")
             return
         self.bar.say("")
-        self.comparison.show_comparison(told, parameters)
+        self.comparison.show_comparison(content, parameters)
         if self.tabs.indexOf(self.comparison) < 0:
             self.tabs.insertTab(1, self.comparison, "Comparison")
         self.tabs.setCurrentWidget(self.comparison)

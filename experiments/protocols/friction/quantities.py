@@ -1,0 +1,91 @@
+"""What a friction run finds: running torque, Stribeck parameters, and figures of merit."""
+
+from __future__ import annotations
+
+from experiments.quantity import Counterpart, Quantity
+
+CATALOGUE_SPEEDS_RPM = (500.0, 1000.0, 2000.0, 3500.0)
+"""Input speeds at which catalogues give the no-load running torque."""
+
+ESTIMATES = (
+    Quantity(
+        name="running_torque_{speed}_rpm",
+        title="running torque {speed} r/min",
+        heading="No-load running torque at {speed} r/min",
+        axis="running torque",
+        unit="N m",
+        shown="mN m",
+        definition="torque that keeps the input turning at this speed, nothing on the output",
+        conditions=("part", "mounting", "torque of", "channel"),
+        is_key=True,
+        is_watched=True,
+        watched_members=tuple(f"{speed:.0f}" for speed in CATALOGUE_SPEEDS_RPM),
+        catalogue=Counterpart(
+            rating="running_torque",
+            definition="torque that keeps the input turning at a constant speed, nothing on the output",
+            conditions="nothing on the output, at a stated speed and temperature (20 °C), the maker's grease "
+            "in its standard quantity, ratio 100 (others are corrected for)",
+        ),
+    ),
+    Quantity(name="coulomb", title="Coulomb friction", unit="N", is_key=True),
+    Quantity(name="static", title="static friction", unit="N", is_key=True),
+    Quantity(name="stribeck_velocity", title="Stribeck velocity", unit="rad/s", is_key=True),
+    Quantity(name="viscous", title="viscous friction", unit="N s/rad", is_key=True),
+    Quantity(name="shape", title="shape coefficient", unit="1"),
+    Quantity(
+        name="offset",
+        title="offset",
+        unit="N m",
+        definition="half-sum of the directions, extrapolated to standstill: rest of the torque zero",
+    ),
+    Quantity(
+        name="asymmetry",
+        title="asymmetry",
+        unit="N m s/rad",
+        definition="growth of the half-sum of the directions with speed",
+    ),
+)
+
+METRICS = (
+    Quantity(name="points", title="points", unit="1"),
+    Quantity(name="slowest_speed", title="slowest speed", unit="rad/s", shown="r/min"),
+    Quantity(name="chi_square", title="chi square", unit="1"),
+    Quantity(name="freedom", title="freedom", unit="1"),
+    Quantity(name="birge", title="birge", unit="1"),
+    Quantity(name="residual_rms", title="residual rms", unit="N m"),
+    Quantity(name="relative_rms", title="relative rms", unit="1"),
+    Quantity(name="bracket_drift", title="bracket drift", unit="1"),
+    Quantity(name="reproducibility", title="reproducibility", unit="1"),
+    Quantity(name="torque_zero_drift", title="torque zero drift", unit="N m"),
+    Quantity(
+        name="friction_over_output_order_{order}",
+        title="friction over output order {order}",
+        unit="1",
+    ),
+    Quantity(name="dry_friction_per_kelvin", title="dry friction per kelvin", unit="1/K"),
+    Quantity(name="viscous_friction_per_kelvin", title="viscous friction per kelvin", unit="1/K"),
+    Quantity(name="housing_temperature", title="housing temperature", unit="°C"),
+    Quantity(name="housing_temperature_span", title="housing temperature span", unit="K"),
+    Quantity(
+        name="genetic_chi_square_excess",
+        title="genetic chi square excess",
+        unit="1",
+        definition="how far the paper's genetic search stays behind variable projection",
+    ),
+    Quantity(name="genetic_evaluations", title="genetic evaluations", unit="1"),
+    Quantity(name="genetic_coulomb", title="genetic coulomb", unit="N"),
+    Quantity(name="genetic_static", title="genetic static", unit="N"),
+    Quantity(name="genetic_stribeck_velocity", title="genetic stribeck velocity", unit="rad/s"),
+    Quantity(name="genetic_shape", title="genetic shape", unit="1"),
+    Quantity(name="genetic_viscous", title="genetic viscous", unit="N s/rad"),
+)
+
+SCORES = (
+    Quantity(name="mse", title="MSE (22)", unit="1"),
+    Quantity(name="mean_residual", title="mean residual", unit="N m"),
+    Quantity(name="skill_against_mean", title="skill against mean", unit="1"),
+    Quantity(name="skill_against_straight_line", title="skill against straight line", unit="1"),
+)
+"""Of a given parameter set, nothing fitted."""
+
+QUANTITIES = (*ESTIMATES, *METRICS, *SCORES)

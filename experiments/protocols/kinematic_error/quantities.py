@@ -1,0 +1,119 @@
+"""What a kinematic-error run finds: transmission accuracy, orders, the phase of figure 16, and figures of merit."""
+
+from __future__ import annotations
+
+from experiments.quantity import Counterpart, Quantity
+
+COMPARED_BY = ("part", "mounting", "speed", "orders")
+_CATALOGUE = Counterpart(
+    rating="transmission_accuracy",
+    definition="largest positive plus largest negative deviation of the output from the ideal "
+    "over one complete output revolution, one direction",
+    conditions="nothing on the output, low speed",
+)
+_ACCURACY = (
+    "sum of the largest positive and the largest negative deviation of the output from the "
+    "ideal over one complete output revolution, one direction; of the fitted curve"
+)
+
+ESTIMATES = (
+    Quantity(
+        name="transmission_accuracy",
+        title="transmission accuracy",
+        unit="rad",
+        shown="arcmin",
+        definition=_ACCURACY,
+        conditions=COMPARED_BY,
+        is_key=True,
+        catalogue=_CATALOGUE,
+    ),
+    Quantity(
+        name="transmission_accuracy_{way}",
+        title="transmission accuracy {way}",
+        heading="Transmission accuracy, {way}",
+        axis="transmission accuracy",
+        unit="rad",
+        shown="arcmin",
+        definition=_ACCURACY,
+        conditions=COMPARED_BY,
+        is_key=True,
+        is_watched=True,
+        watched_members=("forward", "reverse"),
+        catalogue=_CATALOGUE,
+    ),
+    Quantity(
+        name="amplitude_{order}",
+        title="order {order}, amplitude",
+        heading="Kinematic error, amplitude of order {order}",
+        axis="amplitude",
+        unit="rad",
+        shown="arcsec",
+        definition="amplitude of this order of the kinematic error, cycles per input revolution; "
+        "mean of both directions",
+        conditions=COMPARED_BY,
+        is_key=True,
+        key_members=("2", "1"),
+        is_watched=True,
+        subject="kinematic error",
+    ),
+    Quantity(
+        name="phase_{order}",
+        title="order {order}, phase",
+        unit="rad",
+        shown="°",
+        is_circular=True,
+    ),
+    Quantity(
+        name="figure_16_phase_difference",
+        title="figure 16 phase difference",
+        unit="rad",
+        shown="°",
+        definition="phase of the friction torque less that of the kinematic error, at the order of figure 16",
+        is_key=True,
+        is_circular=True,
+    ),
+    Quantity(name="figure_16_friction_amplitude", title="figure 16 friction amplitude", unit="N m"),
+    Quantity(
+        name="figure_16_conservative_amplitude",
+        title="figure 16 conservative amplitude",
+        unit="N m",
+    ),
+    Quantity(name="figure_16_error_amplitude", title="figure 16 error amplitude", unit="rad"),
+    Quantity(
+        name="lost_motion",
+        title="offset between the directions",
+        unit="rad",
+        definition="forward less reverse: wind-up by friction, and skew between the channels times speed",
+    ),
+    Quantity(name="slope", title="slope", unit="rad/rad"),
+    Quantity(name="ratio", title="ratio", unit="1"),
+)
+
+METRICS = (
+    Quantity(name="mse_curve_{way}", title="MSE curve {way}", unit="1"),
+    Quantity(name="mse_raw_{way}", title="MSE raw {way}", unit="1"),
+    Quantity(
+        name="raw_peak_to_peak_{way}", title="raw peak to peak {way}", unit="rad", shown="arcmin"
+    ),
+    Quantity(name="closure_{way}", title="closure {way}", unit="rad", shown="arcmin"),
+    Quantity(name="residual_rms_{way}", title="residual rms {way}", unit="rad"),
+    Quantity(name="repeatability_{way}", title="repeatability {way}", unit="rad"),
+    Quantity(name="input_revolutions_{way}", title="input revolutions {way}", unit="1"),
+    Quantity(name="output_revolutions_{way}", title="output revolutions {way}", unit="1"),
+    Quantity(name="samples_per_revolution_{way}", title="samples per revolution {way}", unit="1"),
+    Quantity(name="samples_{way}", title="samples {way}", unit="1"),
+    Quantity(name="condition_{way}", title="condition {way}", unit="1"),
+    Quantity(name="agreement_of_directions", title="agreement of directions", unit="rad"),
+    Quantity(name="mse_on_other_repeats", title="MSE on other repeats", unit="1"),
+    Quantity(name="margin_to_first_mode", title="margin to first mode", unit="1"),
+    Quantity(name="slipped_counts", title="slipped counts", unit="1"),
+)
+
+SCORES = (
+    Quantity(name="mse_of_the_mean", title="MSE of the mean", unit="1"),
+    Quantity(name="mse_free_phase_{traverse}", title="MSE free phase {traverse}", unit="1"),
+    Quantity(name="mse_{traverse}", title="MSE {traverse}", unit="1"),
+)
+"""Of a given parameter set, nothing fitted. The last family would take every MSE: it stands last."""
+
+QUANTITIES = (*ESTIMATES, *METRICS, *SCORES)

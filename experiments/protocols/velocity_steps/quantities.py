@@ -1,0 +1,63 @@
+"""What a velocity-step run finds: the torsional mode, inertia and stiffness behind it, and figures of merit."""
+
+from __future__ import annotations
+
+from experiments.quantity import Quantity
+
+ESTIMATES = (
+    Quantity(
+        name="stiffness_over_inertia",
+        title="dynamic stiffness over inertia K/J_o",
+        unit="1/s2",
+        definition="square of the frequency of the pole from input to output angle; dynamic, small-signal",
+        is_key=True,
+    ),
+    Quantity(
+        name="stiffness_over_inertia_{way}",
+        title="stiffness over inertia {way}",
+        unit="1/s2",
+        is_key=True,
+    ),
+    Quantity(
+        name="damping_ratio",
+        title="damping ratio",
+        unit="1",
+        definition="of the first torsional mode",
+        is_key=True,
+    ),
+    Quantity(name="damping_ratio_{way}", title="damping ratio {way}", unit="1", is_key=True),
+    Quantity(
+        name="frequency",
+        title="frequency",
+        unit="Hz",
+        definition="of the first torsional mode: the resonance of the output on the gear's compliance",
+        is_key=True,
+    ),
+    Quantity(name="frequency_{way}", title="frequency {way}", unit="Hz"),
+    Quantity(name="output_inertia", title="output inertia", unit="kg m2"),
+    Quantity(name="input_inertia", title="input inertia", unit="kg m2"),
+    Quantity(
+        name="output_stiffness",
+        title="output stiffness",
+        unit="N m/rad",
+        definition="K/J_o times the inertia from torque; dynamic, small-signal",
+    ),
+)
+
+METRICS = (
+    Quantity(name="steps", title="steps", unit="1"),
+    Quantity(name="resolvable_steps", title="resolvable steps", unit="1"),
+    Quantity(name="median_skill", title="median skill", unit="1"),
+    Quantity(name="median_skill_rigid", title="median skill rigid", unit="1"),
+    Quantity(name="median_skill_speed", title="median skill speed", unit="1"),
+    Quantity(name="median_skill_speed_rigid", title="median skill speed rigid", unit="1"),
+    Quantity(name="median_mse_speed", title="median MSE speed", unit="1"),
+)
+
+SCORES = (
+    Quantity(name="frequency_of_the_set", title="frequency of the set", unit="Hz"),
+    Quantity(name="damping_of_the_set", title="damping of the set", unit="1"),
+)
+"""Of a given parameter set, nothing fitted."""
+
+QUANTITIES = (*ESTIMATES, *METRICS, *SCORES)

@@ -1,0 +1,169 @@
+"""What is known of one thing that a protocol finds: title, unit, unit shown, definition, what makes values comparable.
+
+Each protocol declares its quantities beside its parameters; every estimate and every metric of a
+result is one of them. Terminal, window, report, passport and difference read all they say of a
+number from here, so that a new quantity needs one line in one file.
+"""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from experiments.errors import AnalysisError
+from model.units import LABORATORY_UNITS
+
+_PLACEHOLDER = re.compile(r"\{(\w+)\}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counterpart:
+    """The value of a catalogue that a quantity is held against.
+
+    `rating` is its name in the parameter set, `definition` and `conditions` are those under which
+    catalogues customarily state it.
+    """
+
+    rating: str
+    definition: str
+    conditions: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """One thing that a protocol finds, or a family of such things that differ in one word of their name.
+
+    A family has a placeholder in its name, which may stand in title and heading too:
+    `running_torque_{speed}_rpm` is titled `running torque {speed} r/min`.
+    """
+
+    name: str
+    """Its key among the estimates or metrics."""
+    title: str
+    """What it is called within a line or a table."""
+    unit: str
+    """SI, as in `Estimate.unit`: "1" for none; "" where it is that of the channel which was analysed."""
+    shown: str = ""
+    """The unit in which a laboratory reads it; "" leaves that to its size (`model.units.by_size`)."""
+    definition: str = ""
+    """What exactly is meant."""
+    conditions: tuple[str, ...] = ()
+    """Facts of a run that must be equal for two values to be comparable: "part", "mounting", "speed"."""
+    target_uncertainty: float | None = None
+    """U (k = 2) that a useful result stays below, in `unit`."""
+    is_key: bool = False
+    """Whether a reader looks for it first; the order of declaration is the order of importance."""
+    key_members: tuple[str, ...] = ()
+    """Of a family: the members that are looked for first, the first of them first; none: all."""
+    is_watched: bool = False
+    """Whether a passport follows it over the life of a gear."""
+    watched_members: tuple[str, ...] = ()
+    """Of a family: the members that every gear should have; none: the largest that its runs show."""
+    heading: str = ""
+    """What it is called where it stands alone, above a chart; "" is the title with a capital letter."""
+    axis: str = ""
+    """What stands at the axis of its chart, before the unit; "" is the title without the placeholder."""
+    catalogue: Counterpart | None = None
+    is_circular: bool = False
+    """Whether it is an angle on the circle: two values differ by the shorter way round."""
+    subject: str = ""
+    """Of a family of orders: what they are orders of."""
+
+    def __post_init__(self) -> None:
+        if self.shown and LABORATORY_UNITS.get(self.shown, ("",))[0] != self.unit:
+            raise AnalysisError(
+                "cannot be shown in this unit",
+                where=self.name,
+                value=repr(self.shown),
+                limit=f"a multiple of {self.unit} among {', '.join(LABORATORY_UNITS)}",
+            )
+
+    @property
+    def placeholder(self) -> str:
+        """The word that differs within the family: "order", "way", "speed"; "" for a single quantity."""
+        match = _PLACEHOLDER.search(self.name)
+        return match[1] if match else ""
+
+    @functools.cached_property
+    def _pattern(self) -> re.Pattern[str]:
+        before, mark, after = self.name.partition("{" + self.placeholder + "}")
+        return re.compile(re.escape(before) + ("(.+)" if mark else "") + re.escape(after))
+
+    def member(self, name: str) -> str:
+        """The word that stands for the placeholder in a name of this family; "" for a name that is none of it."""
+        match = self._pattern.fullmatch(name)
+        return match[1] if match and self.placeholder else ""
+
+    def matches(self, name: str) -> bool:
+        """Whether an estimate or a metric of this name is this quantity."""
+        return self._pattern.fullmatch(name) is not None
+
+    def named(self, member: str) -> str:
+        """The name of one member of the family."""
+        return _filled(self.name, member)
+
+    def titled(self, name: str) -> str:
+        """The title of the estimate or metric of this name."""
+        return _filled(self.title, self.member(name).replace("_", " "))
+
+    def headed(self, name: str) -> str:
+        """The title of the estimate of this name where it stands alone."""
+        if not self.heading:
+            title = self.titled(name)
+            return title[:1].upper() + title[1:]
+        return _filled(self.heading, self.member(name).replace("_", " "))
+
+    @property
+    def family_title(self) -> str:
+        """The title without the word that differs within the family."""
+        return _PLACEHOLDER.sub("", self.title).strip(" ,")
+
+
+def _filled(text: str, member: str) -> str:
+    return _PLACEHOLDER.sub(lambda _: member, text)
+
+
+def bare_quantity(name: str, unit: str) -> Quantity:
+    """A quantity of which nothing is known but its name and unit; a symbol of the paper (F_c) stays as it is."""
+    symbol = any(letter.isupper() for letter in name)
+    return Quantity(name=name, title=name if symbol else name.replace("_", " "), unit=unit)
+
+
+def quantity_of(quantities: Iterable[Quantity], name: str) -> Quantity | None:
+    """The quantity of an estimate or a metric: the one of that very name, else the first family that it belongs to."""
+    family = None
+    for quantity in quantities:
+        if quantity.name == name:
+            return quantity
+        if family is None and quantity.matches(name):
+            family = quantity
+    return family
+
+
+def with_bare(quantities: Sequence[Quantity], units: Mapping[str, str]) -> tuple[Quantity, ...]:
+    """These quantities, and a bare one for each name (with its unit) that none of them covers."""
+    bare = [
+        bare_quantity(name, unit)
+        for name, unit in units.items()
+        if quantity_of(quantities, name) is None
+    ]
+    return (*quantities, *bare)
+
+
+def key_names(quantities: Sequence[Quantity], names: Iterable[str]) -> tuple[str, ...]:
+    """Of the names of a result's estimates those that a reader looks for first, the most important first."""
+    members: dict[int, list[str]] = {}
+    for name in names:
+        quantity = quantity_of(quantities, name)
+        if quantity is not None and quantity.is_key:
+            members.setdefault(quantities.index(quantity), []).append(name)
+    ordered: list[str] = []
+    for place in sorted(members):
+        wanted = [quantities[place].named(member) for member in quantities[place].key_members]
+        if wanted:
+            ordered += [name for name in wanted if name in members[place]]
+        else:
+            ordered += members[place]
+    return tuple(ordered)

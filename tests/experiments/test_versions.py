@@ -1,0 +1,113 @@
+"""The version of an analysis is raised when its numbers change: a small recording per kind pins them to it.
+
+When a test here fails although no number was meant to change, the change has a defect. When the
+new numbers are meant, raise `version` in the kind's EXPERIMENT, say why in the changelog, and pin
+them:
+
+    PIN_NUMBERS=1 python -m pytest tests/experiments/test_versions.py
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from experiments import catalogue
+from experiments.contract import Evidence
+from experiments.protocols import home, starting_torque, warm_up
+from experiments.protocols.velocity_steps import protocol as velocity_steps
+from experiments.recording import Recording
+from experiments.result import Result
+from model.gear import HarmonicDrive
+from tests.experiments.conftest import SERIES
+from tests.experiments.synthetic import Bench, record
+from tests.experiments.test_analyses_without_plan import axis, foreign
+
+PINNED = Path(__file__).with_name("pinned.json")
+"""By kind: the version of its analysis, and value and U (k = 2) of every estimate."""
+SAME = 1e-5
+"""Relative; other processors and libraries agree to less."""
+
+
+@pytest.fixture
+def small(
+    request: pytest.FixtureRequest, bench: Bench, gear: HarmonicDrive
+) -> Callable[[str], Result]:
+    """The analysis of a small recording of a kind."""
+
+    def planned(module: Any, parameters: Any) -> Recording:
+        given = dataclasses.asdict(parameters)
+        return record(module.plan(parameters, gear), bench, module.NAME, parameters=given)
+
+    def recording(kind: str) -> Recording:
+        if kind in ("kinematic-error", "revolution", "order-spectrum"):
+            return request.getfixturevalue("kinematic_error_run")
+        if kind in ("friction", "motor-tare"):
+            return request.getfixturevalue("friction_run" if kind == "friction" else "tare_run")
+        if kind == "motion":
+            time, position, force = axis()
+            return foreign(time, position=(position, "m"), force=(force, "N"))
+        if kind == "velocity-steps":
+            steps = velocity_steps.Parameters(speeds_rpm=(60.0, 1800.0, 2950.0), repeats=1)
+            whole = tuple(h for h in SERIES if h.order in (1.0, 2.0, 4.0))
+            ringing = Bench(gear=gear, error=whole, elastic=True)
+            return record(velocity_steps.plan(steps, gear), ringing, kind)
+        if kind == "warm-up":
+            return planned(warm_up, warm_up.Parameters(window=2.0, at_most=60.0))
+        if kind == "starting-torque":
+            return planned(starting_torque, starting_torque.Parameters(positions=2))
+        if kind == "home":
+            return planned(home, home.Parameters(input_speed_rpm=30.0, output_speed_rpm=120.0))
+        pytest.fail(f"no small recording for {kind}: add one here")
+
+    def analysed(kind: str) -> Result:
+        tare = request.getfixturevalue("tare") if catalogue.load(kind).takes_tare else None
+        settings = {"highest_order": 48} if kind in ("revolution", "order-spectrum") else {}
+        return catalogue.load(kind).analyse(
+            recording(kind), Evidence(gear, tare, settings=settings)
+        )
+
+    return analysed
+
+
+@pytest.mark.parametrize("kind", catalogue.kinds())
+def test_the_numbers_of_an_analysis_belong_to_its_version(
+    kind: str, small: Callable[[str], Result]
+) -> None:
+    pinned = json.loads(PINNED.read_text(encoding="utf-8")) if PINNED.exists() else {}
+    version = catalogue.load(kind).version
+    estimates = small(kind).estimates
+    numbers = {name: [e.value, e.expanded_uncertainty] for name, e in estimates.items()}
+    assert numbers
+    if os.environ.get("PIN_NUMBERS") and pinned.get(kind, {}).get("version") != version:
+        pinned[kind] = {"version": version, "numbers": numbers}
+        PINNED.write_text(json.dumps(pinned, indent=1) + "\n", encoding="utf-8")
+    assert pinned.get(kind, {}).get("version") == version, (
+        f"the version of {kind} is {version}, and its numbers are not pinned to it: "
+        "PIN_NUMBERS=1 python -m pytest tests/experiments/test_versions.py"
+    )
+    changed = [
+        name for name, pin in pinned[kind]["numbers"].items() if not same(numbers, name, pin)
+    ]
+    changed += sorted(numbers.keys() - pinned[kind]["numbers"].keys())
+    assert not changed, (
+        f"the analysis of {kind} gives other numbers than its version {version} did ({', '.join(changed)}): "
+        "if that is meant, raise `version` in its EXPERIMENT and pin the new numbers "
+        "(see the top of this file)"
+    )
+
+
+def same(numbers: dict[str, list[float]], name: str, pin: list[float]) -> bool:
+    """Whether an estimate is what it was: to a few parts in 10^5 of itself, or of its uncertainty."""
+    if name not in numbers:
+        return False
+    value, expanded = numbers[name]
+    return value == pytest.approx(pin[0], rel=SAME, abs=SAME * abs(pin[1])) and (
+        expanded == pytest.approx(pin[1], rel=100.0 * SAME, nan_ok=True)
+    )
