@@ -18,8 +18,8 @@ from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
 from experiments.planning.shared_parameters import Acceleration, Mounted, SlowSpeed, ZeroTime
 from experiments.planning.speeds import refuse_speed
-from experiments.recording import Recording, Segment
 from experiments.quantity import Quantity
+from experiments.recording import Recording, Segment
 from experiments.result import Result, Table
 from experiments.steps.vocabulary import FindIndex, SegmentLabel, Step
 from model.channel import Channel

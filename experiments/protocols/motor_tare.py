@@ -23,7 +23,7 @@ from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRa
 from experiments.protocols.friction import protocol as friction
 from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
-from experiments.result import Plot, Result, Series, Covariance
+from experiments.result import Covariance, Plot, Result, Series
 from experiments.steps.vocabulary import Prompt, Step
 from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds

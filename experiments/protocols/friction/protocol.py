@@ -65,7 +65,7 @@ from experiments.protocols.friction.points import (
 )
 from experiments.protocols.friction.quantities import QUANTITIES
 from experiments.recording import Recording
-from experiments.result import Result, Verdict, judge_upper, Covariance
+from experiments.result import Covariance, Result, Verdict, judge_upper
 from experiments.steps.vocabulary import (
     HoldRevolutions,
     HoldTime,

@@ -42,7 +42,7 @@ from experiments.protocols.kinematic_error.plots import (
 from experiments.protocols.kinematic_error.quantities import QUANTITIES
 from experiments.quantity import quantity_of
 from experiments.recording import Recording, Segment
-from experiments.result import Result, Verdict, judge_upper, Covariance
+from experiments.result import Covariance, Result, Verdict, judge_upper
 from experiments.steps.vocabulary import HoldRevolutions, Mark, SegmentLabel, Step
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import TorqueZero, torque_zero
@@ -365,7 +365,7 @@ def _covariance(
     rows = [2 * k + part for k in reported for part in (0, 1)]
     labels = [combined[0].labels[k] for k in reported]
     names = tuple(f"{part}_{label}" for label in labels for part in ("cosine", "sine"))
-    whole = sum(one.covariance for one in combined) / len(combined) ** 2
+    whole = np.sum([one.covariance for one in combined], axis=0) / len(combined) ** 2
     return Covariance(names, whole[np.ix_(rows, rows)])
 
 

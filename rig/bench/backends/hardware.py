@@ -21,7 +21,6 @@ from drivers.errors import DriverError
 from drivers.nd287 import ReadoutConfig
 from drivers.rig_nodes import GuardContact, MotorEncoder
 from model.motor import ServoMotor
-from model.units import RPM
 from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.config import schema as described
 from rig.bench.config.load import DEFAULT_PATH, load_configuration

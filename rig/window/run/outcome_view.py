@@ -21,13 +21,12 @@ from PySide6.QtWidgets import (
     QVBoxLayout,
 )
 
-from model.identify.estimate import BudgetLine, Estimate
-from rig.analysis.wording import readable, show
-from rig.bench.identity import option_of
 from experiments.quantity import key_names
 from experiments.result import Result
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.tare import takes_tare
+from rig.analysis.wording import show
+from rig.bench.identity import option_of
 from rig.run.trips import rule_of
 from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
