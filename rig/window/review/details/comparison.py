@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtWidgets import QLabel, QTextBrowser, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QTextBrowser, QWidget
 
 from model.errors import ModelError
 from model.gear import HarmonicDrive
@@ -16,6 +16,7 @@ from rig.window.review.grid import GridTable
 from rig.window.review.results import COMPARISON_COLUMNS, comparison_rows
 from rig.window.review.words import facts_html
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column
 
 
 class ComparisonView(QWidget):
@@ -32,12 +33,11 @@ class ComparisonView(QWidget):
         self.nothing = QLabel("This run identifies no value that the parameter set holds.")
         self.nothing.setProperty("part", "muted")
         self.page = QTextBrowser()
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 6, 6, 4)
-        column.addWidget(self.title)
-        column.addWidget(self.nothing)
-        column.addWidget(self.table, 3)
-        column.addWidget(self.page, 2)
+        self.setLayout(
+            in_column(
+                self.title, self.nothing, (self.table, 3), (self.page, 2), margins=(6, 6, 6, 4)
+            )
+        )
         session.theme_changed.connect(lambda _: self._write())
 
     def show_comparison(self, told: Mapping[str, Any], parameters: Path) -> None:
