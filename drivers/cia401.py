@@ -8,7 +8,7 @@ together, with the motor's own friction and inertia.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -183,45 +183,3 @@ class AnalogModule:
         self.device.write_wished(
             ObjectRef(DELTA, subindex, delta, "interrupt delta"), 0, "SYNC triggers all the same"
         )
-
-
-@dataclass(frozen=True)
-class Zero:
-    """The torque port's reading with the servo off: mean [V], its standard error [V], spread [V],
-    cycles that counted.
-    """
-
-    volts: float
-    standard_error: float
-    spread: float
-    cycles: int
-
-
-def servo_off_zero(
-    counts: NDArray[np.int64], usable: NDArray[np.bool_], analog: AnalogInput, least: int = 50
-) -> Zero:
-    """The zero of an input from its raw counts (n,) while the servo is off; `usable` (n,) leaves out flagged cycles.
-
-    The standard error takes neighbouring samples' correlation into account by means over blocks.
-    """
-    good = np.asarray(counts)[np.asarray(usable, dtype=bool)] * analog.volts_per_count
-    if len(good) < least:
-        raise DriverError(
-            "too few good cycles for a zero",
-            where=analog.channel,
-            value=len(good),
-            limit=f">= {least}",
-            remedy="Take the zero again; look at the share of missed cycles.",
-        )
-    blocks = min(20, len(good) // 5)
-    means = np.array([part.mean() for part in np.array_split(good, blocks)])
-    error = float(means.std(ddof=1) / math.sqrt(blocks))
-    return Zero(float(good.mean()), error, float(good.std(ddof=1)), len(good))
-
-
-def with_zero(analog: AnalogInput, zero: Zero) -> AnalogInput:
-    """The input with a measured zero in place of its old one."""
-    calibration = replace(
-        analog.calibration, offset_uncertainty=zero.standard_error * analog.unit_per_volt
-    )
-    return replace(analog, zero_volts=zero.volts, calibration=calibration)

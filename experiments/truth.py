@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from experiments.errors import AnalysisError
 from experiments.protocols.friction.plots import FIT_TABLE
-from experiments.result import Result, Table
+from experiments.result import Result
 from model.friction import bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
@@ -29,17 +29,6 @@ from model.kinematic_error import basis_orders
 from model.units import RPM
 
 FloatArray = NDArray[np.float64]
-COLUMNS = (
-    "quantity",
-    "found",
-    "low",
-    "high",
-    "expanded uncertainty",
-    "truth",
-    "unit",
-    "in the 95 % interval",
-    "within U",
-)
 
 
 @dataclass(frozen=True)
@@ -100,32 +89,6 @@ def truth_rows(
         for name, e in result.estimates.items()
         if name in known
     )
-
-
-def truth_table(
-    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None = None
-) -> Table:
-    """Found beside true, one line per quantity."""
-    rows = tuple(
-        (
-            r.estimate.name,
-            r.estimate.value,
-            r.estimate.low,
-            r.estimate.high,
-            r.estimate.expanded_uncertainty,
-            r.estimate.value - r.difference,
-            r.estimate.unit,
-            "yes" if r.covered else "no",
-            "yes" if r.within else "no",
-        )
-        for r in truth_rows(result, truth, gear)
-    )
-    note = (
-        "Truth as the instruments can see it: with both encoders' errors, with the scale "
-        "error of the torque port and the "
-        "friction of the output bearing where torque enters, and at the warmth of the run."
-    )
-    return Table("truth", f"Found and true: {result.kind}", COLUMNS, rows, note)
 
 
 def _scale(truth: Mapping[str, Any]) -> float:

@@ -99,12 +99,6 @@ def friction_torque(
     return drag + mesh_lever(gear, balance) * mesh_friction_force(gear, speed)
 
 
-def wedge_friction_torque(gear: HarmonicDrive, speed: ArrayLike) -> Array:
-    """Mean torque of equation 2 on the wedge at constant speed: M_0/N + F_fm r_g/(N sin alpha_t) [N m]."""
-    mesh = mesh_lever(gear, "energy") * mesh_friction_force(gear, speed)
-    return bearing_friction_torque(gear, speed) / gear.ratio + mesh
-
-
 def conversion_factor(gear: HarmonicDrive) -> float:
     """Mesh friction in the published balance over that in the energy balance for the same torque: 2 r_g/(d_f sin^2)."""
     return mesh_lever(gear, "energy") / mesh_lever(gear, "published")
@@ -131,8 +125,3 @@ def convert_mesh_friction(gear: HarmonicDrive, balance: TorqueBalance) -> Harmon
     converted = gear.with_values(changes)
     options = dataclasses.replace(gear.options, torque_balance=balance)
     return dataclasses.replace(converted, options=options, origins=MappingProxyType(origins))
-
-
-def sliding_speed(gear: HarmonicDrive, speed: ArrayLike) -> Array:
-    """Sliding velocity of the flanks, theta_i' r_g/(N sin alpha_t) [m/s]."""
-    return np.asarray(speed, dtype=np.float64) * mesh_lever(gear, "energy")

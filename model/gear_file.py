@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, get_args, get_type_hints
@@ -61,21 +60,7 @@ _HARMONIC_KEYS = ("order", "cosine", "sine", "unit", "provenance", "source", "st
 
 def shipped_gear(name: str = "csf-25-120") -> HarmonicDrive:
     """A gear that comes with the program; raises `ParameterError` for an unknown name, listing those there are."""
-    folder = resources.files("model") / "gears"
-    names = sorted(
-        entry.name.removesuffix(".toml")
-        for entry in folder.iterdir()
-        if entry.name.endswith(".toml")
-    )
-    if name not in names:
-        raise ParameterError(
-            "no such shipped gear",
-            where="gear",
-            value=quantities.shorten(name),
-            limit=", ".join(names),
-        )
-    content = quantities.parse_toml((folder / f"{name}.toml").read_bytes(), f"{name}.toml")
-    return gear_from_mapping(content, f"{name}.toml")
+    return gear_from_mapping(quantities.read_shipped("gear", name), f"{name}.toml")
 
 
 def load_gear(path: str | Path) -> HarmonicDrive:

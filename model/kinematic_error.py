@@ -181,16 +181,6 @@ def design_matrix(
     return matrix
 
 
-def design_names(
-    orders: Iterable[Order], *, constant: bool = True, trend: bool = True
-) -> list[str]:
-    """The names of the columns of `design_matrix`: "a_0", "slope", "a_2", "b_2", ..."""
-    names = (["a_0"] if constant else []) + (["slope"] if trend else [])
-    for order in orders:
-        names += [f"a_{order.label}", f"b_{order.label}"]
-    return names
-
-
 def normalised_mse(measured: ArrayLike, fitted: ArrayLike) -> float:
     """MSE of equation 22: 100 x mean squared deviation over the population variance of the measured error.
 

@@ -80,14 +80,6 @@ class DynamicParameters:
         mesh = self.mesh_stiffness * (self.neutral_radius * math.cos(self.tooth_angle)) ** 2
         return 1.0 / (1.0 / self.cup_stiffness + 1.0 / bearing + 1.0 / mesh)
 
-    @property
-    def reduced_damping(self) -> float:
-        """Damping at the output of the reduced one-degree form, to first order in C_b and C_t [N m s/rad]."""
-        bearing = self.bearing_damping / (self.bearing_stiffness * self.radial_lever) ** 2
-        return self.combined_stiffness**2 * (
-            bearing + self.structural_damping / self.cup_stiffness**2
-        )
-
 
 def dynamic_parameters(gear: HarmonicDrive, **changes: float) -> DynamicParameters:
     """The numbers of equation 2 from the geometry of a gear; `changes` replaces some of them by name."""

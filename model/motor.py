@@ -7,10 +7,8 @@ friction (what the torque port shows besides the gear), and the torque constant.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -65,21 +63,7 @@ class ServoMotor(Section):
 
 def shipped_motor(name: str = "sgmjv-02") -> ServoMotor:
     """A motor that comes with the program; raises `ParameterError` for an unknown name, listing those there are."""
-    folder = resources.files("model") / "motors"
-    names = sorted(
-        entry.name.removesuffix(".toml")
-        for entry in folder.iterdir()
-        if entry.name.endswith(".toml")
-    )
-    if name not in names:
-        raise ParameterError(
-            "no such shipped motor",
-            where="motor",
-            value=quantities.shorten(name),
-            limit=", ".join(names),
-        )
-    content = quantities.parse_toml((folder / f"{name}.toml").read_bytes(), f"{name}.toml")
-    return motor_from_mapping(content, f"{name}.toml")
+    return motor_from_mapping(quantities.read_shipped("motor", name), f"{name}.toml")
 
 
 def load_motor(path: str | Path) -> ServoMotor:
@@ -87,19 +71,8 @@ def load_motor(path: str | Path) -> ServoMotor:
     return motor_from_mapping(quantities.read_toml(path), str(path))
 
 
-def save_motor(motor: ServoMotor, path: str | Path) -> None:
-    """Write a parameter file that reads back to exactly this motor."""
-    lines = [
-        "# Parameters of a servo motor.",
-        f"format = {quantities.quote(FORMAT)}",
-        f"name = {quantities.quote(motor.name)}",
-    ]
-    lines += ["", "[motor]", *quantities.section_lines(motor, motor.origins)]
-    quantities.write_text("\n".join(lines) + "\n", path)
-
-
 def motor_from_mapping(mapping: Mapping[str, Any], where: str) -> ServoMotor:
-    """The motor of plain data (a parsed TOML file, or what `motor_to_mapping` made)."""
+    """The motor of plain data (a parsed TOML file)."""
     try:
         if not isinstance(mapping, Mapping) or mapping.get("format") != FORMAT:
             remedy = "Is this the parameter file of a motor?"
@@ -116,15 +89,3 @@ def motor_from_mapping(mapping: Mapping[str, Any], where: str) -> ServoMotor:
         return ServoMotor(name=name, **arguments, origins=MappingProxyType(origins))
     except ParameterError as error:
         raise quantities.within(error, where) from error
-
-
-def motor_to_mapping(motor: ServoMotor) -> dict[str, Any]:
-    """The motor as plain JSON-able data in SI."""
-    entries = {
-        f.name: quantities.entry_of(
-            getattr(motor, f.name), f.metadata["unit"], motor.origins.get(f.name, Origin("assumed"))
-        )
-        for f in dataclasses.fields(motor)
-        if "unit" in f.metadata
-    }
-    return {"format": FORMAT, "name": motor.name, "motor": entries}

@@ -15,8 +15,9 @@ import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
+from importlib import resources
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 from model.errors import ParameterError
 from model.gear import Origin, Provenance, Section, allowed_range
@@ -264,6 +265,21 @@ def section_lines(part: Section, origins: Mapping[str, Origin]) -> list[str]:
         quantity_line(f.name, getattr(part, f.name), f.metadata, origins.get(f.name, unknown))
         for f in fields
     ]
+
+
+def read_shipped(kind: Literal["gear", "motor"], name: str) -> dict[str, Any]:
+    """The content of a file that comes with the program; `ParameterError` lists those there are for an unknown name."""
+    folder = resources.files("model") / f"{kind}s"
+    file = f"{name}.toml"
+    files = sorted(entry.name for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    if file not in files:
+        raise ParameterError(
+            f"no such shipped {kind}",
+            where=kind,
+            value=shorten(name),
+            limit=", ".join(file.removesuffix(".toml") for file in files),
+        )
+    return parse_toml((folder / file).read_bytes(), file)
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:

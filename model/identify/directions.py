@@ -18,11 +18,10 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
-from model.identify.angle_regression import AngleFit, AngleRegression, Basis, solve_angle
-from model.identify.checks import Array, channels
+from model.identify.angle_regression import AngleFit, Basis
+from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.kinematic_error import KinematicErrorFit, above_encoders, phase_budget
 from model.identify.least_squares import student_quantile
@@ -198,14 +197,6 @@ def polar_estimates(
             note=note,
         ),
     )
-
-
-def fit_over_angle(angle: ArrayLike, value: ArrayLike, basis: Basis) -> AngleFit:
-    """Any channel over the input angle by the same streaming regression: trend, orders, covariance by blocks."""
-    x, y = channels(16, angle=angle, value=value)
-    regression = AngleRegression(basis)
-    regression.add(x, y)
-    return solve_angle(regression.sums())[0]
 
 
 @dataclass(frozen=True, kw_only=True)

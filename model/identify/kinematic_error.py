@@ -15,7 +15,6 @@ ratio, lost counts, slip), never as a parameter of the gear.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -189,26 +188,6 @@ class KinematicErrorAccumulator:
             self._samples,
             self.edge_triggered,
         )
-
-
-def fit_kinematic_error(
-    input_angle: ArrayLike,
-    output_angle: ArrayLike,
-    ratio: float,
-    *,
-    basis: Basis | None = None,
-    encoders: Encoders | None = None,
-    edge_triggered: bool = False,
-    accuracy_order: float | None = None,
-) -> KinematicErrorFit:
-    """The kinematic error from whole arrays [rad], shape (n,): one direction, steady, at low speed.
-    See the accumulator.
-    """
-    accumulator = KinematicErrorAccumulator(
-        ratio, basis=basis, encoders=encoders, edge_triggered=edge_triggered
-    )
-    accumulator.add(input_angle, output_angle)
-    return accumulator.fit(accuracy_order=accuracy_order)
 
 
 def _finish(
@@ -515,24 +494,3 @@ def score_kinematic_error(fit: KinematicErrorFit, other: KinematicErrorFit) -> K
     predicted = (sums.bin_basis[filled] @ values) / counts[filled]
     predicted += np.mean(measured) - np.mean(predicted)
     return KinematicErrorScore(normalised_mse(measured, predicted), bins, measured, predicted)
-
-
-def repeat_scatter(fits: Sequence[KinematicErrorFit]) -> float:
-    """Repeatability between repeats of one direction: rms of the curves about their mean over angle [rad].
-
-    All fits share basis, ratio and index mark; constant and trend are free. Scatter from revolution
-    to revolution within one fit is its `repeatability` metric.
-    """
-    if len(fits) < 2:
-        raise IdentificationError(
-            "needs at least two repeats", where="fits", value=len(fits), limit=">= 2"
-        )
-    if any(fit.basis.orders != fits[0].basis.orders or fit.ratio != fits[0].ratio for fit in fits):
-        raise IdentificationError(
-            "the repeats differ in basis or ratio",
-            where="basis",
-            remedy="Fit all with the same orders.",
-        )
-    values = np.array([fit.regression.values[2:] for fit in fits])
-    deviation = values - values.mean(axis=0)
-    return math.sqrt(float(np.sum(0.5 * deviation**2)) / (len(fits) - 1))

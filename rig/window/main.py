@@ -21,12 +21,10 @@ from PySide6.QtWidgets import (
     QApplication,
     QButtonGroup,
     QFrame,
-    QHBoxLayout,
     QLabel,
     QMainWindow,
     QPushButton,
     QStackedWidget,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -36,6 +34,7 @@ from rig.window.review.page import ReviewPage
 from rig.window.run.page import RunPage
 from rig.window.shell.collector import collector_in_this_thread
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column, in_row
 from rig.window.shell.theme import apply_theme, theme_named
 from rig.window.work.prepared import PreparedRun
 
@@ -61,11 +60,9 @@ class MainWindow(QMainWindow):
         self.review = ReviewPage(session)
         self._buttons = QButtonGroup(self)
         whole = QWidget()
-        column = QVBoxLayout(whole)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addWidget(self._navigation())
-        column.addWidget(self.stack, 1)
+        whole.setLayout(
+            in_column(self._navigation(), (self.stack, 1), margins=(0, 0, 0, 0), spacing=0)
+        )
         self.setCentralWidget(whole)
         for page in (self.prepare, self.run, self.review):
             self.stack.addWidget(page)
@@ -90,9 +87,8 @@ class MainWindow(QMainWindow):
     def _navigation(self) -> QFrame:
         bar = QFrame()
         bar.setProperty("part", "bar")
-        row = QHBoxLayout(bar)
-        row.setContentsMargins(8, 0, 12, 0)
-        row.setSpacing(0)
+        row = in_row(margins=(8, 0, 12, 0), spacing=0)
+        bar.setLayout(row)
         for index, name in enumerate(PAGES):
             button = QPushButton(name.capitalize())
             button.setCheckable(True)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from drivers.cia401 import servo_off_zero, torque_input, with_zero
+from drivers.cia401 import torque_input
 from drivers.cia406 import CounterConfig
 from drivers.errors import DriverError
 
@@ -17,24 +17,6 @@ def test_one_volt_is_rated_torque() -> None:
     assert channel.to_si(np.array([3200]))[0] == pytest.approx(0.637)
     half = torque_input(0.637, volts_per_rated_torque=2.0).as_channel()
     assert half.to_si(np.array([3200]))[0] == pytest.approx(0.3185)
-
-
-def test_the_zero_is_taken_servo_off_and_subtracted() -> None:
-    rng = np.random.default_rng(3)
-    analog = torque_input(0.637)
-    counts = np.rint(64 + rng.normal(0, 2, 2000)).astype(np.int64)  # 20 mV
-    usable = np.ones(2000, dtype=bool)
-    usable[100] = False
-    counts[100] = 30000
-    zero = servo_off_zero(counts, usable, analog)
-    assert zero.volts == pytest.approx(0.020, abs=4 * zero.standard_error)
-    assert zero.cycles == 1999
-    zeroed = with_zero(analog, zero)
-    torque = zeroed.as_channel().to_si(np.delete(counts, 100))
-    assert abs(torque.mean()) < 1e-12
-    assert zeroed.calibration.offset_uncertainty == pytest.approx(zero.standard_error * 0.637)
-    with pytest.raises(DriverError, match="too few"):
-        servo_off_zero(counts[:10], usable[:10], analog)
 
 
 def test_range_ends_and_open_lines_are_saturated() -> None:

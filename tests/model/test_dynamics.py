@@ -12,9 +12,9 @@ import scipy
 from numpy.typing import NDArray
 
 from model import dynamics, propagator
-from model.dynamics import derived_speed, reduced_response, simulate_batch, simulate_prescribed
+from model.dynamics import derived_speed, simulate_batch, simulate_prescribed
 from model.errors import ModelError, ParameterError
-from model.friction import bearing_friction_torque, friction_torque, wedge_friction_torque
+from model.friction import bearing_friction_torque, friction_torque, mesh_friction_force, mesh_lever
 from model.gear import Harmonic, HarmonicDrive
 from model.gear_file import shipped_gear
 from model.kinematic_error import series_value
@@ -27,6 +27,7 @@ from model.linear import (
     stiffness_matrix,
 )
 from model.units import ARCMIN, ARCSEC, RPM
+from tests.model.reduced_form import reduced_response
 
 GEAR = shipped_gear()
 FRICTIONLESS = GEAR.with_values(
@@ -197,7 +198,9 @@ def test_mean_torque_is_the_friction_torque() -> None:
     assert torque == pytest.approx(float(friction_torque(gear, speed)), rel=1e-6)
     assert torque - float(bearing_friction_torque(gear, speed)) == pytest.approx(0.044573, abs=1e-6)
     assert torque - float(bearing_friction_torque(gear, speed)) == pytest.approx(
-        float(wedge_friction_torque(gear, speed)), rel=1e-6
+        float(bearing_friction_torque(gear, speed)) / gear.ratio
+        + mesh_lever(gear, "energy") * float(mesh_friction_force(gear, speed)),
+        rel=1e-6,
     )
 
 
@@ -263,9 +266,7 @@ def test_reduced_form_agrees(speed_rpm: float) -> None:
     interval = 1.0 / 8000.0
     angle, omega = rise(speed_rpm * RPM, interval, 0.5, tau=0.02)
     full = simulate_prescribed(GEAR, angle, interval, input_speed=omega, parameters=p)
-    output_angle, output_speed = reduced_response(
-        GEAR, angle, interval, input_speed=omega, parameters=p
-    )
+    output_angle, output_speed = reduced_response(GEAR, p, angle, omega, interval)
     assert np.max(np.abs(output_angle - full.output_angle)) < 2.5e-6
     assert np.max(np.abs(output_speed - full.output_speed)) < 2e-3
 

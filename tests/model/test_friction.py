@@ -18,10 +18,8 @@ from model.friction import (
     friction_torque,
     mesh_friction_force,
     mesh_lever,
-    sliding_speed,
     speed_sign,
     stribeck_magnitude,
-    wedge_friction_torque,
 )
 from model.gear import HarmonicDrive, Origin
 from model.gear_file import shipped_gear
@@ -86,13 +84,16 @@ def test_no_friction_at_rest_and_smooth_sign() -> None:
 
 
 def test_torque_of_equation_2_at_1000_rpm() -> None:
-    assert wedge_friction_torque(GEAR, 1000.0 * RPM) == pytest.approx(0.044573, abs=5e-7)
+    speed = 1000.0 * RPM
+    mesh = mesh_lever(GEAR, "energy") * mesh_friction_force(GEAR, speed)
+    wedge = bearing_friction_torque(GEAR, speed) / GEAR.ratio + mesh
+    assert wedge == pytest.approx(0.044573, abs=5e-7)
 
 
 def test_energy_balance_is_the_power_lost() -> None:
     speed = 500.0 * RPM
     drag, force = bearing_friction_torque(GEAR, speed), mesh_friction_force(GEAR, speed)
-    lost = drag * speed + drag * speed / GEAR.ratio + force * sliding_speed(GEAR, speed)
+    lost = drag * speed + drag * speed / GEAR.ratio + force * speed * mesh_lever(GEAR, "energy")
     assert friction_torque(GEAR, speed) * speed == pytest.approx(lost, rel=1e-12)
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
 
 import pytest
 
 from model.errors import ParameterError
-from model.motor import load_motor, motor_from_mapping, motor_to_mapping, save_motor, shipped_motor
+from model.motor import load_motor, motor_from_mapping, shipped_motor
+from model.quantities import quote, section_lines
 from model.units import RPM
 
 MOTOR = shipped_motor()
@@ -24,9 +24,11 @@ def test_shipped_motor_in_si() -> None:
 
 
 def test_motor_reads_back_exactly(tmp_path: Path) -> None:
-    save_motor(MOTOR, tmp_path / "motor.toml")
-    assert load_motor(tmp_path / "motor.toml") == MOTOR
-    assert motor_from_mapping(json.loads(json.dumps(motor_to_mapping(MOTOR))), "run") == MOTOR
+    lines = ['format = "servo-motor-1"', f"name = {quote(MOTOR.name)}", "[motor]"]
+    lines += section_lines(MOTOR, MOTOR.origins)
+    path = tmp_path / "motor.toml"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    assert load_motor(path) == MOTOR
 
 
 def test_impossible_motors_are_refused() -> None:

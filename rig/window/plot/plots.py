@@ -16,12 +16,13 @@ import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QGraphicsItem, QGridLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGraphicsItem, QGridLayout, QLabel, QSizePolicy, QWidget
 
 from experiments.result import Plot
 from rig.window.plot.axis import LabAxis
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column
 
 KEPT = QGraphicsItem.CacheMode.DeviceCoordinateCache
 """Qt keeps what it painted until the data, the colour or the range change."""
@@ -74,11 +75,7 @@ class LabPlot(QWidget):
         head.addWidget(self._legend, 0, 1)
         head.setColumnStretch(1, 1)
         self._head, self._legend_below = head, False
-        column = QVBoxLayout(self)
-        column.setContentsMargins(1, 1, 1, 3)
-        column.setSpacing(0)
-        column.addLayout(head)
-        column.addWidget(self.canvas, 1)
+        self.setLayout(in_column(head, (self.canvas, 1), margins=(1, 1, 1, 3), spacing=0))
         item = self.item
         item.hideButtons()
         item.layout.setContentsMargins(4, 0, 14, 4)

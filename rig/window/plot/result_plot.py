@@ -16,13 +16,14 @@ import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QTextDocument
-from PySide6.QtWidgets import QLabel, QListWidget, QListWidgetItem, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QListWidget, QListWidgetItem, QWidget
 
 from experiments.result import Plot, Series
 from rig.present.decimate import scatter_rows
 from rig.window.plot.plots import Curve, CurveStyle, LabPlot
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column, split
 
 CROWDED_POINTS = 120
 """More points than this are drawn small."""
@@ -218,20 +219,9 @@ class PlotGallery(QWidget):
         self.note.setContentsMargins(6, 0, 6, 0)
         self.note.setWordWrap(True)
         right = QWidget()
-        column = QVBoxLayout(right)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(3)
-        column.addWidget(self.plot, 1)
-        column.addWidget(self.note)
-        both = QSplitter(Qt.Orientation.Horizontal)
-        both.setChildrenCollapsible(False)
-        both.addWidget(self.titles)
-        both.addWidget(right)
-        both.setStretchFactor(1, 1)
-        both.setSizes([170, 700])
-        whole = QVBoxLayout(self)
-        whole.setContentsMargins(4, 6, 4, 4)
-        whole.addWidget(both)
+        right.setLayout(in_column((self.plot, 1), self.note, margins=(0, 0, 0, 0), spacing=3))
+        both = split(self.titles, (right, 1), sizes=[170, 700])
+        self.setLayout(in_column(both, margins=(4, 6, 4, 4)))
         self.titles.currentRowChanged.connect(self._show)
 
     @property

@@ -8,7 +8,7 @@ from importlib import resources
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QWidget
 
 from experiments.errors import PlanError
 from experiments.parameters import parameter_fields
@@ -30,6 +30,7 @@ from rig.gears.card import (
 from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.preview_plot import restyled, short_name
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column, in_row
 
 NEW_GEAR = "another gear …"
 
@@ -77,23 +78,13 @@ class GearSection(QWidget):
         self.choose(remembered if remembered in self._serials() else "")
 
     def _lay_out(self) -> None:
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        row = QHBoxLayout()
         label = QLabel("&Gear")
         label.setBuddy(self.choice)
-        row.addWidget(label)
-        row.addWidget(self.choice, 1)
-        row.addWidget(self.details_button)
-        column.addLayout(row)
-        column.addWidget(self.status)
-        column.addWidget(self.digest)
-        column.addWidget(self.form)
-        buttons = QHBoxLayout()
-        buttons.addWidget(self.confirm_button)
-        buttons.addWidget(self.revert_button)
-        buttons.addStretch(1)
-        column.addLayout(buttons)
+        row = in_row(label, (self.choice, 1), self.details_button)
+        buttons = in_row(self.confirm_button, self.revert_button, (None, 1))
+        self.setLayout(
+            in_column(row, self.status, self.digest, self.form, buttons, margins=(0, 0, 0, 0))
+        )
 
     @property
     def facts(self) -> GearFacts | None:

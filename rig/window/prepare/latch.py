@@ -7,11 +7,9 @@ from __future__ import annotations
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QDialog,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -20,6 +18,7 @@ from rig.gears.card import now_text
 from rig.run.latch import LatchedTrip, TripLatch
 from rig.run.trips import rule_of
 from rig.window.prepare.preview_plot import restyled, short_name
+from rig.window.shell.stack import in_column, in_row
 
 
 class AcknowledgeDialog(QDialog):
@@ -51,15 +50,8 @@ class AcknowledgeDialog(QDialog):
         later = QPushButton("&Not yet")
         later.setDefault(True)
         later.clicked.connect(self.reject)
-        row = QHBoxLayout()
-        row.addStretch(1)
-        row.addWidget(self.accept_button)
-        row.addWidget(later)
-        column = QVBoxLayout(self)
-        for widget in (self.what, self.remark, self.problem):
-            column.addWidget(widget)
-        column.addStretch(1)
-        column.addLayout(row)
+        row = in_row((None, 1), self.accept_button, later)
+        self.setLayout(in_column(self.what, self.remark, self.problem, (None, 1), row))
         self.remark.setFocus()
 
     def acknowledge(self) -> None:

@@ -19,8 +19,6 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QPushButton,
     QScrollArea,
-    QSplitter,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -55,6 +53,7 @@ from rig.window.prepare.request import (
 )
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import BackgroundCommand, LatestTask, json_object
+from rig.window.shell.stack import in_column, in_row, split
 from rig.window.work.prepared import PreparedRun
 
 TYPING_PAUSE = 250
@@ -118,85 +117,60 @@ class PreparePage(QWidget):
 
     def _lay_out(self) -> None:
         inner = QWidget()
-        left = QVBoxLayout(inner)
-        left.setContentsMargins(8, 8, 8, 8)
-        left.setSpacing(8)
-        row = QHBoxLayout()
         label = QLabel("&Name")
         label.setBuddy(self.operator)
-        row.addWidget(label)
-        row.addWidget(self.operator, 1)
+        row = in_row(label, (self.operator, 1))
         holder = QWidget()
         holder.setLayout(row)
         row.setContentsMargins(0, 0, 0, 0)
         self.gear_card = _card("2  Gear", self.gear)
-        for card in (
-            _card("1  Operator", holder),
-            self.gear_card,
-            _card("3  Protocol", self.protocol),
-        ):
-            left.addWidget(card)
-        left.addStretch(1)
+        inner.setLayout(
+            in_column(
+                _card("1  Operator", holder),
+                self.gear_card,
+                _card("3  Protocol", self.protocol),
+                (None, 1),
+                margins=(8, 8, 8, 8),
+                spacing=8,
+            )
+        )
         scroll = self._scroll = _scrolled(inner)
         scroll.setMinimumWidth(380)
-        whole = QSplitter(Qt.Orientation.Horizontal)
-        whole.setChildrenCollapsible(False)
-        whole.addWidget(scroll)
-        whole.addWidget(self._right_side())
-        whole.setStretchFactor(0, 0)
-        whole.setStretchFactor(1, 1)
-        whole.setSizes([440, 900])
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.addWidget(whole, 1)
+        whole = split(scroll, (self._right_side(), 1), sizes=[440, 900])
+        self.setLayout(in_column((whole, 1), margins=(0, 0, 0, 0)))
 
     def _right_side(self) -> QWidget:
         preview = QWidget()
-        column = QVBoxLayout(preview)
-        column.setContentsMargins(8, 8, 8, 4)
-        column.addWidget(self.summary)
-        column.addWidget(self.refusal)
-        column.addWidget(self.plots, 1)
+        preview.setLayout(
+            in_column(self.summary, self.refusal, (self.plots, 1), margins=(8, 8, 8, 4))
+        )
         checks = QWidget()
-        below = QVBoxLayout(checks)
-        below.setContentsMargins(8, 4, 8, 8)
-        head = QHBoxLayout()
         title = QLabel("4  Pre-flight")
         title.setProperty("part", "heading")
-        head.addWidget(title)
-        head.addStretch(1)
         # The one whose words change stands first, so that no other moves under the mouse.
-        for button in (
+        head = in_row(
+            title,
+            (None, 1),
             self.acknowledge_button,
             self.sign_button,
             self.training_button,
             self.doctor_button,
-        ):
-            head.addWidget(button)
-        below.addLayout(head)
-        below.addWidget(_scrolled(self.checklist), 1)
-        below.addLayout(self._start_row())
-        both = QSplitter(Qt.Orientation.Vertical)
-        both.setChildrenCollapsible(False)
-        both.addWidget(preview)
-        both.addWidget(checks)
-        both.setStretchFactor(0, 3)
-        both.setStretchFactor(1, 2)
-        both.setSizes([420, 260])
+        )
+        checks.setLayout(
+            in_column(head, (_scrolled(self.checklist), 1), self._start_row(), margins=(8, 4, 8, 8))
+        )
+        both = split((preview, 3), (checks, 2), sizes=[420, 260], way=Qt.Orientation.Vertical)
         return both
 
     def _start_row(self) -> QHBoxLayout:
-        row = QHBoxLayout()
         self.waiting.setWordWrap(True)
         self.waiting.setTextFormat(Qt.TextFormat.PlainText)
-        row.addWidget(self.waiting, 1)
         self.confirmation.setAccessibleName("Confirmation")
         self.confirmation.setMaximumWidth(240)
         self.confirmation.setVisible(self._session.is_hardware)
-        row.addWidget(self.confirmation)
         self.start_button.setProperty("part", "primary")
         self.start_button.setMinimumHeight(36)
-        row.addWidget(self.start_button)
+        row = in_row((self.waiting, 1), self.confirmation, self.start_button)
         return row
 
     def _connect(self) -> None:
@@ -437,12 +411,9 @@ class PreparePage(QWidget):
 def _card(title: str, content: QWidget) -> QFrame:
     frame = QFrame()
     frame.setProperty("part", "card")
-    column = QVBoxLayout(frame)
-    column.setContentsMargins(12, 8, 12, 10)
     heading = QLabel(title)
     heading.setProperty("part", "heading")
-    column.addWidget(heading)
-    column.addWidget(content)
+    frame.setLayout(in_column(heading, content, margins=(12, 8, 12, 10)))
     return frame
 
 

@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
     QTableWidget,
     QTableWidgetItem,
     QTabWidget,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -27,6 +26,7 @@ from rig.present.preview.figures import figures_of
 from rig.present.preview.plan import PlanPreview, PredictedMargin, percent
 from rig.window.plot.plots import LabPlot
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column
 
 FIGURES = {
     "speed": ("Input speed", "nominal time [s]", "speed [r/min]"),
@@ -134,13 +134,11 @@ def log_ticks(low: float, high: float) -> list[list[tuple[float, str]]]:
 
 def _stacked(*plots: LabPlot) -> QWidget:
     page = QWidget()
-    column = QVBoxLayout(page)
-    column.setContentsMargins(4, 4, 4, 4)
     both = QSplitter(Qt.Orientation.Vertical)
     both.setChildrenCollapsible(False)
     for plot in plots:
         both.addWidget(plot)
-    column.addWidget(both)
+    page.setLayout(in_column(both, margins=(4, 4, 4, 4)))
     return page
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
 
 from experiments import catalogue
 from experiments.parameters import make_parameters, parameter_fields
 from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.request import KNOWN_BY_THE_RIG
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column, in_row
 
 
 class ProtocolSection(QWidget):
@@ -42,17 +43,10 @@ class ProtocolSection(QWidget):
         self._show(self.protocol)
 
     def _lay_out(self) -> None:
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        row = QHBoxLayout()
         label = QLabel("&Protocol")
         label.setBuddy(self.choice)
-        row.addWidget(label)
-        row.addWidget(self.choice, 1)
-        row.addWidget(self.defaults_button)
-        column.addLayout(row)
-        column.addWidget(self.summary)
-        column.addLayout(self._place)
+        row = in_row(label, (self.choice, 1), self.defaults_button)
+        self.setLayout(in_column(row, self.summary, self._place, margins=(0, 0, 0, 0)))
 
     @property
     def protocol(self) -> str:

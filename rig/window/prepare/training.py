@@ -9,18 +9,17 @@ from typing import Any
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QDialog,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QListWidget,
     QListWidgetItem,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
 from rig.window.prepare.preview_plot import restyled
 from rig.window.work.background import BackgroundCommand, json_object
+from rig.window.shell.stack import in_column, in_row
 
 
 class TrainingDialog(QDialog):
@@ -50,20 +49,14 @@ class TrainingDialog(QDialog):
         close = QPushButton("C&lose")
         close.clicked.connect(self.reject)
         self._drill: BackgroundCommand | None = None
-        column = QVBoxLayout(self)
         explained = QLabel(
             "Something goes wrong on a simulated rig of its own; the program has to notice, "
             "make the rig safe and keep the file. "
             "What would you do at the rig? Decide first, then look."
         )
         explained.setWordWrap(True)
-        for widget in (explained, self.search, self.drills, self.what, self.verdict):
-            column.addWidget(widget)
-        row = QHBoxLayout()
-        row.addStretch(1)
-        row.addWidget(self.run_button)
-        row.addWidget(close)
-        column.addLayout(row)
+        row = in_row((None, 1), self.run_button, close)
+        self.setLayout(in_column(explained, self.search, self.drills, self.what, self.verdict, row))
         self._fill()
 
     def _fill(self) -> None:

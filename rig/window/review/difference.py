@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QWidget
 
 from rig.analysis.difference import Change, Difference, difference
 from rig.analysis.wording import readable
@@ -13,6 +13,7 @@ from rig.gears.card import UNITS, in_words
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import LatestTask
+from rig.window.shell.stack import in_column, in_row
 
 COLUMNS = ("group", "what", "first", "second", "difference ± U_c", "significance", "remark")
 EVERYTHING = "everything that differs"
@@ -39,15 +40,8 @@ class DifferenceView(QWidget):
         self._comparing = LatestTask(self)
         self._comparing.done.connect(self._take)
         self._comparing.failed.connect(self._refuse)
-        head = QHBoxLayout()
-        head.addWidget(QLabel("show"))
-        head.addWidget(self.group)
-        head.addWidget(self.says, 1)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(8, 8, 8, 4)
-        column.addWidget(self.title)
-        column.addLayout(head)
-        column.addWidget(self.table, 1)
+        head = in_row(QLabel("show"), self.group, (self.says, 1))
+        self.setLayout(in_column(self.title, head, (self.table, 1), margins=(8, 8, 8, 4)))
 
     def show_runs(self, first: Path, second: Path) -> None:
         """Compare two run files."""

@@ -19,7 +19,6 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QPushButton,
     QTableView,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -35,6 +34,7 @@ from rig.window.review.table_model import (
 )
 from rig.window.review.table_source import LibrarySource
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column
 
 CHOSEN_PAUSE_MS = 120
 """ms that the selection must rest before the run is opened: arrow keys run through the table
@@ -179,14 +179,17 @@ class LibraryTable(QWidget):
         self._pause.setInterval(CHOSEN_PAUSE_MS)
         self._pause.timeout.connect(lambda: self.chosen.emit(self.selected))
         self._waited_for: Path | None = None
-        column = QVBoxLayout(self)
-        column.setContentsMargins(8, 8, 4, 6)
-        column.setSpacing(6)
-        column.addWidget(self.filters)
-        column.addWidget(self.table, 1)
-        column.addLayout(self._actions())
-        column.addWidget(self.count)
-        column.addWidget(self.says)
+        self.setLayout(
+            in_column(
+                self.filters,
+                (self.table, 1),
+                self._actions(),
+                self.count,
+                self.says,
+                margins=(8, 8, 4, 6),
+                spacing=6,
+            )
+        )
         self.setMinimumWidth(440)
         self._connect(session)
 

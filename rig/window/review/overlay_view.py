@@ -12,14 +12,11 @@ from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QColor, QIcon, QPixmap
 from PySide6.QtWidgets import (
     QComboBox,
-    QHBoxLayout,
     QLabel,
     QListWidget,
     QListWidgetItem,
     QProgressBar,
     QPushButton,
-    QSplitter,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -33,6 +30,7 @@ from rig.window.plot.result_plot import ResultPlot
 from rig.window.review.fit import FitDesk, FitOrder, ResultCache, order_of
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column, in_row, split
 
 
 @dataclass
@@ -82,22 +80,9 @@ class OverlayView(QWidget):
         self._progress(0, 0)
 
     def _lay_out(self) -> None:
-        head = QHBoxLayout()
-        head.addWidget(self.title)
-        head.addWidget(self.figure, 1)
-        head.addWidget(self.busy)
-        head.addWidget(self.stop)
-        both = QSplitter()
-        both.setChildrenCollapsible(False)
-        both.addWidget(self.runs)
-        both.addWidget(self.plot)
-        both.setStretchFactor(1, 1)
-        both.setSizes([190, 680])
-        column = QVBoxLayout(self)
-        column.setContentsMargins(8, 8, 8, 4)
-        column.addLayout(head)
-        column.addWidget(both, 1)
-        column.addWidget(self.says)
+        head = in_row(self.title, (self.figure, 1), self.busy, self.stop)
+        both = split(self.runs, (self.plot, 1), sizes=[190, 680])
+        self.setLayout(in_column(head, (both, 1), self.says, margins=(8, 8, 8, 4)))
 
     def show_runs(self, runs: Sequence[IndexedRun], library: Mapping[str, Path]) -> None:
         """Overlay these runs; `library` knows where the tares of their analyses are."""

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer, QUrl
 from PySide6.QtGui import QDesktopServices, QShowEvent
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSplitter, QStackedWidget, QWidget
+from PySide6.QtWidgets import QLabel, QStackedWidget, QWidget
 
 from rig.analysis.store import read_analyses
 from rig.errors import RigError
@@ -24,6 +24,7 @@ from rig.window.review.overlay_view import OverlayView
 from rig.window.review.passport import PassportView
 from rig.window.review.results import ChooseFile
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_row, split
 from rig.window.work.background import BackgroundCommand
 
 EMPTY = (
@@ -65,15 +66,8 @@ class ReviewPage(QWidget):
         self.right = QStackedWidget()
         for view in (self.empty, self.details, self.overlay, self.difference, self.passport):
             self.right.addWidget(view)
-        both = QSplitter(Qt.Orientation.Horizontal)
-        both.setChildrenCollapsible(False)
-        both.addWidget(self.library)
-        both.addWidget(self.right)
-        both.setStretchFactor(1, 1)
-        both.setSizes(list(SIZES))
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.addWidget(both)
+        both = split(self.library, (self.right, 1), sizes=list(SIZES))
+        self.setLayout(in_row(both, margins=(0, 0, 0, 0)))
         self._connect()
 
     def _connect(self) -> None:

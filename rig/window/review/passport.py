@@ -10,12 +10,10 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
-    QHBoxLayout,
     QLabel,
     QProgressBar,
     QPushButton,
     QTabWidget,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -30,6 +28,7 @@ from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time, outcome_of, with_sign
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import LatestTask
+from rig.window.shell.stack import in_column, in_row
 
 if TYPE_CHECKING:
     from rig.analysis.passport.content import Passport, PassportPoint, PassportSeries
@@ -105,11 +104,9 @@ class PassportView(QWidget):
         self._show_busy(False)
 
     def _lay_out(self) -> None:
-        head = QHBoxLayout()
-        head.addWidget(self.title, 1)
-        head.addWidget(self.mark)
-        for widget in (self.busy, self.cancel, self.analyse, self.report, self.pdf):
-            head.addWidget(widget)
+        head = in_row(
+            (self.title, 1), self.mark, self.busy, self.cancel, self.analyse, self.report, self.pdf
+        )
         self.tabs = QTabWidget()
         for page, name in (
             (self.charts, "Charts"),
@@ -118,11 +115,7 @@ class PassportView(QWidget):
             (self.missing, "Missing"),
         ):
             self.tabs.addTab(page, name)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(8, 8, 8, 4)
-        column.addLayout(head)
-        column.addWidget(self.says)
-        column.addWidget(self.tabs, 1)
+        self.setLayout(in_column(head, self.says, (self.tabs, 1), margins=(8, 8, 8, 4)))
 
     @property
     def is_busy(self) -> bool:

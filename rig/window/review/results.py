@@ -15,7 +15,6 @@ from PySide6.QtWidgets import (
     QPushButton,
     QSplitter,
     QTextBrowser,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -29,6 +28,7 @@ from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.review.words import RESULT_COLUMNS, result_page, result_rows
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column, in_row
 
 ChooseFile = Callable[[], Path | None]
 
@@ -106,15 +106,8 @@ class FitBar(QWidget):
         row.addWidget(self.fit)
         row.addWidget(self.compare)
         row.addWidget(self.save)
-        below = QHBoxLayout()
-        below.addWidget(self.busy)
-        below.addWidget(self.says, 1)
-        below.addWidget(self.cancel)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(4)
-        column.addLayout(row)
-        column.addLayout(below)
+        below = in_row(self.busy, (self.says, 1), self.cancel)
+        self.setLayout(in_column(row, below, margins=(0, 0, 0, 0), spacing=4))
 
     def show_run(
         self, run: Path, protocol: str, tares: Sequence[IndexedRun], used: FitOrder | None
@@ -243,12 +236,9 @@ class ResultsView(QWidget):
         self._parts.addWidget(self.table)
         self._parts.addWidget(self.page)
         self._parts.setSizes([260, 170])
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 6, 6, 4)
-        column.setSpacing(6)
-        column.addWidget(bar)
-        column.addWidget(self._parts, 1)
-        column.addWidget(self.hint, 1)
+        self.setLayout(
+            in_column(bar, (self._parts, 1), (self.hint, 1), margins=(6, 6, 6, 4), spacing=6)
+        )
         session.theme_changed.connect(lambda _: self._write_page())
         self.show_nothing("")
 

@@ -6,13 +6,11 @@ from typing import Any
 
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import (
-    QHBoxLayout,
     QLabel,
     QListWidget,
     QListWidgetItem,
     QPushButton,
     QSplitter,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -30,6 +28,7 @@ from rig.window.review.signals_data import (
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import LatestTask
+from rig.window.shell.stack import in_column, in_row, split
 
 ZOOM_PAUSE_MS = 90
 """ms after the last movement of the view until finer data are read."""
@@ -85,23 +84,10 @@ class SignalsView(QWidget):
 
     def _lay_out(self) -> None:
         right = QWidget()
-        column = QVBoxLayout(right)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(3)
-        column.addWidget(self._stack, 1)
-        foot = QHBoxLayout()
-        foot.addWidget(self.readout, 1)
-        foot.addWidget(self.whole)
-        column.addLayout(foot)
-        both = QSplitter(Qt.Orientation.Horizontal)
-        both.setChildrenCollapsible(False)
-        both.addWidget(self.channels)
-        both.addWidget(right)
-        both.setStretchFactor(1, 1)
-        both.setSizes([200, 680])
-        whole = QVBoxLayout(self)
-        whole.setContentsMargins(4, 6, 4, 4)
-        whole.addWidget(both)
+        foot = in_row((self.readout, 1), self.whole)
+        right.setLayout(in_column((self._stack, 1), foot, margins=(0, 0, 0, 0), spacing=3))
+        both = split(self.channels, (right, 1), sizes=[200, 680])
+        self.setLayout(in_column(both, margins=(4, 6, 4, 4)))
 
     @property
     def chosen(self) -> list[str]:

@@ -7,15 +7,14 @@ from dataclasses import dataclass
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QFrame,
-    QHBoxLayout,
     QLabel,
     QPushButton,
     QSizePolicy,
-    QVBoxLayout,
     QWidget,
 )
 
 from rig.window.run.state import RunState, State
+from rig.window.shell.stack import in_column, in_row
 from rig.window.shell.theme import BANNER_POINTS
 
 
@@ -76,18 +75,10 @@ class Banner(QFrame):
         self._title.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self._symbol.setMinimumWidth(54)
         self._symbol.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(14, 6, 16, 6)
-        row.setSpacing(12)
-        right = QVBoxLayout()
-        right.setSpacing(2)
-        right.addStretch(1)
-        right.addWidget(self._title)
-        right.addWidget(self._what)
-        right.addStretch(1)
-        row.addWidget(self._symbol)
-        row.addWidget(self._word)
-        row.addLayout(right, 1)
+        right = in_column((None, 1), self._title, self._what, (None, 1), spacing=2)
+        self.setLayout(
+            in_row(self._symbol, self._word, (right, 1), margins=(14, 6, 16, 6), spacing=12)
+        )
         self.setMinimumHeight(84)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         self.show_state(RunState())
@@ -140,11 +131,7 @@ class StopButtons(QWidget):
         self.stop.setAccessibleName("STOP: controlled ramp to standstill")
         self.stop.setMinimumSize(210, 78)
         self.stop.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(4)
-        column.addWidget(self.stop, 1)
-        column.addWidget(self.abort)
+        self.setLayout(in_column((self.stop, 1), self.abort, margins=(0, 0, 0, 0), spacing=4))
         # At the press, not at the release: a finger that slips off has still stopped the rig.
         self.stop.pressed.connect(self.stop_pressed)
         self.abort.pressed.connect(self.abort_pressed)

@@ -5,18 +5,17 @@ from __future__ import annotations
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QBrush, QColor
 from PySide6.QtWidgets import (
-    QHBoxLayout,
     QHeaderView,
     QLineEdit,
     QPushButton,
     QTableWidget,
     QTableWidgetItem,
-    QVBoxLayout,
     QWidget,
 )
 
 from experiments.recording import Event
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column, in_row
 
 SIGNS = {"info": "·", "warning": "⚠", "error": "✖"}
 LONGEST = 150
@@ -59,14 +58,8 @@ class EventsView(QWidget):
         self.write = QPushButton("Write note")
         self.note.returnPressed.connect(self._write)
         self.write.clicked.connect(self._write)
-        row = QHBoxLayout()
-        row.addWidget(self.note, 1)
-        row.addWidget(self.write)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(6)
-        column.addWidget(self.table, 1)
-        column.addLayout(row)
+        row = in_row((self.note, 1), self.write)
+        self.setLayout(in_column((self.table, 1), row, margins=(0, 0, 0, 0), spacing=6))
         self.set_active(False)
         session.theme_changed.connect(lambda _: self._recolour())
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from experiments import catalogue
 from experiments.contract import Experiment
@@ -24,6 +24,7 @@ from rig.window.run.pacing import Pacer
 from rig.window.run.points_view import StartingPoints, TorquePoints
 from rig.window.run.steps_view import StepView
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_row
 from rig.window.work.live_file import Block, LiveFile, open_live
 from rig.window.work.segment_work import SegmentWork
 
@@ -83,10 +84,7 @@ class LivePlots(QWidget):
         self._recent.toggled.connect(lambda _: self._draw())
         self._rows = QLabel()
         self._rows.setProperty("part", "muted")
-        foot = QHBoxLayout()
-        foot.addWidget(self._recent)
-        foot.addStretch(1)
-        foot.addWidget(self._rows)
+        foot = in_row(self._recent, (None, 1), self._rows)
         self._column = QVBoxLayout(self)
         self._column.setContentsMargins(0, 0, 0, 0)
         self._column.setSpacing(4)

@@ -14,7 +14,6 @@ from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import (
     QApplication,
     QFrame,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QPushButton,
@@ -30,6 +29,7 @@ from rig.bench.identity import option_of
 from rig.run.trips import rule_of
 from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_row
 from rig.window.work.background import BackgroundCommand
 
 MOST_LINES = 6
@@ -68,10 +68,7 @@ class OutcomeView(QFrame):
         ways.addWidget(self.review)
         ways.addWidget(self.report)
         ways.addStretch(1)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(14, 8, 14, 8)
-        row.addLayout(words, 1)
-        row.addLayout(ways)
+        self.setLayout(in_row((words, 1), ways, margins=(14, 8, 14, 8)))
         self._path: Path | None = None
         self._work: list[BackgroundCommand] = []
         self.open_report = True

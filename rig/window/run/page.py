@@ -14,7 +14,6 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QFrame,
-    QHBoxLayout,
     QLabel,
     QMessageBox,
     QProgressBar,
@@ -37,6 +36,7 @@ from rig.window.run.outcome_view import OutcomeView
 from rig.window.run.prompt_view import PromptView
 from rig.window.run.state import MAKING_SAFE, RunState, State
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column, in_row, split
 from rig.window.work.child import Ending, RunProcess
 from rig.window.work.prepared import PreparedRun
 
@@ -258,34 +258,18 @@ class RunPage(QWidget):
         )
 
     def _lay_out(self) -> None:
-        top = QHBoxLayout()
-        top.setSpacing(10)
-        top.addWidget(self.banner, 1)
-        top.addWidget(self.buttons)
-        strip = QHBoxLayout()
-        strip.setSpacing(12)
+        top = in_row((self.banner, 1), self.buttons, spacing=10)
         self._step.setProperty("part", "heading")
         self.bar.setTextVisible(False)
         self.bar.setFixedHeight(12)
         self.bar.setRange(0, 1000)
-        strip.addWidget(self._step)
-        strip.addWidget(self.bar, 1)
-        strip.addWidget(self._times)
-        body = QSplitter(Qt.Orientation.Horizontal)
-        body.setChildrenCollapsible(False)
-        body.addWidget(self.plots)
-        body.addWidget(self._side())
-        body.setStretchFactor(0, 1)
-        body.setStretchFactor(1, 0)
-        body.setSizes([10_000, SIDE_WIDTH])
-        column = QVBoxLayout(self)
-        column.setContentsMargins(10, 8, 10, 6)
-        column.setSpacing(8)
-        column.addLayout(top)
-        column.addWidget(self.prompt)
-        column.addWidget(self.outcome)
-        column.addLayout(strip)
-        column.addWidget(body, 1)
+        strip = in_row(self._step, (self.bar, 1), self._times, spacing=12)
+        body = split((self.plots, 1), self._side(), sizes=[10_000, SIDE_WIDTH])
+        self.setLayout(
+            in_column(
+                top, self.prompt, self.outcome, strip, (body, 1), margins=(10, 8, 10, 6), spacing=8
+            )
+        )
 
     def _side(self) -> QWidget:
         """Margins over events, each with room of its own."""

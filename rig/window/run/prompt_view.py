@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QLabel, QLineEdit, QPushButton
+from PySide6.QtWidgets import QFrame, QLabel, QLineEdit, QPushButton
 
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_row
 
 
 class PromptView(QFrame):
@@ -26,11 +27,7 @@ class PromptView(QFrame):
         self.field.setAccessibleName("Answer to the question of the run")
         self.give = QPushButton("Answer and go on")
         self.give.setProperty("part", "primary")
-        row = QHBoxLayout(self)
-        row.setContentsMargins(14, 8, 14, 8)
-        row.addWidget(self.question, 1)
-        row.addWidget(self.field)
-        row.addWidget(self.give)
+        self.setLayout(in_row((self.question, 1), self.field, self.give, margins=(14, 8, 14, 8)))
         self.field.returnPressed.connect(self._answer)
         self.give.clicked.connect(self._answer)
         session.theme_changed.connect(lambda _: self._colour())

@@ -7,11 +7,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.signal import lfilter
 
 from model.friction import friction_torque
 from model.gear import HarmonicDrive
+from model.identify.angle_regression import AngleFit, AngleRegression, Basis, solve_angle
+from model.identify.checks import channels
+from model.identify.kinematic_error import Encoders, KinematicErrorAccumulator, KinematicErrorFit
 from model.identify.running_torque import RunningTorque, average_torque
 from model.units import ARCMIN, REVOLUTION, RPM
 
@@ -124,3 +127,31 @@ def sweep(
 
 
 SPEEDS = np.concatenate([np.geomspace(1.0, 100.0, 18), np.geomspace(130.0, 3000.0, 12)])
+
+
+def fit_kinematic_error(
+    input_angle: ArrayLike,
+    output_angle: ArrayLike,
+    ratio: float,
+    *,
+    basis: Basis | None = None,
+    encoders: Encoders | None = None,
+    edge_triggered: bool = False,
+    accuracy_order: float | None = None,
+) -> KinematicErrorFit:
+    """The kinematic error from whole arrays [rad], shape (n,): one direction, steady, at low speed.
+    See the accumulator.
+    """
+    accumulator = KinematicErrorAccumulator(
+        ratio, basis=basis, encoders=encoders, edge_triggered=edge_triggered
+    )
+    accumulator.add(input_angle, output_angle)
+    return accumulator.fit(accuracy_order=accuracy_order)
+
+
+def fit_over_angle(angle: ArrayLike, value: ArrayLike, basis: Basis) -> AngleFit:
+    """Any channel over the input angle by the same streaming regression: trend, orders, covariance by blocks."""
+    x, y = channels(16, angle=angle, value=value)
+    regression = AngleRegression(basis)
+    regression.add(x, y)
+    return solve_angle(regression.sums())[0]

@@ -7,9 +7,15 @@ import pytest
 
 from model.errors import IdentificationError
 from model.identify.counting import lattice_aliases, ratio_from_slope
-from model.identify.kinematic_error import Encoders, fit_kinematic_error
+from model.identify.kinematic_error import Encoders
 from model.units import ARCSEC, REVOLUTION
-from tests.model.identify.rigs import INPUT_QUANTUM, OUTPUT_QUANTUM, RATIO, slow_run
+from tests.model.identify.rigs import (
+    INPUT_QUANTUM,
+    OUTPUT_QUANTUM,
+    RATIO,
+    fit_kinematic_error,
+    slow_run,
+)
 
 ENCODERS = Encoders(OUTPUT_QUANTUM, INPUT_QUANTUM)
 

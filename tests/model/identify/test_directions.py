@@ -9,10 +9,10 @@ import pytest
 
 from model.errors import IdentificationError
 from model.identify.angle_regression import standard_basis
-from model.identify.directions import combine, fit_over_angle, phase_relation
-from model.identify.kinematic_error import Encoders, fit_kinematic_error
+from model.identify.directions import combine, phase_relation
+from model.identify.kinematic_error import Encoders
 from model.units import ARCMIN, ARCSEC, DEGREE
-from tests.model.identify.rigs import RATIO, TRUTH, slow_run
+from tests.model.identify.rigs import RATIO, TRUTH, fit_kinematic_error, fit_over_angle, slow_run
 
 
 def pair(wind_up: float = 0.0):

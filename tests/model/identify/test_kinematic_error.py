@@ -16,8 +16,6 @@ from model.identify.angle_regression import AngleRegression, Basis, solve_angle,
 from model.identify.kinematic_error import (
     Encoders,
     KinematicErrorAccumulator,
-    fit_kinematic_error,
-    repeat_scatter,
     score_kinematic_error,
 )
 from model.kinematic_error import design_matrix, peak_to_peak
@@ -28,6 +26,7 @@ from tests.model.identify.rigs import (
     RATIO,
     TRUTH,
     error_curve,
+    fit_kinematic_error,
     slow_run,
 )
 
@@ -234,14 +233,3 @@ def test_bad_input_is_refused(angle: np.ndarray, output: np.ndarray, what: str) 
 def test_an_impossible_basis_is_refused(orders: tuple[float, ...]) -> None:
     with pytest.raises(IdentificationError, match="orders"):
         Basis(RATIO, orders)
-
-
-def test_repeats_scatter_by_what_is_put_in() -> None:
-    fits = []
-    for repeat in range(3):
-        run = slow_run(20 + repeat)
-        extra = (repeat - 1) * 2.0 * ARCSEC * np.cos(3.0 * run.input_angle)
-        fits.append(fit_kinematic_error(run.input_angle, run.output_angle + extra, RATIO))
-    assert repeat_scatter(fits) == pytest.approx(2.0 * ARCSEC / math.sqrt(2.0), rel=0.05)
-    with pytest.raises(IdentificationError, match="two repeats"):
-        repeat_scatter(fits[:1])

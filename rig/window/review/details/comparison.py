@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtWidgets import QLabel, QTextBrowser, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QTextBrowser, QWidget
 
 from experiments.quantity import bare_quantity, quantity_of
 from model.errors import ModelError
@@ -18,6 +18,7 @@ from rig.window.review.grid import GridTable
 from rig.window.review.results import COMPARISON_COLUMNS, comparison_rows
 from rig.window.review.words import facts_html
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column
 
 
 class ComparisonView(QWidget):
@@ -34,12 +35,11 @@ class ComparisonView(QWidget):
         self.nothing = QLabel("This run identifies no value that the parameter set holds.")
         self.nothing.setProperty("part", "muted")
         self.page = QTextBrowser()
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 6, 6, 4)
-        column.addWidget(self.title)
-        column.addWidget(self.nothing)
-        column.addWidget(self.table, 3)
-        column.addWidget(self.page, 2)
+        self.setLayout(
+            in_column(
+                self.title, self.nothing, (self.table, 3), (self.page, 2), margins=(6, 6, 6, 4)
+            )
+        )
         session.theme_changed.connect(lambda _: self._write())
 
     def show_comparison(self, content: Mapping[str, Any], parameters: Path) -> None:

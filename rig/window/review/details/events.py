@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QLabel, QWidget
 
 from experiments.recording import Event, Recording
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column, in_row
 
 COLUMNS = ("time [s]", "level", "source", "code", "what")
 FILTERS = ("everything", "notes and answers", "warnings and errors")
@@ -34,14 +35,8 @@ class RunEventsView(QWidget):
         self.table.activated.connect(
             lambda index: self.moment_chosen.emit(self._shown[index.row()][0])
         )
-        head = QHBoxLayout()
-        head.addWidget(QLabel("show"))
-        head.addWidget(self.filter)
-        head.addWidget(self.count, 1)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(6, 6, 6, 4)
-        column.addLayout(head)
-        column.addWidget(self.table, 1)
+        head = in_row(QLabel("show"), self.filter, (self.count, 1))
+        self.setLayout(in_column(head, (self.table, 1), margins=(6, 6, 6, 4)))
 
     def show_recording(self, recording: Recording) -> None:
         """The events of a run."""

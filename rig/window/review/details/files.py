@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QUrl, Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QWidget
 
 from rig.analysis.store import Analysis, analysis_folder
 from rig.runfile.seal import recorded_sha256
@@ -15,6 +15,7 @@ from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import LatestTask
+from rig.window.shell.stack import in_column
 
 COLUMNS = ("#", "kind of fit", "made", "verdict", "tare", "program", "file")
 Opener = Callable[[QUrl], object]
@@ -55,12 +56,9 @@ class RunFilesView(QWidget):
         head.addWidget(self.file, 1)
         head.addWidget(self.verify, 0, Qt.AlignmentFlag.AlignTop)
         head.addWidget(self.folder, 0, Qt.AlignmentFlag.AlignTop)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(8, 8, 8, 4)
-        column.addLayout(head)
-        column.addWidget(self.findings)
-        column.addWidget(self.table, 1)
-        column.addWidget(self.says)
+        self.setLayout(
+            in_column(head, self.findings, (self.table, 1), self.says, margins=(8, 8, 8, 4))
+        )
 
     def show_run(self, path: Path, analyses: Sequence[Analysis], problem: str = "") -> None:
         """The files of a run; `problem` says why its analyses cannot be read."""

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPushButton, QSizePolicy
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy
 
 from experiments.recording import Recording
 from rig.analysis.wording import fixed
@@ -16,6 +16,7 @@ from rig.runfile.seal import recorded_sha256
 from rig.window.review.signals_data import duration_of
 from rig.window.review.table_model import COLOURS, local_time, with_sign
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_row
 
 SHOWN_HASH = 16
 """Characters of the SHA-256 that are shown; the whole of it is in the tip and can be copied."""
@@ -41,13 +42,7 @@ class RunHeaderView(QFrame):
         self.report.setToolTip("Write the report of this run as a web page (HTML) and open it")
         self.pdf = QPushButton("PDF")
         self.pdf.setToolTip("Write the report of this run for paper (PDF) and open it")
-        first = QHBoxLayout()
-        first.setSpacing(14)
-        first.addWidget(self.title, 1)
-        first.addWidget(self.mark)
-        first.addWidget(self.outcome)
-        first.addWidget(self.report)
-        first.addWidget(self.pdf)
+        first = in_row((self.title, 1), self.mark, self.outcome, self.report, self.pdf, spacing=14)
         grid = QGridLayout(self)
         grid.setContentsMargins(12, 7, 12, 7)
         grid.setVerticalSpacing(2)

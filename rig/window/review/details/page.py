@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QTimer, QUrl, Signal
-from PySide6.QtWidgets import QLabel, QStackedLayout, QTabWidget, QTextBrowser, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QStackedLayout, QTabWidget, QTextBrowser, QWidget
 
 from experiments import catalogue
 from experiments.recording import Recording
@@ -33,6 +33,7 @@ from rig.window.review.results import ChooseFile, FitBar, ResultsView
 from rig.window.review.signals import SignalsView
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import BackgroundCommand, LatestTask
+from rig.window.shell.stack import in_column
 
 GROWING_MS = 1000
 """ms between two looks at a run that is being written."""
@@ -94,12 +95,11 @@ class RunDetails(QWidget):
         for name, page in zip(PAGES, pages, strict=True):
             self.tabs.addTab(page, name)
         self.problem.setMargin(24)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(4, 8, 8, 4)
-        column.setSpacing(6)
-        column.addWidget(self.header)
-        column.addWidget(self.problem, 1)
-        column.addWidget(self.tabs, 1)
+        self.setLayout(
+            in_column(
+                self.header, (self.problem, 1), (self.tabs, 1), margins=(4, 8, 8, 4), spacing=6
+            )
+        )
         self.problem.hide()
 
     def _connect(self) -> None:
