@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rig.bench.backends.registry import HARDWARE, REPLAY
-from rig.bench.state import StateFolder, state_folder
+from rig.bench.state import Scope, state_places
 from rig.errors import ConfigurationError
 
 ALPHABET = "23456789bcdfghjkmnpqrstvwxz"
@@ -26,12 +26,13 @@ ALPHABET = "23456789bcdfghjkmnpqrstvwxz"
 class Bench:
     """One physical rig.
 
-    `state` is where its latch lies, `elsewhere` are folders in which version 0.1.0 or another user
-    may have left one, `option` names the bench on the command line.
+    `state` is the folder where its latch lies, `scope` whose that folder is, `elsewhere` are folders
+    in which version 0.1.0 or another user may have left one. `option` names the bench on the command line.
     """
 
     id: str
     state: Path
+    scope: Scope
     elsewhere: tuple[Path, ...] = ()
     option: str
 
@@ -45,28 +46,17 @@ def new_bench_id(choose: Callable[[Sequence[str]], str] = secrets.choice) -> str
 def bench_of(backend: str, runs: Path, description: Path | None = None, seed: int = 0) -> Bench:
     """The bench of a rig by this name whose runs go to `runs`.
 
-    Raises `ConfigurationError` where a rig of hardware has no identity or no state folder.
+    Raises `ConfigurationError` where a rig of hardware has no identity, or no state folder that can be written.
     """
-    if backend == HARDWARE:
-        return _hardware_bench(runs, description)
-    # A replay turns nobody's instruments: the run that it plays names its bench itself.
-    identity = "" if backend.startswith(REPLAY) else str(seed)
-    return Bench(id=identity, state=runs, option=option_of(backend, runs))
-
-
-def option_of(backend: str, runs: Path, description: Path | None = None) -> str:
-    """How `rig acknowledge` is told which bench is meant."""
-    if backend == HARDWARE:
-        return f"--config {_file(description)}"
-    return f"--output {runs}"
-
-
-def state_of(description: Path | None) -> tuple[str, StateFolder]:
-    """Identity and state folder of the hardware that a file describes. Raises `ConfigurationError`."""
+    option = option_of(backend, runs, description)
+    if backend != HARDWARE:
+        # A replay turns nobody's instruments: the run that it plays names its bench itself.
+        identity = "" if backend.startswith(REPLAY) else str(seed)
+        return Bench(id=identity, state=runs, scope="runs", option=option)
     # Only hardware is described in text: a simulated run does without pydantic.
-    from rig.bench.config.load import load_configuration
+    from rig.bench.config.load import DEFAULT_PATH, load_configuration
 
-    path = _file(description)
+    path = description or DEFAULT_PATH
     identity = load_configuration(path).bench.id
     if not identity:
         raise ConfigurationError(
@@ -76,21 +66,12 @@ def state_of(description: Path | None) -> tuple[str, StateFolder]:
             limit="an id of its own, made once and never used again",
             remedy=f'Add the table [bench] with id = "{new_bench_id()}": drawn now, for this rig only.',
         )
-    return identity, state_folder(identity)
+    (scope, state), *others = state_places(identity)
+    # Version 0.1.0 latched in the folder of the runs.
+    elsewhere = (*(path for _, path in others), runs)
+    return Bench(id=identity, state=state, scope=scope, elsewhere=elsewhere, option=option)
 
 
-def _hardware_bench(runs: Path, description: Path | None) -> Bench:
-    identity, state = state_of(description)
-    return Bench(
-        id=identity,
-        state=state.path,
-        # Version 0.1.0 latched in the folder of the runs.
-        elsewhere=(*state.elsewhere, runs),
-        option=option_of(HARDWARE, runs, description),
-    )
-
-
-def _file(description: Path | None) -> Path:
-    from rig.bench.config.load import DEFAULT_PATH
-
-    return description or DEFAULT_PATH
+def option_of(backend: str, runs: Path, description: Path | None = None) -> str:
+    """How `rig acknowledge` is told which bench is meant."""
+    return f"--config {description or 'rig.toml'}" if backend == HARDWARE else f"--output {runs}"

@@ -98,13 +98,13 @@ class Limits:
 
     def tightest(self, quantity: str) -> Limit | None:
         """The limit that holds, or None where the quantity is not limited."""
-        found = self.of(quantity)
-        return found[0] if found else None
+        limits = self.of(quantity)
+        return limits[0] if limits else None
 
     def value(self, quantity: str) -> float:
         """The value that holds; infinite where the quantity is not limited."""
-        found = self.tightest(quantity)
-        return found.value if found else math.inf
+        limit = self.tightest(quantity)
+        return limit.value if limit else math.inf
 
     def drive_limits(self) -> DriveLimits:
         """What is written into the drive and read back before it is armed."""
@@ -118,11 +118,11 @@ class Limits:
 
     def as_json(self) -> dict[str, Any]:
         """The limits as the run file and `--json` show them: the one that holds and every tier beside it."""
-        found: dict[str, Any] = {}
+        limits: dict[str, Any] = {}
         for quantity, unit in UNITS.items():
             entries = self.of(quantity)
             if entries:
-                found[quantity] = {
+                limits[quantity] = {
                     "value": entries[0].value,
                     "unit": unit,
                     "tier": entries[0].tier,
@@ -136,7 +136,7 @@ class Limits:
                         for e in entries
                     ],
                 }
-        return found
+        return limits
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,7 +263,7 @@ def _drive_tier(motor: ServoMotor) -> Iterable[Limit]:
 
 def _gear_tier(gear: HarmonicDrive, load: Load) -> Iterable[Limit]:
     peak = gear.ratings.repeated_peak_torque
-    known = _provenance(gear, "ratings.repeated_peak_torque")
+    provenance = _provenance(gear, "ratings.repeated_peak_torque")
     allowed = SETPOINT_SHARE * peak
     words = f"{SETPOINT_SHARE:g} x repeated peak {peak:g} N m"
     yield Limit(
@@ -271,27 +271,29 @@ def _gear_tier(gear: HarmonicDrive, load: Load) -> Iterable[Limit]:
         allowed / load.ratio,
         "rig",
         f"{words}, output blocked, ratio {load.ratio:g}",
-        known,
+        provenance,
     )
     step = allowed / (STEP_FACTOR * load.ratio * load.output_share)
     inertia = f"J_o = {load.output_inertia:g} kg m2"
-    yield Limit(MOTOR_TORQUE, step, "rig", f"{words}, torque step with {inertia}", known)
+    yield Limit(MOTOR_TORQUE, step, "rig", f"{words}, torque step with {inertia}", provenance)
     yield Limit(
         TORSION_TORQUE,
         TRIP_SHARE * peak,
         "rig",
         f"{TRIP_SHARE:g} x repeated peak {peak:g} N m",
-        known,
+        provenance,
     )
     alpha = allowed * load.ratio / (STEP_FACTOR * load.output_inertia)
     for quantity in (ACCELERATION, DECELERATION, QUICK_STOP_DECELERATION):
-        yield Limit(quantity, alpha, "rig", f"{words}, ramp applied at once with {inertia}", known)
+        yield Limit(
+            quantity, alpha, "rig", f"{words}, ramp applied at once with {inertia}", provenance
+        )
     speed = gear.ratings.maximum_input_speed
-    known = _provenance(gear, "ratings.maximum_input_speed")
-    yield Limit(INPUT_SPEED, speed, "rig", f"maximum input speed of {gear.name}", known)
+    provenance = _provenance(gear, "ratings.maximum_input_speed")
+    yield Limit(INPUT_SPEED, speed, "rig", f"maximum input speed of {gear.name}", provenance)
     average = gear.ratings.average_input_speed
-    known = _provenance(gear, "ratings.average_input_speed")
-    yield Limit(AVERAGE_SPEED, average, "rig", f"average input speed of {gear.name}", known)
+    provenance = _provenance(gear, "ratings.average_input_speed")
+    yield Limit(AVERAGE_SPEED, average, "rig", f"average input speed of {gear.name}", provenance)
     yield Limit(HOUSING_TEMPERATURE, HOTTEST_HOUSING, "rig", "grease and encoder", "assumed")
 
 

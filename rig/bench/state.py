@@ -9,37 +9,31 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from rig.errors import ConfigurationError
 
-Scope = Literal["site", "user", "named"]
+Scope = Literal["site", "user", "named", "runs"]
+"""Whose a state folder is: everybody's at this computer, one user's, one that was named, or that of a simulated rig."""
+Place = tuple[Scope, Path]
 VARIABLE = "HARMONIC_RIG_STATE"
 """The environment variable that names another place: for containers, and for tests."""
 APPLICATION = "harmonic-rig"
 
 
-@dataclass(frozen=True)
-class StateFolder:
-    """The folder that a bench writes, for whom it is the same, and where else state of it may lie from earlier days."""
+def state_places(bench_id: str, environment: Mapping[str, str] = os.environ) -> list[Place]:
+    """The folders of a bench's state, the one that can be written first: the others may hold state of earlier days.
 
-    path: Path
-    scope: Scope
-    elsewhere: tuple[Path, ...] = ()
-
-
-def state_folder(bench_id: str, environment: Mapping[str, str] = os.environ) -> StateFolder:
-    """The first of the places that can be written. Raises `ConfigurationError` naming all of them where none can."""
+    Raises `ConfigurationError` naming all of them where none can be written.
+    """
     places = _places(bench_id, environment)
     refusals = []
-    for scope, path in places:
-        reason = _refusal(path)
+    for place in places:
+        reason = _refusal(place[1])
         if not reason:
-            others = tuple(other for _, other in places if other != path)
-            return StateFolder(path, scope, others)
-        refusals.append(f"{path}: {reason}")
+            return sorted(places, key=lambda other: other is not place)
+        refusals.append(f"{place[1]}: {reason}")
     raise ConfigurationError(
         "the state of this bench cannot be kept: a trip could not be latched",
         where=f"bench {bench_id}",
@@ -49,17 +43,20 @@ def state_folder(bench_id: str, environment: Mapping[str, str] = os.environ) -> 
     )
 
 
-def _places(bench_id: str, environment: Mapping[str, str]) -> tuple[tuple[Scope, Path], ...]:
+def _places(bench_id: str, environment: Mapping[str, str]) -> list[Place]:
+    own = Path("benches", bench_id)
     named = environment.get(VARIABLE, "")
     if named:
-        return (("named", Path(named) / "benches" / bench_id),)
+        return [("named", Path(named) / own)]
     import platformdirs
 
     # Not the site's data folder: on a Linux desktop XDG_DATA_DIRS moves it from one session to the
     # next, and a latch that depends on how somebody logged in is none.
     site = platformdirs.site_state_path(APPLICATION, appauthor=False)
-    user = platformdirs.user_state_path(APPLICATION, appauthor=False)
-    return ("site", site / "benches" / bench_id), ("user", user / "benches" / bench_id)
+    return [
+        ("site", site / own),
+        ("user", platformdirs.user_state_path(APPLICATION, appauthor=False) / own),
+    ]
 
 
 def _refusal(folder: Path) -> str:

@@ -65,16 +65,16 @@ def check(
     from rig.bench.config.load import inspect_configuration, missing_files
     from rig.bench.config.schema import RigConfiguration
 
-    found = inspect_configuration(file)
+    result = inspect_configuration(file)
     problems: tuple[Problem, ...]
     configured, warnings = None, ()
-    if isinstance(found, RigConfiguration):
-        problems = missing_files(found, file.parent)
+    if isinstance(result, RigConfiguration):
+        problems = missing_files(result, file.parent)
         if not problems:
             configured = configured_rig(file)
             warnings = _warnings(configured)
     else:
-        problems = found
+        problems = result
     if json:
         from rig.analysis.store import json_text
 
@@ -129,16 +129,16 @@ def _as_json(
 ) -> dict[str, Any]:
     from dataclasses import asdict
 
-    found: dict[str, Any] = {
+    answer: dict[str, Any] = {
         "file": str(file),
         "ok": not problems,
         "problems": [asdict(problem) for problem in problems],
         "warnings": list(warnings),
     }
     if configured is not None:
-        found["configuration"] = configured.configuration.model_dump(mode="json", by_alias=True)
-        found["limits"] = dict(configured.limits)
-    return found
+        answer["configuration"] = configured.configuration.model_dump(mode="json", by_alias=True)
+        answer["limits"] = dict(configured.limits)
+    return answer
 
 
 def _print(

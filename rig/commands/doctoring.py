@@ -73,9 +73,10 @@ def doctor(
     from rig.commands.ordering import confirmed, request_of
     from rig.run.arming import refuse_unarmed
     from rig.run.latch import latch_of
-    from rig.run.start import arming_of, bench_for, rig_for
+    from rig.run.start import arming_of, bench_for, plan_request, rig_for
     from rig.run.stop import StopRequest, pressed_by_signals
-    from rig.trial.doctor.examine import examine, plan_of, readout_of
+    from rig.trial.doctor.examine import examine, readout_of
+    from rig.trial.doctor.motion import EXPERIMENT
 
     _refuse_a_replay(backend)
     request = request_of(
@@ -92,7 +93,7 @@ def doctor(
         seed=seed,
         confirmation=confirm,
     )
-    planned = plan_of(request)
+    planned = plan_request(request, EXPERIMENT)
     moves = move if move is not None else backend != HARDWARE
     if moves:
         request = confirmed(request, planned, asks=not json)
@@ -101,7 +102,7 @@ def doctor(
         latch_of(bench_for(request)).refuse()
     stop = StopRequest()
     with pressed_by_signals(stop):
-        found = examine(
+        examination = examine(
             lambda: rig_for(request, planned),
             request,
             moves=moves,
@@ -113,11 +114,15 @@ def doctor(
     if json:
         from rig.analysis.store import json_text
 
-        typer.echo(json_text(found.as_json()))
+        typer.echo(json_text(examination.as_json()))
     else:
-        _print(found)
+        _print(examination)
     raise typer.Exit(
-        exits.ABORTED if found.was_stopped else exits.DONE if found.is_fine else exits.ERROR
+        exits.ABORTED
+        if examination.was_stopped
+        else exits.DONE
+        if examination.is_fine
+        else exits.ERROR
     )
 
 
@@ -135,25 +140,30 @@ def _refuse_a_replay(backend: str) -> None:
         )
 
 
-def _print(found: Examination) -> None:
+def _print(examination: Examination) -> None:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     console = Console(highlight=False)
     table = Table(
-        "what", "", "evidence", title=f"rig doctor: {found.backend}", title_justify="left", box=None
+        "what",
+        "",
+        "evidence",
+        title=f"rig doctor: {examination.backend}",
+        title_justify="left",
+        box=None,
     )
     # Each heading once, in the order in which the groups came up.
-    for group in dict.fromkeys(finding.group for finding in found.findings):
+    for group in dict.fromkeys(finding.group for finding in examination.findings):
         table.add_section()
         table.add_row(Text(group, style="bold"))
-        for finding in (f for f in found.findings if f.group == group):
+        for finding in (f for f in examination.findings if f.group == group):
             row = (Text(f"  {finding.name}"), MARK[finding.result], Text(finding.evidence))
             table.add_row(*row, style=STYLE[finding.result])
     console.print(table)
     for result in ("warning", "failed"):
-        for finding in (f for f in found.findings if f.result == result):
+        for finding in (f for f in examination.findings if f.result == result):
             words = f"{finding.remedy}" if finding.remedy else finding.evidence
             console.print(
                 f"{MARK[result]}  {finding.group}, {finding.name}: {words}",
@@ -161,8 +171,8 @@ def _print(found: Examination) -> None:
                 markup=False,
                 soft_wrap=True,
             )
-    count = {result: sum(f.result == result for f in found.findings) for result in MARK}
+    count = {result: sum(f.result == result for f in examination.findings) for result in MARK}
     console.print(
-        f"{len(found.findings)} lines, {count['failed']} failed, {count['warning']} warnings, "
+        f"{len(examination.findings)} lines, {count['failed']} failed, {count['warning']} warnings, "
         f"{count['skipped']} not looked at"
     )

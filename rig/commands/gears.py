@@ -38,7 +38,7 @@ HelpFlag = Annotated[
 @gear.command("list")
 def list_(output: Folder = Path("runs"), json: Json = False) -> None:
     """List the cards of a folder of runs."""
-    from rig.gears.card import known, list_cards
+    from rig.gears.card import list_cards, stated_facts
 
     listed = list_cards(output)
     if json:
@@ -63,7 +63,7 @@ def list_(output: Folder = Path("runs"), json: Json = False) -> None:
         if one.card is None:
             table.add_row(one.path.name, f"unreadable: {one.problem}", style="red")
             continue
-        facts = known(one.card.facts)
+        facts = stated_facts(one.card.facts)
         last = one.card.confirmation
         confirmed = f"{last.by}, {last.at}" if one.card.is_confirmed and last else "NO"
         cells = (str(facts.get(name, "-")) for name in ("part", "mounting", "lubricant", "hours"))
@@ -194,10 +194,10 @@ def _print(card: GearCard) -> None:
     from rich.table import Table
 
     from experiments.parameters import parameter_fields
-    from rig.gears.card import GearFacts, in_words, known
+    from rig.gears.card import GearFacts, in_words, stated_facts
 
     console = Console(highlight=False)
-    facts = known(card.facts)
+    facts = stated_facts(card.facts)
     units = {field.name: field.unit for field in parameter_fields(GearFacts)}
     table = Table(show_header=False, box=None, title=f"Gear {card.serial}", title_justify="left")
     for field in dataclasses.fields(GearFacts):

@@ -159,7 +159,7 @@ class GearCard:
         """The card as `rig gear show --json` prints it."""
         return {
             "serial": self.serial,
-            "facts": dict(known(self.facts)),
+            "facts": dict(stated_facts(self.facts)),
             "confirmed": self.is_confirmed,
             "warning": self.warning,
             "history": [
@@ -173,10 +173,10 @@ def _asks(event: CardEvent) -> bool:
     return event.what == "changed" and any(name in CONFIRMED_FIELDS for name in event.values)
 
 
-def known(facts: GearFacts) -> dict[str, Any]:
+def stated_facts(facts: GearFacts) -> dict[str, Any]:
     """The facts that somebody told, in their order."""
-    found = {f.name: getattr(facts, f.name) for f in dataclasses.fields(facts)}
-    return {name: value for name, value in found.items() if value is not None and value != ""}
+    values = {f.name: getattr(facts, f.name) for f in dataclasses.fields(facts)}
+    return {name: value for name, value in values.items() if value is not None and value != ""}
 
 
 def make_facts(values: Mapping[str, Any]) -> GearFacts:
@@ -192,12 +192,12 @@ def make_facts(values: Mapping[str, Any]) -> GearFacts:
             remedy="Read it from the gear.",
         )
     for name, words in CHOICES.items():
-        found = getattr(facts, name)
-        if found and found not in words:
+        word = getattr(facts, name)
+        if word and word not in words:
             raise PlanError(
                 "is none of the words there are",
                 where=f"gear.{name}",
-                value=repr(found),
+                value=repr(word),
                 limit=", ".join(words),
             )
     if facts.mounted_on:
@@ -232,7 +232,7 @@ def with_changes(card: GearCard | None, values: Mapping[str, Any], by: str, at: 
     `ConfigurationError` without a name.
     """
     _named(by, "change")
-    before = {} if card is None else known(card.facts)
+    before = {} if card is None else stated_facts(card.facts)
     facts = make_facts({**before, **values})
     if card is not None and facts.serial != card.serial:
         raise ConfigurationError(
@@ -241,7 +241,7 @@ def with_changes(card: GearCard | None, values: Mapping[str, Any], by: str, at: 
             value=facts.serial,
             limit=card.serial,
         )
-    after = known(facts)
+    after = stated_facts(facts)
     changed = {
         name: after.get(name, "")
         for name in (*before, *after)
@@ -257,7 +257,7 @@ def with_confirmation(card: GearCard, by: str, at: str) -> GearCard:
     """The card confirmed by name. Raises `ConfigurationError` without a name, or while something that limits rest on is
     unknown."""
     _named(by, "confirm")
-    missing = [name for name in REQUIRED if name not in known(card.facts)]
+    missing = [name for name in REQUIRED if name not in stated_facts(card.facts)]
     if missing:
         raise ConfigurationError(
             "the card cannot be confirmed while this is unknown",
@@ -304,17 +304,17 @@ def conditions_of(card: GearCard) -> dict[str, Any]:
     """What a run file keeps of a card among its conditions (/entry/sample): every fact that stands
     nowhere else there, the
     confirmation, and the warning where the card was not confirmed."""
-    found = {
+    conditions = {
         name: value
-        for name, value in known(card.facts).items()
+        for name, value in stated_facts(card.facts).items()
         if name not in ("serial", "part", "mounting")
     }
     confirmation = card.confirmation
     if card.is_confirmed and confirmation is not None:
-        found["gear_card_confirmed"] = f"{confirmation.by}, {confirmation.at}"
+        conditions["gear_card_confirmed"] = f"{confirmation.by}, {confirmation.at}"
     else:
-        found["gear_card_warning"] = card.warning
-    return found
+        conditions["gear_card_warning"] = card.warning
+    return conditions
 
 
 def in_words(name: str) -> str:
@@ -364,13 +364,13 @@ class ListedCard:
 
 def list_cards(folder: str | Path) -> tuple[ListedCard, ...]:
     """The cards of a folder of runs by serial number; unreadable ones with their reason."""
-    found = []
+    cards = []
     for path in sorted(cards_folder(folder).glob("*.toml")):
         try:
-            found.append(ListedCard(path, load_card(path)))
+            cards.append(ListedCard(path, load_card(path)))
         except RigError as error:
-            found.append(ListedCard(path, None, str(error)))
-    return tuple(found)
+            cards.append(ListedCard(path, None, str(error)))
+    return tuple(cards)
 
 
 def load_card(path: Path) -> GearCard:
@@ -450,7 +450,7 @@ def card_text(card: GearCard) -> str:
         "[facts]",
     ]
     fields = {f.name: f for f in parameter_fields(GearFacts)}
-    for name, value in known(card.facts).items():
+    for name, value in stated_facts(card.facts).items():
         unit = f"  # {fields[name].unit}" if fields[name].unit else ""
         lines.append(f"{name} = {_toml(value, quote)}{unit}")
     for event in card.history:
@@ -474,8 +474,8 @@ def _toml(value: Any, quote: Callable[[str], str]) -> str:
 
 
 def _event(entry: Any, index: int, where: str) -> CardEvent:
-    found = entry if isinstance(entry, dict) else {}
-    at, by, what, values = (found.get(name) for name in ("at", "by", "what", "values"))
+    fields = entry if isinstance(entry, dict) else {}
+    at, by, what, values = (fields.get(name) for name in ("at", "by", "what", "values"))
     values = {} if values is None else values
     if not (isinstance(at, str) and isinstance(by, str) and isinstance(values, dict)):
         raise ConfigurationError(

@@ -76,7 +76,7 @@ def run_files(folder: str | Path) -> tuple[Path, ...]:
     """The run files of a folder in the order of their numbers, unfinished ones included."""
     folder = Path(folder)
     try:
-        found = [
+        paths = [
             path for path in folder.iterdir() if path.name.endswith(RUN_SUFFIXES) and path.is_file()
         ]
     except OSError as error:
@@ -85,16 +85,11 @@ def run_files(folder: str | Path) -> tuple[Path, ...]:
             where=str(folder),
             remedy="Name the folder with --output.",
         ) from error
-    return tuple(sorted(found, key=lambda path: (run_number(path.name), path.name)))
-
-
-def list_runs(folder: str | Path) -> tuple[ListedRun, ...]:
-    """What every run of a folder says of itself; a file that cannot be read is listed with its reason."""
-    return tuple(read_listed(path) for path in run_files(folder))
+    return tuple(sorted(paths, key=lambda path: (run_number(path.name), path.name)))
 
 
 def read_listed(path: Path) -> ListedRun:
-    """What one file says of itself."""
+    """What one file says of itself; of one that cannot be read, the reason."""
     from rig.runfile.read import glance
 
     try:
@@ -115,8 +110,8 @@ def _highest_number(folder: Path) -> int:
 
 def run_number(name: str) -> int:
     """The number that a file or folder of a run bears; 0 for one that bears none."""
-    found = _LEADING_NUMBER.match(name)
-    return int(found.group(1)) if found else 0
+    match = _LEADING_NUMBER.match(name)
+    return int(match.group(1)) if match else 0
 
 
 def _in_name(text: str, otherwise: str) -> str:

@@ -28,7 +28,7 @@ WAITING_TIME = 2.0
 """s that one process waits for another one's write."""
 WRITTEN_AT_ONCE = 50
 """Files that are read between two writes to the database: other processes find what is there already."""
-Found = TypeVar("Found")
+Answer = TypeVar("Answer")
 State = Literal["sealed", "being written", "left behind", "unreadable"]
 Day = str | date | None
 """A day or a time: ISO 8601 text, or a `date` or `datetime`."""
@@ -97,7 +97,7 @@ _SEARCHED = (
     "start",
 )
 
-Told = tuple[Any, ...]
+Row = tuple[Any, ...]
 """What one file says of itself, in the order of `_COLUMNS`; a duration that is not known is None."""
 
 
@@ -115,8 +115,8 @@ class LibraryIndex:
         self._on_progress = on_progress
         self.rebuilt = ""
         """Why the index was made anew, or is kept in memory; empty where it was not."""
-        self._known: dict[str, tuple[str, Told]] | None = None
-        self._kept = True
+        self._rows: dict[str, tuple[str, Row]] | None = None
+        self._is_stored = True
         self._lock = threading.Lock()
 
     def refresh(self) -> int:
@@ -145,53 +145,53 @@ class LibraryIndex:
         bounds = _bound(since), _bound(until)
         with self._lock:
             self._refresh()
-            runs = [self._run(name, told) for name, (_, told) in (self._known or {}).items()]
+            runs = [self._run(name, row) for name, (_, row) in (self._rows or {}).items()]
         wanted = {"gear_serial": gear, "protocol": protocol, "origin": origin}
         words = text.casefold().split()
-        found = [
+        matches = [
             run
             for run in runs
             if _fits(run, words, wanted, outcome) and _within(run.start, *bounds)
         ]
-        return sorted(found, key=lambda run: (run.number, run.path.name))
+        return sorted(matches, key=lambda run: (run.number, run.path.name))
 
     def _refresh(self) -> int:
-        found = {path.name: (path, fingerprint_of(path)) for path in run_files(self.folder)}
-        known = self._load()
-        gone = [name for name in known if name not in found]
+        files = {path.name: (path, fingerprint_of(path)) for path in run_files(self.folder)}
+        rows = self._load()
+        gone = [name for name in rows if name not in files]
         for name in gone:
-            del known[name]
+            del rows[name]
         changed = [
             name
-            for name, (_, fingerprint) in found.items()
-            if name not in known or known[name][0] != fingerprint
+            for name, (_, fingerprint) in files.items()
+            if name not in rows or rows[name][0] != fingerprint
         ]
         for first in range(0, max(len(changed), 1 if gone else 0), WRITTEN_AT_ONCE):
             some = changed[first : first + WRITTEN_AT_ONCE]
             for place, name in enumerate(some, first):
                 self._on_progress(place, len(changed))
-                path, fingerprint = found[name]
-                known[name] = fingerprint, _told(read_listed(path))
-            self._keep([] if first else gone, [(name, *known[name]) for name in some])
-        self._known = known
+                path, fingerprint = files[name]
+                rows[name] = fingerprint, _row_of(read_listed(path))
+            self._keep([] if first else gone, [(name, *rows[name]) for name in some])
+        self._rows = rows
         return len(changed)
 
-    def _load(self) -> dict[str, tuple[str, Told]]:
+    def _load(self) -> dict[str, tuple[str, Row]]:
         """What is known already: from the database, or from memory where there is none."""
-        known = self._known if self._known is not None else {}
-        if not self._kept and self._known is not None:
-            return known
+        rows = self._rows if self._rows is not None else {}
+        if not self._is_stored and self._rows is not None:
+            return rows
 
-        def read(database: sqlite3.Connection) -> dict[str, tuple[str, Told]]:
-            rows = database.execute(
+        def read(database: sqlite3.Connection) -> dict[str, tuple[str, Row]]:
+            lines = database.execute(
                 f"SELECT file, fingerprint, {', '.join(_COLUMNS)} FROM runs"
             ).fetchall()
-            return {row[0]: (row[1], row[2:]) for row in rows}
+            return {row[0]: (row[1], row[2:]) for row in lines}
 
-        found = self._with_database(read)
-        return known if found is None else found
+        stored = self._with_database(read)
+        return rows if stored is None else stored
 
-    def _keep(self, gone: Sequence[str], rows: Sequence[tuple[str, str, Told]]) -> None:
+    def _keep(self, gone: Sequence[str], rows: Sequence[tuple[str, str, Row]]) -> None:
         """Write what has changed to the database, all of it or nothing."""
         names = ", ".join(("file", "fingerprint", *_COLUMNS))
         marks = ", ".join("?" * (2 + len(_COLUMNS)))
@@ -201,19 +201,19 @@ class LibraryIndex:
             with database:
                 database.executemany("DELETE FROM runs WHERE file = ?", [(name,) for name in gone])
                 database.executemany(
-                    insert, [(name, fingerprint, *told) for name, fingerprint, told in rows]
+                    insert, [(name, fingerprint, *row) for name, fingerprint, row in rows]
                 )
 
-        if self._kept:
+        if self._is_stored:
             self._with_database(write)
 
-    def _run(self, name: str, told: Told) -> IndexedRun:
+    def _run(self, name: str, row: Row) -> IndexedRun:
         path = self.folder / name
-        values = dict(zip(_COLUMNS, told, strict=True))
+        values = dict(zip(_COLUMNS, row, strict=True))
         values["duration"] = float("nan") if values["duration"] is None else values["duration"]
         return IndexedRun(path=path, state=_state_of(path, values["problem"]), **values)
 
-    def _with_database(self, action: Callable[[sqlite3.Connection], Found]) -> Found | None:
+    def _with_database(self, action: Callable[[sqlite3.Connection], Answer]) -> Answer | None:
         """Do something with the database, which is made anew where it is damaged or of another version.
 
         Whatever goes wrong is said in `rebuilt` and None returned: what a cache cannot give is read from the files.
@@ -225,22 +225,22 @@ class LibraryIndex:
             with contextlib.closing(connection):
                 return action(connection)
         except sqlite3.OperationalError as error:
-            self._kept = _is_busy(error)
+            self._is_stored = _is_busy(error)
             self.rebuilt = f"kept in memory: {error}"
         except sqlite3.DatabaseError as error:
             # Damage that shows only where the rows are: nothing of this file is believed.
-            self._kept = _deleted(path)
-            self.rebuilt = f"made anew: {error}" if self._kept else f"kept in memory: {error}"
+            self._is_stored = _deleted(path)
+            self.rebuilt = f"made anew: {error}" if self._is_stored else f"kept in memory: {error}"
         return None
 
 
 def fingerprint_of(path: Path) -> str:
     """What changes when a file does: size, time of change, file number."""
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except OSError:
         return "gone"
-    return f"{found.st_size}:{found.st_mtime_ns}:{found.st_ino}"
+    return f"{status.st_size}:{status.st_mtime_ns}:{status.st_ino}"
 
 
 def _opened(path: Path) -> tuple[sqlite3.Connection, str]:
@@ -300,22 +300,22 @@ def _deleted(path: Path) -> bool:
     return True
 
 
-def _told(run: ListedRun) -> Told:
+def _row_of(run: ListedRun) -> Row:
     """What a file says of itself, by column."""
     m = run.metadata
-    told: dict[str, Any] = dict.fromkeys(_COLUMNS, "")
-    told |= {
+    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "")
+    row |= {
         "run_id": run.path.name.split(".h5")[0],
         "number": run_number(run.path.name),
         "rows": run.rows,
     }
-    told |= {
+    row |= {
         "duration": None if run.duration != run.duration else run.duration,
         "problem": run.problem,
     }
     if m is not None:
-        told |= {
-            "run_id": m.run_id or told["run_id"],
+        row |= {
+            "run_id": m.run_id or row["run_id"],
             "protocol": m.experiment,
             "gear_serial": m.gear_serial,
             "gear": m.gear.name if m.gear is not None else "",
@@ -326,7 +326,7 @@ def _told(run: ListedRun) -> Told:
             "backend": str(m.process.get("backend", "")),
             "notes": run.notes,
         }
-    return tuple(told.values())
+    return tuple(row.values())
 
 
 def _state_of(path: Path, problem: str) -> State:
@@ -355,8 +355,8 @@ def _bound(day: Day) -> str | datetime | None:
     if day is None or day == "":
         return None
     if isinstance(day, str):
-        found = datetime.fromisoformat(day)
-        return day if len(day) <= len("YYYY-MM-DD") else found
+        moment = datetime.fromisoformat(day)
+        return day if len(day) <= len("YYYY-MM-DD") else moment
     return day if isinstance(day, datetime) else day.isoformat()
 
 

@@ -24,11 +24,11 @@ def is_being_written(part: Path) -> bool:
 
 def _is_listed(part: Path) -> bool:
     try:
-        found = os.stat(part)
+        status = os.stat(part)
         listed = LOCKS.read_text(encoding="ascii", errors="replace")
     except OSError:
         return False
-    number = f"{os.major(found.st_dev):02x}:{os.minor(found.st_dev):02x}:{found.st_ino}"
+    number = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
     return any("FLOCK" in line and number in line.split() for line in listed.splitlines())
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from rig.gears.card import EXPECTED, GearCard, conditions_of, gear_of, in_words, known
+from rig.gears.card import EXPECTED, GearCard, conditions_of, gear_of, in_words, stated_facts
 from rig.run.preflight import Check
 from rig.run.start import RunRequest
 
@@ -40,7 +40,7 @@ def card_checks(card: GearCard | None, serial: str) -> tuple[Check, ...]:
     checks = [
         Check("gear card", "ok", f"{card.serial} confirmed by {confirmation.by}, {confirmation.at}")
     ]
-    unknown = [name for name in EXPECTED if name not in known(card.facts)]
+    unknown = [name for name in EXPECTED if name not in stated_facts(card.facts)]
     if unknown:
         words = ", ".join(in_words(name) for name in unknown)
         checks.append(

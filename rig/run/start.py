@@ -10,6 +10,7 @@ from typing import Any
 
 from drivers.clock import WallClock
 from experiments import catalogue
+from experiments.contract import Experiment
 from experiments.parameters import make_parameters, parameter_fields
 from experiments.recording import Event
 from model.gear import HarmonicDrive, Mounting
@@ -61,9 +62,12 @@ class RunRequest:
     """What the operator typed to arm a run on hardware."""
 
 
-def plan_request(request: RunRequest) -> PlannedRun:
-    """The planned run of a request. Raises `PlanError`, `LimitError`, `ConfigurationError`; nothing is opened."""
-    experiment = catalogue.load(request.protocol)
+def plan_request(request: RunRequest, experiment: Experiment | None = None) -> PlannedRun:
+    """The planned run of a request: of its protocol, or of an experiment that stands in no catalogue.
+
+    Raises `PlanError`, `LimitError`, `ConfigurationError`; nothing is opened.
+    """
+    experiment = experiment or catalogue.load(request.protocol)
     if request.mounting not in MOUNTINGS:
         raise ConfigurationError(
             "no such mounting",

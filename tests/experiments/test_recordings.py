@@ -20,7 +20,7 @@ from experiments.protocols.kinematic_error import protocol as kinematic_error
 from experiments.recording import ArraySource, Recording, RunMetadata
 from experiments.recordings.channels import chosen_channel
 from experiments.result import Result, judge_upper
-from experiments.truth import truth_of, truth_rows, truth_table
+from experiments.truth import truth_of, truth_rows
 from model.channel import Calibration, Channel
 from model.gear import HarmonicDrive
 from model.identify.estimate import BudgetLine, Estimate

@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import xarray
 from silx.io import open as silx_open
-from silx.io.nxdata import get_default
+from silx.io.nxdata.parse import get_default
 
 from tests.rig.runfile.making import CHANNELS, CYCLE_NS, EPOCH_NS, counts_of, write_run
 
@@ -37,10 +38,12 @@ def test_silx_finds_the_default_plot_with_axis_labels_and_units(tmp_path: Path) 
         assert not data.issues
         assert data.signal_dataset_name == "input_angle"
         assert data.signal_name == "input angle (wave generator)"
-        assert data.signal.attrs["units"] == b"rad"
+        signal = data.signal
+        assert isinstance(signal, h5py.Dataset)
+        assert signal.attrs["units"] == b"rad"
         # Counts as they are stored, with the factor beside them.
-        np.testing.assert_array_equal(data.signal[:], counts_of(np.arange(2500))[:, 0])
-        assert data.signal.attrs["scale_factor"] == CHANNELS[0].direction * CHANNELS[0].scale
+        np.testing.assert_array_equal(signal[:], counts_of(np.arange(2500))[:, 0])
+        assert signal.attrs["scale_factor"] == CHANNELS[0].direction * CHANNELS[0].scale
         assert data.axes_dataset_names == ["time"]
         assert len(data.axes[0]) == 2500
         assert len(data.auxiliary_signals) == 3

@@ -31,17 +31,17 @@ class Problem:
     reason: str
 
     def __str__(self) -> str:
-        found = f" = {self.value}" if self.value else ""
-        return f"{self.path}{found}: {self.reason}"
+        shown = f" = {self.value}" if self.value else ""
+        return f"{self.path}{shown}: {self.reason}"
 
 
 def load_configuration(path: str | Path) -> RigConfiguration:
     """The rig that a file describes. Raises `ConfigurationError` that lists everything that is wrong with it."""
-    found = inspect_configuration(path)
-    if isinstance(found, RigConfiguration):
-        return found
-    listed = "".join(f"\n  {problem}" for problem in found)
-    count = "one value" if len(found) == 1 else f"{len(found)} values"
+    result = inspect_configuration(path)
+    if isinstance(result, RigConfiguration):
+        return result
+    listed = "".join(f"\n  {problem}" for problem in result)
+    count = "one value" if len(result) == 1 else f"{len(result)} values"
     raise ConfigurationError(
         f"{count} cannot be accepted:{listed}\n",
         where=str(path),
@@ -69,7 +69,7 @@ def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem,
     try:
         return RigConfiguration.model_validate(content)
     except ValidationError as error:
-        return tuple(_problem(found, content) for found in error.errors())
+        return tuple(_problem(entry) for entry in error.errors())
 
 
 def missing_files(configuration: RigConfiguration, folder: Path) -> tuple[Problem, ...]:
@@ -89,14 +89,14 @@ def missing_files(configuration: RigConfiguration, folder: Path) -> tuple[Proble
     )
 
 
-def _problem(found: Mapping[str, Any], content: Mapping[str, Any]) -> Problem:
+def _problem(error: Mapping[str, Any]) -> Problem:
     place = [
         part
-        for part in found["loc"]
+        for part in error["loc"]
         if not (isinstance(part, str) and part.startswith("function-"))
     ]
     path = path_text(place)
-    kind, given = str(found["type"]), found.get("input")
+    kind, given = str(error["type"]), error.get("input")
     if kind == "extra_forbidden":
         return Problem(path, _shown(given), f"no such word here. {_nearest(place)}")
     if kind == "missing":
@@ -105,7 +105,7 @@ def _problem(found: Mapping[str, Any], content: Mapping[str, Any]) -> Problem:
         return Problem(
             path, _shown(given), f'is not the format of a rig\'s description; expected "{FORMAT}"'
         )
-    reason = str(found["msg"]).removeprefix("Value error, ")
+    reason = str(error["msg"]).removeprefix("Value error, ")
     shown = "" if isinstance(given, Mapping | list) else _shown(given)
     return Problem(path or "the whole file", shown, reason[:1].lower() + reason[1:])
 
@@ -132,9 +132,9 @@ def _nearest(place: Sequence[str | int]) -> str:
     for part in place[:-1]:
         if isinstance(part, str):
             model = _table_of(model, part) or model
-    known = sorted(words_of(model))
-    near = difflib.get_close_matches(str(place[-1]), known, n=2, cutoff=0.5)
-    return f"Did you mean {' or '.join(near)}?" if near else f"Known: {', '.join(known)}."
+    words = sorted(words_of(model))
+    near = difflib.get_close_matches(str(place[-1]), words, n=2, cutoff=0.5)
+    return f"Did you mean {' or '.join(near)}?" if near else f"Known: {', '.join(words)}."
 
 
 def words_of(model: type[BaseModel]) -> Iterable[str]:

@@ -65,7 +65,7 @@ def _identity(group: str, name: str, identity: Identity) -> Finding:
 
 
 def _firmware(group: str, identity: Identity) -> Finding:
-    told = [text for text in (identity.hardware_version, identity.software_version) if text]
+    versions = [text for text in (identity.hardware_version, identity.software_version) if text]
     text = (
         f"hardware {identity.hardware_version or '-'}, software {identity.software_version or '-'}"
     )
@@ -74,7 +74,7 @@ def _firmware(group: str, identity: Identity) -> Finding:
     return judged(
         group,
         "firmware",
-        bool(told) or identity.revision != 0,
+        bool(versions) or identity.revision != 0,
         text,
         remedy=remedy,
         otherwise="warning",
@@ -169,10 +169,10 @@ def _missing(group: str, missing: Sequence[Missing]) -> Finding:
         by_consequence.setdefault(entry.consequence or "nothing follows from it", []).append(
             f"0x{entry.index:04X}:{entry.subindex} {entry.name}".rstrip()
         )
-    told = "; ".join(
+    consequences = "; ".join(
         f"{', '.join(entries)}: {consequence}" for consequence, entries in by_consequence.items()
     )
-    text = f"{len(missing)} are missing. {told}"
+    text = f"{len(missing)} are missing. {consequences}"
     return Finding(
         group=group,
         name="objects",
@@ -187,13 +187,13 @@ def _missing(group: str, missing: Sequence[Missing]) -> Finding:
 
 def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
     """What the devices and the drivers told while they were brought up and watched; the same words once."""
-    told: dict[tuple[str, str, str], tuple[Verdict, int]] = {}
+    counted: dict[tuple[str, str, str], tuple[Verdict, int]] = {}
     for event in events:
         verdict = "failed" if event.code in GRAVE_EVENTS else LEVELS.get(event.level)
         if verdict is not None:
             key = (event.source, event.code, event.text)
-            told[key] = (verdict, told.get(key, (verdict, 0))[1] + 1)
-    for (source, code, text), (verdict, times) in told.items():
+            counted[key] = (verdict, counted.get(key, (verdict, 0))[1] + 1)
+    for (source, code, text), (verdict, times) in counted.items():
         often = f" ({times} times)" if times > 1 else ""
         yield Finding(
             group="told by the devices",
@@ -202,7 +202,7 @@ def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
             evidence=f"{source}: {text}{often}",
             value=float(times),
         )
-    if not told:
+    if not counted:
         yield Finding(
             group="told by the devices",
             name="events",
@@ -213,12 +213,12 @@ def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
 
 def scan(bus: PumpedBus, patience_ns: int = 300_000_000) -> dict[int, int]:
     """Who answers on the bus: node-ID to device profile, asked by SDO for object 0x1000 at all 127 node-IDs."""
-    found: dict[int, int] = {}
+    profiles: dict[int, int] = {}
 
     def hear(node_id: int, data: bytes) -> None:
         if len(data) == 8:
             is_number = data[0] & 0xE0 == 0x40
-            found[node_id] = int.from_bytes(data[4:6], "little") if is_number else 0
+            profiles[node_id] = int.from_bytes(data[4:6], "little") if is_number else 0
 
     for node_id in range(1, 128):
         bus.subscribe(0x580 + node_id, lambda data, stamp_ns, node_id=node_id: hear(node_id, data))
@@ -226,4 +226,4 @@ def scan(bus: PumpedBus, patience_ns: int = 300_000_000) -> dict[int, int]:
         # One frame at a time: the send buffer of an adapter is a few frames deep.
         bus.idle(_BETWEEN_NS)
     bus.idle(patience_ns)
-    return dict(sorted(found.items()))
+    return dict(sorted(profiles.items()))

@@ -134,8 +134,10 @@ def _units(drive: ServoAmplifier) -> Finding:
         else "counts not told"
     )
     text = f"rated torque {readings.rated_torque:g} N m, speed unit {readings.velocity_unit:.4g} rad/s, {counts}"
-    known = readings.rated_torque > 0.0 and readings.velocity_unit > 0.0
-    return judged(GROUP, "units", known, text, remedy="Give them in [drive] of the configuration.")
+    is_complete = readings.rated_torque > 0.0 and readings.velocity_unit > 0.0
+    return judged(
+        GROUP, "units", is_complete, text, remedy="Give them in [drive] of the configuration."
+    )
 
 
 def _option(
@@ -170,11 +172,11 @@ def _watches(drive: ServoAmplifier, computer: int) -> Finding:
     device, name = drive.device, "watch over the computer"
     count = int(device.read_optional(ObjectRef(0x1016, 0, U8, "consumer heartbeat time")) or 0)
     for subindex in range(1, count + 1):
-        found = int(
+        entry = int(
             device.read_optional(ObjectRef(0x1016, subindex, U32, "consumer heartbeat time")) or 0
         )
-        if found >> 16 & 0x7F == computer and found & 0xFFFF:
-            waits = float(found & 0xFFFF)
+        if entry >> 16 & 0x7F == computer and entry & 0xFFFF:
+            waits = float(entry & 0xFFFF)
             text = f"misses the heartbeat of the computer (node {computer}) after {waits:g} ms"
             return Finding(
                 group=GROUP, name=name, result="ok", evidence=text, value=waits, unit="ms"

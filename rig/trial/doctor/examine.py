@@ -20,12 +20,12 @@ from experiments.errors import ExperimentError
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.hardware import readout_config
 from rig.bench.config.load import load_configuration
-from rig.errors import ConfigurationError, RigError
+from rig.errors import RigError
 from rig.run.arming import guard_check
 from rig.run.devices import TellsEvents
-from rig.run.dry_run import PlannedRun, plan_run
+from rig.run.dry_run import PlannedRun
 from rig.run.order import RunReport
-from rig.run.start import MOUNTINGS, RunRequest, bench_for, run_on
+from rig.run.start import RunRequest, bench_for, plan_request, run_on
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.trial.doctor import motion
@@ -33,7 +33,7 @@ from rig.trial.doctor.bus import heartbeat_period_ns, inspect_bus, inspect_event
 from rig.trial.doctor.finding import Finding
 from rig.trial.doctor.standing import Stand, inspect_stand
 from rig.trial.doctor.surroundings import (
-    bench,
+    bench_lines,
     calendar,
     calibrations,
     disk,
@@ -89,10 +89,10 @@ def examine(
     Whatever goes wrong on the way becomes a line that failed; the rig is left with the servo off.
     Raises only what `make` and the plan raise: a configuration that cannot be used.
     """
-    planned, stop = plan_of(request), stop or StopRequest()
+    planned, stop = plan_request(request, motion.EXPERIMENT), stop or StopRequest()
     on_stage("standing")
     rig = make()
-    findings = [*bench(request), disk(request.output), calendar(rig.clock)]
+    findings = [*bench_lines(request), disk(request.output), calendar(rig.clock)]
     findings += examine_standing(rig, planned)
     findings.append(readout(serial_line, rig.clock))
     refused = any(
@@ -115,24 +115,6 @@ def readout_of(request: RunRequest) -> ReadoutConfig | None:
     if request.configuration is None:
         return None
     return readout_config(load_configuration(request.configuration))
-
-
-def plan_of(request: RunRequest) -> PlannedRun:
-    """The planned motion with its limits. Raises `PlanError`, `LimitError`, `ConfigurationError`."""
-    if request.mounting not in MOUNTINGS:
-        allowed = ", ".join(MOUNTINGS)
-        raise ConfigurationError(
-            "no such mounting", where="--mounting", value=repr(request.mounting), limit=allowed
-        )
-    return plan_run(
-        motion.EXPERIMENT,
-        motion.DoctorParameters(),
-        request.gear,
-        request.motor,
-        request.mounting,
-        sample_rate=request.sample_rate,
-        configured=request.limits,
-    )
 
 
 # --- standing
@@ -261,10 +243,10 @@ PARTS: tuple[Part, ...] = (
 def examine_standing(rig: AssembledRig, planned: PlannedRun) -> list[Finding]:
     """Everything that can be seen with the servo off."""
     port, looked = rig.port, Looked(rig, planned)
-    found: list[Finding] = []
+    findings: list[Finding] = []
     try:
         description = port.open()
-        found.append(
+        findings.append(
             Finding(
                 group="rig",
                 name="connection",
@@ -276,9 +258,9 @@ def examine_standing(rig: AssembledRig, planned: PlannedRun) -> list[Finding]:
             try:
                 # One by one: what was found before an error stays.
                 for finding in part.inspect(looked):
-                    found.append(finding)
+                    findings.append(finding)
             except (DriverError, RigError) as error:
-                found.append(
+                findings.append(
                     Finding(
                         group=part.group,
                         name=part.name,
@@ -288,7 +270,7 @@ def examine_standing(rig: AssembledRig, planned: PlannedRun) -> list[Finding]:
                     )
                 )
     except (DriverError, RigError) as error:
-        found.append(
+        findings.append(
             Finding(
                 group="rig",
                 name="connection",
@@ -297,10 +279,10 @@ def examine_standing(rig: AssembledRig, planned: PlannedRun) -> list[Finding]:
                 remedy="Supply, cables, node-IDs, bit rate.",
             )
         )
-        found += [*_answering(rig), *_events(looked)]
+        findings += [*_answering(rig), *_events(looked)]
     finally:
         port.close()
-    return found
+    return findings
 
 
 def _answering(rig: AssembledRig) -> Iterable[Finding]:
@@ -316,14 +298,14 @@ def _answering(rig: AssembledRig) -> Iterable[Finding]:
     except DriverError as error:
         yield Finding(group="nodes", name="scan", result="failed", evidence=str(error))
         return
-    told = ", ".join(
+    answers = ", ".join(
         f"node {node_id} (profile {profile or 'not told'})" for node_id, profile in nodes.items()
     )
     yield Finding(
         group="nodes",
         name="scan",
         result="ok" if nodes else "failed",
-        evidence=told or "nobody answers",
+        evidence=answers or "nobody answers",
         value=float(len(nodes)),
     )
 
@@ -341,10 +323,10 @@ def examine_motion(
         try:
             thrown_away = replace(request, output=Path(folder))
             report = run_on(rig, thrown_away, planned, stop, bench=bench_for(request))
-            found = [_ending(report), *_inspected(report, planned)]
+            findings = [_ending(report), *_inspected(report, planned)]
         except (DriverError, RigError, ExperimentError) as error:
             return [Finding(group="motion", name="run", result="failed", evidence=str(error))]
-    return found
+    return findings
 
 
 def _ending(report: RunReport) -> Finding:

@@ -108,8 +108,8 @@ def inspect_motion(recording: Recording, gear: HarmonicDrive) -> Iterable[Findin
 
 
 def _last(recording: Recording, label: str) -> Segment | None:
-    found = recording.labelled(label)
-    return found[-1] if found else None
+    segments = recording.labelled(label)
+    return segments[-1] if segments else None
 
 
 def _outward(recording: Recording) -> Segment:
@@ -207,11 +207,11 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
             evidence="the output does not move",
             remedy="Is the output encoder coupled?",
         )
-    found = abs(inner / outer)
-    doubt = found * angle_doubt(recording, gear) / abs(outer)
+    ratio = abs(inner / outer)
+    doubt = ratio * angle_doubt(recording, gear) / abs(outer)
     turns = abs(outer) / REVOLUTION
-    text = f"{found:.4f} +- {doubt:.4f} over {turns:.3f} turns of the output, described as {expected:g}"
-    if doubt > LARGEST_DOUBT * expected and abs(found - expected) <= doubt:
+    text = f"{ratio:.4f} +- {doubt:.4f} over {turns:.3f} turns of the output, described as {expected:g}"
+    if doubt > LARGEST_DOUBT * expected and abs(ratio - expected) <= doubt:
         return Finding(
             group="motion",
             name="ratio",
@@ -222,14 +222,14 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
     other = (
         expected + 1.0 if recording.metadata.mounting == "circular-spline-fixed" else expected - 1.0
     )
-    if abs(found - other) <= doubt:
+    if abs(ratio - other) <= doubt:
         remedy = f"{other:g} is the ratio of the other mounting: check --mounting."
     return judged(
         "motion",
         "ratio",
-        abs(found - expected) <= doubt,
+        abs(ratio - expected) <= doubt,
         text,
-        value=found,
+        value=ratio,
         unit="1",
         limit=f"{expected:g} +- {doubt:.4f}",
         remedy=remedy,

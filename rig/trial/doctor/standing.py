@@ -217,9 +217,9 @@ def _encoder(stand: Stand, name: str) -> Finding:
 def _temperatures(stand: Stand) -> Iterable[Finding]:
     low, high = ROOM_TEMPERATURES
     for name in (names.HOUSING_TEMPERATURE, names.AMBIENT_TEMPERATURE):
-        found = stand.si(name)
-        if found is not None and len(found):
-            mean = float(found.mean())
+        values = stand.si(name)
+        if values is not None and len(values):
+            mean = float(values.mean())
             yield judged(
                 "temperature",
                 name.replace("_", " "),

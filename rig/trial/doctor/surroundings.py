@@ -15,12 +15,10 @@ from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.nd287 import Readout, ReadoutConfig, open_port
 from drivers.port import DriveLimits, RigPort
-from rig.bench.backends.registry import HARDWARE
-from rig.bench.identity import state_of
 from rig.bench.state import VARIABLE, Scope
 from rig.errors import ConfigurationError, LimitError
 from rig.run.preflight import Check, limits_check
-from rig.run.start import RunRequest
+from rig.run.start import RunRequest, bench_for
 from rig.trial.doctor.finding import Finding, judged
 
 ENOUGH_SPACE, LEAST_SPACE = 1_000_000_000, 100_000_000
@@ -36,19 +34,14 @@ SCOPES: dict[Scope, str] = {
     "site": "for everybody at this computer",
     "user": "of this user only: the site's cannot be written",
     "named": f"named by {VARIABLE}",
+    "runs": "that of the runs, as of every simulated rig",
 }
 
 
-def bench(request: RunRequest) -> Iterable[Finding]:
+def bench_lines(request: RunRequest) -> Iterable[Finding]:
     """Which bench this is, and the folder in which a trip of it would be latched."""
-    if request.backend != HARDWARE:
-        yield _bench_line("identity", f"seed {request.seed} of a simulated rig")
-        yield _bench_line(
-            "state folder", f"{request.output}: a simulated rig's is that of its runs"
-        )
-        return
     try:
-        identity, state = state_of(request.configuration)
+        bench = bench_for(request)
     except ConfigurationError as error:
         yield Finding(
             group="bench",
@@ -58,20 +51,17 @@ def bench(request: RunRequest) -> Iterable[Finding]:
             remedy=error.remedy,
         )
         return
-    yield _bench_line("identity", identity)
+    text = bench.id if bench.scope != "runs" else f"seed {bench.id} of a simulated rig"
+    yield Finding(group="bench", name="identity", result="ok", evidence=text)
     yield judged(
         "bench",
         "state folder",
-        state.scope != "user",
-        f"{state.path}, writable, {SCOPES[state.scope]}",
+        bench.scope != "user",
+        f"{bench.state}, {'' if bench.scope == 'runs' else 'writable, '}{SCOPES[bench.scope]}",
         otherwise="warning",
         remedy="Another user would not meet its latch: make the site's writable for all who run it"
-        f" ({', '.join(str(place) for place in state.elsewhere)}).",
+        f" ({', '.join(str(place) for place in bench.elsewhere[:1])}).",
     )
-
-
-def _bench_line(name: str, evidence: str) -> Finding:
-    return Finding(group="bench", name=name, result="ok", evidence=evidence)
 
 
 def disk(folder: Path) -> Finding:
@@ -129,17 +119,17 @@ def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
     for channel in channels:
         if channel.name not in CALIBRATED:
             continue
-        found, title = channel.calibration, channel.name.replace("_", " ")
+        certificate, title = channel.calibration, channel.name.replace("_", " ")
         text = ", ".join(
             part
             for part in (
-                found.certificate or "no certificate",
-                f"of {found.date}" if found.date else "",
-                f"due {found.due}" if found.due else "no due date",
+                certificate.certificate or "no certificate",
+                f"of {certificate.date}" if certificate.date else "",
+                f"due {certificate.due}" if certificate.due else "no due date",
             )
             if part
         )
-        due = _date(found.due)
+        due = _date(certificate.due)
         if due is not None and due < today:
             yield Finding(
                 group="calibration",
@@ -161,7 +151,7 @@ def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
             yield judged(
                 "calibration",
                 title,
-                bool(found.certificate) and (due is not None or not found.due),
+                bool(certificate.certificate) and (due is not None or not certificate.due),
                 text,
                 otherwise="warning",
                 remedy="Results rest on a tolerance that nobody has checked.",

@@ -19,11 +19,11 @@ from rig.gears.card import (
     GearFacts,
     ListedCard,
     card_for,
-    known,
     list_cards,
     make_facts,
     now_text,
     save_card,
+    stated_facts,
     with_changes,
     with_confirmation,
 )
@@ -123,7 +123,7 @@ class GearSection(QWidget):
             self._stored = None
             self._session.message.emit(str(error))
         self.choice.setCurrentIndex(max(self.choice.findData(serial if self._stored else ""), 0))
-        self.form.set_values(known(self._stored.facts) if self._stored else {})
+        self.form.set_values(stated_facts(self._stored.facts) if self._stored else {})
         # A confirmed card needs no room; one that is not has to be looked at.
         self.details_button.setChecked(not self.is_confirmed)
         self._show_details(not self.is_confirmed)
@@ -153,7 +153,7 @@ class GearSection(QWidget):
 
     def _add(self, listed: ListedCard) -> None:
         if listed.card is not None:
-            facts = known(listed.card.facts)
+            facts = stated_facts(listed.card.facts)
             words = f"{listed.card.serial} · {facts.get('part', 'part not known')}"
             self.choice.addItem(
                 words if listed.card.is_confirmed else f"{words} · not confirmed",
@@ -244,7 +244,7 @@ class GearSection(QWidget):
 
 def digest_of(facts: GearFacts) -> str:
     """A card in two lines."""
-    values = known(facts)
+    values = stated_facts(facts)
     words = [str(values[name]) for name in ("part", "mounting", "lubricant") if name in values]
     if facts.hours is not None:
         words.append(f"{facts.hours:g} h")

@@ -52,8 +52,8 @@ from rig.window.prepare.request import (
     write_parameters,
 )
 from rig.window.shell.session import WindowSession
-from rig.window.work.background import BackgroundCommand, LatestTask, json_object
 from rig.window.shell.stack import in_column, in_row, split
+from rig.window.work.background import BackgroundCommand, LatestTask, json_object
 from rig.window.work.prepared import PreparedRun
 
 TYPING_PAUSE = 250

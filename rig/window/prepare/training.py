@@ -18,8 +18,8 @@ from PySide6.QtWidgets import (
 )
 
 from rig.window.prepare.preview_plot import restyled
-from rig.window.work.background import BackgroundCommand, json_object
 from rig.window.shell.stack import in_column, in_row
+from rig.window.work.background import BackgroundCommand, json_object
 
 
 class TrainingDialog(QDialog):

@@ -12,8 +12,8 @@ from rig.analysis.wording import readable
 from rig.gears.card import UNITS, in_words
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
-from rig.window.work.background import LatestTask
 from rig.window.shell.stack import in_column, in_row
+from rig.window.work.background import LatestTask
 
 COLUMNS = ("group", "what", "first", "second", "difference ± U_c", "significance", "remark")
 EVERYTHING = "everything that differs"

@@ -27,8 +27,8 @@ from rig.window.review.fit import FitDesk, FitOrder, tares_among
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time, outcome_of, with_sign
 from rig.window.shell.session import WindowSession
-from rig.window.work.background import LatestTask
 from rig.window.shell.stack import in_column, in_row
+from rig.window.work.background import LatestTask
 
 if TYPE_CHECKING:
     from rig.analysis.passport.content import Passport, PassportPoint, PassportSeries

@@ -27,8 +27,8 @@ from rig.window.review.signals_data import (
 )
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
-from rig.window.work.background import LatestTask
 from rig.window.shell.stack import in_column, in_row, split
+from rig.window.work.background import LatestTask
 
 ZOOM_PAUSE_MS = 90
 """ms after the last movement of the view until finer data are read."""

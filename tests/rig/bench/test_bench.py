@@ -19,13 +19,13 @@ from rig.bench.backends.registry import HARDWARE
 from rig.bench.backends.serving import Served, description_of
 from rig.bench.config.load import inspect_configuration, load_configuration
 from rig.bench.identity import ALPHABET, bench_of, new_bench_id
-from rig.bench.state import VARIABLE, state_folder
+from rig.bench.state import VARIABLE, state_places
 from rig.errors import ConfigurationError
 from rig.main import app
 from rig.run.latch import HISTORY_NAME, LatchedTrip, LatchedTripError, TripLatch, latch_of
 from rig.run.start import RunRequest, run_request
 from rig.runfile.read import close_recording, open_run
-from rig.trial.doctor.surroundings import bench as bench_lines
+from rig.trial.doctor.surroundings import bench_lines
 
 TEMPLATE = resources.files("rig.bench.config").joinpath("template.toml").read_text(encoding="utf-8")
 TRIP = LatchedTrip("over_speed", "00007-friction-G1", "2026-01-02T03:04:05+00:00", "too fast", True)
@@ -152,24 +152,18 @@ def test_the_site_s_place_comes_first_then_the_user_s(
     site, user = tmp_path / "site", tmp_path / "user"
     monkeypatch.setattr(platformdirs, "site_state_path", lambda *_, **__: site)
     monkeypatch.setattr(platformdirs, "user_state_path", lambda *_, **__: user)
-    first = state_folder("b", NOBODY)
-    assert (first.path, first.scope, first.elsewhere) == (
-        site / "benches" / "b",
-        "site",
-        (user / "benches" / "b",),
-    )
+    own = Path("benches", "b")
+    assert state_places("b", NOBODY) == [("site", site / own), ("user", user / own)]
     (tmp_path / "taken").write_text("a file where the site's folder would be")
     site = tmp_path / "taken"
-    second = state_folder("b", NOBODY)
-    assert (second.path, second.scope) == (user / "benches" / "b", "user")
-    assert second.elsewhere == (site / "benches" / "b",)
+    assert state_places("b", NOBODY) == [("user", user / own), ("site", site / own)]
     user = site
     with pytest.raises(ConfigurationError) as caught:
-        state_folder("b", NOBODY)
+        state_places("b", NOBODY)
     assert caught.value.where == "bench b"
-    assert str(caught.value.value).count(str(site / "benches" / "b")) == 2
+    assert str(caught.value.value).count(str(site / own)) == 2
     assert caught.value.limit
-    assert str(site / "benches" / "b") in caught.value.remedy
+    assert str(site / own) in caught.value.remedy
 
 
 # --- a run on hardware

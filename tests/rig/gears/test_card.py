@@ -278,11 +278,11 @@ def test_a_run_file_keeps_the_card_among_its_conditions(tmp_path: Path) -> None:
     )
     report = run_request(request, judged=False)
     with h5py.File(report.path) as file:
-        sample = file["entry/sample"]
-        text = {
-            name: sample[name].asstr()[()]
-            for name in ("lubricant", "hours", "conditions", "serial_number")
-        }
+        text = {}
+        for name in ("lubricant", "hours", "conditions", "serial_number"):
+            field = file[f"entry/sample/{name}"]
+            assert isinstance(field, h5py.Dataset)
+            text[name] = str(field.asstr()[()])
     assert text["lubricant"] == "Harmonic Grease SK-1A"
     assert text["hours"] == "12.5"
     assert text["serial_number"] == "SN-0815"

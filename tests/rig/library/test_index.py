@@ -15,7 +15,7 @@ import pytest
 
 from rig.errors import RunFileError
 from rig.library import index
-from rig.library.folder import claim_run, list_runs
+from rig.library.folder import claim_run, read_listed, run_files
 from rig.library.index import INDEX_NAME, SCHEMA, IndexedRun, LibraryIndex
 from rig.runfile.recover import recover_run
 from rig.runfile.write import RunWriter
@@ -67,7 +67,7 @@ def test_the_index_says_what_the_files_say(several: Path) -> None:
         "left behind",
         "unreadable",
     ]
-    for run, listed in zip(found, list_runs(several), strict=True):
+    for run, listed in zip(found, map(read_listed, run_files(several)), strict=True):
         assert (run.path, run.rows, run.problem) == (listed.path, listed.rows, listed.problem)
         if listed.metadata is not None:
             m = listed.metadata

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rig.errors import RunFileError
-from rig.library.folder import claim_run, list_runs, run_files
+from rig.library.folder import claim_run, read_listed, run_files
 from rig.runfile.write import RunWriter
 from tests.rig.runfile.making import block, header, write_run
 
@@ -87,7 +87,7 @@ def test_the_list_shows_good_bad_and_unfinished_runs(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "00003-x-y.h5", header("00003-x-y"))
     writer.append(block(0, 11))
     writer.flush()
-    good, bad, growing = list_runs(tmp_path)
+    good, bad, growing = map(read_listed, run_files(tmp_path))
     writer.abandon()
     assert good.metadata is not None
     assert (good.metadata.outcome, good.rows, good.duration, good.unfinished) == (

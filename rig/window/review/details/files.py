@@ -14,8 +14,8 @@ from rig.runfile.verify import Finding, verify_run
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
-from rig.window.work.background import LatestTask
 from rig.window.shell.stack import in_column
+from rig.window.work.background import LatestTask
 
 COLUMNS = ("#", "kind of fit", "made", "verdict", "tare", "program", "file")
 Opener = Callable[[QUrl], object]

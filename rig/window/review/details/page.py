@@ -32,8 +32,8 @@ from rig.window.review.library_table import HTML, PDF
 from rig.window.review.results import ChooseFile, FitBar, ResultsView
 from rig.window.review.signals import SignalsView
 from rig.window.shell.session import WindowSession
-from rig.window.work.background import BackgroundCommand, LatestTask
 from rig.window.shell.stack import in_column
+from rig.window.work.background import BackgroundCommand, LatestTask
 
 GROWING_MS = 1000
 """ms between two looks at a run that is being written."""
