@@ -185,10 +185,10 @@ class CanRig:
         speeds, torques = set_point_counts(command, cycles, self.channels)
         self._judge.adopt(guard)
         self._enter(command.mode)
-        if self._kept_is_old:
-            self._kept, self._kept_is_old = nodes.kept_values(), False
+        if self._held_is_old:
+            self._held, self._held_is_old = nodes.held_values(), False
         frames = command_frames(
-            nodes.commands, _CONTROLWORD[command.mode], speeds, torques, self._kept
+            nodes.commands, _CONTROLWORD[command.mode], speeds, torques, self._held
         )
         is_judged = bool(guard.bounds) or guard.stale_cycles > 0
         self._store.begin_block(cycles)
@@ -266,7 +266,7 @@ class CanRig:
         none = np.zeros(1, dtype=np.int64)
         with contextlib.suppress(DriverError):
             if nodes is not None:
-                frames = command_frames(nodes.commands, obj.DISABLE_VOLTAGE, none, none, self._kept)
+                frames = command_frames(nodes.commands, obj.DISABLE_VOLTAGE, none, none, self._held)
                 for pdo, (data,) in zip(nodes.commands, frames, strict=True):
                     bus.send(pdo.cob_id, data)
                 bus.send(SYNC_COB_ID, b"")
@@ -294,8 +294,10 @@ class CanRig:
         for device in self._opened().devices:
             if device.node_id == node_id:
                 return device.read_integer(entry)
-        known = [device.node_id for device in self._opened().devices]
-        raise DriverError("no such node", where=self._config.title, value=node_id, limit=str(known))
+        node_ids = [device.node_id for device in self._opened().devices]
+        raise DriverError(
+            "no such node", where=self._config.title, value=node_id, limit=str(node_ids)
+        )
 
     @property
     def nodes(self) -> RigNodes:
@@ -317,7 +319,7 @@ class CanRig:
         """Devices that call themselves simulated make the rig simulated, however it is reached."""
         return (
             "simulated"
-            if any(found.is_simulated for found in nodes.identities.values())
+            if any(identity.is_simulated for identity in nodes.identities.values())
             else self._origin
         )
 
@@ -351,8 +353,8 @@ class CanRig:
         self._was_enabled = False
         self._statusword = self._statusword_bytes(nodes)
         self._pause_pending = False
-        self._kept: dict[tuple[int, int], int] = {}
-        self._kept_is_old = True
+        self._held: dict[tuple[int, int], int] = {}
+        self._held_is_old = True
         self._lost = None
         bus.sample_time_ns = self._event_time
         bus.subscribe(SYNC_COB_ID, self._on_sync)
@@ -419,7 +421,7 @@ class CanRig:
 
     def _pause(self) -> None:
         """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
-        self._pause_pending = self._kept_is_old = True
+        self._pause_pending = self._held_is_old = True
 
     def _cycle(self, bus: PumpedBus, commands: list[bytes], row: int) -> tuple[int, int, int]:
         """One SYNC cycle: (stamp, latency, flags)."""
@@ -466,7 +468,7 @@ class CanRig:
         while self._clock.monotonic_ns() < self._due_ns:
             bus.receive(self._due_ns)
         bus.drain()
-        bus.beat()
+        bus.send_heartbeat()
         self._due_ns += self._config.cycle_ns
 
     def _patience(self, is_first: bool) -> int:

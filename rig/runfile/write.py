@@ -89,7 +89,7 @@ class RunWriter:
             )
             try:
                 write_header(file, header)
-                made = layout.create_data(
+                datasets = layout.create_data(
                     file, header.columns, self._chunk_rows, compress=self._compress
                 )
                 layout.create_tables(file)
@@ -99,7 +99,7 @@ class RunWriter:
                 close_without_writing(file)
                 raise
             names = [TIME, CYCLE, FLAGS, *(column.name for column in header.columns)]
-            return file, [made[name] for name in names]
+            return file, [datasets[name] for name in names]
         raise AssertionError
 
     @property

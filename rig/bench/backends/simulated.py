@@ -49,9 +49,9 @@ def on_the_wire(request: BenchRequest) -> Bench:
     """The plant behind simulated CANopen devices, on a pumped bus; the drivers are those of a rig of hardware."""
     from sim_backend.wire.bench import WireBench
 
-    made = seeds_of(request)
-    bench = WireBench(**made, clock=VirtualClock(time.time_ns()))
-    return Bench(name="wire", port=wire_port(bench, made["motor"]), clock=bench.clock)
+    seeds = seeds_of(request)
+    bench = WireBench(**seeds, clock=VirtualClock(time.time_ns()))
+    return Bench(name="wire", port=wire_port(bench, seeds["motor"]), clock=bench.clock)
 
 
 def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None = None) -> CanRig:

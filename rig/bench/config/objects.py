@@ -12,15 +12,15 @@ _LETTERS = {"I": "INTEGER", "U": "UNSIGNED", "R": "REAL", "F": "REAL"}
 
 def read_object(text: str, name: str = "") -> ObjectRef:
     """The entry that a text names: index (hexadecimal), sub-index, type. Raises `ValueError` for any other text."""
-    found = _OBJECT.match(text)
-    if found is None:
+    match = _OBJECT.match(text)
+    if match is None:
         raise ValueError(
             f'{text!r} is no object; write index, sub-index and type as in "0x6004:0 I32"'
         )
-    index, subindex = int(found[1], 16), int(found[2])
+    index, subindex = int(match[1], 16), int(match[2])
     if subindex > 255:
         raise ValueError(f"the sub-index {subindex} of {text!r} is above 255")
-    return ObjectRef(index, subindex, _data_type(found[3].upper(), text), name)
+    return ObjectRef(index, subindex, _data_type(match[3].upper(), text), name)
 
 
 def _data_type(word: str, text: str) -> DataType:
@@ -28,5 +28,5 @@ def _data_type(word: str, text: str) -> DataType:
     for kind in DATA_TYPES.values():
         if kind.is_number and kind.name == spelled:
             return kind
-    known = ", ".join(kind.name for kind in DATA_TYPES.values() if kind.is_number)
-    raise ValueError(f"{word!r} in {text!r} is no type; known: {known}, or short I32, U16, R32")
+    names = ", ".join(kind.name for kind in DATA_TYPES.values() if kind.is_number)
+    raise ValueError(f"{word!r} in {text!r} is no type; known: {names}, or short I32, U16, R32")
