@@ -185,6 +185,7 @@ class CanRig:
         speeds, torques = set_point_counts(command, cycles, self.channels)
         self._judge.adopt(guard)
         self._enter(command.mode)
+        # Before the frames are built: enabling may have gone by SDO, and a fixed RPDO must carry what now holds.
         if self._held_is_old:
             self._held, self._held_is_old = nodes.held_values(), False
         frames = command_frames(
@@ -390,6 +391,7 @@ class CanRig:
         if self._mode is not mode:
             self._pause()
             self._mode, self._was_enabled = Mode.OFF, False
+            # An `enable` that raises half-way leaves OFF behind: the next call begins anew and never trusts the drive.
             drive.enable(mode)
             self._mode, self._was_enabled = mode, True
         elif not self._was_enabled:
@@ -426,6 +428,7 @@ class CanRig:
     def _cycle(self, bus: PumpedBus, commands: list[bytes], row: int) -> tuple[int, int, int]:
         """One SYNC cycle: (stamp, latency, flags)."""
         self._wait_for_turn(bus, row)
+        # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
         for pdo, data in zip(self._opened().commands, commands, strict=True):
             bus.send(pdo.cob_id, data)
         is_first = not self._first_cycle and not row
@@ -463,11 +466,14 @@ class CanRig:
             else:
                 # A block that is begun late is late like any other cycle.
                 self._statistics.overruns += 1
+            # No catching up: two SYNCs in quick succession would be a jump of the set-point to the drive.
             self._due_ns = now
         self._pause_pending = False
         while self._clock.monotonic_ns() < self._due_ns:
             bus.receive(self._due_ns)
+        # What still lies in the queue belongs to earlier cycles and must be paired before a new one begins.
         bus.drain()
+        # The turn itself sends the heartbeat that the drive watches: when this loop is dead, the drive stops.
         bus.send_heartbeat()
         self._due_ns += self._config.cycle_ns
 

@@ -273,6 +273,7 @@ class ThreadedRecorder:
             first, last = self._drained, self._taken
             notes, self._notes = self._notes, []
             closing = self._closing
+        # Written without the lock: the loop may go on filling the other end of the ring meanwhile.
         while first < last:
             at = first % self._capacity
             count = min(last - first, self._capacity - at)
