@@ -189,7 +189,11 @@ class CanRig:
         if self._held_is_old:
             self._held, self._held_is_old = nodes.held_values(), False
         frames = command_frames(
-            nodes.commands, _CONTROLWORD[command.mode], speeds, torques, self._held
+            nodes.commands,
+            _CONTROLWORD[command.mode],
+            speeds=speeds,
+            torques=torques,
+            held=self._held,
         )
         is_judged = bool(guard.bounds) or guard.stale_cycles > 0
         self._store.begin_block(cycles)
@@ -218,7 +222,14 @@ class CanRig:
             self._lost = error
             bus.emit("error", "bus-lost", "bus", str(error))
             broken = Break(len(times) - 1, "bus_lost", 0.0, 0.0, True)
-        return self._finish(times, latencies, speeds, torques, broken, is_judged)
+        return self._finish(
+            times=times,
+            latencies=latencies,
+            speeds=speeds,
+            torques=torques,
+            broken=broken,
+            is_judged=is_judged,
+        )
 
     def reset_fault(self) -> None:
         """Acknowledge a drive fault; the servo stays off."""
@@ -267,7 +278,13 @@ class CanRig:
         none = np.zeros(1, dtype=np.int64)
         with contextlib.suppress(DriverError):
             if nodes is not None:
-                frames = command_frames(nodes.commands, obj.DISABLE_VOLTAGE, none, none, self._held)
+                frames = command_frames(
+                    nodes.commands,
+                    obj.DISABLE_VOLTAGE,
+                    speeds=none,
+                    torques=none,
+                    held=self._held,
+                )
                 for pdo, (data,) in zip(nodes.commands, frames, strict=True):
                     bus.send(pdo.cob_id, data)
                 bus.send(SYNC_COB_ID, b"")
@@ -517,6 +534,7 @@ class CanRig:
 
     def _finish(
         self,
+        *,
         times: list[int],
         latencies: list[int],
         speeds: NDArray[np.int64],

@@ -79,7 +79,7 @@ def command_frames(
     torques: NDArray[np.int64],
     held: Mapping[tuple[int, int], int] | None = None,
 ) -> list[list[bytes]]:
-    """The bytes of every RPDO (outer) for every cycle (inner); `kept` are the values of a fixed
+    """The bytes of every RPDO (outer) for every cycle (inner); `held` are the values of a fixed
     mapping's other entries.
     """
     words = np.full(len(speeds), controlword)

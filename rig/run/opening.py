@@ -101,7 +101,12 @@ def header_of(
     )
     columns = tuple(Column.of(channel) for channel in order.port.channels)
     return RunHeader(
-        run, columns, planned.limits.as_json(), description.devices, description.truth, epoch_ns
+        metadata=run,
+        columns=columns,
+        limits=planned.limits.as_json(),
+        devices=description.devices,
+        truth=description.truth,
+        epoch_ns=epoch_ns,
     )
 
 

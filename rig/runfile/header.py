@@ -218,12 +218,12 @@ def read_header(file: h5py.File) -> RunHeader:
         if name not in ("truth", ACQUISITION)
     }
     return RunHeader(
-        dataclasses.replace(metadata, process=details),
-        read_columns(file),
-        _mapping(process, "limits"),
-        _mapping(_group(file, layout.INSTRUMENT), "devices"),
-        _mapping(process, "truth") if "truth" in process else None,
-        int(layout.read_number(process, "epoch", 0)),
+        metadata=dataclasses.replace(metadata, process=details),
+        columns=read_columns(file),
+        limits=_mapping(process, "limits"),
+        devices=_mapping(_group(file, layout.INSTRUMENT), "devices"),
+        truth=_mapping(process, "truth") if "truth" in process else None,
+        epoch_ns=int(layout.read_number(process, "epoch", 0)),
     )
 
 

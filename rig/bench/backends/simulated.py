@@ -119,7 +119,10 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
             ),
         ),
         guard=GuardContact(
-            DRIVE_NODE, ObjectRef(0x60FD, 0, U32, "digital inputs"), INTERLOCK, INTERLOCK
+            node_id=DRIVE_NODE,
+            entry=ObjectRef(0x60FD, 0, U32, "digital inputs"),
+            mask=INTERLOCK,
+            closed=INTERLOCK,
         )
         if has_guard
         else None,
