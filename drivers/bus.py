@@ -173,7 +173,7 @@ class PumpedBus:
         self.emergency_texts: dict[int, Mapping[int, str]] = {}
         self._handlers: dict[int, FrameHandler] = {}
         self._events: deque[Event] = deque(maxlen=_EVENTS_KEPT)
-        self._beat_period_ns = self._beat_due_ns = 0
+        self._heartbeat_period_ns = self._heartbeat_due_ns = 0
         self._is_open = True
 
     @property
@@ -210,7 +210,7 @@ class PumpedBus:
 
     def receive(self, deadline_ns: int) -> int:
         """Dispatch frames; wait for the first of them until `deadline_ns` of the clock. How many there were."""
-        self.beat()
+        self.send_heartbeat()
         if self._pump is not None:
             return self._receive_pumped(self._pump, deadline_ns)
         if count := self.drain():
@@ -218,8 +218,8 @@ class PumpedBus:
         remaining = deadline_ns - self._clock.monotonic_ns()
         if remaining <= 0:
             return 0
-        if self._beat_period_ns:
-            remaining = min(remaining, max(1, self._beat_due_ns - self._clock.monotonic_ns()))
+        if self._heartbeat_period_ns:
+            remaining = min(remaining, max(1, self._heartbeat_due_ns - self._clock.monotonic_ns()))
         until = self._clock.monotonic_ns() + remaining
         message = self._take(remaining * 1e-9)
         if message is None:
@@ -268,15 +268,16 @@ class PumpedBus:
 
     def start_heartbeat(self, period_ns: int) -> None:
         """Send the computer's heartbeat every `period_ns` from within the owner's own turns; 0 stops it."""
-        self._beat_period_ns, self._beat_due_ns = period_ns, self._clock.monotonic_ns()
-        self.beat()
+        self._heartbeat_period_ns, self._heartbeat_due_ns = period_ns, self._clock.monotonic_ns()
+        self.send_heartbeat()
 
-    def beat(self) -> None:
+    def send_heartbeat(self) -> None:
         """Send the heartbeat if it is due; one frame, however late it is."""
-        if self._beat_period_ns and self._clock.monotonic_ns() >= self._beat_due_ns:
+        if self._heartbeat_period_ns and self._clock.monotonic_ns() >= self._heartbeat_due_ns:
             now = self._clock.monotonic_ns()
-            self._beat_due_ns = max(
-                self._beat_due_ns + self._beat_period_ns, now + self._beat_period_ns // 2
+            self._heartbeat_due_ns = max(
+                self._heartbeat_due_ns + self._heartbeat_period_ns,
+                now + self._heartbeat_period_ns // 2,
             )
             self.send(HEARTBEAT_BASE + self.own_node_id, bytes([NmtState.OPERATIONAL.value]))
 
@@ -327,7 +328,7 @@ class PumpedBus:
                 # A pump that moves no clock: time passes here, in small steps, so that its devices'
                 # timers get their turn.
                 self._clock.wait_until_ns(min(deadline_ns, now + _IDLE_STEP_NS))
-            self.beat()
+            self.send_heartbeat()
 
     def _take(self, timeout: float) -> can.Message | None:
         self._require_open()

@@ -145,8 +145,8 @@ def data_type_named(name: str) -> DataType:
     for row in _ROWS:
         if row.name == spelled:
             return row
-    known = ", ".join(row.name for row in _ROWS)
-    raise DriverError("unknown data type", value=name, limit=known)
+    names = ", ".join(row.name for row in _ROWS)
+    raise DriverError("unknown data type", value=name, limit=names)
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,18 +84,18 @@ class AnalogInput:
         """Which counts (n,) are at the end of the range, or at the level of an open line."""
         # One per cent below full scale: converters stop a little before or exactly at their code's end.
         end = math.floor(0.99 * self.full_scale / self.volts_per_count)
-        found = np.abs(counts) >= end
+        saturated = np.abs(counts) >= end
         if self.source.data_type.size and not self.source.data_type.is_float:
             bits = self.source.data_type.size * 8
             top = (1 << (bits - self.source.data_type.signed)) - 1
-            found |= (counts >= top) | (
+            saturated |= (counts >= top) | (
                 counts <= -top - 1 if self.source.data_type.signed else False
             )
         if self.open_level is not None:
-            found |= (
+            saturated |= (
                 np.abs(counts * self.volts_per_count - self.open_level) <= 0.01 * self.full_scale
             )
-        return found
+        return saturated
 
 
 def torque_input(

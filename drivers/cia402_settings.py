@@ -35,7 +35,7 @@ def _read_record(device: RemoteDevice, index: int, name: str) -> dict[str, float
     count = device.read_optional(
         ObjectRef(index, 0, U8, name), "servo gains are not in the run file"
     )
-    found: dict[str, float] = {}
+    values: dict[str, float] = {}
     for subindex in range(1, min(int(count or 0), 16) + 1):
         try:
             data = device.sdo.upload(index, subindex)
@@ -47,12 +47,12 @@ def _read_record(device: RemoteDevice, index: int, name: str) -> dict[str, float
             and described.data_type.is_number
             and len(data) >= described.data_type.size
         ):
-            found[f"0x{index:04X}:{subindex} {described.name or name}"] = float(
+            values[f"0x{index:04X}:{subindex} {described.name or name}"] = float(
                 described.data_type.decode(data)
             )
         elif 0 < len(data) <= 8:
-            found[f"0x{index:04X}:{subindex} {name}"] = float(int.from_bytes(data, "little"))
-    return found
+            values[f"0x{index:04X}:{subindex} {name}"] = float(int.from_bytes(data, "little"))
+    return values
 
 
 def write_interpolation_time(device: RemoteDevice, cycle_ns: int) -> None:

@@ -43,21 +43,21 @@ def unit_si(word: int, counts: float) -> float | None:
 
 def rated_torque(device: RemoteDevice, configured: float | None) -> float:
     """Rated torque [N m]: the configuration's, else 0x6076, which is in mN m, else NaN."""
-    told = device.read_optional(
+    reported = device.read_optional(
         obj.RATED_TORQUE, "the rated torque must stand in the configuration"
     )
-    if told and configured and abs(told * 1e-3 - configured) > 0.02 * configured:
+    if reported and configured and abs(reported * 1e-3 - configured) > 0.02 * configured:
         device.bus.emit(
             "warning",
             "rated-torque",
             device.where,
-            f"0x6076 says {told * 1e-3:g} N m, the configuration {configured:g} N m; torque is read by the "
+            f"0x6076 says {reported * 1e-3:g} N m, the configuration {configured:g} N m; torque is read by the "
             "configuration, and the torque limit is written so that it holds by either",
         )
     if configured:
         return configured
-    if told:
-        return float(told) * 1e-3
+    if reported:
+        return float(reported) * 1e-3
     device.note_missing(
         obj.RATED_TORQUE,
         "torque is not known in N m: give `rated_torque` from the motor's nameplate",
@@ -69,7 +69,7 @@ def torque_limit_unit(device: RemoteDevice, rated: float) -> float:
     """N m per count of 0x6072: of the rated torque and of 0x6076 the larger, so that the limit
     holds whichever is right.
     """
-    told = (
+    reported = (
         float(
             device.read_optional(
                 obj.RATED_TORQUE, "the rated torque must stand in the configuration"
@@ -78,7 +78,7 @@ def torque_limit_unit(device: RemoteDevice, rated: float) -> float:
         )
         * 1e-3
     )
-    return max(rated, told) / 1000.0 if rated > 0.0 else rated
+    return max(rated, reported) / 1000.0 if rated > 0.0 else rated
 
 
 def counts_per_revolution(device: RemoteDevice, configured: float) -> float:
@@ -92,20 +92,21 @@ def counts_per_revolution(device: RemoteDevice, configured: float) -> float:
         read(obj.GEAR_SHAFT, "no electronic gear"),
     )
     increments, turns = read(obj.ENCODER_INCREMENTS, why), read(obj.ENCODER_REVOLUTIONS, why)
-    told = 0.0
+    reported = 0.0
     if feed and shaft:
-        told = feed / shaft * ((driven / motor) if motor and driven else 1.0)
-    if told <= 1.0 and increments:
+        reported = feed / shaft * ((driven / motor) if motor and driven else 1.0)
+    if reported <= 1.0 and increments:
         # A feed constant that nobody has set is one unit per revolution: the drive counts increments.
-        told = increments / (turns or 1)
-    if configured and told > 1.0 and abs(told - configured) > 1e-9 * configured:
+        reported = increments / (turns or 1)
+    if configured and reported > 1.0 and abs(reported - configured) > 1e-9 * configured:
         device.bus.emit(
             "warning",
             "counts-per-revolution",
             device.where,
-            f"the drive says {told:g} counts per revolution, the configuration {configured:g}; the configuration holds",
+            f"the drive says {reported:g} counts per revolution, the configuration {configured:g}; "
+            "the configuration holds",
         )
-    return configured or told
+    return configured or reported
 
 
 def velocity_unit(device: RemoteDevice, configured: float | None, counts: float) -> float:

@@ -146,10 +146,10 @@ class Counter:
         """
         counts = self.config.lines * self.config.multiplication
         for entry in (UNITS_PER_REVOLUTION, STEPS_PER_REVOLUTION):
-            told = self.device.read_optional(
+            reported = self.device.read_optional(
                 entry, "the configured resolution cannot be checked against the device"
             )
-            if told is None or int(told) == counts:
+            if reported is None or int(reported) == counts:
                 continue
             operating = self.device.read_optional(
                 OPERATING_PARAMETERS, "sense and scaling are not known"
@@ -167,7 +167,7 @@ class Counter:
                 "warning",
                 "resolution",
                 self.device.where,
-                f"{entry} says {int(told)} counts per revolution, the configuration {self.config.lines} lines x "
+                f"{entry} says {int(reported)} counts per revolution, the configuration {self.config.lines} lines x "
                 f"{self.config.multiplication} = {counts}; the configuration holds",
             )
 
@@ -179,13 +179,13 @@ class Counter:
             return self.config.modulus
         if position.key != POSITION.key:
             return whole
-        told = self.device.read_optional(
+        reported = self.device.read_optional(
             TOTAL_RANGE, "the count is taken to wrap at the end of its type"
         )
-        self._check_range(int(told or 0))
-        return int(told) if told is not None and 2 <= int(told) <= whole else whole
+        self._check_range(int(reported or 0))
+        return int(reported) if reported is not None and 2 <= int(reported) <= whole else whole
 
-    def _check_range(self, told: int) -> None:
+    def _check_range(self, reported: int) -> None:
         """Say where 0x6002 may not be in force: it belongs to the scaling, without which the physical range holds."""
         why = "whether the count wraps at 0x6002 cannot be checked"
         operating, steps, turns = (
@@ -193,18 +193,18 @@ class Counter:
             for entry in (OPERATING_PARAMETERS, STEPS_PER_REVOLUTION, REVOLUTIONS)
         )
         if (
-            told
+            reported
             and operating is not None
             and not int(operating) & 0x04
             and steps
             and turns
-            and told != int(steps) * int(turns)
+            and reported != int(steps) * int(turns)
         ):
             self.device.bus.emit(
                 "warning",
                 "range",
                 self.device.where,
-                f"scaling is off, yet 0x6002 says {told} and 0x6501 times 0x6502 "
+                f"scaling is off, yet 0x6002 says {reported} and 0x6501 times 0x6502 "
                 f"{int(steps) * int(turns)}: the count is taken "
                 "to wrap at 0x6002; give `modulus` if it does not",
             )
@@ -212,16 +212,16 @@ class Counter:
     def _check_alarms(self) -> None:
         if self.config.alarms is None:
             return
-        found = self.device.read_optional(
+        value = self.device.read_optional(
             self.config.alarms, "a signal error shows only by emergency messages and jumps"
         )
-        self.has_alarms = found is not None
-        if found is not None and int(found) & self.config.alarm_mask:
+        self.has_alarms = value is not None
+        if value is not None and int(value) & self.config.alarm_mask:
             self.device.bus.emit(
                 "error",
                 "signal-error",
                 self.device.where,
-                f"{self.config.alarms} is 0x{int(found):04X}",
+                f"{self.config.alarms} is 0x{int(value):04X}",
             )
 
     @property

@@ -185,10 +185,15 @@ class CanRig:
         speeds, torques = set_point_counts(command, cycles, self.channels)
         self._judge.adopt(guard)
         self._enter(command.mode)
-        if self._kept_is_old:
-            self._kept, self._kept_is_old = nodes.kept_values(), False
+        # Before the frames are built: enabling may have gone by SDO, and a fixed RPDO must carry what now holds.
+        if self._held_is_old:
+            self._held, self._held_is_old = nodes.held_values(), False
         frames = command_frames(
-            nodes.commands, _CONTROLWORD[command.mode], speeds, torques, self._kept
+            nodes.commands,
+            _CONTROLWORD[command.mode],
+            speeds=speeds,
+            torques=torques,
+            held=self._held,
         )
         is_judged = bool(guard.bounds) or guard.stale_cycles > 0
         self._store.begin_block(cycles)
@@ -217,7 +222,14 @@ class CanRig:
             self._lost = error
             bus.emit("error", "bus-lost", "bus", str(error))
             broken = Break(len(times) - 1, "bus_lost", 0.0, 0.0, True)
-        return self._finish(times, latencies, speeds, torques, broken, is_judged)
+        return self._finish(
+            times=times,
+            latencies=latencies,
+            speeds=speeds,
+            torques=torques,
+            broken=broken,
+            is_judged=is_judged,
+        )
 
     def reset_fault(self) -> None:
         """Acknowledge a drive fault; the servo stays off."""
@@ -266,7 +278,13 @@ class CanRig:
         none = np.zeros(1, dtype=np.int64)
         with contextlib.suppress(DriverError):
             if nodes is not None:
-                frames = command_frames(nodes.commands, obj.DISABLE_VOLTAGE, none, none, self._kept)
+                frames = command_frames(
+                    nodes.commands,
+                    obj.DISABLE_VOLTAGE,
+                    speeds=none,
+                    torques=none,
+                    held=self._held,
+                )
                 for pdo, (data,) in zip(nodes.commands, frames, strict=True):
                     bus.send(pdo.cob_id, data)
                 bus.send(SYNC_COB_ID, b"")
@@ -294,8 +312,10 @@ class CanRig:
         for device in self._opened().devices:
             if device.node_id == node_id:
                 return device.read_integer(entry)
-        known = [device.node_id for device in self._opened().devices]
-        raise DriverError("no such node", where=self._config.title, value=node_id, limit=str(known))
+        node_ids = [device.node_id for device in self._opened().devices]
+        raise DriverError(
+            "no such node", where=self._config.title, value=node_id, limit=str(node_ids)
+        )
 
     @property
     def nodes(self) -> RigNodes:
@@ -317,7 +337,7 @@ class CanRig:
         """Devices that call themselves simulated make the rig simulated, however it is reached."""
         return (
             "simulated"
-            if any(found.is_simulated for found in nodes.identities.values())
+            if any(identity.is_simulated for identity in nodes.identities.values())
             else self._origin
         )
 
@@ -351,8 +371,8 @@ class CanRig:
         self._was_enabled = False
         self._statusword = self._statusword_bytes(nodes)
         self._pause_pending = False
-        self._kept: dict[tuple[int, int], int] = {}
-        self._kept_is_old = True
+        self._held: dict[tuple[int, int], int] = {}
+        self._held_is_old = True
         self._lost = None
         bus.sample_time_ns = self._event_time
         bus.subscribe(SYNC_COB_ID, self._on_sync)
@@ -388,6 +408,7 @@ class CanRig:
         if self._mode is not mode:
             self._pause()
             self._mode, self._was_enabled = Mode.OFF, False
+            # An `enable` that raises half-way leaves OFF behind: the next call begins anew and never trusts the drive.
             drive.enable(mode)
             self._mode, self._was_enabled = mode, True
         elif not self._was_enabled:
@@ -419,11 +440,12 @@ class CanRig:
 
     def _pause(self) -> None:
         """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
-        self._pause_pending = self._kept_is_old = True
+        self._pause_pending = self._held_is_old = True
 
     def _cycle(self, bus: PumpedBus, commands: list[bytes], row: int) -> tuple[int, int, int]:
         """One SYNC cycle: (stamp, latency, flags)."""
         self._wait_for_turn(bus, row)
+        # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
         for pdo, data in zip(self._opened().commands, commands, strict=True):
             bus.send(pdo.cob_id, data)
         is_first = not self._first_cycle and not row
@@ -461,12 +483,15 @@ class CanRig:
             else:
                 # A block that is begun late is late like any other cycle.
                 self._statistics.overruns += 1
+            # No catching up: two SYNCs in quick succession would be a jump of the set-point to the drive.
             self._due_ns = now
         self._pause_pending = False
         while self._clock.monotonic_ns() < self._due_ns:
             bus.receive(self._due_ns)
+        # What still lies in the queue belongs to earlier cycles and must be paired before a new one begins.
         bus.drain()
-        bus.beat()
+        # The turn itself sends the heartbeat that the drive watches: when this loop is dead, the drive stops.
+        bus.send_heartbeat()
         self._due_ns += self._config.cycle_ns
 
     def _patience(self, is_first: bool) -> int:
@@ -509,6 +534,7 @@ class CanRig:
 
     def _finish(
         self,
+        *,
         times: list[int],
         latencies: list[int],
         speeds: NDArray[np.int64],

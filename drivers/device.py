@@ -175,15 +175,15 @@ class RemoteDevice:
         """
         try:
             self.write(entry, value)
-            found = self.read(entry)
+            read_back = self.read(entry)
         except SdoAbortError as error:
             self.note_missing(entry, consequence, error)
             return False
-        if found != value:
+        if read_back != value:
             raise ReadbackError(
                 f"{entry.name or 'a value'} reads back differently",
                 where=f"{self.where}, {object_text(*entry.key)}",
-                value=found,
+                value=read_back,
                 limit=f"{value} as written",
                 remedy="The device has its own limit for it: see its manual.",
             )
@@ -307,8 +307,8 @@ class RemoteDevice:
         try:
             return self.write_checked(entry, value, consequence)
         except ReadbackError:
-            found = self.read_integer(entry)
-            watched, waits = found >> 16 & 0x7F, found & 0xFFFF
+            entry_value = self.read_integer(entry)
+            watched, waits = entry_value >> 16 & 0x7F, entry_value & 0xFFFF
             if watched == self.bus.own_node_id and 0 < waits <= 2 * timeout_ms:
                 text = f"the drive waits {waits} ms for the computer, not {timeout_ms} ms"
                 self.bus.emit("warning", "own-value", self.where, text)
@@ -326,7 +326,7 @@ class RemoteDevice:
         count = self.read_optional(
             ObjectRef(0x1016, 0, U8, "consumer heartbeat time"), "nobody is watched by the device"
         )
-        found: ObjectRef | None = None
+        free: ObjectRef | None = None
         for subindex in range(1, int(count or 0) + 1):
             entry = ObjectRef(0x1016, subindex, U32, "consumer heartbeat time")
             present = self.read_optional(entry)
@@ -334,9 +334,9 @@ class RemoteDevice:
                 continue
             if int(present) >> 16 & 0x7F == self.bus.own_node_id:
                 return entry
-            if found is None and int(present) & 0xFFFF == 0:
-                found = entry
-        return found or (HEARTBEAT_CONSUMER if count else None)
+            if free is None and int(present) & 0xFFFF == 0:
+                free = entry
+        return free or (HEARTBEAT_CONSUMER if count else None)
 
     def listen_to_emergencies(self, texts: Mapping[int, str] | None = None) -> None:
         """Hear the device's EMCY messages also where 0x1014 moved them, with the profile's texts."""
@@ -385,14 +385,14 @@ class RemoteDevice:
         """
         try:
             self.write(SYNC_COB, value)
-            found = self.read_integer(SYNC_COB)
+            sync_cob = self.read_integer(SYNC_COB)
         except SdoAbortError:
-            found = self.read_integer(SYNC_COB)
-        if (found ^ value) & (SYNC_GENERATE_BIT | SYNC_IDENTIFIER):
+            sync_cob = self.read_integer(SYNC_COB)
+        if (sync_cob ^ value) & (SYNC_GENERATE_BIT | SYNC_IDENTIFIER):
             raise DriverError(
                 otherwise,
                 where=f"{self.where}, {object_text(*SYNC_COB.key)}",
-                value=f"0x{found:08X}",
+                value=f"0x{sync_cob:08X}",
                 limit="0x00000080",
                 remedy="Set the COB-ID of SYNC with the vendor's tool.",
             )

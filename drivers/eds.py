@@ -135,7 +135,7 @@ def parse_eds(
         (match, section) for name, section in sections.items() if (match := _OBJECT.match(name))
     ]
     # Objects before their sub-objects, which say more, wherever they stand.
-    matches.sort(key=lambda found: found[0][2] is not None)
+    matches.sort(key=lambda match: match[0][2] is not None)
     _check_families(matches, defects)
     defects += [
         f"section [{name[:40]}] is not an object's"

@@ -275,13 +275,13 @@ class Readout:
         """Ask for screen contents (ESC Axxxx CR): STX, text, CR LF. Raises `DriverError` when it answers NAK."""
         self._command(command)
         deadline = self._deadline(self._config.answer_ms)
-        found = [_text(self._line(deadline, starts_with=STX))]
-        while len(found) < lines:
+        answer = [_text(self._line(deadline, starts_with=STX))]
+        while len(answer) < lines:
             try:
-                found.append(_text(self._line(self._deadline(self._config.silence_ms))))
+                answer.append(_text(self._line(self._deadline(self._config.silence_ms))))
             except StaleDataError:
                 break
-        return found
+        return answer
 
     def key(self, command: str) -> None:
         """Press a key or run a function (ESC Txxxx, Fxxxx or Sxxxx CR): ACK or NAK. Raises

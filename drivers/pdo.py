@@ -118,7 +118,7 @@ def map_objects(
         if rest and len(rest) < len(frame):
             pending.insert(0, rest)
     refused = [e for e in wanted if all(p.offset_of(e.key) is None for p in mapped)]
-    mapped += _as_found(device, is_transmit, refused, {p.number for p in mapped})
+    mapped += _as_preset(device, is_transmit, refused, {p.number for p in mapped})
     for entry in refused:
         if any(p.offset_of(entry.key) is not None for p in mapped):
             continue
@@ -260,13 +260,13 @@ def _write_entries(device: RemoteDevice, mapping: int, frame: list[ObjectRef]) -
     return written
 
 
-def _as_found(
+def _as_preset(
     device: RemoteDevice, is_transmit: bool, wanted: list[ObjectRef], used: set[int]
 ) -> list[MappedPdo]:
     """PDOs of a fixed mapping that carry any of the wanted entries, switched to every SYNC where the device lets."""
-    found: list[MappedPdo] = []
+    mapped: list[MappedPdo] = []
     if not wanted:
-        return found
+        return mapped
     for number in range(1, MOST_PDOS + 1):
         pdo = read_pdo(device, number, is_transmit=is_transmit) if number not in used else None
         if pdo is None or not any(pdo.offset_of(e.key) is not None for e in wanted):
@@ -284,12 +284,12 @@ def _as_found(
             typed.get(e.key, e) if typed.get(e.key, e).mapping == e.mapping else e
             for e in pdo.entries
         )
-        found.append(
+        mapped.append(
             MappedPdo(
                 device.node_id, is_transmit, number, pdo.cob_id, pdo.transmission_type, entries
             )
         )
-    return found
+    return mapped
 
 
 def _set_type(device: RemoteDevice, communication: int) -> None:

@@ -2,7 +2,8 @@
 
 target[k] acts from SYNC k on, counts[k] are latched at SYNC k, and the call returns at the first
 cycle that breaks the guard. Every rig implements it: simulated, on the wire, replayed, hardware.
-How a run is cut into blocks (1, 7, 100, 1000 cycles) must not change a single count.
+How a run is cut into blocks (1, 7, 100, 1000 cycles) must not change a single count. What only some rigs offer
+(events of devices, figures of the acquisition, a stop and a line past the loop) has protocols of its own.
 """
 
 from __future__ import annotations
@@ -11,11 +12,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.acquisition_statistics import AcquisitionReport
 from drivers.channel import Channel
 from drivers.samples import Break, SampleBlock
 
@@ -146,6 +148,69 @@ class RigPort(Protocol):
 
     def close(self) -> None:
         """Servo off, release the bus. Never raises because something is already gone."""
+        ...
+
+
+# What a rig may offer beyond exchanging cycles. Whoever wants one of these asks the port by `isinstance` and does
+# without where it is not offered: a simulated rig has no bus that could be lost, a replay no devices that could tell.
+
+
+class DeviceEvent(Protocol):
+    """Something that a device told: time in the base of the samples [ns], level, code, source, text."""
+
+    @property
+    def time_ns(self) -> int: ...
+
+    @property
+    def level(self) -> str: ...
+
+    @property
+    def code(self) -> str: ...
+
+    @property
+    def source(self) -> str: ...
+
+    @property
+    def text(self) -> str: ...
+
+
+@runtime_checkable
+class TellsEvents(Protocol):
+    """A port whose devices tell what happens."""
+
+    def events(self) -> Sequence[DeviceEvent]:
+        """What happened since the last call, oldest first."""
+        ...
+
+
+@runtime_checkable
+class TellsAcquisition(Protocol):
+    """A port that counts how well it kept time."""
+
+    def acquisition(self) -> AcquisitionReport:
+        """Achieved rate, jitter, missed cycles since the rig was opened. Raises `DriverError`."""
+        ...
+
+
+@runtime_checkable
+class StopsAlone(Protocol):
+    """A port whose drive can be stopped by a few frames from another handle on the bus."""
+
+    def quick_stop_frames(self) -> list[tuple[int, bytes]]:
+        """(COB-ID, data) of the frames."""
+        ...
+
+
+@runtime_checkable
+class AnswersDirectly(Protocol):
+    """A port whose devices can be asked and switched off one by one, beside the cyclic data."""
+
+    def ask(self, channels: Sequence[str]) -> dict[str, int]:
+        """Raw counts of those of the channels whose devices answer. Never raises."""
+        ...
+
+    def switch_off(self) -> None:
+        """Servo off by a command to the drive alone. Never raises."""
         ...
 
 

@@ -173,14 +173,14 @@ class RigNodes:
         _require_own_identifiers([*transmitted, *self.commands])
         self._lay_out(transmitted)
 
-    def _check_encoder(self, told: float) -> None:
+    def _check_encoder(self, reported: float) -> None:
         counts = self._encoder.lines * self._encoder.multiplication
-        if not math.isclose(told, counts, rel_tol=1e-9):
+        if not math.isclose(reported, counts, rel_tol=1e-9):
             self._bus.emit(
                 "warning",
                 "counts-per-revolution",
                 self.drive.device.where,
-                f"0x6064 has {told:g} counts per revolution by the drive, {counts} by the configuration "
+                f"0x6064 has {reported:g} counts per revolution by the drive, {counts} by the configuration "
                 f"({self._encoder.lines} lines x {self._encoder.multiplication}); the configuration holds",
             )
 
@@ -491,7 +491,7 @@ class RigNodes:
                 remedy="Close the rig and open it again.",
             )
 
-    def kept_values(self) -> dict[tuple[int, int], int]:
+    def held_values(self) -> dict[tuple[int, int], int]:
         """What the entries of a fixed RPDO mapping hold that no cycle sets: the mode, a limit. They
         must be sent as they are.
 
@@ -514,7 +514,7 @@ class RigNodes:
 
     def ask(self, channels: Sequence[str]) -> dict[str, int]:
         """Raw counts of channels by SDO, from the devices that still answer; the others are left out."""
-        found: dict[str, int] = {}
+        counts: dict[str, int] = {}
         deaf: set[int] = set()
         for source in self._sources:
             if (
@@ -525,12 +525,12 @@ class RigNodes:
                 continue
             device = next(d for d in self.devices if d.node_id == source.node_id)
             try:
-                found[source.channel.name] = device.read_integer(source.entry)
+                counts[source.channel.name] = device.read_integer(source.entry)
             except BusLostError:
                 return {}
             except DriverError:
                 deaf.add(source.node_id)
-        return found
+        return counts
 
     def describe(self) -> dict[str, dict[str, str]]:
         """Identities, settings and missing objects in words, for the run file."""
@@ -556,9 +556,9 @@ class RigNodes:
 
 def _require_own_identifiers(pdos: Sequence[MappedPdo]) -> None:
     """Raise `DriverError` where two PDOs have the same COB-ID: what arrives under it could be either."""
-    found: dict[int, MappedPdo] = {}
+    by_cob_id: dict[int, MappedPdo] = {}
     for pdo in pdos:
-        other = found.setdefault(pdo.cob_id, pdo)
+        other = by_cob_id.setdefault(pdo.cob_id, pdo)
         if other is not pdo:
             raise DriverError(
                 "two PDOs share a COB-ID",

@@ -64,8 +64,8 @@ def is_stale(flags: NDArray[np.uint16], channel: str) -> NDArray[np.bool_]:
     tell) means all of them.
     """
     own = STALE_OF.get(channel, CycleFlag.STALE_OTHER)
-    incomplete, told = (flags & CycleFlag.INCOMPLETE) != 0, (flags & _STALE) != 0
-    return incomplete & (~told | ((flags & own) != 0))
+    incomplete, names_channels = (flags & CycleFlag.INCOMPLETE) != 0, (flags & _STALE) != 0
+    return incomplete & (~names_channels | ((flags & own) != 0))
 
 
 @dataclass(frozen=True)

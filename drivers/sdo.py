@@ -178,11 +178,11 @@ class SdoClient:
                 if not self._bus.wait_for(lambda: bool(self._answers), self._timeout_ns):
                     break
                 if (
-                    found := self._judge(
+                    response := self._judge(
                         self._answers.popleft(), index, subindex, expects, is_segment
                     )
                 ) is not None:
-                    return found
+                    return response
                 answers_left -= 1
         finally:
             self._is_waiting = False
@@ -208,10 +208,12 @@ class SdoClient:
         specifier = answer[0] >> 5
         names_object = specifier in (2, 3, 4)
         if names_object and not (is_segment and specifier != 4):
-            told_index, told_subindex = struct.unpack_from("<HB", answer, 1)
+            answered_index, answered_subindex = struct.unpack_from("<HB", answer, 1)
             # Some servers abort without naming the object (0x0000:0); an answer to another object is a late one.
-            is_ours = (told_index, told_subindex) == (index, subindex)
-            if not is_ours and not (specifier == 4 and (told_index, told_subindex) == (0, 0)):
+            is_ours = (answered_index, answered_subindex) == (index, subindex)
+            if not is_ours and not (
+                specifier == 4 and (answered_index, answered_subindex) == (0, 0)
+            ):
                 return None
         if specifier == 4:
             raise SdoAbortError(self._where(index, subindex), int.from_bytes(answer[4:8], "little"))

@@ -77,13 +77,13 @@ def command_frames(
     controlword: int,
     speeds: NDArray[np.int64],
     torques: NDArray[np.int64],
-    kept: Mapping[tuple[int, int], int] | None = None,
+    held: Mapping[tuple[int, int], int] | None = None,
 ) -> list[list[bytes]]:
-    """The bytes of every RPDO (outer) for every cycle (inner); `kept` are the values of a fixed
+    """The bytes of every RPDO (outer) for every cycle (inner); `held` are the values of a fixed
     mapping's other entries.
     """
     words = np.full(len(speeds), controlword)
-    values = {key: np.full(len(speeds), value) for key, value in (kept or {}).items()}
+    values = {key: np.full(len(speeds), value) for key, value in (held or {}).items()}
     values |= {
         obj.CONTROLWORD.key: words,
         obj.TARGET_VELOCITY.key: speeds,

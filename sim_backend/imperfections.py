@@ -139,14 +139,14 @@ class Imperfections:
         return dataclasses.replace(self, **switches)
 
     def _checked(self, names: Iterable[str]) -> tuple[str, ...]:
-        wanted, known = tuple(names), self.names()
+        wanted, allowed = tuple(names), self.names()
         for name in wanted:
-            if name not in known:
+            if name not in allowed:
                 raise DriverError(
                     "no such imperfection",
                     where="imperfections",
                     value=name,
-                    limit=", ".join(known),
+                    limit=", ".join(allowed),
                 )
         return wanted
 
@@ -255,23 +255,23 @@ def _deviations(on: Imperfections, ratio: float, bench_seed: int, gear_seed: int
 
 def _added_orders(on: Imperfections, ratio: float, gear_seed: int) -> tuple[Harmonic, ...]:
     """Output orders k/N, and the sidebands n(1 + 1/N) and n + k/N, with drawn amplitudes and phases."""
-    found: list[Harmonic] = []
+    harmonics: list[Harmonic] = []
     random = stream(gear_seed, "output orders")
     for k, size in enumerate(on.sizes.output_orders, start=1):
-        found.append(
+        harmonics.append(
             _harmonic(k / ratio, size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION))
         )
     if not on.output_orders:
-        found.clear()
+        harmonics.clear()
     random = stream(gear_seed, "sidebands")
     bands = [(n * (1.0 + 1.0 / ratio), size) for n, size in on.sizes.wave_sidebands]
     bands += [(n + k / ratio, size) for n, k, size in on.sizes.output_sidebands]
     if on.sidebands:
         for order, size in bands:
-            found.append(
+            harmonics.append(
                 _harmonic(order, size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION))
             )
-    return tuple(found)
+    return tuple(harmonics)
 
 
 def _cogging(on: Imperfections, bench_seed: int) -> tuple[Harmonic, ...]:
@@ -324,9 +324,9 @@ def _harmonic(order: float, amplitude: float, phase: float) -> Harmonic:
 def _bounded(random: object) -> float:
     """A standard normal number, drawn again beyond three sigma."""
     while True:
-        found = float(random.standard_normal())  # type: ignore[attr-defined]
-        if abs(found) <= 3.0:
-            return found
+        drawn = float(random.standard_normal())  # type: ignore[attr-defined]
+        if abs(drawn) <= 3.0:
+            return drawn
 
 
 def individual_gear(nominal: HarmonicDrive, seed: int) -> HarmonicDrive:

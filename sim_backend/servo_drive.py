@@ -65,12 +65,12 @@ class ServoDrive:
         motor's own ratings.
         """
         for name in ("torque", "speed", "acceleration", "deceleration", "quick_stop_deceleration"):
-            found = getattr(limits, name)
-            if not (math.isfinite(found) and found > 0.0):
+            value = getattr(limits, name)
+            if not (math.isfinite(value) and value > 0.0):
                 raise DriverError(
                     "a limit of the drive must be a positive number",
                     where=f"drive limits, {name}",
-                    value=found,
+                    value=value,
                     limit="> 0",
                     remedy="Derive the limits from the gear's ratings.",
                 )

@@ -36,7 +36,7 @@ def tell(
 ) -> dict[str, object]:
     """The truth of one simulated rig on one day."""
     mounted = loop.settings.gear_mounted
-    found: dict[str, object] = {
+    truth: dict[str, object] = {
         "imperfections": {name: bool(getattr(on, name)) for name in on.names()},
         "sizes": dataclasses.asdict(on.sizes),
         "seeds": seeds,
@@ -62,10 +62,10 @@ def tell(
         },
     }
     if mounted:
-        found["friction"] = _friction(loop)
-        found["kinematic_error"] = _kinematic_error(loop, condition, instruments, output_sense)
-        found["dynamics"] = _dynamics(loop)
-    return found
+        truth["friction"] = _friction(loop)
+        truth["kinematic_error"] = _kinematic_error(loop, condition, instruments, output_sense)
+        truth["dynamics"] = _dynamics(loop)
+    return truth
 
 
 def _friction(loop: ClosedLoop) -> dict[str, object]:
@@ -122,7 +122,7 @@ def _kinematic_error(
         seen.append((h.order / ratio, output_sense * complex(h.cosine, -output_sense * h.sine)))
     summed: dict[float, complex] = {}
     for order, amplitude in seen:
-        key = next((known for known in summed if abs(known - order) < 1e-9), order)
+        key = next((other for other in summed if abs(other - order) < 1e-9), order)
         summed[key] = summed.get(key, 0.0) + amplitude
     mark = _reference_mark(condition, ratio, output_sense)
     offset = instruments.input.angle_offset
@@ -236,7 +236,7 @@ def _encoders(
     instruments: Instruments, condition: Condition, output_sense: int
 ) -> dict[str, object]:
     """Each encoder's errors over its own absolute angle, and where its counter stands."""
-    told: dict[str, object] = {
+    instruments_truth: dict[str, object] = {
         which: {
             "orders": _orders(errors.series),
             "subdivision": _amplitude(errors.subdivision),
@@ -249,5 +249,5 @@ def _encoders(
             ("output", instruments.output, condition.output_encoder),
         )
     }
-    told["output_sense"] = output_sense
-    return told
+    instruments_truth["output_sense"] = output_sense
+    return instruments_truth

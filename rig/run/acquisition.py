@@ -16,12 +16,11 @@ import numpy as np
 
 from drivers.acquisition_statistics import AcquisitionStatistics
 from drivers.errors import DriverError
-from drivers.port import RigPort
+from drivers.port import RigPort, TellsAcquisition
 from drivers.samples import SampleBlock
 from experiments.errors import ExperimentError
 from model.errors import ModelError
 from rig.errors import RigError
-from rig.run.devices import TellsAcquisition
 from rig.run.logbook import Logbook
 
 

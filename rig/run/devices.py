@@ -1,60 +1,9 @@
-"""What a port may offer beyond exchanging cycles: events of its devices, figures of its
-acquisition, a way past the loop.
-"""
+"""Brings what the devices of a port tell into the logbook of a run."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
-
-from drivers.port import RigPort
+from drivers.port import RigPort, TellsEvents
 from rig.run.logbook import Logbook
-
-
-class DeviceEvent(Protocol):
-    """Something that a device told: time in the base of the samples [ns], level, code, source, text."""
-
-    @property
-    def time_ns(self) -> int: ...
-
-    @property
-    def level(self) -> str: ...
-
-    @property
-    def code(self) -> str: ...
-
-    @property
-    def source(self) -> str: ...
-
-    @property
-    def text(self) -> str: ...
-
-
-@runtime_checkable
-class TellsEvents(Protocol):
-    """A port whose devices tell what happens."""
-
-    def events(self) -> Sequence[DeviceEvent]:
-        """What happened since the last call, oldest first."""
-        ...
-
-
-@runtime_checkable
-class TellsAcquisition(Protocol):
-    """A port that counts how well it kept time."""
-
-    def acquisition(self) -> Any:
-        """A dataclass of numbers: achieved rate, jitter, missed cycles."""
-        ...
-
-
-@runtime_checkable
-class StopsAlone(Protocol):
-    """A port whose drive can be stopped by a few frames from another handle on the bus."""
-
-    def quick_stop_frames(self) -> list[tuple[int, bytes]]:
-        """(COB-ID, data) of the frames."""
-        ...
 
 
 class DeviceListener:

@@ -3,22 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, runtime_checkable
 
-from drivers.port import RigPort
-
-
-@runtime_checkable
-class AnswersDirectly(Protocol):
-    """A port whose devices can be asked and switched off one by one, beside the cyclic data."""
-
-    def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        """Raw counts of those of the channels whose devices answer. Never raises."""
-        ...
-
-    def switch_off(self) -> None:
-        """Servo off by a command to the drive alone. Never raises."""
-        ...
+from drivers.port import AnswersDirectly, RigPort
 
 
 class DirectLine:

@@ -13,7 +13,7 @@ from experiments.recording import Origin, RunMetadata
 from rig.library.folder import claim_run
 from rig.run.dry_run import vars_of
 from rig.run.order import RunOrder
-from rig.run.recorder import InlineRecorder, ThreadedRecorder
+from rig.run.recorder import InlineRecorder, Recorder, ThreadedRecorder
 from rig.run.session import output_sense
 from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column
@@ -21,41 +21,12 @@ from rig.runfile.write import RunWriter
 
 
 @dataclass(frozen=True)
-class InlineRun:
-    """A run file that is written in the loop's own thread (virtual time)."""
+class BegunRun:
+    """A run file that has been begun, and the recorder that fills it."""
 
     run_id: str
     writer: RunWriter
-    recorder: InlineRecorder
-
-    @property
-    def part(self) -> Path:
-        """The file while it is written."""
-        return self.writer.part
-
-    def flush(self) -> None:
-        """Bring everything so far into the file."""
-        self.writer.flush()
-
-
-def begin_inline_run(
-    order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
-) -> InlineRun:
-    """Claim the next number in the order's folder and begin the file. Raises `RunFileError`."""
-    place = claim_run(order.output, order.planned.experiment.name, order.gear_serial)
-    writer = RunWriter(
-        place.path, header_of(order, description, place.run_id, epoch_ns, start_time)
-    )
-    return InlineRun(place.run_id, writer, InlineRecorder(writer))
-
-
-@dataclass(frozen=True)
-class ThreadedRun:
-    """A run file that a thread of its own writes (real time)."""
-
-    run_id: str
-    writer: RunWriter
-    recorder: ThreadedRecorder
+    recorder: Recorder
 
     @property
     def part(self) -> Path:
@@ -67,17 +38,32 @@ class ThreadedRun:
         self.recorder.flush()
 
 
+def begin_inline_run(
+    order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
+) -> BegunRun:
+    """Claim the next number in the order's folder and begin the file, written in the loop's own thread.
+
+    Raises `RunFileError`.
+    """
+    place = claim_run(order.output, order.planned.experiment.name, order.gear_serial)
+    writer = RunWriter(
+        place.path, header_of(order, description, place.run_id, epoch_ns, start_time)
+    )
+    return BegunRun(place.run_id, writer, InlineRecorder(writer))
+
+
 def begin_threaded_run(
     order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
-) -> ThreadedRun:
+) -> BegunRun:
     """As `begin_inline_run`, for a rig in real time: the disk never makes the loop late. Raises `RunFileError`."""
     place = claim_run(order.output, order.planned.experiment.name, order.gear_serial)
+    # Rows come a few at a time and each flush is short: chunks are compressed when the run is sealed.
     writer = RunWriter(
         place.path,
         header_of(order, description, place.run_id, epoch_ns, start_time),
         compress=False,
     )
-    return ThreadedRun(place.run_id, writer, ThreadedRecorder(writer, 1e9 / order.port.cycle_ns))
+    return BegunRun(place.run_id, writer, ThreadedRecorder(writer, 1e9 / order.port.cycle_ns))
 
 
 def header_of(
@@ -117,7 +103,12 @@ def header_of(
     )
     columns = tuple(Column.of(channel) for channel in order.port.channels)
     return RunHeader(
-        run, columns, planned.limits.as_json(), description.devices, description.truth, epoch_ns
+        metadata=run,
+        columns=columns,
+        limits=planned.limits.as_json(),
+        devices=description.devices,
+        truth=description.truth,
+        epoch_ns=epoch_ns,
     )
 
 

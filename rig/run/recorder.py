@@ -48,6 +48,10 @@ class Recorder(Protocol):
         """Note something that happened."""
         ...
 
+    def flush(self) -> None:
+        """Bring everything so far into the file, for a reader of the run that is over but not sealed."""
+        ...
+
     def close(
         self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None
     ) -> Path:
@@ -69,7 +73,7 @@ class InlineRecorder:
         flush_interval: float = FLUSH_INTERVAL_S,
     ) -> None:
         self._writer = writer
-        self._beat = _Beat(writer, wall_clock or WallClock(), flush_interval)
+        self._flushing = _FlushSchedule(writer, wall_clock or WallClock(), flush_interval)
 
     @property
     def rows(self) -> int:
@@ -77,14 +81,17 @@ class InlineRecorder:
 
     def put(self, block: SampleBlock) -> None:
         self._writer.append(block)
-        self._beat.flush_when_due()
+        self._flushing.flush_when_due()
 
     def segment(self, segment: Segment) -> None:
         self._writer.segment(segment)
 
     def event(self, event: Event) -> None:
         self._writer.event(event)
-        self._beat.flush_when_due()
+        self._flushing.flush_when_due()
+
+    def flush(self) -> None:
+        self._writer.flush()
 
     def close(
         self, outcome: str, end_time: str = "", acquisition: Mapping[str, Any] | None = None
@@ -124,7 +131,7 @@ class ThreadedRecorder:
         self._error: RigError | None = None
         self._closing = self._flush_wanted = False
         self._condition = threading.Condition()
-        self._beat = _Beat(writer, wall_clock or WallClock(), 0.0)
+        self._flushing = _FlushSchedule(writer, wall_clock or WallClock(), 0.0)
         self._thread = threading.Thread(
             target=self._write_until_closed, name="recorder", daemon=True
         )
@@ -175,7 +182,6 @@ class ThreadedRecorder:
         self._note(event)
 
     def flush(self) -> None:
-        """Wait until everything so far is in the file, for a reader of the run that is over but not sealed."""
         with self._condition:
             self._raise_error()
             self._flush_wanted = True
@@ -267,6 +273,7 @@ class ThreadedRecorder:
             first, last = self._drained, self._taken
             notes, self._notes = self._notes, []
             closing = self._closing
+        # Written without the lock: the loop may go on filling the other end of the ring meanwhile.
         while first < last:
             at = first % self._capacity
             count = min(last - first, self._capacity - at)
@@ -285,7 +292,7 @@ class ThreadedRecorder:
                 self._writer.segment(note)
             else:
                 self._writer.event(note)
-        self._beat.flush_when_due()
+        self._flushing.flush_when_due()
         if flush_wanted:
             self._writer.flush()
             with self._condition:
@@ -299,7 +306,7 @@ class ThreadedRecorder:
         return int(breaks[0]) + 1 if len(breaks) else count
 
 
-class _Beat:
+class _FlushSchedule:
     """Flushes and synchronises a writer when the clock says so."""
 
     def __init__(self, writer: RunWriter, clock: Clock, flush_interval: float) -> None:

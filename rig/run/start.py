@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import WallClock
+from drivers.port import StopsAlone
 from experiments import catalogue
 from experiments.contract import Experiment
 from experiments.parameters import make_parameters, parameter_fields
@@ -21,7 +22,6 @@ from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
 from rig.run.arming import Arming, guard_check, refuse_unarmed
 from rig.run.computer import claim_real_time
-from rig.run.devices import StopsAlone
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run
 from rig.run.engine import Ask
 from rig.run.judge import judge_by

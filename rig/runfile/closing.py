@@ -73,32 +73,34 @@ def read_closing(file: h5py.File) -> Closing:
     """How the run ended. Raises `RunFileError` for words that were changed; a writer at work is taken as running."""
     entry = _entry(file)
     words = (layout.read_text(entry, name) for name in _LENGTHS)
-    found = Closing(*words, acquisition=layout.read_text(_process(file), ACQUISITION))
+    closing = Closing(*words, acquisition=layout.read_text(_process(file), ACQUISITION))
     checksum = file.get(_CHECKSUM)
     if not isinstance(checksum, h5py.Dataset) or checksum.shape != (1,):
         raise RunFileError("the checksum of outcome and end time is missing", where=_CHECKSUM)
-    if int(checksum[0]) == found.checksum:
-        return found
+    if int(checksum[0]) == closing.checksum:
+        return closing
     if file.swmr_mode:
         # The writer died, or is, between the first of the three words and their checksum.
         return Closing()
     raise RunFileError(
         "outcome and end time are not what was written",
         where=layout.ENTRY,
-        value=repr(found.outcome),
+        value=repr(closing.outcome),
     )
 
 
 def acquisition_text(figures: Mapping[str, object]) -> str:
     """The figures of the acquisition as JSON; groups of figures that would not fit are left out and named."""
-    kept = dict(figures)
+    remaining = dict(figures)
     left: list[str] = []
     while (
-        len((text := layout.to_json({**kept, **({"left_out": left} if left else {})})).encode())
+        len(
+            (text := layout.to_json({**remaining, **({"left_out": left} if left else {})})).encode()
+        )
         > LONGEST_ACQUISITION
     ):
-        left.append(max(kept, key=lambda name: len(layout.to_json(kept[name]))))
-        del kept[left[-1]]
+        left.append(max(remaining, key=lambda name: len(layout.to_json(remaining[name]))))
+        del remaining[left[-1]]
     return text if figures else ""
 
 

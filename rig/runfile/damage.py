@@ -53,9 +53,9 @@ def refusing_damage(
 
 def reason(error: BaseException) -> str:
     """The operating system's sentence out of whatever the HDF5 library made of it, in at most one line."""
-    found = re.search(r"error message = '([^']*)'", str(error))
-    if found:
-        return found.group(1)
+    match = re.search(r"error message = '([^']*)'", str(error))
+    if match:
+        return match.group(1)
     text = (
         getattr(error, "strerror", None)
         or " ".join(str(error).strip().strip("'\"").split())

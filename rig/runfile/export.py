@@ -133,12 +133,12 @@ def _description(recording: Recording) -> Iterator[str]:
 
 def _segment_of_rows(recording: Recording, block: slice) -> list[int]:
     """The index of the segment that each row belongs to, the latest where they overlap; -1 where there is none."""
-    found = np.full(block.stop - block.start, -1)
+    indices = np.full(block.stop - block.start, -1)
     for segment in recording.segments:
         first, last = max(segment.start, block.start), min(segment.stop, block.stop)
         if first < last:
-            found[first - block.start : last - block.start] = segment.index
-    return found.tolist()
+            indices[first - block.start : last - block.start] = segment.index
+    return indices.tolist()
 
 
 def _partial(target: Path, overwrite: bool) -> Path:

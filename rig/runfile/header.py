@@ -218,12 +218,12 @@ def read_header(file: h5py.File) -> RunHeader:
         if name not in ("truth", ACQUISITION)
     }
     return RunHeader(
-        dataclasses.replace(metadata, process=details),
-        read_columns(file),
-        _mapping(process, "limits"),
-        _mapping(_group(file, layout.INSTRUMENT), "devices"),
-        _mapping(process, "truth") if "truth" in process else None,
-        int(layout.read_number(process, "epoch", 0)),
+        metadata=dataclasses.replace(metadata, process=details),
+        columns=read_columns(file),
+        limits=_mapping(process, "limits"),
+        devices=_mapping(_group(file, layout.INSTRUMENT), "devices"),
+        truth=_mapping(process, "truth") if "truth" in process else None,
+        epoch_ns=int(layout.read_number(process, "epoch", 0)),
     )
 
 
@@ -240,8 +240,8 @@ def rows_flushed(file: h5py.File) -> int:
 
 def check_format(file: h5py.File) -> None:
     """Raise `RunFileError` unless the file says that it is a run of a version that can be read."""
-    found = file.attrs.get("file_format")
-    if found is None or _decoded(found) != layout.FILE_FORMAT:
+    file_format = file.attrs.get("file_format")
+    if file_format is None or _decoded(file_format) != layout.FILE_FORMAT:
         raise RunFileError(
             "is an HDF5 file but not a run",
             limit=f'file_format "{layout.FILE_FORMAT}"',
@@ -306,26 +306,26 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
 
 
 def _group(file: h5py.File, path: str) -> h5py.Group:
-    found = file.get(path)
-    if not isinstance(found, h5py.Group):
+    group = file.get(path)
+    if not isinstance(group, h5py.Group):
         raise RunFileError("a group of the run is missing", where=path)
-    return found
+    return group
 
 
 def _mapping(group: h5py.Group, name: str) -> dict[str, Any]:
     where = f"{group.name}/{name}"
-    found = layout.from_json(layout.read_text(group, name) or "{}", where)
-    if not isinstance(found, dict):
+    content = layout.from_json(layout.read_text(group, name) or "{}", where)
+    if not isinstance(content, dict):
         raise RunFileError("is not a JSON object", where=where)
-    return found
+    return content
 
 
-def _one_of(found: str, allowed: tuple[str, ...], where: str) -> None:
-    if found not in allowed:
+def _one_of(word: str, allowed: tuple[str, ...], where: str) -> None:
+    if word not in allowed:
         raise RunFileError(
             "is not one of the words that a run knows",
             where=where,
-            value=found,
+            value=word,
             limit=", ".join(allowed),
         )
 
@@ -334,8 +334,8 @@ def _attribute(item: h5py.Group | h5py.Dataset, name: str) -> str:
     return _decoded(item.attrs[name])
 
 
-def _names(found: Any) -> list[str]:
-    return [_decoded(name) for name in np.atleast_1d(np.asarray(found))]
+def _names(stored: Any) -> list[str]:
+    return [_decoded(name) for name in np.atleast_1d(np.asarray(stored))]
 
 
 def _decoded(value: Any) -> str:

@@ -158,10 +158,10 @@ def create_field(group: h5py.Group, name: str, value: str | float | bool, unit: 
     compact.set_layout(h5py.h5d.COMPACT)
     # The low-level call: the high-level one makes every dataset contiguous, which has no checksum.
     space = h5py.h5s.create(h5py.h5s.SCALAR)
-    made = h5py.h5d.create(
+    created = h5py.h5d.create(
         group.id, name.encode(), h5py.h5t.py_create(raw.dtype, logical=True), space, compact
     )
-    dataset = h5py.Dataset(made)
+    dataset = h5py.Dataset(created)
     dataset[()] = raw
     if unit:
         dataset.attrs["units"] = text_attribute(unit)
@@ -229,8 +229,8 @@ def read_number(group: h5py.Group, name: str, default: float) -> float:
 
 def number_attribute(item: h5py.Group | h5py.Dataset, name: str) -> float:
     """A numeric attribute."""
-    found: Any = item.attrs[name]
-    return float(found)
+    value: Any = item.attrs[name]
+    return float(value)
 
 
 def text_attribute(value: str) -> Any:
@@ -269,7 +269,7 @@ def create_data(
             names[1:], dtype=h5py.string_dtype("utf-8", longest)
         )
     filters = _FILTERS if compress else {"fletcher32": False}
-    made: dict[str, h5py.Dataset] = {}
+    datasets: dict[str, h5py.Dataset] = {}
 
     def create(name: str, dtype: str, attributes: Mapping[str, Any]) -> None:
         dataset = group.create_dataset(
@@ -277,7 +277,7 @@ def create_data(
         )
         for key, value in attributes.items():
             dataset.attrs[key] = text_attribute(value) if isinstance(value, str) else value
-        made[name] = dataset
+        datasets[name] = dataset
 
     create(
         TIME,
@@ -307,12 +307,12 @@ def create_data(
                 "add_offset": np.float64(column.channel.offset),
             },
         )
-    made[TIME].make_scale(TIME)
-    for name, dataset in made.items():
+    datasets[TIME].make_scale(TIME)
+    for name, dataset in datasets.items():
         dataset.dims[0].label = TIME
         if name != TIME:
-            dataset.dims[0].attach_scale(made[TIME])
-    return made
+            dataset.dims[0].attach_scale(datasets[TIME])
+    return datasets
 
 
 def create_tables(file: h5py.File) -> tuple[h5py.Dataset, h5py.Dataset]:

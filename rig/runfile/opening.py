@@ -71,18 +71,18 @@ class OpenFile:
         """
         datasets = self._shared.datasets
         if path not in datasets:
-            found = self._shared.file.get(path)
-            if not isinstance(found, h5py.Dataset):
+            dataset = self._shared.file.get(path)
+            if not isinstance(dataset, h5py.Dataset):
                 raise RunFileError("a column or table of the run is missing", where=path)
-            datasets[path] = found
+            datasets[path] = dataset
         return datasets[path]
 
     def refresh(self, path: str) -> h5py.Dataset:
         """A dataset as long as its writer has made it by now; to be called within `use`."""
-        found = self.dataset(path)
+        dataset = self.dataset(path)
         if self.grows:
-            found.refresh()
-        return found
+            dataset.refresh()
+        return dataset
 
     def close(self) -> None:
         """Let go of the file; nothing can be read any more by this reader."""

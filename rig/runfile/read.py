@@ -193,41 +193,43 @@ def _digest(path: Path, *, verify: bool) -> str:
     if noted and not verify:
         return noted
     with refusing_damage(path):
-        found = file_sha256(path)
-    if verify and noted != found:
+        computed = file_sha256(path)
+    if verify and noted != computed:
         raise RunFileError(
             "is not the file that was sealed: its SHA-256 differs"
             if noted
             else "has no note of its SHA-256",
             where=str(path),
-            value=found,
+            value=computed,
             limit=noted or f"a file {path.name}{layout.HASH_SUFFIX} beside it",
             remedy="Take the original, or the backup.",
         )
-    return found
+    return computed
 
 
 def _require_column(file: OpenFile, name: str) -> None:
     path = f"{layout.DATA}/{name}"
-    found = file.dataset(path)
-    if found.ndim != 1:
+    dataset = file.dataset(path)
+    if dataset.ndim != 1:
         raise RunFileError(
-            "is not a column of rows", where=path, value=f"{found.ndim} dimensions", limit="1"
+            "is not a column of rows", where=path, value=f"{dataset.ndim} dimensions", limit="1"
         )
     expected = {TIME: "i8", layout.CYCLE: "i8", FLAGS: "u2"}.get(name)
-    if expected and found.dtype.str[1:] != expected:
-        raise RunFileError("has the wrong type", where=path, value=str(found.dtype), limit=expected)
+    if expected and dataset.dtype.str[1:] != expected:
+        raise RunFileError(
+            "has the wrong type", where=path, value=str(dataset.dtype), limit=expected
+        )
 
 
 def _table(file: OpenFile, path: str, dtype: np.dtype[Any]) -> Any:
-    found = file.refresh(path)
-    if found.dtype != dtype:
+    table = file.refresh(path)
+    if table.dtype != dtype:
         raise RunFileError("a table of the run has another form", where=path)
-    return found[:]
+    return table[:]
 
 
 def _segments(file: OpenFile, rows: int) -> tuple[Segment, ...]:
-    found = []
+    segments = []
     for row in _table(file, layout.SEGMENTS, layout.SEGMENT_TYPE):
         start, stop = int(row["start"]), int(row["stop"])
         stop = rows if stop == layout.OPEN_STOP else stop
@@ -235,7 +237,7 @@ def _segments(file: OpenFile, rows: int) -> tuple[Segment, ...]:
             raise RunFileError(
                 "a segment ends before it begins", where=layout.SEGMENTS, value=f"[{start}, {stop})"
             )
-        found.append(
+        segments.append(
             Segment(
                 index=int(row["index"]),
                 label=row["label"].decode(),
@@ -246,7 +248,7 @@ def _segments(file: OpenFile, rows: int) -> tuple[Segment, ...]:
                 repeat=int(row["repeat"]),
             )
         )
-    return tuple(found)
+    return tuple(segments)
 
 
 def _events(file: OpenFile) -> tuple[Event, ...]:

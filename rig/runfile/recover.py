@@ -117,8 +117,8 @@ def _copy(source: h5py.File, target: Path) -> tuple[int, str, list[str]]:
     complete = closing.status == layout.COMPLETE
     with _new_file(target) as file:
         write_header(file, header)
-        made = layout.create_data(file, header.columns, SLAB_ROWS, compress=True)
-        for name, dataset in made.items():
+        datasets = layout.create_data(file, header.columns, SLAB_ROWS, compress=True)
+        for name, dataset in datasets.items():
             dataset.resize((rows,))
             stored = source[f"{layout.DATA}/{name}"]
             assert isinstance(stored, h5py.Dataset)
@@ -126,7 +126,7 @@ def _copy(source: h5py.File, target: Path) -> tuple[int, str, list[str]]:
                 dataset[first : first + SLAB_ROWS] = stored[first : min(first + SLAB_ROWS, rows)]
         segments, events = layout.create_tables(file)
         notes += _copy_segments(source, segments, rows)
-        last_ns = int(made[TIME][rows - 1]) if rows else 0
+        last_ns = int(datasets[TIME][rows - 1]) if rows else 0
         if not complete:
             closing = Closing(
                 closing.end_time or (iso_time(last_ns) if rows else ""),
@@ -161,15 +161,15 @@ def _copy_segments(source: h5py.File, target: h5py.Dataset, rows: int) -> list[s
     table = source.get(layout.SEGMENTS)
     if not isinstance(table, h5py.Dataset) or table.dtype != layout.SEGMENT_TYPE:
         raise RunFileError("the table of segments is missing or damaged")
-    found: Any = table[:]
-    inside = found[found["start"] < rows] if len(found) else found
+    segments: Any = table[:]
+    inside = segments[segments["start"] < rows] if len(segments) else segments
     open_or_long = (inside["stop"] == layout.OPEN_STOP) | (inside["stop"] > rows)
     notes = [
         f"segment {row['index']} ({row['label'].decode()}) ends with the last row"
         for row in inside[open_or_long]
     ]
-    if len(inside) < len(found):
-        notes.append(f"{len(found) - len(inside)} segments without rows left out")
+    if len(inside) < len(segments):
+        notes.append(f"{len(segments) - len(inside)} segments without rows left out")
     inside["stop"] = np.where(open_or_long, rows, inside["stop"])
     target.resize((len(inside),))
     target[:] = inside
@@ -180,13 +180,13 @@ def _copy_events(source: h5py.File, target: h5py.Dataset, notes: list[str], time
     table = source.get(layout.EVENTS)
     if not isinstance(table, h5py.Dataset) or table.dtype != layout.EVENT_TYPE:
         raise RunFileError("the table of events is missing or damaged")
-    found: Any = table[:]
+    events: Any = table[:]
     size = layout.EVENT_TYPE["text"].itemsize
     cut = [(layout.fixed_bytes(note, size)) for note in notes]
     added = [
         (time_ns, b"warning", b"RECOVERED", b"recover", raw, truncated) for raw, truncated in cut
     ]
-    rows = np.concatenate([found, np.array(added, dtype=layout.EVENT_TYPE)])
+    rows = np.concatenate([events, np.array(added, dtype=layout.EVENT_TYPE)])
     target.resize((len(rows),))
     target[:] = rows
 

@@ -58,10 +58,13 @@ def seal_file(part: Path, final: Path) -> Path:
             )
         note = hash_path(final)
         note.unlink(missing_ok=True)
+        # The note comes first: a sealed run without its hash could be anything, a hash without a run harms nobody.
         note.write_text(f"{digest}  {final.name}\n", encoding="ascii")
+        # The bytes reach the disk before the name does, or a power cut leaves a sealed name with half a run.
         _synchronise(part)
         _rename_to_new(part, final)
         protect(final)
+        # The new name is an entry of the folder; where folders cannot be opened (Windows) the system sees to it.
         if hasattr(os, "O_DIRECTORY"):
             _synchronise(final.parent)
     except OSError as error:

@@ -69,14 +69,14 @@ def _check_hash(path: Path) -> Finding:
             "hash", "warning", f"there is no {hash_path(path).name} beside the run to compare with"
         )
     try:
-        found = file_sha256(path)
+        computed = file_sha256(path)
     except RigError as error:
         return Finding("hash", "error", str(error))
-    if found != noted:
+    if computed != noted:
         return Finding(
-            "hash", "error", f"SHA-256 is {found}, sealed with {noted}: the file was changed"
+            "hash", "error", f"SHA-256 is {computed}, sealed with {noted}: the file was changed"
         )
-    return Finding("hash", "ok", f"SHA-256 {found}")
+    return Finding("hash", "ok", f"SHA-256 {computed}")
 
 
 def _check_counters(source: FileSource) -> Finding:

@@ -89,17 +89,19 @@ class RunWriter:
             )
             try:
                 write_header(file, header)
-                made = layout.create_data(
+                datasets = layout.create_data(
                     file, header.columns, self._chunk_rows, compress=self._compress
                 )
                 layout.create_tables(file)
+                # Everything exists and is on its way to the disk before SWMR begins: what is created later is lost,
+                # and the library says nothing.
                 file.flush()
                 file.swmr_mode = True
             except BaseException:
                 close_without_writing(file)
                 raise
             names = [TIME, CYCLE, FLAGS, *(column.name for column in header.columns)]
-            return file, [made[name] for name in names]
+            return file, [datasets[name] for name in names]
         raise AssertionError
 
     @property
@@ -243,6 +245,7 @@ class RunWriter:
                 Closing(end_time, outcome, layout.COMPLETE, acquisition_text(acquisition or {})),
             )
             self._file.flush()
+            # A file that was unlinked while it was open takes every write, and is gone when it is closed.
             if not self.part.exists():
                 raise FileNotFoundError("it was removed")
             self._file.close()

@@ -68,7 +68,7 @@ class AnalogInput(Slave):
     """The module as a node: input 1 torque monitor, 2 speed monitor, 3 and 4 temperatures of housing and room."""
 
     def __init__(self, node_id: int, send: Send, *, serial: int = 1) -> None:
-        self._told = [0] * (CHANNELS + 1)
+        self._sent_values = [0] * (CHANNELS + 1)
         super().__init__(node_id, analog_input_entries(node_id, serial), ANALOG_INPUT_PDOS, send)
 
     def take(self, increments: tuple[int, ...]) -> None:
@@ -79,20 +79,20 @@ class AnalogInput(Slave):
         if self.dictionary.value(0x6423) and any(pdo.takes_events for pdo in self.tpdos):
             for sub in range(1, len(increments) + 1):
                 if self._is_event(sub):
-                    self._told[sub] = self.dictionary.number(0x6401, sub)
+                    self._sent_values[sub] = self.dictionary.number(0x6401, sub)
                     self.value_changed(0x6401, sub)
 
     def on_reset(self, application: bool) -> None:
-        self._told = [0] * (CHANNELS + 1)
+        self._sent_values = [0] * (CHANNELS + 1)
 
     def _is_event(self, sub: int) -> bool:
         number = self.dictionary.number
-        value, told, trigger = number(0x6401, sub), self._told[sub], number(0x6421, sub)
-        if value == told:
+        value, sent, trigger = number(0x6401, sub), self._sent_values[sub], number(0x6421, sub)
+        if value == sent:
             return False
         beyond = [number(0x6424, sub) >> 16, number(0x6425, sub) >> 16]
         return bool(
             (trigger & UPPER_LIMIT and value >= beyond[0])
             or (trigger & LOWER_LIMIT and value < beyond[1])
-            or (trigger & DELTA and abs(value - told) << 16 > number(0x6426, sub))
+            or (trigger & DELTA and abs(value - sent) << 16 > number(0x6426, sub))
         )

@@ -312,7 +312,7 @@ class WireBench:
         self._deliver(cob_id, data, owner)
         frames: list[Frame] = [] if self.is_stalled else [(cob_id, data)]
         for fault in self.wire_faults():
-            frames = [kept for frame in frames for kept in fault.to_devices(frame, self)]
+            frames = [passed for frame in frames for passed in fault.to_devices(frame, self)]
         for cob, payload in frames:
             for slave in self.slaves:
                 if cob == slave.sync_cob_id:
@@ -368,7 +368,7 @@ class WireBench:
         if self._faults:
             frames = [] if self.is_stalled else frames
             for fault in self.wire_faults():
-                frames = [kept for frame in frames for kept in fault.from_devices(frame, self)]
+                frames = [passed for frame in frames for passed in fault.from_devices(frame, self)]
         for cob, payload in frames:
             self._deliver(cob, payload, None)
             if 0x700 < cob < 0x780 or cob in self._consumed:
@@ -410,7 +410,7 @@ class WireBench:
             fault.act(self, self._cycle)
         reached: list[Frame] = [] if self.is_stalled else [(cob_id, data)]
         for fault in wire:
-            reached = [kept for frame in reached for kept in fault.to_devices(frame, self)]
+            reached = [passed for frame in reached for passed in fault.to_devices(frame, self)]
         following = (
             [slave for slave in self.slaves if slave.sync_cob_id == cob_id] if reached else []
         )

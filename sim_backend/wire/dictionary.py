@@ -148,11 +148,11 @@ class ObjectDictionary:
 
     def entry(self, index: int, sub: int) -> Entry:
         """The definition of an object; aborts with "no such object" or "no such sub-index"."""
-        found = self._entries.get((index, sub))
-        if found is None:
-            known = any(i == index for i, _ in self._entries)
-            raise AbortError(Abort.NO_SUBINDEX if known else Abort.NO_OBJECT)
-        return found
+        entry = self._entries.get((index, sub))
+        if entry is None:
+            has_index = any(i == index for i, _ in self._entries)
+            raise AbortError(Abort.NO_SUBINDEX if has_index else Abort.NO_OBJECT)
+        return entry
 
     def on_write(self, index: int, sub: int, hook: Callable[[Number], None]) -> None:
         self._writers[index, sub] = hook

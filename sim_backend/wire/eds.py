@@ -81,7 +81,7 @@ def _fields(entry: Entry, name: str, node_id: int) -> list[str]:
     if entry.index == EMCY_COB_ID or (entry.index in PDO_COMMUNICATION and entry.sub == 1):
         # The same file for every node-ID.
         default = f"$NODEID+0x{int(entry.default) - node_id:X}"
-    found = [
+    lines = [
         f"ParameterName={name}",
         "ObjectType=0x7",
         f"DataType=0x{entry.type.code:04X}",
@@ -90,7 +90,7 @@ def _fields(entry: Entry, name: str, node_id: int) -> list[str]:
         f"PDOMapping={int(bool(entry.mappable))}",
     ]
     if entry.low is not None:
-        found.append(f"LowLimit={int(entry.low)}")
+        lines.append(f"LowLimit={int(entry.low)}")
     if entry.high is not None:
-        found.append(f"HighLimit={int(entry.high)}")
-    return found
+        lines.append(f"HighLimit={int(entry.high)}")
+    return lines

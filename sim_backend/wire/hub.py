@@ -115,8 +115,8 @@ class Hub:
         while True:
             words = (await read_message(reader)).split()
             if words[:1] == ["open"]:
-                known = words[1:2] == [self._channel]
-                writer.write(b"< ok >" if known else b"< error could not open bus >")
+                is_own_channel = words[1:2] == [self._channel]
+                writer.write(b"< ok >" if is_own_channel else b"< error could not open bus >")
             elif words == ["rawmode"]:
                 writer.write(b"< ok >")
                 return

@@ -81,7 +81,7 @@ class BenchBus(can.BusABC):
         self.receives_own = receive_own_messages
         self._bench = bench
         self._queue: deque[can.Message] = deque(maxlen=LONGEST_QUEUE)
-        self._error_told = False
+        self._error_sent = False
         bench.listen(self, self._hear)
 
     @property
@@ -106,8 +106,8 @@ class BenchBus(can.BusABC):
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The next frame, None when there is none."""
-        if self._bench.bus_off and not self._error_told:
-            self._error_told = True
+        if self._bench.bus_off and not self._error_sent:
+            self._error_sent = True
             return can.Message(is_error_frame=True, timestamp=self._bench.stamp_ns * 1e-9)
         self._require_bus()
         return self._queue.popleft() if self._queue else None

@@ -69,7 +69,7 @@ def communication_entries(
     base, kind = (0x1800, "TPDO") if transmit else (0x1400, "RPDO")
     index, mapped = base + number - 1, base + 0x200 + number - 1
     name = f"{kind} {number} communication"
-    found = [
+    entries = [
         entry(
             index,
             0,
@@ -89,11 +89,11 @@ def communication_entries(
         ),
     ]
     if transmit:
-        found += [
+        entries += [
             entry(index, 3, f"{name}: inhibit time", U16, "rw", 0),
             entry(index, 5, f"{name}: event timer", U16, "rw", 0),
         ]
-    found.append(
+    entries.append(
         entry(
             mapped,
             0,
@@ -106,7 +106,7 @@ def communication_entries(
     )
     for slot in range(MAPPING_SLOTS):
         word = mapping[slot] if slot < len(mapping) else 0
-        found.append(
+        entries.append(
             entry(
                 mapped,
                 slot + 1,
@@ -116,7 +116,7 @@ def communication_entries(
                 word,
             )
         )
-    return found
+    return entries
 
 
 @dataclass(kw_only=True)

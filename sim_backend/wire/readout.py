@@ -105,10 +105,10 @@ class Readout:
         }
         if command in screens:
             return bytes([STX]) + screens[command].encode("ascii") + b"\r\n"
-        is_known = (
+        is_command = (
             len(command) == 5
             and command[0] in "TFS"
             and command[1:].isascii()
             and command[1:].isdigit()
         )
-        return bytes([ACK if is_known else NAK])
+        return bytes([ACK if is_command else NAK])

@@ -61,7 +61,7 @@ class Server:
     async def start(self, host: str = "127.0.0.1", port: int = 0) -> Addresses:
         """Listen. Raises `DriverError` when the port is taken or there are no pseudo-terminals."""
         try:
-            found = await self._hub.start(host, port)
+            bound = await self._hub.start(host, port)
             readout = await self._open_readout(host)
         except OSError as error:
             await self.stop()
@@ -71,7 +71,7 @@ class Server:
                 remedy="Choose another port, or 0.",
             ) from error
         self.bench.listen(self, self._from_bench)
-        return Addresses(host, found, self._channel, readout)
+        return Addresses(host, bound, self._channel, readout)
 
     async def run(self, until: asyncio.Event) -> None:
         """Turn the devices' timers until the event is set."""

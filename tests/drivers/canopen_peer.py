@@ -155,7 +155,7 @@ class Peer:
     """A LocalNode of canopen on python-can's virtual bus, TPDOs on SYNC and NMT gating added by hand."""
 
     def __init__(self, channel: str, node_id: int, eds_text: str, clock: VirtualClock) -> None:
-        self.clock, self.beat_due = clock, 0
+        self.clock, self.heartbeat_due_ns = clock, 0
         self.bus = can.Bus(interface="virtual", channel=channel, preserve_timestamps=True)
         self.network = canopen.Network(self.bus)
         dictionary = eds.import_eds(io.StringIO(eds_text), node_id)
@@ -197,12 +197,12 @@ class Peer:
                 self.network.notify(message.arbitration_id, message.data, message.timestamp)
                 self.after_message()
 
-        self.beat()
+        self.send_heartbeat()
 
-    def beat(self) -> None:
+    def send_heartbeat(self) -> None:
         period = self.get(0x1017) * 1_000_000
-        if self.answers and period and self.clock.monotonic_ns() >= self.beat_due:
-            self.beat_due = self.clock.monotonic_ns() + period
+        if self.answers and period and self.clock.monotonic_ns() >= self.heartbeat_due_ns:
+            self.heartbeat_due_ns = self.clock.monotonic_ns() + period
             state = {"OPERATIONAL": 5, "STOPPED": 4}.get(self.node.nmt.state, 0x7F)
             self.bus.send(
                 can.Message(arbitration_id=0x700 + self.node_id, data=[state], is_extended_id=False)

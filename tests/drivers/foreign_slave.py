@@ -138,7 +138,7 @@ class Slave:
         self.pending: deque[tuple[int, Callable[[], None]]] = deque()
         self.heard_ns: int | None = None
         self.od = self._factory()
-        self.beat_due = self.wire.clock.monotonic_ns()
+        self.heartbeat_due_ns = self.wire.clock.monotonic_ns()
 
     # What a device adds
 
@@ -224,8 +224,8 @@ class Slave:
         while self.pending and self.pending[0][0] <= now:
             self.pending.popleft()[1]()
         period = self.value(0x1017) * MS
-        if period and now >= self.beat_due:
-            self.beat_due = now + period
+        if period and now >= self.heartbeat_due_ns:
+            self.heartbeat_due_ns = now + period
             self.wire.feed(0x700 + self.node_id, bytes([self.nmt]))
 
     # SDO
@@ -342,7 +342,7 @@ class Slave:
     def store(self, key: tuple[int, int], data: bytes) -> None:
         self.od[key] = data
         if key == (0x1017, 0):
-            self.beat_due = self.wire.clock.monotonic_ns()
+            self.heartbeat_due_ns = self.wire.clock.monotonic_ns()
         elif key[0] == 0x1016:
             self.heard_ns = None
         self.on_store(key, data)

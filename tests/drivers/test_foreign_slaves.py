@@ -88,7 +88,7 @@ def test_a_slave_without_heartbeat_is_brought_up_and_said_to_be_unwatched(how: s
     elif how == "stays at 0":
         keeps(made.drive, 0x1017, lambda ms: 0)
     else:
-        made.drive.beat = lambda: None  # type: ignore[method-assign]
+        made.drive.send_heartbeat = lambda: None  # type: ignore[method-assign]
     with opened(made):
         missing = {m.index: m.consequence for m in made.rig.missing()[1]}
         assert "shows only by its missing data" in missing[0x1017]

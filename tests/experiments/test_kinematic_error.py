@@ -14,6 +14,7 @@ from experiments.planning.speeds import first_resonances
 from experiments.protocols.kinematic_error import protocol as kinematic_error
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
+from model.channel import Calibration
 from model.gear import Harmonic, HarmonicDrive, Origin
 from model.identify.estimate import BudgetLine, Estimate
 from model.kinematic_error import peak_to_peak
@@ -110,7 +111,9 @@ def test_every_type_b_of_the_encoders_is_in_the_budget(
 ) -> None:
     """10 micrometres of eccentricity on a 110 mm scale are 37 arcsec: far more than the fit's own scatter."""
     signals = dict(kinematic_error_run.signals)
-    signals["output_angle"] = dataclasses.replace(signals["output_angle"], accuracy=37.0 * ARCSEC)
+    signals["output_angle"] = dataclasses.replace(
+        signals["output_angle"], calibration=Calibration(accuracy=37.0 * ARCSEC)
+    )
     run = dataclasses.replace(kinematic_error_run, signals=signals)
     result = kinematic_error.analyse(run, Evidence(gear))
     accuracy = result.estimates["transmission_accuracy_forward"]

@@ -73,7 +73,7 @@ def serve_rig(
     if sheets is not None:
         write_sheets(bench, sheets)
 
-    def told(addresses: Addresses) -> None:
+    def served_at(addresses: Addresses) -> None:
         served = Served(
             addresses.host, addresses.port, addresses.channel, addresses.readout, NODES, bench.title
         )
@@ -87,7 +87,7 @@ def serve_rig(
         port=port,
         channel=channel,
         readout=readout,
-        announce=told,
+        announce=served_at,
         lifetime=lifetime,
     )
 

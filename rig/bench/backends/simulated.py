@@ -51,9 +51,9 @@ def on_the_wire(request: RigRequest) -> AssembledRig:
     """The plant behind simulated CANopen devices, on a pumped bus; the drivers are those of a rig of hardware."""
     from sim_backend.wire.bench import WireBench
 
-    made = seeds_of(request)
-    bench = WireBench(**made, clock=VirtualClock(time.time_ns()))
-    return AssembledRig(name="wire", port=wire_port(bench, made["motor"]), clock=bench.clock)
+    seeds = seeds_of(request)
+    bench = WireBench(**seeds, clock=VirtualClock(time.time_ns()))
+    return AssembledRig(name="wire", port=wire_port(bench, seeds["motor"]), clock=bench.clock)
 
 
 def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None = None) -> CanRig:
@@ -121,7 +121,10 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
             ),
         ),
         guard=GuardContact(
-            DRIVE_NODE, ObjectRef(0x60FD, 0, U32, "digital inputs"), INTERLOCK, INTERLOCK
+            node_id=DRIVE_NODE,
+            entry=ObjectRef(0x60FD, 0, U32, "digital inputs"),
+            mask=INTERLOCK,
+            closed=INTERLOCK,
         )
         if has_guard
         else None,

@@ -28,5 +28,5 @@ def _data_type(word: str, text: str) -> DataType:
     for kind in DATA_TYPES.values():
         if kind.is_number and kind.name == spelled:
             return kind
-    types = ", ".join(kind.name for kind in DATA_TYPES.values() if kind.is_number)
-    raise ValueError(f"{word!r} in {text!r} is no type; known: {types}, or short I32, U16, R32")
+    names = ", ".join(kind.name for kind in DATA_TYPES.values() if kind.is_number)
+    raise ValueError(f"{word!r} in {text!r} is no type; known: {names}, or short I32, U16, R32")

@@ -110,7 +110,7 @@ def import_table(
         writer.abandon()
         writer.part.unlink(missing_ok=True)
         raise
-    return Imported(run, reading.kept, reading.dropped, tuple(reading.notes))
+    return Imported(run, reading.rows, reading.dropped, tuple(reading.notes))
 
 
 def _header(table: Table, options: ImportOptions, reading: Reading, first: Rows) -> RunHeader:

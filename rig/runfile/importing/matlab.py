@@ -144,14 +144,14 @@ class MatlabTable:
         except scipy.io.matlab.MatReadError as error:
             # A child of Exception alone, which no other kind of damage is.
             raise ValueError(str(error)) from error
-        found: dict[str, NDArray[Any]] = {}
+        arrays: dict[str, NDArray[Any]] = {}
         for name, value in content.items():
             if not name.startswith("__"):
-                _flatten(name, value, found)
-        return found
+                _flatten(name, value, arrays)
+        return arrays
 
     def _load_hdf5(self) -> dict[str, NDArray[Any]]:
-        found: dict[str, NDArray[Any]] = {}
+        arrays: dict[str, NDArray[Any]] = {}
         with h5py.File(self.path, "r") as file:
 
             def visit(name: str, item: object) -> None:
@@ -167,10 +167,10 @@ class MatlabTable:
                     and not name.startswith("#")
                     and item.dtype.kind in "iufb"
                 ):
-                    found[name.replace("/", ".")] = item[()].T
+                    arrays[name.replace("/", ".")] = item[()].T
 
             file.visititems(visit)
-        return found
+        return arrays
 
 
 def _refuse_what_kills_the_reader(path: Path) -> None:
@@ -187,14 +187,14 @@ def _refuse_what_kills_the_reader(path: Path) -> None:
         raise ValueError("its contents are damaged")
 
 
-def _flatten(name: str, value: Any, found: dict[str, NDArray[Any]]) -> None:
+def _flatten(name: str, value: Any, arrays: dict[str, NDArray[Any]]) -> None:
     """Arrays of a variable, with those inside structs under `name.field`."""
     fields = getattr(value, "_fieldnames", None)
     if fields is not None:
         for key in fields:
-            _flatten(f"{name}.{key}", getattr(value, key), found)
+            _flatten(f"{name}.{key}", getattr(value, key), arrays)
     elif isinstance(value, np.ndarray) and value.dtype == object:
         if value.size == 1:
-            _flatten(name, value.ravel()[0], found)
+            _flatten(name, value.ravel()[0], arrays)
     elif isinstance(value, np.ndarray):
-        found[name] = value
+        arrays[name] = value

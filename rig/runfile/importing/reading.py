@@ -16,7 +16,7 @@ from experiments.recording import Segment
 from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.tables import BadCell, Batch, Table, find_column, split_heading
-from rig.runfile.importing.units import TIME_CHANNEL, UNITS, column_of, known_unit
+from rig.runfile.importing.units import TIME_CHANNEL, UNITS, column_of, unit_of
 from rig.runfile.layout import Column
 
 LISTED_ROWS = 5
@@ -67,12 +67,12 @@ class Reading:
         self._edges: list[list[int]] = [[0, 0] for _ in options.segments]
         self._first_ns: int | None = None
         self.last_ns = -(2**63)
-        self.kept = self.dropped = self._cycle = 0
+        self.rows = self.dropped = self._cycle = 0
         self._fastest: dict[str, float] = {}
         self._bad: list[str] = []
         self.notes: list[str] = []
         for source, unit in zip(wanted, units, strict=True):
-            if source.unit and unit and known_unit(source.unit, source.name) != unit:
+            if source.unit and unit and unit_of(source.unit, source.name) != unit:
                 self.note(
                     f"WARNING: {source.name} was read in {source.unit}, but its heading says {unit}"
                 )
@@ -94,7 +94,7 @@ class Reading:
                 for index, column in enumerate(self.columns)
             ]
             self._watch(times, stored)
-            self.kept += len(times)
+            self.rows += len(times)
             self.last_ns = int(times[-1])
             yield Rows(times, cycles, stored)
 
@@ -162,7 +162,7 @@ class Reading:
 
     def _time_unit(self, heading_unit: str) -> float:
         assert self._time is not None
-        unit = known_unit(self._time.unit or heading_unit or "s", TIME_CHANNEL)
+        unit = unit_of(self._time.unit or heading_unit or "s", TIME_CHANNEL)
         si_unit, factor = UNITS.get(unit, (unit, 1.0))
         if si_unit != "s":
             allowed = ", ".join(name for name, (si, _) in UNITS.items() if si == "s")
@@ -303,6 +303,6 @@ def _nanoseconds(seconds: NDArray[np.float64]) -> NDArray[np.int64]:
 def _unit_or_nothing(text: str) -> str:
     """The unit that a heading names, or "" for words in brackets that are no unit."""
     try:
-        return known_unit(text, "") if text else ""
+        return unit_of(text, "") if text else ""
     except ConfigurationError:
         return ""

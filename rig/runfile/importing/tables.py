@@ -95,8 +95,8 @@ def find_column(table: Table, wanted: str) -> int:
 
 def split_heading(heading: str) -> tuple[str, str]:
     """Name and unit of a heading such as `Position [deg]` or `t (s)`."""
-    found = _BRACKETED.fullmatch(heading)
-    return (found.group(1).strip(), found.group(2).strip()) if found else (heading.strip(), "")
+    match = _BRACKETED.fullmatch(heading)
+    return (match.group(1).strip(), match.group(2).strip()) if match else (heading.strip(), "")
 
 
 class DelimitedTable:
@@ -189,11 +189,11 @@ class DelimitedTable:
                     return values
         values = np.full(len(texts), np.nan)
         for row, text in enumerate(texts):
-            found = self._number(text)
-            if isinstance(found, str):
-                bad.setdefault(row, BadCell(int(lines[row]), heading, _shown(text), found))
+            value = self._number(text)
+            if isinstance(value, str):
+                bad.setdefault(row, BadCell(int(lines[row]), heading, _shown(text), value))
             else:
-                values[row] = found
+                values[row] = value
         return values
 
     def _number(self, text: str) -> float | str:

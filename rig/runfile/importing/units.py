@@ -158,7 +158,7 @@ def parse_channel(text: str) -> ChannelSource:
     return ChannelSource(name=name.strip(), column=parts[0].strip(), unit=unit, scale=scale)
 
 
-def known_unit(text: str, where: str) -> str:
+def unit_of(text: str, where: str) -> str:
     """The unit in the spelling of this program; a unit that is not known is refused with those that are."""
     stripped = text.strip()
     for candidate in (stripped, _SPELLINGS.get(stripped.lower(), "")):
@@ -181,7 +181,7 @@ def column_of(
 ) -> Column:
     """How a channel is stored: the column's own numbers, with scale and offset to SI. Counts become int64."""
     allowed = DIMENSIONS.get(source.name)
-    unit = known_unit(source.unit or heading_unit or (allowed[0] if allowed else ""), source.name)
+    unit = unit_of(source.unit or heading_unit or (allowed[0] if allowed else ""), source.name)
     if unit == COUNT:
         return _counts_column(source, allowed)
     si_unit, factor = UNITS[unit]

@@ -12,7 +12,7 @@ from drivers.bus import NodeWatch, PumpedBus
 from drivers.cia301 import NmtState
 from drivers.cyclic import CanRig
 from drivers.device import Identity, Missing, RemoteDevice
-from rig.run.devices import DeviceEvent
+from drivers.port import DeviceEvent
 from rig.trial.doctor.drive import inspect_drive
 from rig.trial.doctor.finding import Finding, Verdict, judged
 

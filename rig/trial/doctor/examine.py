@@ -15,14 +15,13 @@ from drivers.bus import PumpedBus
 from drivers.cyclic import CanRig
 from drivers.errors import DriverError
 from drivers.nd287 import ReadoutConfig
-from drivers.port import Command, Guard, Mode
+from drivers.port import Command, Guard, Mode, TellsEvents
 from experiments.errors import ExperimentError
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.hardware import readout_config
 from rig.bench.config.load import load_configuration
 from rig.errors import RigError
 from rig.run.arming import guard_check
-from rig.run.devices import TellsEvents
 from rig.run.dry_run import PlannedRun
 from rig.run.order import RunReport
 from rig.run.start import RunRequest, bench_for, plan_request, run_on

@@ -5,14 +5,13 @@ from __future__ import annotations
 import errno
 import threading
 from dataclasses import dataclass
-from pathlib import Path
 
 from drivers.port import RigDescription
 from drivers.samples import SampleBlock
 from rig.library.folder import claim_run
-from rig.run.opening import begin_inline_run, header_of
+from rig.run.opening import BegunRun, begin_inline_run, header_of
 from rig.run.order import OpenRun, RunOrder
-from rig.run.recorder import InlineRecorder, Recorder, ThreadedRecorder
+from rig.run.recorder import InlineRecorder, ThreadedRecorder
 from rig.runfile.write import RunWriter
 
 
@@ -46,21 +45,11 @@ class StalledWriter(RunWriter):
         super().append(block)
 
 
-@dataclass(frozen=True)
-class DrilledRun:
+class DrilledRun(BegunRun):
     """An open run on a disk that fails."""
 
-    run_id: str
-    writer: RunWriter
-    recorder: Recorder
-
-    @property
-    def part(self) -> Path:
-        """The file while it is written."""
-        return self.writer.part
-
     def flush(self) -> None:
-        """Bring everything so far into the file."""
+        """Past the recorder, whose thread may be waiting for this very disk."""
         self.writer.flush()
 
 
