@@ -17,12 +17,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from experiments.quantity import Quantity, bare_quantity, quantity_of
+from experiments.quantity import Quantity, bare_quantity
 from experiments.recording import Recording, RunMetadata
 from model.identify.cause import Ground
 from model.identify.estimate import BudgetLine, Estimate
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
-from rig.analysis.result_data import declared_quantities
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.wording import show
 from rig.runfile.header import read_header
@@ -421,13 +420,6 @@ def _in_laboratory_units(
         budget=budget,
     )
     return show(estimate, quantity or bare_quantity("", unit)).with_uncertainty
-
-
-def in_laboratory_units(name: str, value: float, doubt: float | None, unit: str) -> str:
-    """Until nobody imports it: `Change.shown`."""
-    kind, _, key = name.partition(": ")
-    quantity = quantity_of(declared_quantities(kind), key)
-    return _in_laboratory_units(quantity, value, doubt, unit)
 
 
 def _flat(nested: Mapping[str, Any], prefix: str = "") -> dict[str, str]:

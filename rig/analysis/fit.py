@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from experiments.result import Result
     from model.gear import HarmonicDrive
 
-TARE = "motor-tare"
-"""Until nobody imports it: `rig.analysis.tare.tare_kind`."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
