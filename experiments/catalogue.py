@@ -89,9 +89,9 @@ def kinds() -> tuple[str, ...]:
 
 def entry(name: str) -> Entry:
     """The line of one name; an unknown one is a `PlanError` that lists those there are."""
-    for found in ENTRIES:
-        if found.name == name:
-            return found
+    for candidate in ENTRIES:
+        if candidate.name == name:
+            return candidate
     raise PlanError(
         "no such protocol or analysis", where="protocol", value=repr(name), limit=", ".join(kinds())
     )

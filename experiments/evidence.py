@@ -103,8 +103,8 @@ def _unrecorded(recording: Recording) -> int:
 def _acquisition(recording: Recording, name: str) -> Mapping[str, Any]:
     """A group of the figures that the run file keeps of its acquisition; empty where it keeps none."""
     figures = recording.metadata.process.get("acquisition", {})
-    found = figures.get(name, {}) if isinstance(figures, Mapping) else {}
-    return found if isinstance(found, Mapping) else {}
+    entry = figures.get(name, {}) if isinstance(figures, Mapping) else {}
+    return entry if isinstance(entry, Mapping) else {}
 
 
 def index_remarks(recording: Recording) -> list[str]:
@@ -112,8 +112,8 @@ def index_remarks(recording: Recording) -> list[str]:
     counts were lost or added.
     """
     remarks = []
-    for name, found in _acquisition(recording, "index_marks").items():
-        worst = found.get("worst_excess", 0) if isinstance(found, Mapping) else 0
+    for name, counts in _acquisition(recording, "index_marks").items():
+        worst = counts.get("worst_excess", 0) if isinstance(counts, Mapping) else 0
         if isinstance(worst, (int, float)) and abs(worst) > MARK_REPEATABILITY:
             remarks.append(
                 f"{name}: counts between index marks were off by up to {abs(worst):g}: its "
@@ -157,11 +157,11 @@ def require_time_base(recording: Recording, purpose: str) -> None:
     """Refuse a speed analysis without time stamps of the device or of SYNC: index times period is no time."""
     if recording.metadata.time_base in TRUE_TIME:
         return
-    found = recording.metadata.time_base
+    time_base = recording.metadata.time_base
     raise AnalysisError(
         f"{purpose} needs the true time of each cycle",
         where=recording.metadata.run_id,
-        value=f'time base "{found}"',
+        value=f'time base "{time_base}"',
         limit=", ".join(TRUE_TIME),
         remedy="Jitter of 0.3 ms on a nominal axis is 167 arcsec at 3000 r/min. Record device or hardware stamps.",
     )
@@ -172,10 +172,10 @@ def time_base_remark(recording: Recording) -> list[str]:
 
     Raises `AnalysisError` for a recording without any time: then there is no speed at all.
     """
-    found = recording.metadata.time_base
-    if found in TRUE_TIME:
+    time_base = recording.metadata.time_base
+    if time_base in TRUE_TIME:
         return []
-    if found == "none":
+    if time_base == "none":
         raise AnalysisError(
             "a recording without time has no speeds",
             where=recording.metadata.run_id,
@@ -184,7 +184,7 @@ def time_base_remark(recording: Recording) -> list[str]:
             remedy="Import it again with its time column or its rate.",
         )
     return [
-        f'The time base is "{found}": speeds are means over whole stretches and rest on its average rate.'
+        f'The time base is "{time_base}": speeds are means over whole stretches and rest on its average rate.'
     ]
 
 
@@ -199,7 +199,7 @@ def rotary_ratio(recording: Recording, fallback: float) -> float:
     return ratio if np.isfinite(ratio) and ratio > 0.0 else fallback
 
 
-def known_settings(settings: Iterable[str], allowed: Iterable[str], kind: str) -> None:
+def check_settings(settings: Iterable[str], allowed: Iterable[str], kind: str) -> None:
     """Raise `AnalysisError` for a setting that this analysis does not have."""
     names = tuple(allowed)
     for name in settings:

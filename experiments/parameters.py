@@ -71,7 +71,7 @@ _COMPARE = {
 def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
     """The fields of a parameter model in the order they are declared."""
     hints = typing.get_type_hints(model, include_extras=True)
-    found = []
+    parameters = []
     for f in dataclasses.fields(model):
         hint = hints[f.name]
         notes = hint.__metadata__ if hasattr(hint, "__metadata__") else ()
@@ -85,7 +85,7 @@ def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
         limit = " and ".join(_COMPARE[type(c)][1](c) for c in checks)
         default = f.default if f.default is not dataclasses.MISSING else None
         kind = typing.cast(type, base)
-        found.append(
+        parameters.append(
             ParameterField(
                 name=f.name,
                 kind=kind,
@@ -97,7 +97,7 @@ def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
                 optional=type(None) in arms,
             )
         )
-    return tuple(found)
+    return tuple(parameters)
 
 
 def make_parameters(model: type[Any], values: Mapping[str, Any], where: str = "") -> Any:
@@ -105,14 +105,14 @@ def make_parameters(model: type[Any], values: Mapping[str, Any], where: str = ""
     fields = {f.name: f for f in parameter_fields(model)}
     for name in values:
         if name not in fields:
-            known = ", ".join(fields)
+            names = ", ".join(fields)
             raise PlanError(
                 "no such parameter",
                 where=f"{where}.{name}" if where else name,
-                remedy=f"Known: {known}.",
+                remedy=f"Known: {names}.",
             )
-    made = {name: _convert(fields[name], value, where) for name, value in values.items()}
-    parameters = model(**made)
+    converted = {name: _convert(fields[name], value, where) for name, value in values.items()}
+    parameters = model(**converted)
     check_parameters(parameters, where)
     return parameters
 

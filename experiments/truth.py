@@ -83,11 +83,11 @@ def truth_rows(
     finder = _FINDERS.get(result.kind)
     if finder is None:
         return ()
-    known = dict(finder(result, truth, gear))
+    truths = dict(finder(result, truth, gear))
     return tuple(
-        TruthRow(dataclasses.replace(e, name=name), known[name])
+        TruthRow(dataclasses.replace(e, name=name), truths[name])
         for name, e in result.estimates.items()
-        if name in known
+        if name in truths
     )
 
 
@@ -99,20 +99,20 @@ def _friction(
     result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
 ) -> Iterator[tuple[str, float]]:
     """Parameters and running torques of the gear as the port shows them at the temperature of the run."""
-    known = truth.get("friction", {})
+    friction = truth.get("friction", {})
     balance = result.options.get("torque_balance")
-    if result.options.get("torque_is_of") != "gear" or known.get("torque_balance") != balance:
+    if result.options.get("torque_is_of") != "gear" or friction.get("torque_balance") != balance:
         return
     scale = _scale(truth)
     table = next((t for t in result.tables if t.name == FIT_TABLE), None)
     if gear is None or table is None:
-        for name, value in known.get("measurable", {}).items():
+        for name, value in friction.get("measurable", {}).items():
             yield name, float(value) * (scale if name in ("coulomb", "static", "viscous") else 1.0)
         return
     warmer = _warmer(result, truth)
     points = np.array([[float(v) for v in row[:3]] for row in table.rows])
     speed, error = points[:, 0] * RPM, points[:, 2]
-    torque = scale * _true_torque(known, truth.get("thermal", {}), gear, speed, warmer)
+    torque = scale * _true_torque(friction, truth.get("thermal", {}), gear, speed, warmer)
     low = gear.options.low_speed_branch
     drag = bearing_lever(gear, balance) * bearing_magnitude(
         gear.bearing, speed, low_speed_branch=low
@@ -126,22 +126,25 @@ def _friction(
             at = np.array([float(name.removeprefix("running_torque_").removesuffix("_rpm")) * RPM])
             yield (
                 name,
-                scale * float(_true_torque(known, truth.get("thermal", {}), gear, at, warmer)[0]),
+                scale
+                * float(_true_torque(friction, truth.get("thermal", {}), gear, at, warmer)[0]),
             )
 
 
 def _warmer(result: Result, truth: Mapping[str, Any]) -> float:
     """How much warmer than the truth's reference the points were [K]; 0 where nothing warms or nobody looked."""
     reference = truth.get("thermal", {}).get("reference")
-    found = result.metrics.get("housing_temperature", math.nan)
+    housing = result.metrics.get("housing_temperature", math.nan)
     offset = float(truth.get("thermometer", {}).get("housing_offset", 0.0))
     return (
-        found - offset - float(reference) if reference is not None and math.isfinite(found) else 0.0
+        housing - offset - float(reference)
+        if reference is not None and math.isfinite(housing)
+        else 0.0
     )
 
 
 def _true_torque(
-    known: Mapping[str, Any],
+    friction: Mapping[str, Any],
     thermal: Mapping[str, Any],
     gear: HarmonicDrive,
     speed: FloatArray,
@@ -157,11 +160,11 @@ def _true_torque(
     thin = math.exp(-float(thermal.get("viscous_per_kelvin", 0.0)) * warmer)
     bearing = dataclasses.replace(
         gear.bearing,
-        friction_factor=float(known["bearing_friction_factor"]),
-        viscosity=float(known["viscosity"]),
+        friction_factor=float(friction["bearing_friction_factor"]),
+        viscosity=float(friction["viscosity"]),
     )
-    own, seen = known, known["measurable"]
-    lever = mesh_lever(gear, known["torque_balance"])
+    own, seen = friction, friction["measurable"]
+    lever = mesh_lever(gear, friction["torque_balance"])
     decay = np.exp(-((speed / own["stribeck_velocity"]) ** own["shape"]))
     mesh = (
         dry * (own["coulomb"] + (own["static"] - own["coulomb"]) * decay)
@@ -170,7 +173,7 @@ def _true_torque(
     output = (seen["coulomb"] - own["coulomb"]) + (seen["viscous"] - own["viscous"]) * speed
     still = bearing_magnitude(bearing, 0.0)
     moving = bearing_magnitude(bearing, speed) - still
-    drag = bearing_lever(gear, known["torque_balance"]) * (
+    drag = bearing_lever(gear, friction["torque_balance"]) * (
         dry * still + thin ** (2.0 / 3.0) * moving
     )
     return lever * (mesh + output) + drag
@@ -188,15 +191,15 @@ def _tare(
 def _kinematic_error(
     result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
 ) -> Iterator[tuple[str, float]]:
-    known = truth.get("kinematic_error", {})
+    error = truth.get("kinematic_error", {})
     ratio = float(result.options.get("ratio", math.nan))
     reference = float(result.options.get("phase_reference_angle", 0.0))
     labels = {
         round(o.order, 9): o.label
         for o in basis_orders(ratio, range(1, int(result.options.get("highest_order", 12)) + 1))
     }
-    recorded = "measurable_recorded" in known
-    for entry in known["measurable_recorded"] if recorded else known.get("measurable", ()):
+    recorded = "measurable_recorded" in error
+    for entry in error["measurable_recorded"] if recorded else error.get("measurable", ()):
         label = labels.get(round(float(entry["order"]), 9))
         if label is None:
             continue
@@ -205,30 +208,30 @@ def _kinematic_error(
         )
         yield f"amplitude_{label}", float(entry["amplitude"])
         yield f"phase_{label}", math.remainder(phase, 2.0 * math.pi)
-    if "measurable_peak_to_peak" in known:
+    if "measurable_peak_to_peak" in error:
         for name in (
             "transmission_accuracy",
             "transmission_accuracy_forward",
             "transmission_accuracy_reverse",
         ):
-            yield name, float(known["measurable_peak_to_peak"])
+            yield name, float(error["measurable_peak_to_peak"])
 
 
 def _steps(
     result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
 ) -> Iterator[tuple[str, float]]:
     """K/J_o and frequency for small amplitudes: with the stiffness of the hysteresis element before it slides."""
-    known = truth.get("dynamics", {})
-    if "stiffness_over_inertia" not in known:
+    dynamics = truth.get("dynamics", {})
+    if "stiffness_over_inertia" not in dynamics:
         return
-    share = 1.0 + float(known.get("hysteresis", {}).get("stiffness_share", 0.0))
-    ratio = share * float(known["stiffness_over_inertia"])
+    share = 1.0 + float(dynamics.get("hysteresis", {}).get("stiffness_share", 0.0))
+    ratio = share * float(dynamics["stiffness_over_inertia"])
     for suffix in ("", "_forward", "_reverse"):
         yield f"stiffness_over_inertia{suffix}", ratio
         yield f"frequency{suffix}", math.sqrt(ratio) / (2.0 * math.pi)
-    if "output_inertia" in known:
-        yield "output_inertia", float(known["output_inertia"])
-        yield "output_stiffness", ratio * float(known["output_inertia"])
+    if "output_inertia" in dynamics:
+        yield "output_inertia", float(dynamics["output_inertia"])
+        yield "output_stiffness", ratio * float(dynamics["output_inertia"])
 
 
 _FINDERS = {

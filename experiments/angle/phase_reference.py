@@ -64,12 +64,12 @@ def phase_reference(recording: Recording) -> PhaseReference:
 
 def _first_rows(recording: Recording) -> tuple[int | None, int | None]:
     """The first rows at which the input's and the output's mark had been seen."""
-    found: list[int | None] = [None, None]
+    rows_seen: list[int | None] = [None, None]
     for rows in recording.blocks(size=1 << 18):
         seen = recording.stored("index_seen", rows).astype(np.int64)
         for which, bit in enumerate((INPUT_SEEN, OUTPUT_SEEN)):
-            if found[which] is None and (seen & bit).any():
-                found[which] = rows.start + int(np.argmax((seen & bit) > 0))
-        if None not in found:
+            if rows_seen[which] is None and (seen & bit).any():
+                rows_seen[which] = rows.start + int(np.argmax((seen & bit) > 0))
+        if None not in rows_seen:
             break
-    return found[0], found[1]
+    return rows_seen[0], rows_seen[1]

@@ -1,4 +1,4 @@
-"""Stretches of a recording without segments: where the input turns one way, found from the angle itself.
+"""Traversees of a recording without segments: where the input turns one way, found from the angle itself.
 
 Recordings of this program carry segments, and those are used. One that was imported does not: here
 it is cut where the input stops or turns back, in pieces of constant memory, and the first
@@ -18,12 +18,12 @@ PIECES = 20000
 LEAST_ROWS = 20
 
 
-def stretches(
+def traverses_of(
     recording: Recording, label: str = "traverse", approach: float = 1.0
 ) -> tuple[Segment, ...]:
     """Segments in which the input turns one way, each without its first `approach` revolutions.
 
-    A piece belongs to a stretch if it moves in the stretch's direction, by more than what flickering counts look like.
+    A piece belongs to a traverse if it moves in its direction, by more than what flickering counts look like.
     """
     size = max(LEAST_ROWS, recording.rows // PIECES)
     starts = np.arange(0, recording.rows - size + 1, size)
@@ -35,7 +35,7 @@ def stretches(
         3.0 * recording.signals["input_angle"].quantum, 1e-4 * float(np.abs(moved).max(initial=0.0))
     )
     direction = np.where(np.abs(moved) > still, np.sign(moved), 0.0).astype(int)
-    found: list[Segment] = []
+    segments: list[Segment] = []
     begin = 0
     repeats = {1: 0, -1: 0}
     for end in range(1, len(direction) + 1):
@@ -55,9 +55,9 @@ def stretches(
             )
             if segment is not None:
                 start, stop, speed = segment
-                found.append(
+                segments.append(
                     Segment(
-                        index=len(found),
+                        index=len(segments),
                         label=label,
                         start=start,
                         stop=stop,
@@ -68,7 +68,7 @@ def stretches(
                 )
                 repeats[sense] += 1
         begin = end
-    return tuple(found)
+    return tuple(segments)
 
 
 def _trimmed(
@@ -81,7 +81,7 @@ def _trimmed(
     sense: int,
     approach: float,
 ) -> tuple[int, int, float] | None:
-    """Rows of a stretch without its approach, and its mean speed [rad/s]; None where too little is left."""
+    """Rows of a traverse without its approach, and its mean speed [rad/s]; None where too little is left."""
     travelled = sense * (edges[begin : end + 1] - edges[begin])
     first = begin + int(np.searchsorted(travelled, approach * REVOLUTION)) if begin > 0 else begin
     if first >= end or sense * (edges[end] - edges[first]) < REVOLUTION:

@@ -13,7 +13,7 @@ from annotated_types import Ge, Le
 from experiments.angle.phase_reference import INPUT_SEEN, OUTPUT_SEEN
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError
-from experiments.evidence import check_recording, known_settings
+from experiments.evidence import check_recording, check_settings
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
 from experiments.planning.shared_parameters import Acceleration, Mounted, SlowSpeed, ZeroTime
@@ -94,7 +94,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
     Every pass is forward, so that the mark is met from one side; the spread of the passes is the type A part.
     """
-    known_settings(evidence.settings, (), NAME)
+    check_settings(evidence.settings, (), NAME)
     recording.require("homing", "input_angle", "input_index", "index_seen")
     checked_ = check_recording(recording, "homing", evidence.maximum_missed_share)
     estimates: dict[str, Estimate] = {}

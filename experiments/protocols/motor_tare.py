@@ -16,7 +16,7 @@ from annotated_types import Ge, Gt, Le
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, known_settings, time_base_remark, usable
+from experiments.evidence import check_recording, check_settings, time_base_remark, usable
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked
 from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
@@ -145,7 +145,7 @@ COGGING_BELOW = 100.0 * RPM
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Friction of the bare motor per speed and direction, its Coulomb and viscous part, cogging over the angle."""
-    known_settings(evidence.settings, (), NAME)
+    check_settings(evidence.settings, (), NAME)
     recording.require("motor tare", "input_angle", "torque")
     if recording.metadata.gear_mounted:
         raise AnalysisError(
@@ -221,15 +221,15 @@ def _straight_line(
         # Every speed counts alike: the misfit of the straight line is larger than the noise of its points.
         fit = solve(design, torque, where="motor friction")
         covariance = Covariance(("motor_coulomb", "motor_viscous"), fit.covariance)
-        found = [
+        lines = [
             (float(v), *fit.interval(k), float(fit.standard_error[k]))
             for k, v in enumerate(fit.values)
         ]
     else:
         values = np.linalg.lstsq(design, torque, rcond=None)[0]
-        found = [(float(v), -math.inf, math.inf, math.inf) for v in values]
+        lines = [(float(v), -math.inf, math.inf, math.inf) for v in values]
     for (value, low, high, error), name, unit in zip(
-        found, ("motor_coulomb", "motor_viscous"), ("N m", "N m s/rad"), strict=True
+        lines, ("motor_coulomb", "motor_viscous"), ("N m", "N m s/rad"), strict=True
     ):
         budget = (BudgetLine("scatter about the line", "A", error), scale_line(recording, value))
         estimates[name] = Estimate(

@@ -15,7 +15,7 @@ from annotated_types import Ge, Gt, Le
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError
-from experiments.evidence import check_recording, known_settings, usable
+from experiments.evidence import check_recording, check_settings, usable
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, stop
 from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
@@ -155,7 +155,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     so that noise of the port does not enter. It is that of motor + gear: a motor tare at running
     speeds does not tell the motor's own breakaway.
     """
-    known_settings(evidence.settings, (), NAME)
+    check_settings(evidence.settings, (), NAME)
     recording.require("starting torque", "input_angle", "torque")
     warnings = list(
         check_recording(recording, "starting torque", evidence.maximum_missed_share).warnings
@@ -165,11 +165,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     segments = recording.labelled("torque-ramp")
     if not segments:
         raise AnalysisError("the run has no torque ramp", where=recording.metadata.run_id)
-    found = [_breakaway(recording, segment, zero) for segment in segments]
-    ramps = [b for b in found if b is not None]
-    if len(ramps) < len(found):
+    breakaways = [_breakaway(recording, segment, zero) for segment in segments]
+    ramps = [b for b in breakaways if b is not None]
+    if len(ramps) < len(breakaways):
         warnings.append(
-            f"{len(found) - len(ramps)} of {len(found)} ramps reached their limit without motion."
+            f"{len(breakaways) - len(ramps)} of {len(breakaways)} ramps reached their limit without motion."
         )
     if not ramps:
         raise AnalysisError(

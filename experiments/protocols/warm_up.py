@@ -13,7 +13,7 @@ from annotated_types import Gt, Le
 from experiments.budget import scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError
-from experiments.evidence import check_recording, known_settings, usable
+from experiments.evidence import check_recording, check_settings, usable
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import (
     between_zeros,
@@ -105,7 +105,7 @@ def _turns(p: Parameters) -> Iterator[Step]:
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Running torque against time, whether it became steady, and the running torque of the warm rig at this speed."""
-    known_settings(evidence.settings, (), NAME)
+    check_settings(evidence.settings, (), NAME)
     recording.require("warm-up", "input_angle", "torque")
     warnings = list(check_recording(recording, "warm-up", evidence.maximum_missed_share).warnings)
     zero = torque_zero(recording)
@@ -117,8 +117,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         _window(recording),
         float(recording.metadata.parameters.get("tolerance", Parameters.tolerance)),
     )
-    found = [_windows(recording, segment, zero, window) for segment in segments]
-    time, torque = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    windows = [_windows(recording, segment, zero, window) for segment in segments]
+    time, torque = (np.concatenate(parts) for parts in zip(*windows, strict=True))
     if len(time) < 2:
         raise AnalysisError(
             "the warm-up is shorter than two windows",

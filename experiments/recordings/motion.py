@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, known_settings, require_time_base, usable
+from experiments.evidence import check_recording, check_settings, require_time_base, usable
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.quantity import Quantity
 from experiments.recording import Recording
@@ -78,7 +78,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     without a true time base.
     """
     settings = evidence.settings
-    known_settings(settings, SETTINGS, NAME)
+    check_settings(settings, SETTINGS, NAME)
     data = _channels(recording, settings, evidence.maximum_missed_share)
     with analysing(recording.metadata.run_id):
         fit = _fit(data, settings)
@@ -107,7 +107,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 def cross_validate(fitted: Recording, other: Recording, evidence: Evidence) -> MotionScore:
     """Fit one recording and predict the effort of another one with it: relative error in per cent."""
     settings = evidence.settings
-    known_settings(settings, SETTINGS, NAME)
+    check_settings(settings, SETTINGS, NAME)
     first = _channels(fitted, settings, evidence.maximum_missed_share)
     second = _channels(other, settings, evidence.maximum_missed_share)
     with analysing(other.metadata.run_id):

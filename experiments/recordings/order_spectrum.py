@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.angle.traverses import stretches
+from experiments.angle.traverses import traverses_of
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError
-from experiments.evidence import check_recording, known_settings, rotary_ratio, usable
+from experiments.evidence import check_recording, check_settings, rotary_ratio, usable
 from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
@@ -43,7 +43,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     "output_angle"), highest_order (64). Stretches in one direction are the run's segments, or found from the angle.
     """
     settings = evidence.settings
-    known_settings(settings, SETTINGS, NAME)
+    check_settings(settings, SETTINGS, NAME)
     angle_name = chosen_channel(recording, settings, "angle", ANGLES, "an order spectrum")
     channel, unit = _channel(recording, settings)
     highest = float(settings.get("highest_order", 64.0))
@@ -51,14 +51,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         check_recording(recording, "an order spectrum", evidence.maximum_missed_share).warnings
     )
     ratio = rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
-    found: dict[int, OrderPeaks] = {}
+    spectra: dict[int, OrderPeaks] = {}
     for segment in _longest_each_way(recording, angle_name):
         angle, value = _channels(recording, segment, angle_name, channel, ratio)
         try:
-            found[segment.direction] = order_peaks(angle, value, highest_order=highest)
+            spectra[segment.direction] = order_peaks(angle, value, highest_order=highest)
         except ModelError as error:
             warnings.append(f"{'forward' if segment.direction > 0 else 'reverse'}: {error.what}.")
-    if not found:
+    if not spectra:
         raise AnalysisError(
             "there is no stretch of a whole revolution in one direction",
             where=recording.metadata.run_id,
@@ -68,11 +68,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         run=recording.metadata.run_id,
         kind=NAME,
         quantities=QUANTITIES,
-        estimates=_strongest(found, unit),
-        metrics={f"revolutions_{_way(d)}": float(s.revolutions) for d, s in found.items()},
+        estimates=_strongest(spectra, unit),
+        metrics={f"revolutions_{_way(d)}": float(s.revolutions) for d, s in spectra.items()},
         warnings=tuple(warnings),
-        plots=(_plot(found, channel, unit, angle_name),),
-        tables=(_table(found, unit),),
+        plots=(_plot(spectra, channel, unit, angle_name),),
+        tables=(_table(spectra, unit),),
         options={"channel": channel, "angle": angle_name},
     )
 
@@ -96,7 +96,7 @@ def _longest_each_way(recording: Recording, angle_name: str) -> list[Segment]:
     """The longest stretch of each direction: of the run's segments, else of what the angle shows."""
     candidates = recording.labelled(*LABELS)
     if not candidates and angle_name == "input_angle":
-        candidates = stretches(recording, approach=0.0)
+        candidates = traverses_of(recording, approach=0.0)
     if not candidates:
         way = (
             recording.si(angle_name, slice(recording.rows - 1, None))[0]
@@ -114,8 +114,8 @@ def _longest_each_way(recording: Recording, angle_name: str) -> list[Segment]:
         )
     best: dict[int, Segment] = {}
     for segment in candidates:
-        known = best.get(segment.direction)
-        if known is None or segment.stop - segment.start > known.stop - known.start:
+        longest = best.get(segment.direction)
+        if longest is None or segment.stop - segment.start > longest.stop - longest.start:
             best[segment.direction] = segment
     return [best[d] for d in sorted(best, reverse=True)]
 
@@ -137,15 +137,15 @@ def _channels(
     return angle, value
 
 
-def _strongest(found: dict[int, OrderPeaks], unit: str) -> dict[str, Estimate]:
+def _strongest(spectra: dict[int, OrderPeaks], unit: str) -> dict[str, Estimate]:
     """Amplitudes of the strongest orders that rise above the noise, mean of the directions;
     interval from the noise nearby.
     """
-    first = found[max(found)]
+    first = spectra[max(spectra)]
     estimates: dict[str, Estimate] = {}
     for order in first.peaks[:STRONGEST].tolist():
-        every = [float(np.interp(order, s.orders, s.amplitude)) for s in found.values()]
-        floors = [float(np.interp(order, s.orders, s.noise_floor)) for s in found.values()]
+        every = [float(np.interp(order, s.orders, s.amplitude)) for s in spectra.values()]
+        floors = [float(np.interp(order, s.orders, s.noise_floor)) for s in spectra.values()]
         value = float(np.mean(every))
         # The floor is the mean power of noise: half of it lies in phase with the order.
         half = 1.96 * float(np.sqrt(0.5 * np.mean(np.square(floors)) / len(floors)))
@@ -156,10 +156,10 @@ def _strongest(found: dict[int, OrderPeaks], unit: str) -> dict[str, Estimate]:
     return estimates
 
 
-def _plot(found: dict[int, OrderPeaks], channel: str, unit: str, angle_name: str) -> Plot:
+def _plot(spectra: dict[int, OrderPeaks], channel: str, unit: str, angle_name: str) -> Plot:
     series = tuple(
         series
-        for d, s in found.items()
+        for d, s in spectra.items()
         for series in (
             Series(label=_way(d), x=s.orders, y=s.amplitude, style="line", group=0 if d > 0 else 1),
             Series(
@@ -182,9 +182,9 @@ def _plot(found: dict[int, OrderPeaks], channel: str, unit: str, angle_name: str
     )
 
 
-def _table(found: dict[int, OrderPeaks], unit: str) -> Table:
+def _table(spectra: dict[int, OrderPeaks], unit: str) -> Table:
     rows: list[tuple[float | int | str, ...]] = []
-    for d, s in found.items():
+    for d, s in spectra.items():
         strongest = sorted(range(len(s.orders)), key=lambda k: -s.amplitude[k])[:40]
         rows += [
             (_way(d), float(s.orders[k]), float(s.amplitude[k]), float(s.phase[k]) / DEGREE)

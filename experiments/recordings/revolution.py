@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from experiments.angle.phase_reference import phase_reference
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, known_settings, usable
+from experiments.evidence import check_recording, check_settings, usable
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.quantity import Quantity
 from experiments.recording import Recording
@@ -72,7 +72,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     foreign recording all of it.
     """
     settings = evidence.settings
-    known_settings(settings, SETTINGS, NAME)
+    check_settings(settings, SETTINGS, NAME)
     angle_name = chosen_channel(
         recording, settings, "angle", ANGLES, "a Fourier series per revolution"
     )
@@ -119,8 +119,8 @@ def _channels(
     ]
     reference, what = 0.0, "the recorded angle"
     if angle_name == "input_angle":
-        found = phase_reference(recording)
-        reference, what = found.input_angle, found.what
+        phase = phase_reference(recording)
+        reference, what = phase.input_angle, phase.what
     zero = None
     said: list[str] = []
     if recording.labelled(ZERO_BEFORE, ZERO_AFTER) and channel in ("torque", "drive_torque"):

@@ -47,7 +47,7 @@ def skews(recording: Recording, gear: HarmonicDrive | None = None) -> dict[str, 
         return {}
     needed = NEEDED_SHARE / rate
     gear = gear or recording.metadata.gear
-    found: dict[str, Estimate] = {}
+    estimates: dict[str, Estimate] = {}
     ratio = rotary_ratio(
         recording, gear.mounted_ratio(recording.metadata.mounting) if gear else math.nan
     )
@@ -58,10 +58,10 @@ def skews(recording: Recording, gear: HarmonicDrive | None = None) -> dict[str, 
     if rotary and recording.metadata.gear_mounted and ratio > 0.0:
         means = revolution_means(recording, ratio)
         doubt = viscous_windup(gear, means.speed, ratio) if gear is not None else 0.0
-        found["encoder_skew"] = encoder_skew(means, needed, doubt)
+        estimates["encoder_skew"] = encoder_skew(means, needed, doubt)
     if recording.has("torque", "drive_torque"):
-        found["torque_skew"] = _torque_skew(recording, 1.0 / rate, needed)
-    return found
+        estimates["torque_skew"] = _torque_skew(recording, 1.0 / rate, needed)
+    return estimates
 
 
 def viscous_windup(gear: HarmonicDrive, speed: FloatArray, ratio: float) -> float:
@@ -133,7 +133,7 @@ def revolution_means(recording: Recording, ratio: float) -> RevolutionMeans:
     """Means over the whole input revolutions of a recording that were turned at constant speed, in
     constant memory per block.
     """
-    found = _Revolutions(ratio)
+    revolutions = _Revolutions(ratio)
     origin: tuple[float, float] | None = None
     for rows in recording.blocks():
         good = (recording.flags(rows) & BAD_CYCLE) == 0
@@ -142,8 +142,8 @@ def revolution_means(recording: Recording, ratio: float) -> RevolutionMeans:
             continue
         # Counters may begin anywhere: differences of large angles would lose digits.
         origin = origin or (REVOLUTION * math.floor(inner[0] / REVOLUTION), float(outer[0]))
-        found.add(recording.time(rows)[good], inner - origin[0], outer - origin[1])
-    return _steady(found.rows, ratio)
+        revolutions.add(recording.time(rows)[good], inner - origin[0], outer - origin[1])
+    return _steady(revolutions.rows, ratio)
 
 
 def _steady(rows: list[tuple[int, float, float, float, float]], ratio: float) -> RevolutionMeans:
@@ -158,14 +158,14 @@ def _steady(rows: list[tuple[int, float, float, float, float]], ratio: float) ->
             np.abs(duration[2:] - middle) < STEADY * middle
         )
         same[1:-1] = close & (np.abs(step[1:]) == 1) & (step[1:] == step[:-1])
-    kept = np.flatnonzero(same)
-    sense = step[np.maximum(kept - 1, 0)] if len(step) else np.empty(0)
-    speed = sense * REVOLUTION / (ratio * duration[kept])
-    breaks = np.diff(kept, prepend=kept[0] if len(kept) else 0) > 1
-    stretch = np.cumsum(breaks).astype(np.int64)
+    steady = np.flatnonzero(same)
+    sense = step[np.maximum(steady - 1, 0)] if len(step) else np.empty(0)
+    speed = sense * REVOLUTION / (ratio * duration[steady])
+    breaks = np.diff(steady, prepend=steady[0] if len(steady) else 0) > 1
+    plateau = np.cumsum(breaks).astype(np.int64)
     fast = np.abs(speed) >= SLOWEST_SHARE * np.abs(speed).max(initial=0.0)
-    kept = kept[fast]
-    return RevolutionMeans(speed[fast], table[kept, 3], table[kept, 4], stretch[fast])
+    steady = steady[fast]
+    return RevolutionMeans(speed[fast], table[steady, 3], table[steady, 4], plateau[fast])
 
 
 def _torque_skew(recording: Recording, interval: float, needed: float) -> Estimate:

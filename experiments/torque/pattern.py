@@ -29,15 +29,15 @@ HIGHEST_ORDER = 128
 
 @dataclass(frozen=True)
 class TorquePattern:
-    """Amplitudes of whole orders 1..n of the torque over the input angle, from several stretches of one direction.
+    """Amplitudes of whole orders 1..n of the torque over the input angle, from several traverses of one direction.
 
-    amplitude (n,) complex [N m]; standard_error (n,) of its real and imaginary part each; mean [N m]; stretches used.
+    amplitude (n,) complex [N m]; standard_error (n,) of its real and imaginary part each; mean [N m]; traverses used.
     """
 
     mean: float
     amplitude: ComplexArray
     standard_error: FloatArray
-    stretches: int
+    traverses: int
 
     @property
     def orders(self) -> FloatArray:
@@ -46,9 +46,9 @@ class TorquePattern:
 
     def curve(self, angle: FloatArray, highest: int | None = None) -> FloatArray:
         """The pattern without its mean at input angles [rad]."""
-        kept = self.amplitude[: highest or len(self.amplitude)]
-        orders = np.arange(1, len(kept) + 1)
-        return np.real(np.exp(1j * np.outer(angle, orders)) @ kept)
+        amplitude = self.amplitude[: highest or len(self.amplitude)]
+        orders = np.arange(1, len(amplitude) + 1)
+        return np.real(np.exp(1j * np.outer(angle, orders)) @ amplitude)
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def direction_patterns(
     Angles count from `reference` [rad]. Streaming: memory does not grow with the run.
     """
     chosen = list(segments)
-    found = []
+    patterns = []
     for direction in (1, -1):
         parts = [
             part
@@ -83,10 +83,10 @@ def direction_patterns(
         ]
         if not parts:
             return None
-        found.append(_pooled(parts))
-    forward, reverse = found
+        patterns.append(_pooled(parts))
+    forward, reverse = patterns
     error = 0.5 * np.hypot(forward.standard_error, reverse.standard_error)
-    least = min(forward.stretches, reverse.stretches)
+    least = min(forward.traverses, reverse.traverses)
     friction = TorquePattern(
         0.5 * (forward.mean - reverse.mean),
         0.5 * (forward.amplitude - reverse.amplitude),
@@ -141,7 +141,7 @@ def _pattern(
 
 
 def _pooled(parts: list[tuple[float, ComplexArray, float]]) -> TorquePattern:
-    """Mean over stretches; the error from their scatter, from the noise within bins where there is one stretch only."""
+    """Mean over traverses; the error from their scatter, from the noise within bins where there is one stretch only."""
     amplitudes = np.array([part[1] for part in parts])
     mean = float(np.mean([part[0] for part in parts]))
     noise = math.sqrt(sum(part[2] ** 2 for part in parts)) / len(parts)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.angle.traverses import stretches
+from experiments.angle.traverses import traverses_of
 from experiments.evidence import usable
 from experiments.recording import Recording, Segment
 from experiments.torque.zero import TorqueZero
@@ -90,13 +90,13 @@ def foreign_holds(
 ) -> tuple[list[Hold], list[str]]:
     """Running torques of a recording without segments, by speed.
 
-    Every stretch in one direction is cut into pieces of whole input revolutions that last at least
-    `least_time` [s]; a piece counts where its speed is steady within `STEADY_RIPPLE`. Stretches
+    Every traverse in one direction is cut into pieces of whole input revolutions that last at least
+    `least_time` [s]; a piece counts where its speed is steady within `STEADY_RIPPLE`. Traversees
     begin one revolution after each reversal.
     """
     pieces: list[Segment] = []
-    for stretch in stretches(recording, "hold"):
-        pieces += _pieces(recording, stretch, least_time)
+    for traverse in traverses_of(recording, "hold"):
+        pieces += _pieces(recording, traverse, least_time)
     holds, _ = measured_holds(recording, pieces, zero, channel)
     steady = [h for h in holds if h.torque.speed_ripple <= STEADY_RIPPLE]
     text = (
@@ -106,31 +106,31 @@ def foreign_holds(
     return steady, [text]
 
 
-def _pieces(recording: Recording, stretch: Segment, least_time: float) -> list[Segment]:
-    """Pieces of one stretch at steady speed, each of whole revolutions and at least `least_time` long."""
-    angle, time = recording.si("input_angle", stretch), recording.time(stretch)
-    travelled = np.maximum.accumulate(stretch.direction * (angle - angle[0]))
+def _pieces(recording: Recording, traverse: Segment, least_time: float) -> list[Segment]:
+    """Pieces of one traverse at steady speed, each of whole revolutions and at least `least_time` long."""
+    angle, time = recording.si("input_angle", traverse), recording.time(traverse)
+    travelled = np.maximum.accumulate(traverse.direction * (angle - angle[0]))
     marks = np.searchsorted(travelled, np.arange(0.0, travelled[-1], REVOLUTION / MARKS))
-    found: list[Segment] = []
+    pieces: list[Segment] = []
     for first, last in _steady_runs(time[marks]):
         begin = first
         for end in range(first + MARKS, last + 1, MARKS):
             if time[marks[end]] - time[marks[begin]] < least_time:
                 continue
-            start, stop = stretch.start + int(marks[begin]), stretch.start + int(marks[end]) + 1
-            found.append(
+            start, stop = traverse.start + int(marks[begin]), traverse.start + int(marks[end]) + 1
+            pieces.append(
                 Segment(
-                    index=len(found),
+                    index=len(pieces),
                     label="hold",
                     start=start,
                     stop=stop,
-                    setpoint=stretch.setpoint,
-                    direction=stretch.direction,
-                    repeat=stretch.repeat,
+                    setpoint=traverse.setpoint,
+                    direction=traverse.direction,
+                    repeat=traverse.repeat,
                 )
             )
             begin = end
-    return found
+    return pieces
 
 
 def _steady_runs(times: np.ndarray) -> list[tuple[int, int]]:

@@ -43,7 +43,7 @@ class TorqueZero:
     warnings: tuple[str, ...] = ()
 
     @property
-    def known(self) -> bool:
+    def is_measured(self) -> bool:
         """Whether any servo-off segment was recorded."""
         return self.before is not None or self.after is not None
 
@@ -56,16 +56,16 @@ class TorqueZero:
 
     def at(self, time: NDArray[np.float64] | float) -> NDArray[np.float64]:
         """The reading that stands for zero torque at these times [s since the first row]."""
-        found = [z for z in (self.before, self.after) if z is not None]
-        if not found:
+        zeros = [z for z in (self.before, self.after) if z is not None]
+        if not zeros:
             return np.zeros_like(np.asarray(time, dtype=np.float64))
         return np.asarray(
-            np.interp(time, [z.time for z in found], [z.value for z in found]), dtype=np.float64
+            np.interp(time, [z.time for z in zeros], [z.value for z in zeros]), dtype=np.float64
         )
 
     def budget(self) -> BudgetLine:
         """The line of an uncertainty budget."""
-        if not self.known:
+        if not self.is_measured:
             note = "no servo-off zero in this recording; from the channel's calibration"
         elif math.isnan(self.drift):
             note = "one servo-off zero only"
@@ -79,15 +79,15 @@ def torque_zero(recording: Recording, channel: str = "torque") -> TorqueZero:
     before = _mean_zero(recording, recording.labelled(ZERO_BEFORE), channel)
     after = _mean_zero(recording, recording.labelled(ZERO_AFTER), channel)
     signal = recording.signals[channel]
-    found = [z for z in (before, after) if z is not None]
-    if not found:
+    zeros = [z for z in (before, after) if z is not None]
+    if not zeros:
         text = (
             "There is no servo-off segment, so the zero of the torque is not known: "
             "half-differences of the directions are "
             "friction, half-sums hold the offset of the port."
         )
         return TorqueZero(None, None, signal.calibration.offset_uncertainty, (text,))
-    error = math.sqrt(sum(z.standard_error**2 for z in found)) / len(found)
+    error = math.sqrt(sum(z.standard_error**2 for z in zeros)) / len(zeros)
     if before is None or after is None:
         missing = ZERO_BEFORE if before is None else ZERO_AFTER
         return TorqueZero(

@@ -45,14 +45,14 @@ class Basis:
 
     def __post_init__(self) -> None:
         positive("ratio", self.ratio)
-        found = np.array(self.orders, dtype=np.float64)
-        if found.size == 0 or not np.isfinite(found).all() or found.min() <= 0.0:
+        orders = np.array(self.orders, dtype=np.float64)
+        if orders.size == 0 or not np.isfinite(orders).all() or orders.min() <= 0.0:
             raise IdentificationError(
                 "needs at least one order, all finite and above zero",
                 where="orders",
                 value=self.orders,
             )
-        if found.size > 1 and np.diff(np.sort(found)).min() < 1e-9:
+        if orders.size > 1 and np.diff(np.sort(orders)).min() < 1e-9:
             raise IdentificationError("has an order twice", where="orders", value=self.orders)
         if not self.labels:
             object.__setattr__(self, "labels", tuple(f"{order:g}" for order in self.orders))
@@ -86,9 +86,9 @@ class Basis:
 def standard_basis(ratio: float, highest: int = 12) -> Basis:
     """The basis for a kinematic error: input orders 1..highest, output orders k/N (k = 1..4) and the sidebands."""
     positive("ratio", ratio)
-    found = basis_orders(ratio, range(1, highest + 1))
+    orders = basis_orders(ratio, range(1, highest + 1))
     return Basis(
-        ratio, tuple(order.order for order in found), tuple(order.label for order in found)
+        ratio, tuple(order.order for order in orders), tuple(order.label for order in orders)
     )
 
 
@@ -292,7 +292,7 @@ class AngleFit:
     """
 
     sums: Sums
-    kept: np.ndarray
+    used: np.ndarray
     values: Array
     covariance: Array
     freedom: float
@@ -318,13 +318,13 @@ def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
     """Leave out what a short stretch cannot separate: output orders and sidebands below one output revolution."""
     basis = sums.basis
     orders = np.array(basis.orders)
-    kept = np.ones(basis.parameters, dtype=bool)
+    used = np.ones(basis.parameters, dtype=bool)
     notes: list[str] = []
     turns = sums.revolutions
     if turns < 0.98 * basis.ratio:
         n, m = basis.decomposed()
         whole = (n >= 1) & (m == 0)
-        kept[2:] = np.repeat(whole | (n < 0), 2)
+        used[2:] = np.repeat(whole | (n < 0), 2)
         notes.append(
             f"Only {turns / basis.ratio:.2f} output revolutions: output orders and sidebands cannot be separated "
             "and are left out."
@@ -338,8 +338,8 @@ def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
         )
     samples = sums.count / max(turns, 1.0)
     too_high = 2.0 * orders >= samples
-    kept[2:] &= ~np.repeat(too_high, 2)
-    if too_high[(orders >= 0.5)].any() and not kept[2::2][orders >= 0.5].any():
+    used[2:] &= ~np.repeat(too_high, 2)
+    if too_high[(orders >= 0.5)].any() and not used[2::2][orders >= 0.5].any():
         raise IdentificationError(
             "too few samples per input revolution for any order",
             where="samples",
@@ -351,18 +351,18 @@ def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
         notes.append(
             f"{samples:.3g} samples per revolution cannot carry orders from {orders[too_high].min():g} on."
         )
-    if sums.count <= kept.sum() + 2:
+    if sums.count <= used.sum() + 2:
         raise IdentificationError(
             "too few samples for this basis",
             where="samples",
             value=sums.count,
-            limit=f"> {kept.sum() + 2}",
+            limit=f"> {used.sum() + 2}",
         )
-    return kept, notes
+    return used, notes
 
 
 def _block_covariance(
-    sums: Sums, scores: Array, inverse: Array, kept: np.ndarray
+    sums: Sums, scores: Array, inverse: Array, used: np.ndarray
 ) -> tuple[Array, float]:
     """Cluster sandwich with Bartlett weights for neighbouring blocks (Newey and West 1987).
 
@@ -376,7 +376,7 @@ def _block_covariance(
         shifted = scores[lag:].T @ scores[:-lag]
         meat += (1.0 - lag / (NEIGHBOURS + 1.0)) * (shifted + shifted.T)
     raw = inverse @ meat @ inverse
-    centres = np.concatenate([[0.0, 0.0], np.repeat(sums.basis.orders, 2)])[kept]
+    centres = np.concatenate([[0.0, 0.0], np.repeat(sums.basis.orders, 2)])[used]
     near = np.array([np.sum(np.abs(centres - c) <= 0.5) for c in centres], dtype=np.float64)
     share = np.where(centres < 0.5, near, 0.5 * near)
     factor = np.sqrt(blocks / np.maximum(blocks - np.minimum(share, 0.7 * blocks), 1.0))
@@ -388,11 +388,11 @@ def solve_angle(sums: Sums, *, columns: np.ndarray | None = None) -> tuple[Angle
     """Solve the accumulated regression and give its covariance by blocks; the list holds what had to be left out."""
     total = sums.normal.sum(axis=0)
     right = sums.right.sum(axis=0)
-    kept, notes = _choose_columns(sums, total)
+    used, notes = _choose_columns(sums, total)
     if columns is not None:
-        kept &= columns
-    part = np.ix_(kept, kept)
-    scale = np.sqrt(np.maximum(np.diag(total)[kept], np.finfo(float).tiny))
+        used &= columns
+    part = np.ix_(used, used)
+    scale = np.sqrt(np.maximum(np.diag(total)[used], np.finfo(float).tiny))
     eigen, vectors = np.linalg.eigh(total[part] / np.outer(scale, scale))
     condition = math.sqrt(float(eigen[-1] / max(eigen[0], np.finfo(float).tiny)))
     if eigen[0] <= 0.0 or condition**2 > CONDITION_LIMIT:
@@ -405,35 +405,35 @@ def solve_angle(sums: Sums, *, columns: np.ndarray | None = None) -> tuple[Angle
             "sampling, or ask for fewer orders.",
         )
     inverse = (vectors / eigen) @ vectors.T / np.outer(scale, scale)
-    solution = inverse @ right[kept]
-    squares = max(sums.sum_square - float(solution @ right[kept]), 0.0)
-    variance = squares / max(sums.count - int(kept.sum()), 1)
+    solution = inverse @ right[used]
+    squares = max(sums.sum_square - float(solution @ right[used]), 0.0)
+    variance = squares / max(sums.count - int(used.sum()), 1)
     scores = np.array(
         [
-            right_b[kept] - normal_b[part] @ solution
+            right_b[used] - normal_b[part] @ solution
             for right_b, normal_b in zip(sums.right, sums.normal, strict=True)
         ]
     )
     counts = sums.normal[:, 0, 0]
     full = counts > 0.5 * np.median(counts)
     if full.sum() >= 6:
-        covariance, freedom = _block_covariance(sums, scores, inverse, kept)
+        covariance, freedom = _block_covariance(sums, scores, inverse, used)
     else:
-        covariance, freedom = inverse * variance, float(sums.count - kept.sum())
+        covariance, freedom = inverse * variance, float(sums.count - used.sum())
         notes.append(
             f"Only {int(full.sum())} blocks of whole revolutions: the intervals assume white noise."
         )
     p = sums.basis.parameters
     values, everything = np.zeros(p), np.zeros((p, p))
-    values[kept] = solution
+    values[used] = solution
     everything[part] = covariance
     inverse_all, scores_all = np.zeros((p, p)), np.zeros((len(scores), p))
     inverse_all[part] = inverse
-    scores_all[:, kept] = scores
+    scores_all[:, used] = scores
     values[0] += sums.reference
     fit = AngleFit(
         sums=sums,
-        kept=kept,
+        used=used,
         values=values,
         covariance=everything,
         freedom=freedom,

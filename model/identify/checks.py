@@ -15,42 +15,42 @@ def series(name: str, values: ArrayLike, *, minimum: int = 2) -> Array:
     one-dimensional or not finite.
     """
     try:
-        found = np.ascontiguousarray(values, dtype=np.float64)
+        array = np.ascontiguousarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise IdentificationError(
             "is not an array of numbers",
             where=name,
             remedy="Check the channel map and the unit of this channel.",
         ) from error
-    if found.ndim != 1:
+    if array.ndim != 1:
         raise IdentificationError(
-            "is not one-dimensional", where=name, value=f"shape {found.shape}", limit="shape (n,)"
+            "is not one-dimensional", where=name, value=f"shape {array.shape}", limit="shape (n,)"
         )
-    if found.size < minimum:
+    if array.size < minimum:
         raise IdentificationError(
             "has too few samples",
             where=name,
-            value=found.size,
+            value=array.size,
             limit=f">= {minimum}",
             remedy="Record longer.",
         )
-    finite = np.isfinite(found)
+    finite = np.isfinite(array)
     if not finite.all():
         first = int(np.argmin(finite))
         raise IdentificationError(
             f"has {int((~finite).sum())} samples that are not finite numbers, the first at index {first}",
             where=name,
-            value=found[first],
+            value=array[first],
             limit="finite numbers",
             remedy="Leave out marked cycles before the analysis; never fill them.",
         )
-    return found
+    return array
 
 
 def channels(minimum: int = 2, **named: ArrayLike) -> tuple[Array, ...]:
     """Several channels of one recording: each checked by `series`, all of the same length."""
-    found = tuple(series(name, values, minimum=minimum) for name, values in named.items())
-    lengths = {name: len(values) for name, values in zip(named, found, strict=True)}
+    arrays = tuple(series(name, values, minimum=minimum) for name, values in named.items())
+    lengths = {name: len(values) for name, values in zip(named, arrays, strict=True)}
     if len(set(lengths.values())) > 1:
         raise IdentificationError(
             "channels differ in length",
@@ -59,23 +59,23 @@ def channels(minimum: int = 2, **named: ArrayLike) -> tuple[Array, ...]:
             limit="equal lengths",
             remedy="Pair the channels by SYNC index first.",
         )
-    return found
+    return arrays
 
 
 def increasing(name: str, time: ArrayLike, *, minimum: int = 2) -> Array:
     """A time axis [s] of shape (n,) that increases strictly."""
-    found = series(name, time, minimum=minimum)
-    steps = np.diff(found)
+    times = series(name, time, minimum=minimum)
+    steps = np.diff(times)
     if steps.size and steps.min() <= 0.0:
         at = int(np.argmax(steps <= 0.0)) + 1
         raise IdentificationError(
             f"does not increase at index {at}",
             where=name,
-            value=f"{found[at - 1]:.9g} s then {found[at]:.9g} s",
+            value=f"{times[at - 1]:.9g} s then {times[at]:.9g} s",
             limit="strictly increasing",
             remedy="Use the hardware stamp of each SYNC and drop doubled cycles.",
         )
-    return found
+    return times
 
 
 def sampling_period(name: str, time: Array, *, tolerance: float = 0.01) -> float:

@@ -71,7 +71,7 @@ def lattice_aliases(
     quantiser has harmonics of amplitude quantum/(pi j); a bound, because a kinematic error larger
     than the quantum spreads them.
     """
-    found = []
+    aliases = []
     for j in range(1, harmonics + 1):
         line = j * counts_per_revolution
         folds = round(line / samples_per_revolution)
@@ -79,8 +79,8 @@ def lattice_aliases(
             continue
         order = abs(line - folds * samples_per_revolution)
         if order <= highest_order + 0.5:
-            found.append(Alias(j, order, quantum / (math.pi * j)))
-    return tuple(sorted(found, key=lambda a: -a.amplitude))
+            aliases.append(Alias(j, order, quantum / (math.pi * j)))
+    return tuple(sorted(aliases, key=lambda a: -a.amplitude))
 
 
 def alias_warning(aliases: tuple[Alias, ...], samples_per_revolution: float) -> str | None:
@@ -202,8 +202,8 @@ def _without_blocks(sums: Sums, boundaries: list[int]) -> Sums:
             if len(normal) - len(boundaries) * 2 >= 4:
                 lost_square += float(square[k])
                 normal[k], right[k], square[k] = 0.0, 0.0, 0.0
-    kept = float(normal[:, 0, 0].sum())
-    share = kept / max(sums.count, 1)
+    weight = float(normal[:, 0, 0].sum())
+    share = weight / max(sums.count, 1)
     within = max(sums.sum_square - sums.between_square, 0.0) * share
     between = sums.between_square - lost_square
     return replace(
@@ -211,7 +211,7 @@ def _without_blocks(sums: Sums, boundaries: list[int]) -> Sums:
         normal=normal,
         right=right,
         square=square,
-        count=round(kept),
+        count=round(weight),
         between_square=between,
         sum_square=between + within,
     )
@@ -220,17 +220,17 @@ def _without_blocks(sums: Sums, boundaries: list[int]) -> Sums:
 def _step_sizes(
     sums: Sums, fit: AngleFit, boundaries: list[int], noise: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    kept = fit.kept
+    used = fit.used
     cross, gram = _step_columns(sums, boundaries)
-    total = sums.normal.sum(axis=0)[np.ix_(kept, kept)]
+    total = sums.normal.sum(axis=0)[np.ix_(used, used)]
     scale = np.sqrt(np.diag(total))
     inverse = np.linalg.pinv(total / np.outer(scale, scale), hermitian=True) / np.outer(
         scale, scale
     )
     right = np.array([sums.right[b:, 0].sum() for b in boundaries])
-    information = gram - cross[kept].T @ inverse @ cross[kept]
+    information = gram - cross[used].T @ inverse @ cross[used]
     sizes = np.linalg.solve(
-        information, right - cross[kept].T @ inverse @ sums.right.sum(axis=0)[kept]
+        information, right - cross[used].T @ inverse @ sums.right.sum(axis=0)[used]
     )
     return sizes, np.sqrt(noise * np.diag(np.linalg.inv(information)))
 

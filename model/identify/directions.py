@@ -259,7 +259,7 @@ def phase_relation(
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     basis = torque_forward.sums.basis
     curves = [_whole_orders(basis, fit.values, angle) for fit in (torque_forward, torque_reverse)]
-    known = "yes" if half < 0.5 * math.pi else "no"
+    identifiable = "yes" if half < 0.5 * math.pi else "no"
     return PhaseRelation(
         order=order,
         verdict=verdict,
@@ -271,9 +271,9 @@ def phase_relation(
                 unit="rad",
                 low=difference - half,
                 high=difference + half,
-                identifiable=known,
+                identifiable=identifiable,
                 note=""
-                if known == "yes"
+                if identifiable == "yes"
                 else "the friction torque at this order is not above the noise",
             ),
             "friction_amplitude": f_amp,

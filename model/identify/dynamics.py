@@ -157,8 +157,8 @@ def _starting_frequencies(data: StepData, measured: Array, expected: float | Non
     peaks, _ = scipy.signal.find_peaks(
         np.where(inside, power, 0.0), distance=max(int(3.0 / frequency[1]), 1)
     )
-    found = [float(frequency[k]) for k in peaks[np.argsort(-power[peaks])][:2]]
-    return ([expected] if expected else []) + found
+    frequencies = [float(frequency[k]) for k in peaks[np.argsort(-power[peaks])][:2]]
+    return ([expected] if expected else []) + frequencies
 
 
 def _descend(
@@ -202,8 +202,8 @@ def _search(drive: Driven, measured: Array, starts: list[float]) -> tuple[float,
     chosen += [
         f for sse, f in trials[1:] if abs(f / chosen[0] - 1.0) > 0.1 and sse < 1.3 * trials[0][0]
     ][:1]
-    found = [_descend(drive, measured, f, 0.02) for f in chosen]
-    best = min(found, key=lambda item: item[2])
+    minima = [_descend(drive, measured, f, 0.02) for f in chosen]
+    best = min(minima, key=lambda item: item[2])
     return best[0], best[1]
 
 
@@ -277,10 +277,10 @@ def _linearised(
     )
     by_damping = (model(frequency, damping + g) - model(frequency, damping)) / g
     nuisance = _columns(drive, frequency, damping)[1]
-    found = solve(
+    solution = solve(
         np.column_stack([by_frequency, by_damping, nuisance]), residual, where="velocity step"
     )
-    return replace(found, values=found.values + np.concatenate([[0.0, 0.0], coefficients]))
+    return replace(solution, values=solution.values + np.concatenate([[0.0, 0.0], coefficients]))
 
 
 def _step_estimates(

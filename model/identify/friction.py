@@ -230,7 +230,7 @@ def _intervals(
 
 
 def _estimates(fit: StribeckFit, intervals: Array, speed: Array) -> dict[str, Estimate]:
-    found: dict[str, Estimate] = {}
+    estimates: dict[str, Estimate] = {}
     unpinned = bool(speed.min() > fit.values[2] / 10.0 * 1.05)
     for k, name in enumerate(NAMES):
         low, high = (float(x) for x in intervals[k])
@@ -252,7 +252,7 @@ def _estimates(fit: StribeckFit, intervals: Array, speed: Array) -> dict[str, Es
             verdict, note = "weakly", "the interval is wider than the value"
         elif unpinned and name in ("static", "stribeck_velocity", "shape"):
             verdict, note = "weakly", "the slowest speed is above a tenth of the Stribeck velocity"
-        found[name] = Estimate(
+        estimates[name] = Estimate(
             name=name,
             value=value,
             unit=UNITS[name],
@@ -261,7 +261,7 @@ def _estimates(fit: StribeckFit, intervals: Array, speed: Array) -> dict[str, Es
             identifiable=verdict,
             note=note,
         )
-    return found
+    return estimates
 
 
 def _half_width(estimate: Estimate) -> float:
@@ -331,36 +331,36 @@ def _judge(
     holds: Sequence[RunningTorque],
 ) -> list[str]:
     """What a reader must know before using the numbers."""
-    found = []
+    remarks = []
     slowest, velocity = float(points.speed.min()), float(fit.values[2])
     if slowest > velocity / 10.0 * 1.05:
-        found.append(
+        remarks.append(
             f"The slowest speed ({slowest / RPM:.3g} r/min) is above a tenth of the Stribeck velocity "
             f"({velocity / RPM:.3g} r/min): it cannot pin the Stribeck part. Measure down to "
             f"{velocity / 10.0 / RPM:.2g} r/min."
         )
-    found += [
+    remarks += [
         f"{name} stopped at its bound ({estimates[name].value:.4g} {UNITS[name]})."
         for name in fit.at_bound
     ]
-    found += [
+    remarks += [
         f"{name} is not identified: {e.note}."
         for name, e in estimates.items()
         if e.identifiable == "no"
     ]
     stuck = sorted({round(abs(h.speed) / RPM, 2) for h in holds if h.sticks})
     if stuck:
-        found.append(
+        remarks.append(
             f"The input stuck at {', '.join(f'{s:g}' for s in stuck)} r/min: the mean there is not a running torque."
         )
     birge = math.sqrt(fit.chi_square / max(fit.freedom, 1))
     if birge > 2.0:
-        found.append(
+        remarks.append(
             f"The points scatter {birge:.1f} times as much about the curve as they do from "
             "revolution to revolution: something "
             "drifts between them, or the curve is not theirs. Intervals are widened by that factor."
         )
-    return found
+    return remarks
 
 
 def check_identifiable(fit: FrictionFit, *, limit: float = 0.03) -> None:

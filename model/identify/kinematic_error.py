@@ -214,11 +214,11 @@ def _finish(
         accuracy = replace(accuracy, identifiable="no", note="needs one complete output revolution")
     orders = tuple(_order(fit, k, encoders) for k in range(len(sums.basis.orders)))
     estimates = {"transmission_accuracy": accuracy, **estimates}
-    for found in orders:
-        if found.significant:
-            estimates[f"amplitude_{found.label}"], estimates[f"phase_{found.label}"] = (
-                found.amplitude,
-                found.phase,
+    for order in orders:
+        if order.significant:
+            estimates[f"amplitude_{order.label}"], estimates[f"phase_{order.label}"] = (
+                order.amplitude,
+                order.phase,
             )
     bins, measured, fitted = measured_curve(fit)
     if not edge_triggered:
@@ -305,7 +305,7 @@ def _order(fit: AngleFit, index: int, encoders: Encoders) -> OrderEstimate:
     t = fit.quantile()
     half_a, half_b = t * math.sqrt(max(block[0, 0], 0.0)), t * math.sqrt(max(block[1, 1], 0.0))
     size = math.hypot(a, b)
-    left_out = not fit.kept[at]
+    left_out = not fit.used[at]
     radial, tangential = _polar_errors(a, b, block)
     determinant = float(block[0, 0] * block[1, 1] - block[0, 1] ** 2)
     distance = 0.0
@@ -457,10 +457,10 @@ def _sampling_warnings(
     if not math.isfinite(encoders.output_quantum):
         return []
     counts = REVOLUTION / encoders.output_quantum / ratio
-    found = alias_warning(
+    alias = alias_warning(
         lattice_aliases(per_turn, counts, encoders.output_quantum, highest), per_turn
     )
-    return [] if found is None else [found]
+    return [] if alias is None else [alias]
 
 
 @dataclass(frozen=True)

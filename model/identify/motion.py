@@ -158,11 +158,11 @@ def _regression(
     velocity[1:-1] = (smooth[2:] - smooth[:-2]) / (2.0 * period)
     acceleration = np.zeros_like(smooth)
     acceleration[1:-1] = (velocity[2:] - velocity[:-2]) / (2.0 * period)
-    kept = slice(recipe.edge_samples[0], len(smooth) - recipe.edge_samples[1])
-    design = _regressors(velocity[kept], acceleration[kept], variant)
+    inner = slice(recipe.edge_samples[0], len(smooth) - recipe.edge_samples[1])
+    design = _regressors(velocity[inner], acceleration[inner], variant)
     q = recipe.decimation
     return _Regression(
-        clock[kept][::q], velocity[kept][::q], _decimate(design, q), _decimate(effort[kept], q)
+        clock[inner][::q], velocity[inner][::q], _decimate(design, q), _decimate(effort[inner], q)
     )
 
 
@@ -174,7 +174,7 @@ def _units(variant: Variant, rotary: bool) -> dict[str, str]:
 
 
 def _estimates(fit: LinearFit, variant: Variant, rotary: bool) -> dict[str, Estimate]:
-    found: dict[str, Estimate] = {}
+    estimates: dict[str, Estimate] = {}
     for index, (name, unit) in enumerate(_units(variant, rotary).items()):
         low, high = fit.interval(index)
         value = float(fit.values[index])
@@ -182,10 +182,10 @@ def _estimates(fit: LinearFit, variant: Variant, rotary: bool) -> dict[str, Esti
         relative = name != "offset"
         verdict = "yes" if not relative or share < 0.3 else "weakly" if share < 1.0 else "no"
         note = "" if verdict == "yes" else f"the interval is ±{100 * share:.0f} % of the value"
-        found[name] = Estimate(
+        estimates[name] = Estimate(
             name=name, value=value, unit=unit, low=low, high=high, identifiable=verdict, note=note
         )
-    return found
+    return estimates
 
 
 def fit_motion(

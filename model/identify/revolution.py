@@ -220,7 +220,7 @@ def fit_revolution(
         warnings.append(f"The samples carry orders up to {highest} only.")
     candidates = np.arange(1, highest + 1)
     every = {s: _coefficients(theta[m], y[m], candidates) for s, m in covered.items()}
-    mean = np.mean([found[1] for found in every.values()], axis=0)
+    mean = np.mean([solved[1] for solved in every.values()], axis=0)
     floor = _floor(mean, every)
     power = np.abs(mean) ** 2
     stands_out = significant(power, floor)
@@ -230,7 +230,7 @@ def fit_revolution(
     chosen = candidates[stands_out]
     chosen = chosen[np.argsort(-power[chosen - 1])]
     final = {s: _coefficients(theta[m], y[m], np.sort(chosen)) for s, m in covered.items()}
-    series = {s: _series(found, np.sort(chosen), chosen) for s, found in final.items()}
+    series = {s: _series(solved, np.sort(chosen), chosen) for s, solved in final.items()}
     return _revolution_fit(
         chosen,
         series,
@@ -254,8 +254,8 @@ def _floor(mean: np.ndarray, every: dict[float, Solved]) -> Array:
     return np.full(len(mean), max(variance / len(every) ** 2, 1e-300))
 
 
-def _series(found: Solved, sorted_orders: np.ndarray, orders: np.ndarray) -> DirectionSeries:
-    constant, amplitude, residual = found
+def _series(solved: Solved, sorted_orders: np.ndarray, orders: np.ndarray) -> DirectionSeries:
+    constant, amplitude, residual = solved
     ordered = amplitude[np.searchsorted(sorted_orders, orders)]
     rms = float(np.sqrt(np.mean(residual**2)))
     return DirectionSeries(constant, np.real(ordered), -np.imag(ordered), rms, len(residual))
@@ -312,22 +312,22 @@ def _evaluate(angle: Array, orders: np.ndarray, cosine: Array, sine: Array) -> A
 def _order_estimates(
     orders: np.ndarray, amplitude: Array, phase: Array, floor: Array, unit: str
 ) -> dict[str, Estimate]:
-    found: dict[str, Estimate] = {}
+    estimates: dict[str, Estimate] = {}
     t = student_quantile(4.0 * MEDIAN_EFFICIENCY * NEIGHBOURS)
     for n, size, turn in zip(orders.tolist(), amplitude.tolist(), phase.tolist(), strict=True):
         half = t * math.sqrt(0.5 * float(floor[n - 1]))
         angle = min(half / max(size, 1e-300), math.pi)
-        found[f"amplitude_{n}"] = Estimate(
+        estimates[f"amplitude_{n}"] = Estimate(
             name=f"amplitude_{n}",
             value=size,
             unit=unit,
             low=max(size - half, 0.0),
             high=size + half,
         )
-        found[f"phase_{n}"] = Estimate(
+        estimates[f"phase_{n}"] = Estimate(
             name=f"phase_{n}", value=turn, unit="rad", low=turn - angle, high=turn + angle
         )
-    return found
+    return estimates
 
 
 def _direction_estimates(
@@ -357,7 +357,7 @@ def _direction_estimates(
     ahead, back = series[1.0], series[-1.0]
     half = 0.5 * 1.96 * math.hypot(errors[1.0], errors[-1.0])
     total, apart = 0.5 * (ahead.constant + back.constant), 0.5 * (ahead.constant - back.constant)
-    found = {
+    estimates = {
         "mean": Estimate(name="mean", value=total, unit=unit, low=total - half, high=total + half),
         "friction": Estimate(
             name="friction", value=apart, unit=unit, low=apart - half, high=apart + half
@@ -370,10 +370,10 @@ def _direction_estimates(
         shifts = wrapped / orders
         shift = float(weight @ shifts / weight.sum())
         spread = 2.0 * math.sqrt(float(weight @ (shifts - shift) ** 2 / weight.sum()) / len(orders))
-        found["direction_shift"] = Estimate(
+        estimates["direction_shift"] = Estimate(
             name="direction_shift", value=shift, unit="rad", low=shift - spread, high=shift + spread
         )
-    return found
+    return estimates
 
 
 @dataclass(frozen=True)
@@ -402,9 +402,9 @@ def order_peaks(
     """
     theta, y = channels(32, angle=angle, value=value)
     positive("ratio", ratio)
-    found = order_spectrum(theta / ratio, y, highest_order)
-    floor = noise_floor(found.amplitude[1:] ** 2)
-    power = found.amplitude[1:] ** 2
+    spectrum = order_spectrum(theta / ratio, y, highest_order)
+    floor = noise_floor(spectrum.amplitude[1:] ** 2)
+    power = spectrum.amplitude[1:] ** 2
     above = power > floor * math.log(max(len(power), 2) / FALSE_ALARM)
     top = (
         above
@@ -414,10 +414,10 @@ def order_peaks(
     index = np.flatnonzero(top)
     index = index[np.argsort(-power[index])]
     return OrderPeaks(
-        found.orders[1:],
-        found.amplitude[1:],
-        found.phase[1:],
+        spectrum.orders[1:],
+        spectrum.amplitude[1:],
+        spectrum.phase[1:],
         np.sqrt(floor),
-        found.orders[1:][index],
-        found.revolutions,
+        spectrum.orders[1:][index],
+        spectrum.revolutions,
     )

@@ -99,7 +99,7 @@ def step_identifiability(
     base = dynamic_parameters(gear)
 
     def outputs(changes: dict[str, float]) -> Array:
-        found = simulate_prescribed(
+        simulated = simulate_prescribed(
             gear,
             angle,
             sample_interval,
@@ -107,9 +107,9 @@ def step_identifiability(
             parameters=base.replaced(**changes),
             smoothing_speed=0.5,
         )
-        parts = [found.output_angle / noise]
+        parts = [simulated.output_angle / noise]
         if torque_noise is not None:
-            parts.append(found.wave_generator_torque / positive("torque_noise", torque_noise))
+            parts.append(simulated.wave_generator_torque / positive("torque_noise", torque_noise))
         return np.concatenate(parts)
 
     columns, names = [], []

@@ -42,13 +42,13 @@ class RevolutionMeans:
     """Means over whole input revolutions at constant speed, in the order they were turned.
 
     speed (n,) of the output [rad/s], signed; offset (n,) of theta_o - theta_i/N [rad]; output_angle
-    (n,) [rad]; stretch (n,) which stretch of constant speed each belongs to, ascending.
+    (n,) [rad]; plateau (n,) which stretch of constant speed each belongs to, ascending.
     """
 
     speed: Array
     offset: Array
     output_angle: Array
-    stretch: NDArray[np.int64]
+    plateau: NDArray[np.int64]
 
 
 def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 0.0) -> Estimate:
@@ -87,7 +87,7 @@ def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 
                 "viscous wind-up c/K", "B", viscous_windup, "proportional to speed as the skew is"
             )
         )
-    found = Estimate(
+    estimate = Estimate(
         name="encoder_skew",
         value=value,
         unit="s",
@@ -104,13 +104,13 @@ def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 
     )
     if half > needed:
         notes.append(f"the scatter allows {half:.2g} s, {needed:.2g} s were needed")
-        return _judged(found, "no", notes)
-    if found.expanded_uncertainty > needed:
+        return _judged(estimate, "no", notes)
+    if estimate.expanded_uncertainty > needed:
         notes.append(
             "skew and viscous wind-up together; what is proportional to speed is known, not which of them it is"
         )
-        return _judged(found, "weakly", notes)
-    return _judged(found, "weakly" if notes else "yes", notes)
+        return _judged(estimate, "weakly", notes)
+    return _judged(estimate, "weakly" if notes else "yes", notes)
 
 
 def torque_skew(
@@ -127,10 +127,10 @@ def torque_skew(
     `quantum` is the size of one count of `first`: its quantisation would pull the delay towards zero and is taken out.
     Torques that hardly vary, or do not agree, are "no".
     """
-    found = _delay(first, second, interval, starts, quantum, WINDOW)
-    if isinstance(found, str):
-        return _unknown("torque_skew", found)
-    delay, error, half = found
+    match = _delay(first, second, interval, starts, quantum, WINDOW)
+    if isinstance(match, str):
+        return _unknown("torque_skew", match)
+    delay, error, half = match
     longer = _delay(first, second, interval, starts, quantum, 2 * WINDOW - 1)
     lines = [BudgetLine("scatter between pieces", "A", error)]
     if not isinstance(longer, str):
@@ -203,7 +203,7 @@ def _fit(means: RevolutionMeans, orders: int) -> tuple[float, float, float]:
     columns = [np.ones(len(angle)), np.sign(means.speed), means.speed]
     for k in range(1, orders + 1):
         columns += [np.cos(k * angle), np.sin(k * angle)]
-    starts = np.flatnonzero(np.diff(means.stretch, prepend=means.stretch[0] - 1))
+    starts = np.flatnonzero(np.diff(means.plateau, prepend=means.plateau[0] - 1))
     free = len(starts) - 3
     if free < 1:
         raise IdentificationError(
@@ -240,8 +240,8 @@ def _without_noise(
     if np.any(np.linalg.eigvalsh(normal - 2.0 * noise) <= 0.0):
         # Hardly more than quantisation: nothing is made of it.
         return fit.values, fit.covariance
-    stretch = np.linalg.solve(normal - noise, normal)
-    return stretch @ fit.values, stretch @ fit.covariance @ stretch.T
+    correction = np.linalg.solve(normal - noise, normal)
+    return correction @ fit.values, correction @ fit.covariance @ correction.T
 
 
 def _window(width: int) -> Array:
@@ -268,16 +268,16 @@ def _smoothed(
     return x, slope, y, begins.astype(np.int64)
 
 
-def _judged(found: Estimate, verdict: str, notes: list[str]) -> Estimate:
+def _judged(estimate: Estimate, verdict: str, notes: list[str]) -> Estimate:
     return Estimate(
-        name=found.name,
-        value=found.value,
-        unit=found.unit,
-        low=found.low,
-        high=found.high,
+        name=estimate.name,
+        value=estimate.value,
+        unit=estimate.unit,
+        low=estimate.low,
+        high=estimate.high,
         identifiable=cast("Identifiable", verdict),
         note="; ".join(notes),
-        budget=found.budget,
+        budget=estimate.budget,
     )
 
 

@@ -97,16 +97,16 @@ def fit_step_inertia(
         )
         others = [0, 2, 3, 5, 6]
         design[:, others] = _averaged(design[:, others], width)
-        kept = slice(width, -width)
-        found = solve(
-            design[kept] * weight[kept, None],
-            smooth[kept] * weight[kept],
+        inner = slice(width, -width)
+        solution = solve(
+            design[inner] * weight[inner, None],
+            smooth[inner] * weight[inner],
             where="torque of the step",
         )
-        if best is None or found.relative_error < best[0]:
-            best = (found.relative_error, float(lag), found)
+        if best is None or solution.relative_error < best[0]:
+            best = (solution.relative_error, float(lag), solution)
     assert best is not None
-    error, lag, found = best
+    error, lag, solution = best
     units = {
         "output_inertia": "kg m2",
         "input_inertia": "kg m2",
@@ -116,23 +116,23 @@ def fit_step_inertia(
     }
     estimates: dict[str, Estimate] = {}
     for index, (name, unit) in enumerate(units.items()):
-        low, high = found.interval(index)
-        value = float(found.values[index])
+        low, high = solution.interval(index)
+        value = float(solution.values[index])
         if name == "output_inertia":
             half = math.hypot(0.5 * (high - low), 2.0 * abs(value) * _ring_error(data, fit))
             low, high = value - half, value + half
-        known: Identifiable = (
+        verdict: Identifiable = (
             "yes" if high - low < abs(value) else "weakly" if high - low < 4 * abs(value) else "no"
         )
-        known = "no" if name == "output_inertia" and not fit.resolvable else known
+        verdict = "no" if name == "output_inertia" and not fit.resolvable else verdict
         estimates[name] = Estimate(
             name=name,
             value=value,
             unit=unit,
             low=low,
             high=high,
-            identifiable=known,
-            note="" if known == "yes" else "the output hardly rings",
+            identifiable=verdict,
+            note="" if verdict == "yes" else "the output hardly rings",
         )
     ratio, inertia = fit.estimates["stiffness_over_inertia"], estimates["output_inertia"]
     relative = 0.5 * math.hypot(
@@ -156,11 +156,17 @@ def fit_step_inertia(
     )
     return InertiaFit(
         estimates,
-        {"relative_error_percent": 100.0 * error, "torque_lag": lag, "condition": found.condition},
+        {
+            "relative_error_percent": 100.0 * error,
+            "torque_lag": lag,
+            "condition": solution.condition,
+        },
         warnings,
         data.time,
         effort,
-        _padded(smooth[width:-width] - found.residual / weight[width:-width], len(effort), width),
+        _padded(
+            smooth[width:-width] - solution.residual / weight[width:-width], len(effort), width
+        ),
     )
 
 

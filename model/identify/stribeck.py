@@ -176,14 +176,14 @@ def _search(
     cells.sort()
     apart = [c for c in cells[1:] if abs(c[1] - cells[0][1]) + abs(c[2] - cells[0][2]) > 1.0]
     hold = np.zeros(2, dtype=np.int64)
-    found = []
+    starts = []
     for _, x, s in (cells[0], *apart[:1]):
         start, linear = np.array([x, s]), np.zeros(3)
         chi = kernels.stribeck_descend(
             v, f, weight, start, hold, kernels.FREE, 0.0, limits, 60, linear
         )
-        found.append((float(chi), start, linear))
-    return min(found, key=lambda item: item[0])
+        starts.append((float(chi), start, linear))
+    return min(starts, key=lambda item: item[0])
 
 
 def profile_intervals(

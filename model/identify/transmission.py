@@ -89,7 +89,7 @@ def repeatability(fit: AngleFit) -> float:
     """
     sums = fit.sums
     orders = np.array(sums.basis.orders)
-    whole = np.flatnonzero((np.abs(orders - np.rint(orders)) < 1e-9) & fit.kept[2::2])
+    whole = np.flatnonzero((np.abs(orders - np.rint(orders)) < 1e-9) & fit.used[2::2])
     counts = fit.block_count
     full = counts > 0.5 * np.median(counts)
     if whole.size == 0 or full.sum() < 3:

@@ -108,14 +108,14 @@ def adopt(gear: HarmonicDrive, results: Sequence[Result]) -> Adopted:
 
 def compare_with(gear: HarmonicDrive, result: Result) -> tuple[Comparison, ...]:
     """What a result identifies beside what the set says, value by value; orders of the kinematic error by amplitude."""
-    found = adopt(gear, [result])
-    theirs, ours = _numbers(gear), _numbers(found.gear)
+    adopted = adopt(gear, [result])
+    theirs, ours = _numbers(gear), _numbers(adopted.gear)
     rows = []
-    for path in found.changed:
+    for path in adopted.changed:
         if path not in ours:
             continue
         value, unit = ours[path]
-        u = found.gear.origins[path].standard_uncertainty
+        u = adopted.gear.origins[path].standard_uncertainty
         rows.append(
             Comparison(path, unit, theirs.get(path, (0.0, unit))[0], value, 2.0 * u if u else 0.0)
         )

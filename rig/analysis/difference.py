@@ -17,12 +17,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from experiments.quantity import Quantity, bare_quantity, quantity_of
+from experiments.quantity import Quantity, bare_quantity
 from experiments.recording import Recording, RunMetadata
 from model.identify.cause import Ground
 from model.identify.estimate import BudgetLine, Estimate
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
-from rig.analysis.result_data import declared_quantities
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.wording import show
 from rig.runfile.header import read_header
@@ -204,14 +203,14 @@ def _groups(recording: Recording) -> dict[str, dict[str, str]]:
 
 def _temperatures(recording: Recording) -> dict[str, str]:
     """Mean of every temperature that was recorded, to a tenth of a kelvin."""
-    found: dict[str, str] = {}
+    means: dict[str, str] = {}
     for name in TEMPERATURES:
         if recording.has(name) and recording.rows:
             total = sum(float(recording.si(name, rows).sum()) for rows in recording.blocks())
-            found[f"mean {name.replace('_', ' ')}"] = (
+            means[f"mean {name.replace('_', ' ')}"] = (
                 f"{total / recording.rows:.1f} {recording.signals[name].unit}"
             )
-    return found
+    return means
 
 
 def _limits(recording: Recording) -> dict[str, Any]:
@@ -231,20 +230,20 @@ def _limit(entry: Any) -> Any:
 
 
 def _gear(m: RunMetadata) -> dict[str, str]:
-    found = {
+    facts = {
         "serial number": m.gear_serial,
         "mounted": "yes" if m.gear_mounted else "no",
         "mounting": m.mounting,
     }
-    found["ratio"] = _number(m.ratio)
+    facts["ratio"] = _number(m.ratio)
     if m.gear is not None:
-        found["part"] = m.gear.name
-        found |= {
+        facts["part"] = m.gear.name
+        facts |= {
             value.path: f"{_number(value.value)} {value.unit} ({value.origin.provenance})"
             for value in m.gear.values()
         }
-        found |= {f"option {name}": str(value) for name, value in vars(m.gear.options).items()}
-    return found
+        facts |= {f"option {name}": str(value) for name, value in vars(m.gear.options).items()}
+    return facts
 
 
 def _calibrations(recording: Recording) -> Iterable[tuple[str, str]]:
@@ -301,20 +300,20 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
             if change.name.split(": ")[1] in SUBJECT
         )
         common = common_grounds(a.grounds[kind], b.grounds[kind])
-        found, others = left.result.get("parameters", {}), right.result.get("parameters", {})
-        for name in dict.fromkeys((*found, *others)):
-            quantity = (left if name in found else right).quantity(name)
+        first, second = left.result.get("parameters", {}), right.result.get("parameters", {})
+        for name in dict.fromkeys((*first, *second)):
+            quantity = (left if name in first else right).quantity(name)
             shown = Change(
                 group="results",
                 name=f"{kind}: {name}",
-                first=_shown(found.get(name), quantity),
-                second=_shown(others.get(name), quantity),
+                first=_shown(first.get(name), quantity),
+                second=_shown(second.get(name), quantity),
                 title=quantity.titled(name),
             )
             yield _compared(
                 shown,
-                found.get(name),
-                others.get(name),
+                first.get(name),
+                second.get(name),
                 common,
                 quantity=quantity,
                 other_subject=other,
@@ -398,13 +397,13 @@ def _away(quantity: Quantity, first: float, second: float) -> float:
     return 0.0 if abs(change) <= SAME_NUMBER * max(abs(first), abs(second)) else change
 
 
-def _shown(found: Mapping[str, Any] | None, quantity: Quantity | None = None) -> str:
+def _shown(estimate: Mapping[str, Any] | None, quantity: Quantity | None = None) -> str:
     """A value ± U as the report prints it: in the unit of the laboratory, rounded to two digits of U."""
-    value = None if found is None else found.get("value")
-    if found is None or value is None:
+    value = None if estimate is None else estimate.get("value")
+    if estimate is None or value is None:
         return "-"
     return _in_laboratory_units(
-        quantity, float(value), found.get("expanded_uncertainty"), str(found.get("unit", "1"))
+        quantity, float(value), estimate.get("expanded_uncertainty"), str(estimate.get("unit", "1"))
     )
 
 
@@ -424,17 +423,10 @@ def _in_laboratory_units(
     return show(estimate, quantity or bare_quantity("", unit)).with_uncertainty
 
 
-def in_laboratory_units(name: str, value: float, doubt: float | None, unit: str) -> str:
-    """Until nobody imports it: `Change.shown`."""
-    kind, _, key = name.partition(": ")
-    quantity = quantity_of(declared_quantities(kind), key)
-    return _in_laboratory_units(quantity, value, doubt, unit)
-
-
-def _flat(found: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+def _flat(nested: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
     """A mapping of mappings as one of dotted names and text."""
     flat: dict[str, str] = {}
-    for name, value in found.items():
+    for name, value in nested.items():
         path = f"{prefix}{name}"
         if isinstance(value, Mapping) and {"value", "expanded_uncertainty"} <= value.keys():
             flat[path] = _shown(value)
@@ -457,5 +449,5 @@ def _number(value: float) -> str:
     return f"{value:.9g}"
 
 
-def _mapping(found: Any) -> Mapping[str, Any]:
-    return found if isinstance(found, Mapping) else {}
+def _mapping(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, Mapping) else {}

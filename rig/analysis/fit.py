@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from experiments.result import Result
     from model.gear import HarmonicDrive
 
-TARE = "motor-tare"
-"""Until nobody imports it: `rig.analysis.tare.tare_kind`."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
@@ -90,27 +87,27 @@ def fit_recording(
 
     experiment = catalogue.load(kind_of(recording, kind))
     remarks: list[str] = []
-    known = gear or recording.metadata.gear
-    gear_known = known is not None
-    if known is None:
-        known = shipped_gear()
+    parameters = gear or recording.metadata.gear
+    gear_known = parameters is not None
+    if parameters is None:
+        parameters = shipped_gear()
         remarks.append(
-            f"The run carries no parameter set; the shipped {known.name} was used where the analysis needs one. "
+            f"The run carries no parameter set; the shipped {parameters.name} was used where the analysis needs one. "
             "Give yours with --parameters."
         )
     if tare is not None:
         check_tare(recording, tare.recording, tare.result)
-    evidence = _evidence(known, tare, settings or {}, largest_missed_share)
+    evidence = _evidence(parameters, tare, settings or {}, largest_missed_share)
     result = experiment.analyse(recording, evidence)
     options = dict(result.options)
-    options.setdefault("parameter_set", known.name)
+    options.setdefault("parameter_set", parameters.name)
     options["tare_run"] = tare.recording.metadata.run_id if tare else "none"
     if largest_missed_share is not None:
         options["largest_missed_share"] = largest_missed_share
     result = dataclasses.replace(result, warnings=(*result.warnings, *remarks), options=options)
     return Fit(
         recording=recording,
-        gear=known,
+        gear=parameters,
         result=result,
         path=path,
         tare=tare,
@@ -128,11 +125,11 @@ def _evidence(
 ) -> Evidence:
     from experiments.contract import Evidence
 
-    made = Evidence(gear, tare.result if tare else None, settings=dict(settings))
+    evidence = Evidence(gear, tare.result if tare else None, settings=dict(settings))
     return (
-        made
+        evidence
         if largest_missed_share is None
-        else dataclasses.replace(made, maximum_missed_share=largest_missed_share)
+        else dataclasses.replace(evidence, maximum_missed_share=largest_missed_share)
     )
 
 

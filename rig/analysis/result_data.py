@@ -24,24 +24,24 @@ DIGITS = 9
 
 
 def result_from_mapping(
-    told: Mapping[str, Any], tables: Sequence[Mapping[str, Any]] = ()
+    mapping: Mapping[str, Any], tables: Sequence[Mapping[str, Any]] = ()
 ) -> Result:
     """A result out of what `rig fit --json` prints or the analysis store keeps; `tables` where they lie beside it.
 
     Raises `ValueError`, `KeyError` or `TypeError` for what is none.
     """
-    estimates = {name: estimate_from_mapping(name, e) for name, e in told["parameters"].items()}
+    estimates = {name: estimate_from_mapping(name, e) for name, e in mapping["parameters"].items()}
     return Result(
-        run=str(told["run"]),
-        kind=str(told["kind"]),
-        quantities=quantities_for(str(told["kind"]), estimates, told.get("metrics", ())),
+        run=str(mapping["run"]),
+        kind=str(mapping["kind"]),
+        quantities=quantities_for(str(mapping["kind"]), estimates, mapping.get("metrics", ())),
         estimates=estimates,
-        metrics={name: _number(value) for name, value in told.get("metrics", {}).items()},
-        warnings=tuple(str(warning) for warning in told.get("warnings", ())),
-        verdicts=tuple(_verdict(v, estimates) for v in told.get("verdicts", ())),
-        plots=tuple(plot_from_mapping(plot) for plot in told.get("plots", ())),
-        tables=tuple(table_from_mapping(table) for table in (*told.get("tables", ()), *tables)),
-        options=dict(told.get("options", {})),
+        metrics={name: _number(value) for name, value in mapping.get("metrics", {}).items()},
+        warnings=tuple(str(warning) for warning in mapping.get("warnings", ())),
+        verdicts=tuple(_verdict(v, estimates) for v in mapping.get("verdicts", ())),
+        plots=tuple(plot_from_mapping(plot) for plot in mapping.get("plots", ())),
+        tables=tuple(table_from_mapping(table) for table in (*mapping.get("tables", ()), *tables)),
+        options=dict(mapping.get("options", {})),
     )
 
 
@@ -59,7 +59,7 @@ def quantities_for(
     return with_bare(declared_quantities(kind), units)
 
 
-def estimate_from_mapping(name: str, told: Mapping[str, Any]) -> Estimate:
+def estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
     """One identified number out of JSON data."""
     budget = tuple(
         BudgetLine(
@@ -69,41 +69,41 @@ def estimate_from_mapping(name: str, told: Mapping[str, Any]) -> Estimate:
             str(b.get("note", "")),
             Cause(b["cause"]) if b.get("cause") else None,
         )
-        for b in told.get("budget", ())
+        for b in mapping.get("budget", ())
     )
     return Estimate(
         name=name,
-        value=_number(told["value"]),
-        unit=str(told["unit"]),
-        low=_number(told["low"]),
-        high=_number(told["high"]),
-        identifiable=told.get("identifiability", "yes"),
-        note=str(told.get("note", "")),
+        value=_number(mapping["value"]),
+        unit=str(mapping["unit"]),
+        low=_number(mapping["low"]),
+        high=_number(mapping["high"]),
+        identifiable=mapping.get("identifiability", "yes"),
+        note=str(mapping.get("note", "")),
         budget=budget,
     )
 
 
-def _verdict(told: Mapping[str, Any], estimates: Mapping[str, Estimate]) -> Verdict:
-    value, u = _number(told["value"]), _number(told["expanded_uncertainty"])
+def _verdict(mapping: Mapping[str, Any], estimates: Mapping[str, Estimate]) -> Verdict:
+    value, u = _number(mapping["value"]), _number(mapping["expanded_uncertainty"])
     judged = next(
-        (e for e in estimates.values() if e.value == value and e.unit == told["unit"]), None
+        (e for e in estimates.values() if e.value == value and e.unit == mapping["unit"]), None
     )
     if judged is None:
         judged = Estimate(
-            name=str(told["name"]),
+            name=str(mapping["name"]),
             value=value,
-            unit=str(told["unit"]),
+            unit=str(mapping["unit"]),
             low=value - u,
             high=value + u,
         )
     return Verdict(
-        name=str(told["name"]),
-        definition=str(told["definition"]),
+        name=str(mapping["name"]),
+        definition=str(mapping["definition"]),
         estimate=judged,
-        limit=_number(told["limit"]),
-        limit_source=str(told["limit_source"]),
-        limit_provenance=told["limit_provenance"],
-        outcome=told["outcome"],
+        limit=_number(mapping["limit"]),
+        limit_source=str(mapping["limit_source"]),
+        limit_provenance=mapping["limit_provenance"],
+        outcome=mapping["outcome"],
     )
 
 
@@ -114,8 +114,8 @@ def _number(value: Any) -> float:
 
 def plot_to_mapping(plot: Plot) -> dict[str, Any]:
     """A figure as JSON data; NaN and infinity, which JSON cannot hold, are null."""
-    made: dict[str, Any] = {name: getattr(plot, name) for name in _WORDS}
-    made["series"] = [
+    mapping: dict[str, Any] = {name: getattr(plot, name) for name in _WORDS}
+    mapping["series"] = [
         {
             "label": s.label,
             "style": s.style,
@@ -124,10 +124,10 @@ def plot_to_mapping(plot: Plot) -> dict[str, Any]:
         }
         for s in plot.series
     ]
-    return made
+    return mapping
 
 
-def plot_from_mapping(told: Mapping[str, Any]) -> Plot:
+def plot_from_mapping(mapping: Mapping[str, Any]) -> Plot:
     """A figure out of JSON data. Raises `ValueError`, `KeyError` or `TypeError` for what is none."""
     series = tuple(
         Series(
@@ -139,9 +139,9 @@ def plot_from_mapping(told: Mapping[str, Any]) -> Plot:
             high=_optional(s.get("high")),
             group=int(s["group"]),
         )
-        for s in told["series"]
+        for s in mapping["series"]
     )
-    return Plot(series=series, **{name: told[name] for name in _WORDS})
+    return Plot(series=series, **{name: mapping[name] for name in _WORDS})
 
 
 def table_to_mapping(table: Table) -> dict[str, Any]:
@@ -155,15 +155,15 @@ def table_to_mapping(table: Table) -> dict[str, Any]:
     }
 
 
-def table_from_mapping(told: Mapping[str, Any]) -> Table:
+def table_from_mapping(mapping: Mapping[str, Any]) -> Table:
     """A table out of JSON data; a number that JSON could not hold is a dash."""
-    rows = tuple(tuple("–" if cell is None else cell for cell in row) for row in told["rows"])
+    rows = tuple(tuple("–" if cell is None else cell for cell in row) for row in mapping["rows"])
     return Table(
-        str(told["name"]),
-        str(told["title"]),
-        tuple(told["columns"]),
+        str(mapping["name"]),
+        str(mapping["title"]),
+        tuple(mapping["columns"]),
         rows,
-        str(told.get("note", "")),
+        str(mapping.get("note", "")),
     )
 
 

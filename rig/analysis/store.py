@@ -103,9 +103,9 @@ def json_ready(found: Any) -> Any:
     return str(found)
 
 
-def json_text(found: Any) -> str:
+def json_text(value: Any) -> str:
     """An object as JSON text that every reader accepts."""
-    return json.dumps(json_ready(found), indent=2, ensure_ascii=False, allow_nan=False)
+    return json.dumps(json_ready(value), indent=2, ensure_ascii=False, allow_nan=False)
 
 
 def analysis_folder(run: str | Path) -> Path:
@@ -207,7 +207,7 @@ def read_analyses(run: str | Path) -> tuple[Analysis, ...]:
     folder = analysis_folder(run)
     if not folder.is_dir():
         return ()
-    found = []
+    analyses = []
     for path in sorted(folder.iterdir()):
         match = _NUMBER.fullmatch(path.name)
         if match is None:
@@ -224,8 +224,8 @@ def read_analyses(run: str | Path) -> tuple[Analysis, ...]:
             raise RunFileError(
                 "is no analysis of this program", where=str(path), limit=f"format {STORE_FORMAT}"
             )
-        found.append(Analysis(int(match[1]), path, content))
-    return tuple(sorted(found, key=lambda a: a.number))
+        analyses.append(Analysis(int(match[1]), path, content))
+    return tuple(sorted(analyses, key=lambda a: a.number))
 
 
 def _without_time(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,11 +10,7 @@ from dataclasses import dataclass
 
 from experiments.quantity import Quantity
 from model.identify.estimate import Estimate
-from model.units import ARCMIN, ARCSEC, DEGREE, LABORATORY_UNITS, RPM, by_size
-
-_ARCMIN_WORDS = ("accuracy", "peak_to_peak", "closure", "backlash")
-_PHASE_WORDS = ("phase", "lag_angle")
-_SPEED_WORDS = ("speed", "rpm")
+from model.units import LABORATORY_UNITS, by_size
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,32 +46,6 @@ class Shown:
         )
 
 
-def display_unit(name: str, unit: str, size: float) -> tuple[float, str]:
-    """Factor and unit in which a quantity in SI is read in a laboratory: SI = factor * shown.
-
-    Angles are minutes or seconds of arc (a phase: degrees), small torques mN m, speeds r/min where the name says speed.
-    """
-    if unit == "rad":
-        if any(word in name for word in _PHASE_WORDS):
-            return DEGREE, "°"
-        if any(word in name for word in _ARCMIN_WORDS):
-            return ARCMIN, "arcmin"
-        return (ARCSEC, "arcsec") if abs(size) < 0.02 else (1.0, "rad")
-    if unit == "N m" and abs(size) < 1.0:
-        return 1e-3, "mN m"
-    if unit == "N m s/rad" and abs(size) < 1e-3:
-        return 1e-6, "µN m s/rad"
-    if unit == "m" and abs(size) < 1e-3:
-        return 1e-6, "µm"
-    if unit == "rad/s" and any(word in name for word in _SPEED_WORDS):
-        return RPM, "r/min"
-    if unit == "kg m2":
-        return (1e-4, "kg cm²") if abs(size) < 1e-3 else (1.0, "kg m²")
-    if unit in ("1", ""):
-        return 1.0, ""
-    return 1.0, pretty(unit)
-
-
 def laboratory_unit(unit: str, size: float, shown: str = "") -> tuple[float, str]:
     """Factor and unit in which a number in SI is read in a laboratory: SI = factor * shown.
 
@@ -94,14 +64,11 @@ def pretty(unit: str) -> str:
     return re.sub(r"(?<=[A-Za-z])[23](?=$|[ /])", lambda m: {"2": "²", "3": "³"}[m[0]], unit)
 
 
-def show(estimate: Estimate, quantity: Quantity | None = None) -> Shown:
+def show(estimate: Estimate, quantity: Quantity) -> Shown:
     """An estimate as text in the unit that its quantity is shown in, rounded to two digits of U."""
     expanded = estimate.expanded_uncertainty
     size = max((abs(v) for v in (estimate.value, expanded) if math.isfinite(v)), default=0.0)
-    if quantity is not None:
-        factor, unit = laboratory_unit(estimate.unit, size, quantity.shown)
-    else:
-        factor, unit = display_unit(estimate.name, estimate.unit, size)
+    factor, unit = laboratory_unit(estimate.unit, size, quantity.shown)
     value, low, high = (v / factor for v in (estimate.value, estimate.low, estimate.high))
     expanded /= factor
     size /= factor
@@ -177,35 +144,11 @@ def superscript(power: int) -> str:
     return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-LABELS = {
-    "coulomb": "Coulomb friction",
-    "static": "static friction",
-    "stribeck_velocity": "Stribeck velocity",
-    "shape": "shape coefficient",
-    "viscous": "viscous friction",
-    "motor_coulomb": "motor, Coulomb friction",
-    "motor_viscous": "motor, viscous friction",
-    "stiffness_over_inertia": "dynamic stiffness over inertia K/J_o",
-    "mse": "MSE (22)",
-    "lost_motion": "offset between the directions",
-}
-"""Names of results as a reader of the paper knows them."""
-
-_ORDER = re.compile(r"(amplitude|phase|cosine|sine)_(?=[0-9])(.+)")
-
-
-def readable(name: str) -> str:
-    """A key such as `transmission_accuracy_forward` as words; symbols of the paper (F_c, K_HDf) stay as they are."""
-    if name in LABELS:
-        return LABELS[name]
-    order = _ORDER.fullmatch(name)
-    if order:
-        return f"order {order[2]}, {order[1]}"
-    if len(name) <= 6 or " " in name or any(c.isupper() for c in name):
-        return name
-    words = name.replace("_", " ").replace("-", " ")
-    words = re.sub(r"(\d) rpm\b", r"\1 r/min", words)
-    return re.sub(r"\bmse\b", "MSE", words)
+def readable(key: str) -> str:
+    """A key of an option, a condition or a fact as words; symbols of the paper (F_c, K_HDf) stay as they are."""
+    if len(key) <= 6 or " " in key or any(c.isupper() for c in key):
+        return key
+    return key.replace("_", " ").replace("-", " ")
 
 
 GREEK = {
@@ -270,47 +213,11 @@ def heading(text: str) -> str:
 
 _PRINTED = {"degC": "°C", "deg": "°"}
 
-METRIC_UNITS: dict[str, tuple[tuple[str, str], ...]] = {
-    "kinematic-error": (
-        ("raw_peak_to_peak", "rad"),
-        ("closure", "rad"),
-        ("residual_rms", "rad"),
-        ("repeatability", "rad"),
-        ("agreement_of_directions", "rad"),
-    ),
-    "friction": (
-        ("residual_rms", "N m"),
-        ("mean_residual", "N m"),
-        ("torque_zero_drift", "N m"),
-        ("slowest_speed", "rad/s"),
-        ("genetic_coulomb", "N"),
-        ("genetic_static", "N"),
-        ("genetic_stribeck_velocity", "rad/s"),
-        ("genetic_viscous", "N s/rad"),
-        ("housing_temperature_span", "K"),
-        ("housing_temperature", "°C"),
-        ("dry_friction_per_kelvin", "1/K"),
-        ("viscous_friction_per_kelvin", "1/K"),
-    ),
-    "motor-tare": (("cogging_peak_to_peak", "N m"), ("torque_zero_drift", "N m")),
-    "home": (("input_index_spread", "rad"), ("output_index_spread", "rad")),
-    "starting-torque": (("largest_starting_torque", "N m"), ("smallest_starting_torque", "N m")),
-    "warm-up": (("last_change", "N m"), ("total_change", "N m"), ("time_until", "s")),
-}
-"""SI units of the figures of merit that have one: kind of fit, beginning of the name."""
-
 
 def metric_text(quantity: Quantity, value: float) -> str:
     """A figure of merit with its unit, where it has one."""
     factor, unit = laboratory_unit(quantity.unit, value, quantity.shown)
     return f"{number(value / factor)} {unit}".rstrip()
-
-
-def metric(kind: str, name: str, value: float) -> str:
-    """A figure of merit with its unit, where it has one."""
-    unit = next((unit for start, unit in METRIC_UNITS.get(kind, ()) if name.startswith(start)), "")
-    factor, shown = display_unit(name, unit, value)
-    return f"{number(value / factor)} {shown}".rstrip()
 
 
 def printable(text: str) -> str:

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.angle.phase_reference import phase_reference
-from experiments.angle.traverses import stretches
+from experiments.angle.traverses import traverses_of
 from experiments.budget import budget_table, torque_scale_uncertainty
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
@@ -56,7 +56,7 @@ def test_stretches_lie_in_one_direction_and_leave_the_wind_up_out(
         parts += [here + way * travel, np.full(300, here + way * travel[-1])]
         here += way * float(travel[-1])
     recording = of_angle(np.concatenate(parts), quantum=REVOLUTION / 32768)
-    found = stretches(recording)
+    found = traverses_of(recording)
     assert len(found) == len(turns)
     for segment, turn in zip(found, turns, strict=True):
         moved = np.diff(recording.si("input_angle", segment))
@@ -67,7 +67,7 @@ def test_stretches_lie_in_one_direction_and_leave_the_wind_up_out(
 
 
 def test_a_standstill_has_no_stretch() -> None:
-    assert stretches(of_angle(np.zeros(1000), REVOLUTION / 8192)) == ()
+    assert traverses_of(of_angle(np.zeros(1000), REVOLUTION / 8192)) == ()
 
 
 def test_the_phase_reference_is_the_mark_before_the_outputs(

@@ -53,10 +53,10 @@ def type_b(
     if correction.per_kelvin is not None:
         spread = recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
         coefficient = correction.per_kelvin[1]
-    known = gear.origins.get("bearing.friction_factor", Origin("assumed"))
+    factor = gear.origins.get("bearing.friction_factor", Origin("assumed"))
     relative = BEARING_RELATIVE
-    if known.standard_uncertainty is not None and gear.bearing.friction_factor > 0.0:
-        relative = known.standard_uncertainty / gear.bearing.friction_factor
+    if factor.standard_uncertainty is not None and gear.bearing.friction_factor > 0.0:
+        relative = factor.standard_uncertainty / gear.bearing.friction_factor
     return TorqueUncertainty(
         scale=scale,
         zero=measured.zero.standard_uncertainty,
@@ -105,12 +105,12 @@ def _forces(fit: FrictionFit, gear: HarmonicDrive) -> tuple[np.ndarray, np.ndarr
 def genetic_metrics(fit: FrictionFit, gear: HarmonicDrive, seed: int) -> dict[str, float]:
     """The paper's genetic search on the same data: how far it stays behind variable projection."""
     force, error = _forces(fit, gear)
-    found = fit_stribeck_genetic(fit.speed, force, error, seed=seed)
+    search = fit_stribeck_genetic(fit.speed, force, error, seed=seed)
     best = max(fit.stribeck.chi_square, 1e-12)
-    names = {f"genetic_{name}": float(v) for name, v in zip(NAMES, found.values, strict=True)}
+    names = {f"genetic_{name}": float(v) for name, v in zip(NAMES, search.values, strict=True)}
     return {
-        "genetic_chi_square_excess": found.chi_square / best - 1.0,
-        "genetic_evaluations": float(found.evaluations),
+        "genetic_chi_square_excess": search.chi_square / best - 1.0,
+        "genetic_evaluations": float(search.evaluations),
         **names,
     }
 
@@ -123,7 +123,7 @@ def running_torques(
     Interpolated between the points of the two nearest speeds, along the fitted curve: where the
     curve misses the points, the points are right.
     """
-    found: dict[str, Estimate] = {}
+    estimates: dict[str, Estimate] = {}
     scale, source = torque_scale_uncertainty(recording, measured.channel)
     for rpm in CATALOGUE_SPEEDS_RPM:
         speed = rpm * RPM
@@ -142,7 +142,7 @@ def running_torques(
             tare = TARE_RELATIVE * float(at[0])
             budget.append(BudgetLine("tare", "B", tare, "same motor, another day", Cause.TARE))
         name = f"running_torque_{rpm:.0f}_rpm"
-        found[name] = Estimate(
+        estimates[name] = Estimate(
             name=name,
             value=value,
             unit="N m",
@@ -152,7 +152,7 @@ def running_torques(
             note=fit.subject,
             budget=tuple(budget),
         )
-    return found
+    return estimates
 
 
 def _between_points(fit: FrictionFit, speed: float) -> tuple[float, float]:

@@ -43,12 +43,12 @@ def _label(fit: FrictionFit) -> str:
 
 def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Plot:
     """Half-differences of the directions and the fitted curve, up to a speed."""
-    kept = fit.speed / RPM <= highest_rpm * 1.001
+    shown = fit.speed / RPM <= highest_rpm * 1.001
     line = fit.curve_speed / RPM <= highest_rpm * 1.001
     x, y, u = (
-        fit.speed[kept] / RPM,
-        fit.torque[kept] / MILLI,
-        1.96 * fit.standard_error[kept] / MILLI,
+        fit.speed[shown] / RPM,
+        fit.torque[shown] / MILLI,
+        1.96 * fit.standard_error[shown] / MILLI,
     )
     series = (
         Series(

@@ -135,12 +135,12 @@ def weighed(holds: list[Hold], spread: float, gear: HarmonicDrive) -> list[Runni
     """
     share = spread if math.isfinite(spread) else 0.0
     loss = resonance_loss(gear, np.array([abs(h.torque.speed) for h in holds]))
-    found = []
+    torques = []
     for hold, lost in zip(holds, loss.tolist(), strict=True):
         t = hold.torque
         common = math.sqrt(2.0) * math.hypot(share * t.torque, lost)
-        found.append(dataclasses.replace(t, standard_error=math.hypot(t.standard_error, common)))
-    return found
+        torques.append(dataclasses.replace(t, standard_error=math.hypot(t.standard_error, common)))
+    return torques
 
 
 def resonance_loss(gear: HarmonicDrive, speed: FloatArray) -> FloatArray:
@@ -172,13 +172,15 @@ class Correction:
 
     def metrics(self) -> dict[str, float]:
         """The correction as numbers of a result."""
-        found = {
+        numbers = {
             f"friction_over_output_order_{k}": a
             for k, a in zip(PLACE_ORDERS, self.place, strict=False)
         }
         if self.per_kelvin is not None:
-            found["dry_friction_per_kelvin"], found["viscous_friction_per_kelvin"] = self.per_kelvin
-        return found
+            numbers["dry_friction_per_kelvin"], numbers["viscous_friction_per_kelvin"] = (
+                self.per_kelvin
+            )
+        return numbers
 
     def words(self) -> str:
         """What the points were brought to."""

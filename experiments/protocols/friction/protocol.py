@@ -21,7 +21,7 @@ from annotated_types import Ge, Gt, Le
 from experiments.budget import budget_table, torque_scale_uncertainty
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
-from experiments.evidence import known_settings
+from experiments.evidence import check_settings
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import (
     between_zeros,
@@ -259,7 +259,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     (0.03; above it a warning), bracket_refusal (0.25; above it refused), genetic (True: the paper's
     search beside it), seed of that search (0).
     """
-    known_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, SETTINGS, NAME)
     measured = measure_friction(recording, evidence)
     if measured.unit != "N m":
         return friction_in_foreign_unit(recording, measured)
@@ -390,7 +390,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
 
     Null models: the mean torque, and a straight line over speed; both are fitted to the run, the parameter set is not.
     """
-    known_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, SETTINGS, NAME)
     measured = measure_friction(recording, evidence)
     if measured.unit != "N m":
         raise AnalysisError(

@@ -19,11 +19,11 @@ import numpy as np
 from annotated_types import Ge, Gt, Le
 
 from experiments.angle.phase_reference import PhaseReference, phase_reference
-from experiments.angle.traverses import stretches
+from experiments.angle.traverses import traverses_of
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
-from experiments.evidence import check_recording, known_settings, rotary_ratio, usable
+from experiments.evidence import check_recording, check_settings, rotary_ratio, usable
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
 from experiments.planning.shared_parameters import (
@@ -186,7 +186,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     Settings: highest_order (12) of the input orders, accuracy_order (the highest) of the transmission accuracy,
     edge_triggered (False). Raises `AnalysisError` for missing channels, too many missed cycles, a wrong ratio.
     """
-    known_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, SETTINGS, NAME)
     context, segments, warnings = _prepare(recording, evidence)
     with analysing(recording.metadata.run_id):
         traverses = [_traverse(context, segment) for segment in segments]
@@ -243,7 +243,7 @@ def _prepare(
     ratio = rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
     segments = recording.labelled("traverse") or recording.labelled("traverse (cut)")
     if not segments and not recording.segments:
-        segments = stretches(recording)
+        segments = traverses_of(recording)
         warnings.append(
             "The recording has no segments: stretches in one direction were found from the input angle."
         )
@@ -403,12 +403,12 @@ def _one_direction(
     )
 
 
-def _pooled(found: list[dict[str, Estimate]]) -> dict[str, Estimate]:
+def _pooled(repeats: list[dict[str, Estimate]]) -> dict[str, Estimate]:
     """The mean over repeats; the interval is the wider of each repeat's own and the scatter between them."""
-    if len(found) == 1:
-        return {name: replace(e, name=name) for name, e in found[0].items()}
-    common = [name for name in found[0] if all(name in other for other in found)]
-    return {name: _mean_of(name, [f[name] for f in found]) for name in common}
+    if len(repeats) == 1:
+        return {name: replace(e, name=name) for name, e in repeats[0].items()}
+    common = [name for name in repeats[0] if all(name in other for other in repeats)]
+    return {name: _mean_of(name, [f[name] for f in repeats]) for name in common}
 
 
 def _mean_of(name: str, estimates: list[Estimate]) -> Estimate:
@@ -497,7 +497,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
 
     Where the run saw no index mark the phase of the set is not known here; the best common shift is scored beside it.
     """
-    known_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, SETTINGS, NAME)
     context, segments, warnings = _prepare(recording, evidence)
     with analysing(recording.metadata.run_id):
         traverses = [_traverse(context, segment) for segment in segments]

@@ -75,7 +75,7 @@ def recorded_steps(
     quanta = {
         name: recording.signals[name].quantum or 1e-7 for name in ("input_angle", "output_angle")
     }
-    found, unused = [], []
+    recorded, unused = [], []
     for segment, time, angle, output, torque in raw:
         try:
             data = step_data(
@@ -92,14 +92,14 @@ def recorded_steps(
             if error.where == "ratio":
                 raise
             continue
-        found.append(RecordedStep(segment, data, torque))
+        recorded.append(RecordedStep(segment, data, torque))
     warnings = [f"{len(unused)} steps were left out: {', '.join(unused[:4])}."] if unused else []
     if not series:
         origin = "none"
         warnings.append(
             "There is no slow step and no identified kinematic error: the gear's error stands in the deviations."
         )
-    return found, origin, warnings
+    return recorded, origin, warnings
 
 
 def carries(gear: HarmonicDrive, reference: PhaseReference) -> bool:
@@ -168,8 +168,8 @@ def _own_series(
     step = np.concatenate(which)
     constants = (step[:, None] == np.arange(len(slow))[None, :]).astype(np.float64)
     design = np.column_stack([constants, np.concatenate(designs)])
-    found = np.linalg.lstsq(design, np.concatenate(values), rcond=None)[0][len(slow) :]
-    pairs = found.reshape(-1, 2)
+    coefficients = np.linalg.lstsq(design, np.concatenate(values), rcond=None)[0][len(slow) :]
+    pairs = coefficients.reshape(-1, 2)
     return tuple(
         Harmonic(float(n), float(a), float(b)) for n, (a, b) in zip(SLOW_ORDERS, pairs, strict=True)
     )

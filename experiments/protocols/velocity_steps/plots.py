@@ -50,8 +50,8 @@ def _figure_19(steps: list[RecordedStep], scores: list[StepScore], label: str) -
     chosen: dict[int, tuple[RecordedStep, StepScore]] = {}
     for step, score in zip(steps, scores, strict=True):
         key = round(abs(step.segment.setpoint) / RPM)
-        known = chosen.get(key)
-        if known is None or (known[0].segment.direction < 0 < step.segment.direction):
+        other = chosen.get(key)
+        if other is None or (other[0].segment.direction < 0 < step.segment.direction):
             chosen[key] = (step, score)
     plots = []
     for rpm, (_, score) in sorted(chosen.items(), key=lambda item: item[0]):
@@ -147,15 +147,15 @@ def _orders(steps: list[RecordedStep], fits: list[StepFit]) -> list[Plot]:
         if abs(angle[-1] - angle[0]) < LEAST_REVOLUTIONS * 2.0 * math.pi:
             continue
         try:
-            found = order_spectrum(angle, value, HIGHEST_ORDER)
+            spectrum = order_spectrum(angle, value, HIGHEST_ORDER)
         except ModelError:
             continue
         label = f"{abs(step.segment.setpoint) / RPM:.0f} r/min"
         series.append(
             Series(
                 label=label,
-                x=found.orders[1:],
-                y=found.amplitude[1:] / ARCSEC,
+                x=spectrum.orders[1:],
+                y=spectrum.amplitude[1:] / ARCSEC,
                 style="line",
                 group=len(series),
             )
@@ -223,10 +223,11 @@ def score_table(steps: list[RecordedStep], scores: list[StepScore]) -> Table:
     return Table("steps", "Every step, nothing fitted", columns, rows)
 
 
-def identifiability_table(found: Identifiability) -> Table:
+def identifiability_table(identifiability: Identifiability) -> Table:
     """What the fastest step could tell of equation 2 at best: its directions, from best to worst determined."""
     rows = tuple(
-        (k + 1, d.sentence(), d.relative_deviation) for k, d in enumerate(found.directions)
+        (k + 1, d.sentence(), d.relative_deviation)
+        for k, d in enumerate(identifiability.directions)
     )
     columns = ("direction", "combination of relative changes", "relative standard deviation")
     return Table(
@@ -234,7 +235,7 @@ def identifiability_table(found: Identifiability) -> Table:
         "What the data can tell of the parameters of equation 2",
         columns,
         rows,
-        found.sentence(),
+        identifiability.sentence(),
     )
 
 

@@ -21,7 +21,7 @@ from experiments.angle.phase_reference import phase_reference
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
-from experiments.evidence import check_recording, known_settings, require_time_base, rotary_ratio
+from experiments.evidence import check_recording, check_settings, require_time_base, rotary_ratio
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, stop
 from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
@@ -153,8 +153,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     estimates = _with_budget(combined.estimates, ERROR_FROM_RUN if own else ERROR_FROM_SET)
     estimates |= _output_inertia(recording, inertias, estimates["stiffness_over_inertia"])
     warnings += combined.warnings
-    known = _identifiability(steps, evidence.gear)
-    warnings.append(f"{known.sentence()} Friction is not tested by the output of a step.")
+    identifiability = _identifiability(steps, evidence.gear)
+    warnings.append(f"{identifiability.sentence()} Friction is not tested by the output of a step.")
     if own:
         warnings.append(
             "The kinematic error is from this run's slow steps, without sidebands and output "
@@ -171,7 +171,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         plots=fitted_step_plots(steps, fits, combined),
         tables=(
             step_table(steps, fits),
-            identifiability_table(known),
+            identifiability_table(identifiability),
             budget_table(estimates.values()),
         ),
         options={
@@ -185,7 +185,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 def _steps_of(
     recording: Recording, gear: HarmonicDrive, evidence: Evidence
 ) -> tuple[list[RecordedStep], str, list[str]]:
-    known_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, SETTINGS, NAME)
     recording.require("velocity steps", "input_angle", "output_angle")
     warnings = list(
         check_recording(recording, "velocity steps", evidence.maximum_missed_share).warnings
@@ -247,25 +247,25 @@ def _inertias(steps: list[RecordedStep], fits: list[StepFit]) -> list[tuple[Step
 
 
 def _output_inertia(
-    recording: Recording, found: list[tuple[StepFit, InertiaFit]], ratio: Estimate
+    recording: Recording, inertias: list[tuple[StepFit, InertiaFit]], ratio: Estimate
 ) -> dict[str, Estimate]:
     """J_o, the inertia on the input shaft and K from torque: mean over the steps, and how well the steps agree."""
-    if len(found) < 3:
+    if len(inertias) < 3:
         return {}
     estimates: dict[str, Estimate] = {}
     for name in ("output_inertia", "input_inertia"):
-        parts = [inertia.estimates[name] for _, inertia in found]
+        parts = [inertia.estimates[name] for _, inertia in inertias]
         values = np.array([e.value for e in parts])
         mean = float(values.mean())
         error = float(values.std(ddof=1)) / math.sqrt(len(values))
         scatter = float(values.std(ddof=1)) / abs(mean) if mean else math.inf
         half = student_quantile(len(values) - 1) * max(float(values.std(ddof=1)), error)
-        known = (
+        verdict = (
             "yes" if scatter <= CONSISTENT else "weakly" if scatter <= 3.0 * CONSISTENT else "no"
         )
         note = (
             ""
-            if known == "yes"
+            if verdict == "yes"
             else f"the steps differ by {100.0 * scatter:.0f} % (standard deviation)"
         )
         budget = (
@@ -278,7 +278,7 @@ def _output_inertia(
             unit=parts[0].unit,
             low=mean - half,
             high=mean + half,
-            identifiable=known,
+            identifiable=verdict,
             note=note,
             budget=budget,
         )
@@ -307,10 +307,10 @@ def _output_inertia(
     return estimates
 
 
-def _with_budget(found: dict[str, Estimate], by_error: float) -> dict[str, Estimate]:
+def _with_budget(combined: dict[str, Estimate], by_error: float) -> dict[str, Estimate]:
     """The combined estimates with type A and what the kinematic error does to the resonance (type B)."""
     estimates: dict[str, Estimate] = {}
-    for name, estimate in found.items():
+    for name, estimate in combined.items():
         lines = [
             BudgetLine(
                 "fit of the steps and their scatter", "A", 0.25 * (estimate.high - estimate.low)
@@ -426,9 +426,9 @@ def _damping_for(gear: HarmonicDrive, wanted: float) -> tuple[str, float]:
         return torsional_mode(gear.with_values({path: value})).damping_ratio
 
     trials = np.geomspace(10.0, 1e6, 41)
-    found = np.array([ratio_of("bearing.damping", float(c)) for c in trials])
-    top = int(np.argmax(found))
-    path = "bearing.damping" if found[top] >= wanted >= found[0] else "damping.structural"
+    ratios = np.array([ratio_of("bearing.damping", float(c)) for c in trials])
+    top = int(np.argmax(ratios))
+    path = "bearing.damping" if ratios[top] >= wanted >= ratios[0] else "damping.structural"
     low, high = (float(trials[0]), float(trials[top])) if path == "bearing.damping" else (0.0, 1e3)
     for _ in range(60):
         middle = 0.5 * (low + high)

@@ -11,7 +11,7 @@ from rig.analysis.passport.chart import BASELINE_RUNS, RULES
 from rig.analysis.passport.content import Missing, Passport, PassportSeries
 from rig.analysis.passport.draw import point_table, spectrum_plots
 from rig.analysis.passport.followed import FollowedQuantity, followed, largest_followed, watched
-from rig.analysis.passport.gather import FoundRun, Gathered, gather, runs_of
+from rig.analysis.passport.gather import AnalysedRun, Gathered, gather, runs_of
 from rig.analysis.passport.series import series_of, usable
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.errors import RigError
@@ -48,9 +48,9 @@ def passport(
             remedy="Serial numbers are compared letter for letter; `rig runs` lists what is there.",
         )
     gathered = gather(runs, origin)
-    found = gathered.found
+    analysed = gathered.analysed
     series = tuple(
-        one for quantity in _followed(found) for one in series_of(quantity, found, baseline)
+        one for quantity in _followed(analysed) for one in series_of(quantity, analysed, baseline)
     )
     origins = sorted({run.origin for run in gathered.runs})
     mark = " / ".join(ORIGIN_WORDS.get(one, one.upper()) for one in origins if one != "hardware")
@@ -60,7 +60,7 @@ def passport(
         mark=mark,
         runs=gathered.runs,
         series=series,
-        spectra=spectrum_plots(found),
+        spectra=spectrum_plots(analysed),
         tables=tuple(point_table(one) for one in series),
         missing=(*gathered.missing, *_missing(gathered, series)),
         left_out=gathered.left_out,
@@ -72,13 +72,15 @@ def _place(where: str | Path | Iterable[str | Path]) -> str:
     return str(where) if isinstance(where, (str, Path)) else ", ".join(str(one) for one in where)
 
 
-def _followed(found: Sequence[FoundRun]) -> list[FollowedQuantity]:
+def _followed(analysed: Sequence[AnalysedRun]) -> list[FollowedQuantity]:
     """The followed quantities; of a family without members of its own the largest of these runs."""
     quantities: list[FollowedQuantity] = []
     for kind, quantity in watched():
         expected = followed(kind, quantity)
         if not expected:
-            sizes = [_sizes(quantity, one.estimates) for one in found if one.analysis.kind == kind]
+            sizes = [
+                _sizes(quantity, one.estimates) for one in analysed if one.analysis.kind == kind
+            ]
             expected = largest_followed(kind, quantity, sizes)
         quantities += expected
     return quantities
@@ -99,7 +101,7 @@ def _missing(gathered: Gathered, series: Sequence[PassportSeries]) -> list[Missi
     drawn = {(one.kind, one.quantity) for one in series}
     expected = [one for kind, quantity in watched() for one in followed(kind, quantity)]
     missing = [_nothing_of(one, gathered) for one in expected if (one.kind, one.key) not in drawn]
-    for one in gathered.found:
+    for one in gathered.analysed:
         for quantity in expected:
             estimate = one.estimates.get(quantity.key)
             if quantity.kind == one.analysis.kind and estimate is not None and not usable(estimate):
@@ -117,7 +119,7 @@ def _missing(gathered: Gathered, series: Sequence[PassportSeries]) -> list[Missi
 
 
 def _nothing_of(quantity: FollowedQuantity, gathered: Gathered) -> Missing:
-    analysed = [one for one in gathered.found if one.analysis.kind == quantity.kind]
+    analysed = [one for one in gathered.analysed if one.analysis.kind == quantity.kind]
     if analysed:
         return Missing(
             f"{quantity.title}: not among what its {len(analysed)} {quantity.kind} analyses found",

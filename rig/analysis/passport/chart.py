@@ -81,28 +81,28 @@ def false_alarm_share(baseline: int) -> float:
 def signals_of(values: Sequence[float], limits: ControlLimits) -> tuple[tuple[str, ...], ...]:
     """The rules that each value breaks, in the order of `RULES`; a pattern is told at the run that completes it."""
     x = np.asarray(values, dtype=np.float64)
-    found: list[list[str]] = [[] for _ in x]
+    signals: list[list[str]] = [[] for _ in x]
     if not len(x):
         return ()
     z = (x - limits.centre) / limits.sigma
     for rule, broken in _TESTS.items():
         for at in np.flatnonzero(broken(z)):
-            found[int(at)].append(rule)
+            signals[int(at)].append(rule)
     for at in np.flatnonzero(np.abs(np.diff(x)) > limits.moving_range_upper):
-        found[int(at) + 1].append("MR")
-    return tuple(tuple(rules) for rules in found)
+        signals[int(at) + 1].append("MR")
+    return tuple(tuple(rules) for rules in signals)
 
 
 def _zone(needed: int, of: int, beyond: float) -> Callable[[Array], NDArray[np.bool_]]:
     """The test that `needed` of the latest `of` values, this one among them, lie beyond so many sigma on one side."""
 
     def broken(z: Array) -> NDArray[np.bool_]:
-        told = np.zeros(len(z), dtype=bool)
+        speaks = np.zeros(len(z), dtype=bool)
         for side in (1.0, -1.0):
             out = side * z > beyond
             count = np.convolve(out, np.ones(of, dtype=np.int64))[: len(z)]
-            told |= out & (count >= needed)
-        return told
+            speaks |= out & (count >= needed)
+        return speaks
 
     return broken
 

@@ -118,8 +118,8 @@ class PassportSeries:
 
     def as_json(self) -> dict[str, Any]:
         """One series of `rig passport --json`."""
-        told = {name: getattr(self, name) for name in _TOLD}
-        return told | {
+        fields = {name: getattr(self, name) for name in _TOLD}
+        return fields | {
             "conditions": dict(self.conditions),
             "state": self.state,
             "points": [point.as_json() for point in self.points],

@@ -17,7 +17,7 @@ from rig.analysis.passport.content import (
     PassportSeries,
 )
 from rig.analysis.passport.followed import comparable, order_of, watched
-from rig.analysis.passport.gather import FoundRun
+from rig.analysis.passport.gather import AnalysedRun
 from rig.analysis.wording import laboratory_unit
 from rig.runfile.header import ORIGIN_WORDS
 
@@ -106,7 +106,7 @@ def control_plot(
     )
 
 
-def spectrum_plots(found: Sequence[FoundRun]) -> tuple[Plot, ...]:
+def spectrum_plots(analysed: Sequence[AnalysedRun]) -> tuple[Plot, ...]:
     """Amplitudes over order, the first run against the newest and the mean of those between, per
     watched family of orders and set of comparable runs.
     """
@@ -114,8 +114,8 @@ def spectrum_plots(found: Sequence[FoundRun]) -> tuple[Plot, ...]:
     for kind, quantity in watched():
         if quantity.placeholder != "order":
             continue
-        groups: dict[tuple[str, tuple[tuple[str, str], ...]], list[FoundRun]] = {}
-        for one in found:
+        groups: dict[tuple[str, tuple[tuple[str, str], ...]], list[AnalysedRun]] = {}
+        for one in analysed:
             if one.analysis.kind == kind and _spectrum(quantity, one):
                 conditions = tuple(comparable(one.facts, quantity).items())
                 groups.setdefault((one.origin, conditions), []).append(one)
@@ -126,7 +126,7 @@ def spectrum_plots(found: Sequence[FoundRun]) -> tuple[Plot, ...]:
 
 
 def _spectrum_plot(
-    quantity: Quantity, members: Sequence[FoundRun], origin: str, conditions: Sequence[str]
+    quantity: Quantity, members: Sequence[AnalysedRun], origin: str, conditions: Sequence[str]
 ) -> Plot:
     spectra = [_spectrum(quantity, one) for one in members]
     sizes = [amplitude for spectrum in spectra for amplitude, _ in spectrum.values()]
@@ -183,7 +183,7 @@ def _drawn(
     )
 
 
-def _spectrum(quantity: Quantity, one: FoundRun) -> dict[float, tuple[float, float]]:
+def _spectrum(quantity: Quantity, one: AnalysedRun) -> dict[float, tuple[float, float]]:
     """Amplitude and U by order, of the orders that the run identified and whose label is an order."""
     ratio = one.analysis.result.get("options", {}).get("ratio")
     spectrum: dict[float, tuple[float, float]] = {}

@@ -26,7 +26,7 @@ COUNTED_OUTCOMES = ("PASS", "MARGINAL", "FAIL", "")
 
 
 @dataclass(frozen=True, kw_only=True)
-class FoundRun:
+class AnalysedRun:
     """One run with one analysis: the facts that make runs comparable, what may change from run to
     run, the estimates.
     """
@@ -49,7 +49,7 @@ class Gathered:
     """
 
     runs: tuple[IndexedRun, ...]
-    found: tuple[FoundRun, ...]
+    analysed: tuple[AnalysedRun, ...]
     missing: tuple[Missing, ...]
     left_out: tuple[Missing, ...]
 
@@ -79,10 +79,10 @@ def runs_of(where: str | Path | Iterable[str | Path], serial: str) -> tuple[Inde
 def moment(text: str) -> datetime:
     """The time of an ISO 8601 text; one without a zone counts as UTC, one that is none as the beginning of time."""
     try:
-        found = datetime.fromisoformat(text)
+        time = datetime.fromisoformat(text)
     except ValueError:
         return datetime.min.replace(tzinfo=UTC)
-    return found if found.tzinfo else found.replace(tzinfo=UTC)
+    return time if time.tzinfo else time.replace(tzinfo=UTC)
 
 
 def gather(runs: Sequence[IndexedRun], origin: str = "") -> Gathered:
@@ -99,13 +99,13 @@ def gather(runs: Sequence[IndexedRun], origin: str = "") -> Gathered:
             left_out.append(Missing(reason, run.run_id))
         else:
             counted.append(run)
-    found: list[FoundRun] = []
+    analysed: list[AnalysedRun] = []
     missing: list[Missing] = []
     for run in counted:
-        made, lacks = _read(run)
-        found += made
+        of_run, lacks = _read(run)
+        analysed += of_run
         missing += lacks
-    return Gathered(tuple(counted), tuple(found), tuple(missing), tuple(left_out))
+    return Gathered(tuple(counted), tuple(analysed), tuple(missing), tuple(left_out))
 
 
 def counted_origin(runs: Sequence[IndexedRun], origin: str = "") -> str:
@@ -132,7 +132,7 @@ def _copy_of(run: IndexedRun, seen: dict[str, IndexedRun]) -> str:
     return "" if first is run else f"is a copy of {first.path}"
 
 
-def _read(run: IndexedRun) -> tuple[list[FoundRun], list[Missing]]:
+def _read(run: IndexedRun) -> tuple[list[AnalysedRun], list[Missing]]:
     """The newest analyses of a run of the kinds that are followed, and what it lacks."""
     command, kinds = f"rig fit {run.path}", watched_kinds()
     try:
@@ -155,7 +155,7 @@ def _read(run: IndexedRun) -> tuple[list[FoundRun], list[Missing]]:
     except RigError as error:
         return [], [*missing, Missing(str(error), run.run_id)]
     try:
-        found = []
+        analysed = []
         for analysis in stored.values():
             if str(analysis.content.get("run_sha256", "")) != recording.metadata.sha256:
                 missing.append(
@@ -166,13 +166,13 @@ def _read(run: IndexedRun) -> tuple[list[FoundRun], list[Missing]]:
                     )
                 )
                 continue
-            found.append(_found(run, recording, analysis))
-        return found, missing
+            analysed.append(_analysed(run, recording, analysis))
+        return analysed, missing
     finally:
         close_recording(recording)
 
 
-def _found(run: IndexedRun, recording: Recording, analysis: Analysis) -> FoundRun:
+def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> AnalysedRun:
     m = recording.metadata
     result = analysis.result
     options, settings = result.get("options", {}), analysis.content.get("settings", {})
@@ -191,7 +191,7 @@ def _found(run: IndexedRun, recording: Recording, analysis: Analysis) -> FoundRu
         ),
     }
     temperature = result.get("metrics", {}).get("housing_temperature")
-    return FoundRun(
+    return AnalysedRun(
         run=run,
         analysis=analysis,
         origin=m.origin,

@@ -18,7 +18,7 @@ from rig.analysis.passport.content import (
 )
 from rig.analysis.passport.draw import control_plot
 from rig.analysis.passport.followed import FollowedQuantity, comparable
-from rig.analysis.passport.gather import FoundRun
+from rig.analysis.passport.gather import AnalysedRun
 from rig.analysis.wording import laboratory_unit
 from rig.runfile.header import ORIGIN_WORDS
 
@@ -29,11 +29,11 @@ some percent per kelvin.
 
 
 def series_of(
-    quantity: FollowedQuantity, found: Sequence[FoundRun], baseline: int
+    quantity: FollowedQuantity, analysed: Sequence[AnalysedRun], baseline: int
 ) -> list[PassportSeries]:
     """One series per set of comparable runs; what parts them is in their titles."""
-    groups: dict[tuple[str, tuple[tuple[str, str], ...]], list[FoundRun]] = {}
-    for one in found:
+    groups: dict[tuple[str, tuple[tuple[str, str], ...]], list[AnalysedRun]] = {}
+    for one in analysed:
         if one.analysis.kind == quantity.kind and usable(one.estimates.get(quantity.key)):
             groups.setdefault(
                 (one.origin, tuple(comparable(one.facts, quantity.quantity).items())), []
@@ -42,13 +42,13 @@ def series_of(
         set.intersection(*(set(conditions) for _, conditions in groups)) if groups else set()
     )
     several = len({origin for origin, _ in groups}) > 1
-    made = []
+    series = []
     for (origin, conditions), members in groups.items():
         apart = [text for name, text in conditions if (name, text) not in everywhere]
         apart += [ORIGIN_WORDS.get(origin, "") or "hardware"] if several else []
         title = quantity.title + (f" ({', '.join(apart)})" if apart else "")
-        made.append(_one_series(quantity, title, dict(conditions), members, baseline))
-    return made
+        series.append(_one_series(quantity, title, dict(conditions), members, baseline))
+    return series
 
 
 def usable(estimate: Mapping[str, Any] | None) -> bool:
@@ -64,7 +64,7 @@ def _one_series(
     quantity: FollowedQuantity,
     title: str,
     conditions: Mapping[str, str],
-    members: Sequence[FoundRun],
+    members: Sequence[AnalysedRun],
     baseline: int,
 ) -> PassportSeries:
     values = [float(one.estimates[quantity.key]["value"]) for one in members]
@@ -110,14 +110,14 @@ def _one_series(
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return sum(known) / len(known) if known else None
+    numbers = [value for value in values if value is not None]
+    return sum(numbers) / len(numbers) if numbers else None
 
 
 def _point(
     key: str,
     index: int,
-    members: Sequence[FoundRun],
+    members: Sequence[AnalysedRun],
     signals: tuple[str, ...],
     control: ControlLimits | None,
     temperature: float | None,
@@ -157,26 +157,26 @@ def _point(
     )
 
 
-def _changes(before: FoundRun, after: FoundRun) -> list[str]:
+def _changes(before: AnalysedRun, after: AnalysedRun) -> list[str]:
     """What is no longer as it was in the run before."""
-    told = []
+    changes = []
     for name, now in after.changing.items():
         then = before.changing.get(name, "")
         if then == now:
             continue
         # An instrument's identity is long: that it changed is what matters, and `rig diff` shows how.
         short = max(len(then), len(now)) <= 40
-        told.append(
+        changes.append(
             f"{name}: {then or 'unknown'} → {now or 'unknown'}" if short else f"{name} changed"
         )
-    return told
+    return changes
 
 
 def _number(value: object) -> float:
     return float(value) if isinstance(value, (int, float)) else math.nan
 
 
-def _catalogue_limit(quantity: FollowedQuantity, newest: FoundRun) -> CatalogueLimit | None:
+def _catalogue_limit(quantity: FollowedQuantity, newest: AnalysedRun) -> CatalogueLimit | None:
     """The limit that the newest analysis judged the kind by; limits of one kind are one and the
     same for all its speeds.
     """

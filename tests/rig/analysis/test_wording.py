@@ -8,9 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments import catalogue
+from experiments.errors import AnalysisError
+from experiments.quantity import Quantity, bare_quantity, quantity_of
 from model.identify.estimate import BudgetLine, Estimate
 from model.units import ARCMIN, DEGREE
-from rig.analysis.wording import fixed, metric, number, pretty, printable, readable, show
+from rig.analysis.wording import fixed, metric_text, number, pretty, printable, readable, show
 
 
 def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
@@ -22,6 +25,12 @@ def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
         high=value + 2 * u,
         budget=(BudgetLine("a", "A", u),),
     )
+
+
+def declared(name: str, unit: str = "") -> Quantity:
+    """What any protocol declares of this name; a bare quantity of a name that none does."""
+    quantities = (q for kind in catalogue.kinds() for q in catalogue.load(kind).quantities)
+    return quantity_of(quantities, name) or bare_quantity(name, unit)
 
 
 @pytest.mark.parametrize(
@@ -43,7 +52,7 @@ def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
     ],
 )
 def test_an_estimate_is_rounded_by_its_uncertainty(made: Estimate, text: str) -> None:
-    assert show(made).with_uncertainty == text
+    assert show(made, declared(made.name, made.unit)).with_uncertainty == text
 
 
 @given(
@@ -52,7 +61,7 @@ def test_an_estimate_is_rounded_by_its_uncertainty(made: Estimate, text: str) ->
     st.sampled_from(["N", "rad", "N m", "m", "1", "kg m2", "rad/s"]),
 )
 def test_any_estimate_reads_back_to_itself(value: float, u: float, unit: str) -> None:
-    shown = show(estimate("speed", value, unit, u))
+    shown = show(estimate("speed", value, unit, u), bare_quantity("speed", unit))
     back = float(shown.value.replace("\u202f", "").replace("−", "-")) * shown.scale
     step = float(shown.expanded.replace("\u202f", "")) * shown.scale if shown.expanded else 0.0
     assert math.isclose(back, value, rel_tol=2e-3, abs_tol=0.06 * max(step, 2 * u))
@@ -81,11 +90,30 @@ def test_symbols_of_the_paper_stay_symbols() -> None:
         "K_HDf",
         "torque balance",
     ]
-    assert [readable(n) for n in ("amplitude_2-1/N", "phase_2")] == [
+
+
+def test_an_estimate_is_called_what_its_protocol_calls_it() -> None:
+    names = ("amplitude_2-1/N", "phase_2", "running_torque_2000_rpm", "stribeck_velocity")
+    assert [declared(name).titled(name) for name in names] == [
         "order 2-1/N, amplitude",
         "order 2, phase",
+        "running torque 2000 r/min",
+        "Stribeck velocity",
     ]
-    assert readable("running_torque_2000_rpm") == "running torque 2000 r/min"
+
+
+def test_no_unit_is_guessed_from_a_name() -> None:
+    """A newcomer's backlash is no arcminute unless it says so, and its static no friction."""
+    play = estimate("backlash", 1e-4, "rad", 1e-6)
+    assert show(play, bare_quantity("backlash", "rad")).with_uncertainty == "20.63 ± 0.41 arcsec"
+    arcminutes = Quantity(name="backlash", title="backlash", unit="rad", shown="arcmin")
+    assert show(play, arcminutes).with_uncertainty == "0.3438 ± 0.0069 arcmin"
+    assert bare_quantity("static", "rad").title == "static"
+
+
+def test_a_unit_of_something_else_is_refused_when_it_is_declared() -> None:
+    with pytest.raises(AnalysisError, match=r"cannot be shown.*'arcmin'"):
+        Quantity(name="x", title="x", unit="N m", shown="arcmin")
 
 
 def test_units_are_printed_with_powers() -> None:
@@ -98,12 +126,20 @@ def test_units_are_printed_with_powers() -> None:
     ]
 
 
-def test_figures_of_merit_have_their_unit() -> None:
-    assert metric("kinematic-error", "mse_curve", 0.71) == "0.71"
-    assert metric("kinematic-error", "raw_peak_to_peak_forward", 1.13 * ARCMIN) == "1.13 arcmin"
-    assert metric("motor-tare", "torque_zero_drift", 0.0021) == "2.1 mN m"
-    assert metric("starting-torque", "largest_starting_torque", 0.0766) == "76.6 mN m"
-    assert metric("friction", "viscous_friction_per_kelvin", -0.0185) == "−0.0185 1/K"
+@pytest.mark.parametrize(
+    ("kind", "name", "value", "text"),
+    [
+        ("kinematic-error", "mse_curve_forward", 0.71, "0.71"),
+        ("kinematic-error", "raw_peak_to_peak_forward", 1.13 * ARCMIN, "1.13 arcmin"),
+        ("motor-tare", "torque_zero_drift", 0.0021, "2.1 mN m"),
+        ("starting-torque", "largest_starting_torque", 0.0766, "76.6 mN m"),
+        ("friction", "viscous_friction_per_kelvin", -0.0185, "−0.0185 1/K"),
+    ],
+)
+def test_figures_of_merit_have_their_unit(kind: str, name: str, value: float, text: str) -> None:
+    quantity = quantity_of(catalogue.load(kind).quantities, name)
+    assert quantity is not None
+    assert metric_text(quantity, value) == text
 
 
 @given(st.text())
