@@ -53,18 +53,11 @@ def _change_table(changes: Sequence[Change], *, results: bool) -> Table:
     for heading in headings:
         table.add_column(heading, overflow="fold")
     for change in changes:
-        row = [Text(_name(change)), Text(change.first or "-"), Text(change.second or "-")]
+        row = [Text(change.name), Text(change.first or "-"), Text(change.second or "-")]
         if results:
             row += [Text(change.shown), _significance(change), Text(change.note)]
         table.add_row(*row)
     return table
-
-
-def _name(change: Change) -> str:
-    """What changed; an estimate by its kind of fit and its title."""
-    if not change.title:
-        return change.name
-    return f"{change.name.partition(': ')[0]}: {change.title}"
 
 
 def _significance(change: Change) -> Text:

@@ -85,7 +85,9 @@ def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[tup
             rows.append((words, _range(recording, channel, "°C")))
     if gear is not None:
         rows.append(_load_inertia(gear))
-    rows.extend(_condition(str(k), _text(v)) for k, v in recording.metadata.conditions.items())
+    rows.extend(
+        _condition(str(k), value_in_words(v)) for k, v in recording.metadata.conditions.items()
+    )
     return tuple(rows)
 
 
@@ -159,11 +161,12 @@ def _range(recording: Recording, channel: str, unit: str) -> str:
     return f"{low:.1f} to {high:.1f} {unit}" if high - low >= 0.05 else f"{low:.1f} {unit}"
 
 
-def _text(value: Any) -> str:
+def value_in_words(value: Any) -> str:
+    """A value of a run file as people read it; what holds others as a list of them."""
     if isinstance(value, Mapping):
-        return "; ".join(f"{readable(str(k))}: {_text(v)}" for k, v in value.items())
+        return "; ".join(f"{readable(str(k))}: {value_in_words(v)}" for k, v in value.items())
     if isinstance(value, (list, tuple)):
-        return ", ".join(_text(v) for v in value)
+        return ", ".join(value_in_words(v) for v in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
     return number(value, 6)
@@ -189,11 +192,11 @@ def provenance_of(fit: Fit) -> Provenance:
     rows.extend(
         (
             readable(str(key)).capitalize(),
-            f"{_text(value)} s" if key.endswith("_duration") else _text(value),
+            f"{value_in_words(value)} s" if key.endswith("_duration") else value_in_words(value),
         )
         for key, value in _process(m.process)
     )
-    settings = tuple(_parameters(m.experiment, {**m.parameters, **fit.settings}))
+    settings = parameters_in_words(m.experiment, {**m.parameters, **fit.settings})
     options = tuple((readable(str(k)), _option(str(k), v)) for k, v in fit.result.options.items())
     return Provenance(
         tuple(rows),
@@ -273,7 +276,7 @@ OPTION_UNITS = {"phase_reference_angle": "rad"}
 
 
 def _option(name: str, value: Any) -> str:
-    return f"{_text(value)} {OPTION_UNITS.get(name, '')}".rstrip()
+    return f"{value_in_words(value)} {OPTION_UNITS.get(name, '')}".rstrip()
 
 
 def _moment(text: str) -> str:
@@ -281,7 +284,7 @@ def _moment(text: str) -> str:
     return re.sub(r"(?<=:\d\d)[.]\d+", "", text).replace("T", " ", 1) or "not stated"
 
 
-def _parameters(protocol: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
+def parameters_in_words(protocol: str, values: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     """Parameters of a protocol and settings of an analysis, with the units of the protocol's parameter model."""
     from experiments.parameters import parameter_fields
 
@@ -292,14 +295,14 @@ def _parameters(protocol: str, values: Mapping[str, Any]) -> list[tuple[str, str
     rows = []
     for name, value in values.items():
         unit = units.get(name, "")
-        text = _text(value)
+        text = value_in_words(value)
         rows.append(
             (
                 readable(str(name)).removesuffix(" rpm"),
                 f"{text} {pretty(unit)}" if unit not in ("", "1") and text else text,
             )
         )
-    return rows
+    return tuple(rows)
 
 
 def _process(process: Mapping[str, Any]) -> list[tuple[str, Any]]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from experiments.recording import ArraySource, Origin, Recording, RunMetadata, Segment
+from experiments.quantity import quantity_of
 from experiments.result import Plot, Result, Series, Table, judge_upper
 from model.channel import Channel
 from model.gear_file import shipped_gear
@@ -133,10 +134,16 @@ def friction_result(limit: float = 0.15, provenance: Any = "catalogue") -> Resul
         ("Speed [r/min]", "Torque [N m]", "Sweep"),
         ((60, 0.0712, "up"),),
     )
+    declared = quantities_for("friction", estimates, ("mse", "relative_error"))
+    family = quantity_of(declared, "running_torque_2000_rpm")
+    assert family is not None
+    at_one_speed = replace(
+        family, name="running_torque", title="running torque", watched_members=()
+    )
     return Result(
         run="R-000042",
         kind="friction",
-        quantities=quantities_for("friction", estimates, ("mse", "relative_error")),
+        quantities=(at_one_speed, *declared),
         estimates=estimates,
         metrics={"mse": 0.431, "relative_error": 0.012},
         warnings=("The bracket drifted by 1.2 % over the sweep.",),

@@ -101,7 +101,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
 def toy_estimates(backlash: float = 40.0 * ARCSEC) -> tuple[Estimate, ...]:
     """Play, wind-up and twist, each known to two seconds of arc."""
-    values = {"backlash": backlash, "static": 90.0 * ARCSEC, "twist_forward": 0.5}
+    values = {"static": 90.0 * ARCSEC, "backlash": backlash, "twist_forward": 0.5}
     return tuple(
         Estimate(
             name=name,

@@ -81,6 +81,8 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: dict[str, Res
             analyse=analyse,
             compare=compare if has else None,
             identified=take_over if has else None,
+            gives_tare=name == "motor-tare",
+            takes_tare=has,
         )
 
     import rig.runfile.read

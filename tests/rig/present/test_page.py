@@ -376,9 +376,10 @@ def test_a_budget_of_more_sources_than_quantities_goes_down_the_page() -> None:
     few = {name: handmade.friction_result().estimates[name] for name in ("F_c", "running_torque")}
     sources = tuple(BudgetLine(f"source {k}", "B", 0.1) for k in range(9))
     few = {name: replace(one, budget=(*one.budget, *sources)) for name, one in few.items()}
+    result = handmade.friction_result()
     down, across = (
-        content.budget_grid(few),
-        content.budget_grid(handmade.friction_result().estimates),
+        content.budget_grid(result, few),
+        content.budget_grid(result, result.estimates),
     )
     assert down is not None
     assert across is not None

@@ -4,19 +4,16 @@ every channel, versions.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments import catalogue
-from experiments.parameters import parameter_fields
 from experiments.recording import Recording
 from model.units import RPM
 from rig.analysis.wording import number, readable
 from rig.present.content import Grid
-from rig.present.provenance import conditions_of
+from rig.present.provenance import conditions_of, parameters_in_words, value_in_words
 from rig.present.run_words import acquisition_facts
 from rig.runfile.header import RunHeader
 from rig.runfile.read import read_run_header
@@ -67,9 +64,9 @@ def facts_of(recording: Recording, path: Path) -> Facts:
     """The facts of a run; reads it once from end to end. Raises `RunFileError`."""
     m = recording.metadata
     header = read_run_header(path)
-    parameters = parameters_of(m.experiment, m.parameters)
+    parameters = parameters_in_words(m.experiment, m.parameters)
     program = tuple(
-        (readable(name), _text(m.process[name]))
+        (readable(name), value_in_words(m.process[name]))
         for name in OF_THE_PROGRAM
         if m.process.get(name) not in (None, "")
     )
@@ -83,24 +80,6 @@ def facts_of(recording: Recording, path: Path) -> Facts:
         acquisition,
         program,
     )
-
-
-def parameters_of(protocol: str, values: Mapping[str, Any]) -> Pairs:
-    """The parameters of a protocol with the units of its parameter model."""
-    units = {}
-    if protocol in catalogue.kinds():
-        units = {f.name: f.unit for f in parameter_fields(catalogue.load(protocol).parameters)}
-    rows = []
-    for name, value in values.items():
-        unit = units.get(name, "")
-        text = {"True": "yes", "False": "no"}.get(str(value), _text(value))
-        rows.append(
-            (
-                readable(name).removesuffix(" rpm"),
-                f"{text} {unit}" if unit not in ("", "1") and text else text,
-            )
-        )
-    return tuple(rows)
 
 
 def calibration_grid(header: RunHeader) -> Grid:
@@ -136,15 +115,5 @@ def _limits(limits: Mapping[str, Any]) -> Pairs:
             )
             rows.append((readable(name), f"{shown} ({origin})" if origin else shown))
         else:
-            rows.append((readable(name), _text(limit)))
+            rows.append((readable(name), value_in_words(limit)))
     return tuple(rows)
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "; ".join(f"{readable(str(k))}: {_text(v)}" for k, v in value.items())
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return ", ".join(_text(part) for part in value)
-    if isinstance(value, float) and math.isfinite(value):
-        return number(value, 6)
-    return str(value)
