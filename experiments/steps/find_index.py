@@ -22,6 +22,8 @@ class FindIndex(SpeedChange):
 
     def forecast(self, at: Situation) -> StepForecast:
         """Half-way round, the mean of what it may be."""
+        if self.which not in ("input", "output"):
+            raise at.refusal('index marks are of "input" and "output"', self.which)
         half = 0.5 * REVOLUTION * (at.ratio if self.which == "output" else 1.0)
         nominal = min(half / abs(self.speed), self.at_most) if self.speed else self.at_most
         low, high = sorted((0.0, self.speed * self.at_most))

@@ -35,9 +35,9 @@ class AcquisitionLog:
         """Count a block."""
         self._statistics.add(block.time_ns, np.zeros(len(block), dtype=np.int64), block.flags)
 
-    def kept(self, reviewed: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
-        """Metrics for the report and figures for the file; `reviewed` is what the supervisor found.
-        An event tells them too.
+    def figures(self, reviewed: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
+        """Metrics for the report and figures for the file; `reviewed` is what the supervisor reviewed.
+        An event says them too.
         """
         counted = self._counted()
         line = ", ".join(f"{name} {value:.6g}" for name, value in counted.items())
@@ -55,11 +55,13 @@ class AcquisitionLog:
             except DriverError as error:
                 self._logbook.event("warning", "acquisition", "port", str(error))
         own = self._statistics.report()
-        told = asdict(own if report is None else report)
+        values = asdict(own if report is None else report)
         if report is None:
             # How long a cycle took on the computer is known to the port alone.
-            told = {name: value for name, value in told.items() if not name.startswith("latency")}
-        return {name: float(value) for name, value in told.items()} | {
+            values = {
+                name: value for name, value in values.items() if not name.startswith("latency")
+            }
+        return {name: float(value) for name, value in values.items()} | {
             "missed_share": own.missed_share
         }
 
@@ -89,9 +91,9 @@ def skews_of(part: Path) -> tuple[dict[str, Any], list[str]]:
 
     recording = open_run(part, digest=False)
     try:
-        found = {name: estimate.as_json() for name, estimate in skews(recording).items()}
-        process = {**recording.metadata.process, "acquisition": {"skew": found}}
-        told = replace(recording, metadata=replace(recording.metadata, process=process))
-        return found, skew_remark(told)
+        estimates = {name: estimate.as_json() for name, estimate in skews(recording).items()}
+        process = {**recording.metadata.process, "acquisition": {"skew": estimates}}
+        described = replace(recording, metadata=replace(recording.metadata, process=process))
+        return estimates, skew_remark(described)
     finally:
         close_recording(recording)

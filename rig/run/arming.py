@@ -73,11 +73,11 @@ def refuse_unarmed(arming: Arming) -> None:
     """Raise `ConfigurationError` for the first rule that is not met."""
     for rule in RULES:
         if not rule.is_met(arming):
-            found = arming.confirmation if rule.where == "--confirm" else None
+            typed = arming.confirmation if rule.where == "--confirm" else None
             raise ConfigurationError(
                 rule.what,
                 where=rule.where,
-                value=None if found is None else repr(found),
+                value=None if typed is None else repr(typed),
                 remedy=rule.remedy(arming),
             )
 

@@ -181,7 +181,7 @@ class BoundMaker:
         limit = (
             self.watch.torque_room * self.limits.value(lim.MOTOR_TORQUE) + self.watch.torque_offset
         )
-        found = [self.channels[name] for name in (TORQUE, DRIVE_TORQUE) if name in self.channels]
+        torques = [self.channels[name] for name in (TORQUE, DRIVE_TORQUE) if name in self.channels]
         cycles = self.watch.torque_cycles
         return [
             Bound(
@@ -192,7 +192,7 @@ class BoundMaker:
                 offset=c.offset,
                 consecutive=cycles,
             )
-            for c in found
+            for c in torques
         ]
 
     def travels(self, reference: Mapping[str, int]) -> list[Bound]:

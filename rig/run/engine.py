@@ -86,6 +86,7 @@ class Engine:
                 case Prompt():
                     yield from self._prompt(step)
                 case Motion():
+                    # Switching comes before the segment opens: an analysis must not find it inside.
                     yield from self._prepare(step)
                     if step.segment is not None:
                         self._open = (step.segment, self._machine.rows)
@@ -106,6 +107,7 @@ class Engine:
             until = () if leg.until is None else (bound_of(leg.until, m),)
             tally = torque if leg.averaged else ""
             end = yield Phase(mode, leg.cycles, leg.profile, until, tally)
+            # Out of cycles: the goal's own bound has not ended the leg.
             if leg.goal is not None and end.broken is None:
                 raise _overdue(type(step).__name__, leg.goal, m)
             channel = m.channels[INPUT_ANGLE]
@@ -127,6 +129,7 @@ class Engine:
             return
         label, start = self._open
         self._open = None
+        # A step that was stopped before its first cycle has left nothing to label.
         if self._machine.rows > start:
             self._journal.segment(label, start, self._machine.rows)
 
@@ -135,6 +138,7 @@ class Engine:
         m = self._machine
         answer = self._ask(prompt)
         while answer is None:
+            # The rig is not left alone while the operator thinks: every window is guarded and recorded.
             mode = Mode.SPEED if m.mode is Mode.SPEED else Mode.OFF
             yield Phase(mode, cycles_of(SWITCHING_TIME, m.period), Constant(m.setpoint))
             answer = self._ask(prompt)
@@ -164,6 +168,7 @@ class Engine:
         m = self._machine
         for _ in range(math.ceil(ENABLE_PATIENCE / SWITCHING_TIME)):
             yield Phase(mode, window, enabled=False)
+            # A rig that reports no state is taken at its word; the supervisor watches what it does.
             state = m.state
             if state is None or good(state):
                 return

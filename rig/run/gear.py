@@ -10,7 +10,7 @@ from rig.run.start import RunRequest
 
 
 def with_card(request: RunRequest, card: GearCard, *, parameters_given: bool = False) -> RunRequest:
-    """A run request with what the gear's card tells: part (unless a parameter file was named), load inertia, mounting,
+    """A run request with what the gear's card says: part (unless a parameter file was named), load inertia, mounting,
     conditions. Done twice it changes nothing more. Raises `ParameterError` for a part that cannot be read."""
     facts = dataclasses.replace(card.facts, part="") if parameters_given else card.facts
     return dataclasses.replace(
@@ -22,10 +22,10 @@ def with_card(request: RunRequest, card: GearCard, *, parameters_given: bool = F
 
 
 def card_checks(card: GearCard | None, serial: str) -> tuple[Check, ...]:
-    """A preflight's view of a card: is there one, is it confirmed, is anything unknown that results are told with."""
+    """A preflight's view of a card: is there one, is it confirmed, is anything unknown that results need."""
     if card is None:
-        told = f"nothing is known of gear {serial}" if serial.strip() else "no gear is named"
-        return (Check("gear card", "failed", told, "Fill in its card and confirm it."),)
+        text = f"nothing is known of gear {serial}" if serial.strip() else "no gear is named"
+        return (Check("gear card", "failed", text, "Fill in its card and confirm it."),)
     if not card.is_confirmed:
         return (
             Check(

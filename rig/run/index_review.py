@@ -44,7 +44,7 @@ SIDES = ((INPUT_ANGLE, INPUT_INDEX, 1), (OUTPUT_ANGLE, OUTPUT_INDEX, 2))
 class MarkState:
     """One encoder: latest count and latch (None: none yet), first latch by direction, marks
     compared, counts too many (+) or
-    lost (-) at the latest and at worst, the excess that was told last, marks beyond the limit in a row."""
+    lost (-) at the latest and at worst, the excess that was reported last, marks beyond the limit in a row."""
 
     count: int | None = None
     latched: int | None = None
@@ -52,7 +52,7 @@ class MarkState:
     marks: int = 0
     excess: int = 0
     worst: int = 0
-    told: int = 0
+    reported: int = 0
     beyond: int = 0
 
 
@@ -114,7 +114,7 @@ class IndexReview:
             direction = 0 if before is None else int(np.sign(int(counts[row]) - before))
             state = self._passed(replace(state, latched=int(latches[row])), direction, revolution)
             self._tell(state, channel, start + row, trips, notes)
-            state = replace(state, told=state.excess)
+            state = replace(state, reported=state.excess)
         return replace(state, count=int(counts[-1]))
 
     def _passes(
@@ -155,7 +155,7 @@ class IndexReview:
         trips: list[Trip],
         notes: list[tuple[str, str]],
     ) -> None:
-        if abs(state.excess - state.told) > self.watch.index_repeatability:
+        if abs(state.excess - state.reported) > self.watch.index_repeatability:
             what = "too many" if state.excess > 0 else "lost"
             text = (
                 f"{channel.name}: {abs(state.excess)} counts {what} at an index mark since the "

@@ -2,7 +2,7 @@
 
 Standstill is verified by the statusword *and* by both encoders over a window in which each of them
 was heard. Each action is a list of stages; a stage that is not obeyed in time leads to the next
-one, and every list ends with the servo off. Witnesses whose cyclic data stay away are asked one by
+one, and every list ends with the servo off. Observers whose cyclic data stay away are asked one by
 one in the end, and a drive that hears no process data is switched off by SDO.
 
     controlled stop   ramp down        -> quick stop -> servo off
@@ -22,8 +22,8 @@ from drivers.port import Mode
 from drivers.samples import SampleBlock
 from experiments.steps.profile import cycles_of, ramp
 from rig.run.direct_line import DirectLine
+from rig.run.observers import WORDS, Observers
 from rig.run.phases import Journal, Machine, Phase, PhaseRunner, Phases, Turn
-from rig.run.witnesses import WORDS, Witnesses
 
 
 class Action(Enum):
@@ -80,7 +80,7 @@ class MakeSafeReport:
     escalated: list[str] = field(default_factory=list)
     """The stages that were not seen to be obeyed."""
     silent: tuple[str, ...] = ()
-    """Witnesses that this rig has and that said nothing, neither in the cyclic data nor when they were asked."""
+    """Observers that this rig has and that said nothing, neither in the cyclic data nor when they were asked."""
 
     def as_json(self) -> dict[str, object]:
         """The report as the run file and `--json` keep it."""
@@ -117,7 +117,7 @@ class MakeSafe:
         self._patience = patience or Patience()
         self._line = line
         self._window = cycles_of(self._patience.window, machine.period)
-        self._witnesses = Witnesses(
+        self._observers = Observers(
             machine, ratio, self._window, self._patience.input_speed, self._patience.output_speed
         )
         self._start = machine.rows
@@ -137,28 +137,31 @@ class MakeSafe:
             stage = stages.pop(0)
             self.report.stages.append(stage.value)
             yield from _STAGES[stage](self)
-            if stage is not Stage.SERVO_OFF and not self._witnesses.moving():
+            if stage is not Stage.SERVO_OFF and not self._observers.moving():
                 # Obeyed: what is left is to take the power away.
                 self.report.stages.append(Stage.SERVO_OFF.value)
                 yield from self._servo_off()
+                # What is left of the list would only repeat the servo off that was just taken.
                 stages = stages if stages != [Stage.SERVO_OFF] else []
-            problem = self._witnesses.problem()
+            problem = self._observers.problem()
             if problem is None:
                 break
+            # Not seen to stand is not the same as moving; both are answered by the next stage.
             if stages:
                 self.report.escalated.append(stage.value)
                 text = f"{stage.value} was not seen to be obeyed ({problem}): going on with {stages[0].value}"
                 self._journal.event("error", "make-safe-escalated", "make-safe", text)
+        # Only now: asking takes SDOs, and nothing may delay what stops the rig.
         yield from self._inquire()
-        problem = self._witnesses.problem()
+        problem = self._observers.problem()
         self._finish(problem is None, problem or "")
 
     def _finish(self, safe: bool, problem: str = "") -> None:
         report = self.report
         report.safe, report.problem, report.rows = safe, problem, self._machine.rows - self._start
-        report.silent = self._witnesses.silent()
+        report.silent = self._observers.silent()
         if safe:
-            report.verified_by = self._witnesses.names()
+            report.verified_by = self._observers.names()
             text = f"{report.action.value}: standstill verified by {', '.join(report.verified_by)}"
             text += "".join(f"; the {WORDS[name]} is silent" for name in report.silent)
             self._journal.event(
@@ -170,7 +173,9 @@ class MakeSafe:
 
     def _ramp_down(self) -> Phases:
         m = self._machine
+        # Under torque control there is no speed set-point: a ramp from zero would be a jump for the drive.
         begin = m.setpoint if m.mode is Mode.SPEED else m.speed()
+        # A drive that is not in operation follows no ramp; what it does is for the next stage.
         if m.mode in (Mode.SPEED, Mode.TORQUE) and m.state in (None, DriveState.ENABLED):
             profile = ramp(begin, 0.0, self._deceleration, m.period)
             yield Phase(Mode.SPEED, max(profile.cycles, 1), profile, enabled=False)
@@ -178,6 +183,7 @@ class MakeSafe:
 
     def _quick_stop(self) -> Phases:
         needed = abs(self._machine.speed(cycles=20)) / self._deceleration
+        # Bounded: a speed that a slipped encoder has made up must not keep us from the next stage.
         yield from self._wait(Mode.QUICK_STOP, self._patience.quick_stop + 2.0 * min(needed, 60.0))
 
     def _servo_off(self) -> Phases:
@@ -186,14 +192,15 @@ class MakeSafe:
     def _wait(self, mode: Mode, patience: float, unpowered: bool = False) -> Phases:
         """Windows in `mode` until the rig stands (and has no power), or patience is over."""
         for _ in range(self._windows(patience)):
+            # The drive leaves operation here on purpose: its state is waited for, not guarded.
             yield Phase(mode, self._window, enabled=False)
-            if not self._witnesses.moving() and not (unpowered and self._witnesses.powered()):
+            if not self._observers.moving() and not (unpowered and self._observers.powered()):
                 return
 
     def _inquire(self) -> Phases:
-        """Ask the witnesses that were not heard, twice with a window between, until they say that the rig stands."""
-        witnesses, line = self._witnesses, self._line
-        unheard = witnesses.unheard()
+        """Ask the observers that were not heard, twice with a window between, until they say that the rig stands."""
+        observers, line = self._observers, self._line
+        unheard = observers.unheard()
         if line is None or not unheard or not self._machine.rows:
             return
         if STATUSWORD in unheard:
@@ -201,12 +208,13 @@ class MakeSafe:
             self.report.stages.append(f"{Stage.SERVO_OFF.value} by SDO")
             line.switch_off()
         for _ in range(self._windows(self._patience.servo_off)):
+            # Two answers a window apart: one count says where an encoder is, not that it stands.
             before = line.ask(unheard)
             if not before:
                 return
             yield Phase(Mode.OFF, self._window, enabled=False)
-            witnesses.hear(before, line.ask(unheard))
-            if witnesses.problem() is None:
+            observers.hear(before, line.ask(unheard))
+            if observers.problem() is None:
                 return
 
     def _windows(self, patience: float) -> int:

@@ -46,10 +46,10 @@ class Peaks:
     output_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     stale_run: int = 0
 
-    def with_values(self, found: Mapping[str, float]) -> Peaks:
+    def with_values(self, larger: Mapping[str, float]) -> Peaks:
         """The same with larger values taken in."""
         values = {**self.values}
-        for name, value in found.items():
+        for name, value in larger.items():
             values[name] = max(values.get(name, 0.0), value)
         return Peaks(values, self.input_tail, self.output_tail, self.stale_run)
 
@@ -71,7 +71,7 @@ class MarginWatch:
     def after(self, peaks: Peaks, block: SampleBlock) -> Peaks:
         """The peaks after a block."""
         good = (block.flags & 1) == 0
-        found: dict[str, float] = {}
+        values: dict[str, float] = {}
         inner, fastest = self._speed(INPUT_ANGLE, self.watch.speed_window, peaks.input_tail, block)
         outer, output = peaks.output_tail, None
         if self.geometry is not None:
@@ -79,14 +79,14 @@ class MarginWatch:
                 OUTPUT_ANGLE, self.watch.output_speed_window, peaks.output_tail, block
             )
         if fastest is not None:
-            found[lim.INPUT_SPEED] = fastest
+            values[lim.INPUT_SPEED] = fastest
         if output is not None and self.geometry is not None:
-            found[OUTPUT_SPEED] = output * self.geometry.ratio
+            values[OUTPUT_SPEED] = output * self.geometry.ratio
         if good.any():
-            found.update(self._values(block.counts[good]))
+            values.update(self._values(block.counts[good]))
         run, longest = _runs(~good, peaks.stale_run)
-        found[STALE] = float(longest)
-        return Peaks(peaks.values, inner, outer, run).with_values(found)
+        values[STALE] = float(longest)
+        return Peaks(peaks.values, inner, outer, run).with_values(values)
 
     def _speed(
         self, name: str, window: float, tail: NDArray[np.int64], block: SampleBlock
@@ -107,17 +107,17 @@ class MarginWatch:
         return moved[-lag:], fastest * self.channels[name].scale
 
     def _values(self, counts: NDArray[np.int64]) -> dict[str, float]:
-        found = {}
+        values = {}
         torque = TORQUE if TORQUE in self.column else DRIVE_TORQUE
         if torque in self.column:
-            found[lim.MOTOR_TORQUE] = float(
+            values[lim.MOTOR_TORQUE] = float(
                 np.abs(self.channels[torque].to_si(counts[:, self.column[torque]])).max()
             )
         if HOUSING_TEMPERATURE in self.column:
             heat = self.channels[HOUSING_TEMPERATURE].to_si(
                 counts[:, self.column[HOUSING_TEMPERATURE]]
             )
-            found[lim.HOUSING_TEMPERATURE] = float(heat.max())
+            values[lim.HOUSING_TEMPERATURE] = float(heat.max())
         for bound in self.bounds:
             if bound.cause in ("torsion_torque", "travel"):
                 total = bound.offset + sum(
@@ -125,19 +125,19 @@ class MarginWatch:
                 )
                 if bound.cause == "travel":
                     middle, half = 0.5 * (bound.low + bound.high), 0.5 * (bound.high - bound.low)
-                    found[TRAVEL] = float(np.abs(total - middle).max()) / half
+                    values[TRAVEL] = float(np.abs(total - middle).max()) / half
                 else:
-                    found[lim.TORSION_TORQUE] = float(np.abs(total).max())
-        return found
+                    values[lim.TORSION_TORQUE] = float(np.abs(total).max())
+        return values
 
-    def told(self, peaks: Peaks, following_patience: float) -> dict[str, dict[str, float]]:
+    def report(self, peaks: Peaks, following_patience: float) -> dict[str, dict[str, float]]:
         """Peak, limit and what was left of it (share) for every quantity that was watched."""
-        found = {}
+        values = {}
         for name, peak in sorted(peaks.values.items()):
             limit = self._limit(name, following_patience)
             if math.isfinite(limit) and limit > 0.0:
-                found[name] = {"peak": peak, "limit": limit, "margin": 1.0 - peak / limit}
-        return found
+                values[name] = {"peak": peak, "limit": limit, "margin": 1.0 - peak / limit}
+        return values
 
     def _limit(self, name: str, following_patience: float) -> float:
         own = {

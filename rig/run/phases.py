@@ -203,6 +203,7 @@ class PhaseRunner:
         if phase.tally:
             self._total += int(block.counts[complete, self._machine.column[phase.tally]].sum())
             self._samples += int(np.count_nonzero(complete))
+        # A trip ends the run, not the phase: make-safe leads from the next turn on.
         broken = block.broken if block.broken is not None and not block.broken.is_trip else None
         if broken is None and self._done_cycles < phase.cycles:
             return

@@ -172,9 +172,9 @@ def _calibration(name: str, due: str, today: date) -> Check:
     return Check("calibration", "ok", f"{name} due on {due}")
 
 
-def limits_check(wanted: DriveLimits, found: DriveLimits) -> Check:
+def limits_check(wanted: DriveLimits, present: DriveLimits) -> Check:
     """The drive's limits as they read back; a drive that holds others than were written must not be armed."""
-    written, read = asdict(wanted), asdict(found)
+    written, read = asdict(wanted), asdict(present)
     for name, value in written.items():
         if not abs(read[name] - value) <= READBACK_TOLERANCE * abs(value):
             raise LimitError(

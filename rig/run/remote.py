@@ -41,7 +41,7 @@ class RemoteOperator:
         self._stop, self._write, self._clock = stop, write, clock
         self._answers: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._asked: Prompt | None = None
-        self._told_ns: int | None = None
+        self._reported_ns: int | None = None
         self._is_gone = False
 
     def listen(self, lines: Iterable[str]) -> None:
@@ -95,9 +95,9 @@ class RemoteOperator:
     def on_progress(self, progress: Progress) -> None:
         """Tell progress, not more often than a window needs."""
         now = self._clock.monotonic_ns()
-        if self._told_ns is not None and now - self._told_ns < PROGRESS_INTERVAL * 1e9:
+        if self._reported_ns is not None and now - self._reported_ns < PROGRESS_INTERVAL * 1e9:
             return
-        self._told_ns = now
+        self._reported_ns = now
         self._tell("progress", asdict(progress))
 
     def report(self, report: RunReport) -> None:

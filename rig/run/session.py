@@ -177,13 +177,13 @@ class Session:
         standing = standing_checks(
             self._port.channels, counts, flags, self._planned.motor.rated_torque
         )
-        found = (*checks, *standing)
-        for check in found:
+        checks = (*checks, *standing)
+        for check in checks:
             level = {"ok": "info", "warning": "warning", "failed": "error"}[check.result]
             self._logbook.event(level, "preflight", "preflight", str(check))
         self._supervisor.begin(np.rint(counts.mean(axis=0)).astype(np.int64), self._machine.rows)
         try:
-            refuse_failed(found)
+            refuse_failed(checks)
         except RigError as error:
             self._end(Action.ZERO_TORQUE, "ERROR", str(error), "preflight")
 
@@ -198,7 +198,7 @@ class Session:
             if block is not None:
                 self._keep(block, turn)
                 self._supervisor.review(block, turn)
-                self._supervisor.explain(self._devices.told)
+                self._supervisor.explain(self._devices.latest_error)
                 for code, text in self._supervisor.state.notes:
                     self._logbook.event("warning", code, "supervisor", text)
             self._watch_space()
@@ -211,9 +211,9 @@ class Session:
         """Tell the watchdog that a turn has happened; if it has acted, it knew better."""
         watchdog.turned()
         if watchdog.acted:
-            found, allowed = watchdog.longest_pause * 1e3, watchdog.deadline * 1e3
+            pause, allowed = watchdog.longest_pause * 1e3, watchdog.deadline * 1e3
             self._supervisor.latch(
-                Trip(LATE_TURN, self._machine.rows, found, allowed, "ms without a turn")
+                Trip(LATE_TURN, self._machine.rows, pause, allowed, "ms without a turn")
             )
 
     def _watch_space(self) -> None:
@@ -270,6 +270,7 @@ class Session:
     def _advance(self, block: SampleBlock | None) -> Turn | None:
         """Who leads from here (plan or make-safe), and its next turn."""
         if self._change_leader():
+            # The block belongs to a phase of the leader before; the new one starts with none.
             block = None
         if self._make_safe is not None and self._silent >= 2 * EXCHANGE_ATTEMPTS:
             self._make_safe.give_up(GIVEN_UP)
@@ -289,6 +290,7 @@ class Session:
 
     def _change_leader(self) -> bool:
         """Hand over to make-safe, or to a harder action, when a trip, the recorder or the operator says so."""
+        # In the order of rank: a trip takes over from whatever goes on, the operator from the plan or a softer stop.
         trip, error = self._supervisor.state.trip, self._logbook.error
         if trip is not None and self._outcome not in ("TRIPPED", "ERROR"):
             self._end(trip.action, "TRIPPED", str(trip), trip.cause)
@@ -433,11 +435,11 @@ class Session:
 
     def _report(self, metrics: dict[str, float]) -> RunReport:
         logbook, supervisor = self._logbook, self._supervisor
-        made_safe = self._make_safe.report if self._make_safe else None
+        ending = self._make_safe.report if self._make_safe else None
         trip = supervisor.state.trip
-        if made_safe is not None and not made_safe.safe:
+        if ending is not None and not ending.safe:
             failure = Trip(
-                MAKE_SAFE_FAILED, self._machine.rows, math.nan, math.nan, detail=made_safe.problem
+                MAKE_SAFE_FAILED, self._machine.rows, math.nan, math.nan, detail=ending.problem
             )
             if self._outcome not in ("TRIPPED", "ERROR", "ABORTED"):
                 self._outcome, trip = "TRIPPED", failure
@@ -451,7 +453,7 @@ class Session:
             numbers = f"peak {margin['peak']:.4g}, limit {margin['limit']:.4g}, margin {100 * margin['margin']:.0f} %"
             logbook.event("info", "margin", "supervisor", f"{name}: {numbers}")
         metrics["missed_share"] = supervisor.state.missed_share
-        counted, figures = self._acquisition.kept(supervisor.acquisition())
+        counted, figures = self._acquisition.figures(supervisor.acquisition())
         metrics.update(counted)
         if trip is not None:
             self._latch_trip(trip)
@@ -466,7 +468,7 @@ class Session:
             rows=self._machine.rows,
             message=self._message,
             trip=trip,
-            make_safe=made_safe,
+            make_safe=ending,
             warnings=logbook.warnings,
             metrics=metrics,
             margins=margins,

@@ -76,10 +76,10 @@ def plan_request(request: RunRequest, experiment: Experiment | None = None) -> P
             limit=", ".join(MOUNTINGS),
         )
     values = dict(request.values)
-    known = {f.name for f in parameter_fields(experiment.parameters)}
+    names = {f.name for f in parameter_fields(experiment.parameters)}
     # What the rig already knows is not asked for twice: the protocol's own number is only for planning without a rig.
     for name, value in (("mounting", request.mounting), ("sync_rate", request.sample_rate)):
-        if name in known:
+        if name in names:
             values.setdefault(name, value)
     parameters = make_parameters(experiment.parameters, values, request.protocol)
     return plan_run(

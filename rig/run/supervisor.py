@@ -82,7 +82,7 @@ class WatchState:
     torque: TorqueState = field(default_factory=TorqueState)
     index: IndexState = NO_MARKS
     notes: tuple[tuple[str, str], ...] = ()
-    """What the latest review found worth an event: code and text."""
+    """What the latest review saw that is worth an event: code and text."""
     peaks: Peaks = field(default_factory=Peaks)
 
     @property
@@ -153,12 +153,12 @@ class Supervisor:
         return self.state.trip
 
     def latch(self, trip: Trip) -> None:
-        """Latch a trip that was found outside the blocks (bus, disk); an earlier one stays."""
+        """Latch a trip that was seen outside the blocks (bus, disk); an earlier one stays."""
         if self.state.trip is None:
             self.state = replace(self.state, trip=trip)
 
     def explain(self, text: str) -> None:
-        """What a device told about the latched trip, where the trip itself has no words for it."""
+        """What a device said of the latched trip, where the trip itself has no words for it."""
         trip = self.state.trip
         if trip is not None and text and not trip.detail and trip.cause in DEVICE_CAUSES:
             self.state = replace(self.state, trip=replace(trip, detail=text))
@@ -174,16 +174,16 @@ class Supervisor:
         trips: list[Trip] = []
         if block.broken is not None and block.broken.is_trip:
             trips.append(self._trip_of(block, block.broken, start))
-        state, found = self._cycles(state, block)
-        trips += found
-        state, found = self._flags(state, block, start)
-        trips += found
-        state, found = self._following(state, block, turn, start)
-        trips += found
-        state, found = self._torques(state, block, start)
-        trips += found
-        index, found, notes = self._index_review.reviewed(state.index, block, start)
-        state, trips = replace(state, index=index, notes=(*state.notes, *notes)), trips + found
+        state, new = self._cycles(state, block)
+        trips += new
+        state, new = self._flags(state, block, start)
+        trips += new
+        state, new = self._following(state, block, turn, start)
+        trips += new
+        state, new = self._torques(state, block, start)
+        trips += new
+        index, new, notes = self._index_review.reviewed(state.index, block, start)
+        state, trips = replace(state, index=index, notes=(*state.notes, *notes)), trips + new
         peaks = self._margins.after(state.peaks, block).with_values(self._shares(state))
         state = replace(state, peaks=peaks, rows=start + len(block))
         if state.trip is None and trips:
@@ -193,16 +193,16 @@ class Supervisor:
     def _shares(self, state: WatchState) -> dict[str, float]:
         """How far the review's own quantities have come."""
         length = max(1, round(self.watch.missed_window / self._period))
-        found = {
+        shares = {
             FOLLOWING: state.following_longest * self._period,
             MISSED: state.window_missed / max(state.window_rows, length),
             DIFFERENCE: state.torque.share,
         }
         if state.torque.hottest:
-            found[lim.RMS_TORQUE] = math.sqrt(state.torque.hottest) * self.limits.value(
+            shares[lim.RMS_TORQUE] = math.sqrt(state.torque.hottest) * self.limits.value(
                 lim.RMS_TORQUE
             )
-        return found
+        return shares
 
     def _si(self, block: SampleBlock, name: str) -> NDArray[np.float64]:
         return self._channels[name].to_si(block.counts[:, self._column[name]])
@@ -234,10 +234,10 @@ class Supervisor:
             carried = geometry.ratio * float(np.max(np.abs(recent)))
             if carried < 0.5 * abs(broken.value):
                 allowed = math.degrees(abs(broken.limit) / geometry.stiffness) * 60.0
-                found = math.degrees(broken.value / geometry.stiffness) * 60.0
+                twist = math.degrees(broken.value / geometry.stiffness) * 60.0
                 detail = f"the motor's torque accounts for at most {carried:.3g} N m of {abs(broken.value):.3g} N m"
                 return Trip(
-                    DISAGREEMENT, row, found, math.copysign(allowed, found), "arcmin", detail
+                    DISAGREEMENT, row, twist, math.copysign(allowed, twist), "arcmin", detail
                 )
         unit, factor = units.get(broken.cause, ("", 1.0))
         if broken.cause not in TRIPS:
@@ -394,35 +394,35 @@ class Supervisor:
         if TORQUE in self._column and DRIVE_TORQUE in self._column and state.trip is None:
             good = (block.flags & CycleFlag.INCOMPLETE) == 0
             drive = self._si(block, DRIVE_TORQUE)[good]
-            compared, found, notes = self._torque_review.compared(
+            compared, new, notes = self._torque_review.compared(
                 state.torque, torque[good], drive, start
             )
             state, trips = (
                 replace(state, torque=compared, notes=(*state.notes, *notes)),
-                trips + found,
+                trips + new,
             )
         return state, trips
 
     def acquisition(self) -> dict[str, object]:
-        """What the review found of the acquisition: counts at the index marks, and torque port against drive."""
-        found: dict[str, object] = {}
+        """What the review has seen of the acquisition: counts at the index marks, and torque port against drive."""
+        figures: dict[str, object] = {}
         if index := self._index_review.figures(self.state.index):
-            found["index_marks"] = index
+            figures["index_marks"] = index
         if agreement := self.state.torque.agreement.figures():
-            found["torque_port_against_drive"] = agreement
-        return found
+            figures["torque_port_against_drive"] = agreement
+        return figures
 
     def margins(self) -> dict[str, dict[str, float]]:
         """Peak, limit and what was left of it (share) for every quantity that was watched."""
-        return self._margins.told(self.state.peaks, self._following_patience)
+        return self._margins.report(self.state.peaks, self._following_patience)
 
     def smallest_margin(self) -> tuple[str, float]:
         """The limit that the run came nearest to, and the share of it that was left."""
-        found = self.margins()
-        if not found:
+        margins = self.margins()
+        if not margins:
             return "", 1.0
-        name = min(found, key=lambda n: found[n]["margin"])
-        return name, found[name]["margin"]
+        name = min(margins, key=lambda n: margins[n]["margin"])
+        return name, margins[name]["margin"]
 
 
 def _first_run(raised: NDArray[np.bool_], before: int, allowed: int) -> tuple[int | None, int, int]:

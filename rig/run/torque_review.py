@@ -32,7 +32,7 @@ class Agreement:
         if not len(port):
             return self
         more = (port.sum(), drive.sum(), drive @ drive, port @ drive, port @ port)
-        sums = tuple(before + float(found) for before, found in zip(self.sums, more, strict=True))
+        sums = tuple(before + float(term) for before, term in zip(self.sums, more, strict=True))
         return Agreement(
             self.cycles + len(port), sums, max(self.worst, float(np.abs(port - drive).max()))
         )
@@ -49,16 +49,16 @@ class Agreement:
         port, drive, squares, products, port_squares = (s / n for s in self.sums)
         spread, common = squares - drive**2, products - port * drive
         scatter = max((port_squares - port**2) - 2.0 * common + spread, 0.0)
-        found = {
+        figures = {
             "cycles": float(n),
             "offset": port - drive,
             "scatter": math.sqrt(scatter),
             "worst": self.worst,
         }
         return (
-            {**found, "slope": common / spread}
+            {**figures, "slope": common / spread}
             if spread > 9.0 * scatter and spread > 0.0
-            else found
+            else figures
         )
 
 
@@ -79,7 +79,7 @@ class TorqueState:
     agreement: Agreement = field(default_factory=Agreement)
 
 
-Found = tuple[TorqueState, list[Trip], tuple[tuple[str, str], ...]]
+Reviewed = tuple[TorqueState, list[Trip], tuple[tuple[str, str], ...]]
 """The state after a block, trips, and what is worth an event (code, text)."""
 
 
@@ -91,7 +91,7 @@ class TorqueReview:
     rating: float
     period: float
 
-    def heated(self, state: TorqueState, torque: FloatArray, start: int) -> Found:
+    def heated(self, state: TorqueState, torque: FloatArray, start: int) -> Reviewed:
         """Mean square of the torque (n,) with one time constant, against the rating."""
         heat = heat_integral(
             state.heat, np.square(torque / self.rating), self.period / self.watch.thermal_time
@@ -117,19 +117,19 @@ class TorqueReview:
 
     def compared(
         self, state: TorqueState, port: FloatArray, drive: FloatArray, start: int
-    ) -> Found:
+    ) -> Reviewed:
         """Port against drive (n,), r.m.s. over a window (an open line hums about zero): first an event, then a trip."""
         if not len(port):
             return state, [], ()
         state = replace(state, agreement=state.agreement.after(port, drive))
         rows = state.rows + len(port)
-        found = (
+        terms = (
             float(np.square(port - drive).sum()),
             float(np.square(drive).sum()),
             float(port.sum()),
             float(drive.sum()),
         )
-        sums = tuple(before + more for before, more in zip(state.sums, found, strict=True))
+        sums = tuple(before + more for before, more in zip(state.sums, terms, strict=True))
         if rows * self.period < self.watch.torque_difference_window:
             return replace(state, rows=rows, sums=sums), [], ()
         difference, reference = math.sqrt(sums[0] / rows), math.sqrt(sums[1] / rows)
@@ -159,12 +159,12 @@ def heat_integral(before: float, load: FloatArray, step: float) -> FloatArray:
     """The i2t integral of each cycle (n,), h[k] = e^-step h[k-1] + (1 - e^-step) load[k], whatever
     the length of the block.
     """
-    found = np.empty(len(load))
+    heat = np.empty(len(load))
     for begin in range(0, len(load), HEAT_PIECE):
         part = load[begin : begin + HEAT_PIECE]
         decay = np.exp(-step * np.arange(1, len(part) + 1))
-        found[begin : begin + len(part)] = decay * (
+        heat[begin : begin + len(part)] = decay * (
             before - math.expm1(-step) * np.cumsum(part / decay)
         )
-        before = float(found[begin + len(part) - 1])
-    return found
+        before = float(heat[begin + len(part) - 1])
+    return heat

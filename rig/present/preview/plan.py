@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.steps.course import Servo
-from experiments.steps.forecast import StepForecast
 from model.units import RPM
 from rig.bench import limits as lim
 from rig.bench.limits import Limit
@@ -48,6 +47,14 @@ class StepPeak:
     torque_uncertainty: float
     torsion: float
     torsion_uncertainty: float
+
+    @property
+    def predicted(self) -> dict[str, tuple[float, float]]:
+        """Value and uncertainty of each limited quantity that is predicted step by step."""
+        return {
+            lim.MOTOR_TORQUE: (self.torque, self.torque_uncertainty),
+            lim.TORSION_TORQUE: (self.torsion, self.torsion_uncertainty),
+        }
 
 
 @dataclass(frozen=True)
@@ -173,7 +180,9 @@ def preview_plan(planned: PlannedRun) -> PlanPreview:
     peaks = tuple(
         _peaks(planned, model, output, course, (torque, speed, acceleration, step), shaking)
     )
-    margins = tuple(_margins(planned, peaks, course, torque, time))
+    margins = tuple(
+        _predicted(margin, peaks, torque, time, course.duration) for margin in planned.margins
+    )
     highest = max(float(np.max(np.abs(speed), initial=0.0)), 10.0 * RPM)
     curve_speed = np.geomspace(min(1.0 * RPM, 0.1 * highest), highest, 121)
     return PlanPreview(
@@ -291,9 +300,8 @@ def _peaks(
         else 0.0
     )
     ripple_doubt = output.ripple_doubt() if output else 0.0
-    by_index: dict[int, StepForecast] = {forecast.index: forecast for forecast in planned.steps}
     for row in range(len(ends)):
-        forecast = by_index[int(step[first[row]])]
+        forecast = planned.steps[int(step[first[row]])]
         wound = planned.load.ratio * forecast.torque
         turning = max(planned.load.gear_torque(float(sharpest[row])), float(shaken[row]))
         spread = (
@@ -318,23 +326,11 @@ def _peaks(
 
 
 def _at_largest(values: FloatArray, first: IntArray) -> IntArray:
-    """Rows of the largest value of each stretch that begins at `first`."""
+    """Rows of the largest value of each section that begins at `first`."""
     ends = np.append(first[1:], len(values))
     return np.array(
         [start + int(np.argmax(values[start:end])) for start, end in zip(first, ends, strict=True)]
     )
-
-
-def _margins(
-    planned: PlannedRun,
-    peaks: tuple[StepPeak, ...],
-    course: Timeline,
-    torque: PredictedTorque,
-    time: FloatArray,
-) -> Iterator[PredictedMargin]:
-    """The margins of the plan, torques as predicted."""
-    for margin in planned.margins:
-        yield _predicted(margin, peaks, torque, time, course.duration)
 
 
 def _predicted(
@@ -344,13 +340,10 @@ def _predicted(
     time: FloatArray,
     duration: float,
 ) -> PredictedMargin:
-    of = {
-        lim.MOTOR_TORQUE: lambda peak: (peak.torque, peak.torque_uncertainty),
-        lim.TORSION_TORQUE: lambda peak: (peak.torsion, peak.torsion_uncertainty),
-    }.get(margin.quantity)
-    if of is not None and peaks:
-        worst = max(peaks, key=lambda peak: sum(of(peak)))
-        return PredictedMargin(margin.quantity, *of(worst), worst.where, margin.limit)
+    name = margin.quantity
+    if peaks and name in peaks[0].predicted:
+        worst = max(peaks, key=lambda peak: sum(peak.predicted[name]))
+        return PredictedMargin(name, *worst.predicted[name], worst.where, margin.limit)
     if margin.quantity == lim.RMS_TORQUE and duration > 0.0:
         mean = math.sqrt(_integral(torque.value**2, time) / duration)
         # The same parameters are wrong throughout: their doubts add up as they stand.
@@ -377,7 +370,8 @@ def _warnings(
     for margin in margins:
         if not margin.touches:
             continue
-        touching = [peak for peak in peaks if _touches(peak, margin)]
+        reached = margin.limit.value
+        touching = [p for p in peaks if sum(p.predicted.get(margin.quantity, ())) >= reached]
         index = next((peak.index for peak in touching if peak.where == margin.where), None)
         others = len(touching) - 1
         more = (
@@ -395,14 +389,6 @@ def _warnings(
             f"the input may not begin to turn in {first.where}: predicted starting torque {1e3 * value:.0f} ± "
             f"{1e3 * doubt:.0f} mN m, the ramp ends at {1e3 * first.torque:.0f} mN m",
         )
-
-
-def _touches(peak: StepPeak, margin: PredictedMargin) -> bool:
-    found = {
-        lim.MOTOR_TORQUE: peak.torque + peak.torque_uncertainty,
-        lim.TORSION_TORQUE: peak.torsion + peak.torsion_uncertainty,
-    }.get(margin.quantity, 0.0)
-    return found >= margin.limit.value
 
 
 def _sentence(margin: PredictedMargin) -> str:

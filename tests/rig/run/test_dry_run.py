@@ -123,6 +123,7 @@ def test_a_plan_that_would_break_a_limit_is_refused(
         ((MoveToAngle(0.0, 0.0, 10.0, 5.0),), "needs a speed"),
         ((MoveRevolutions(100.0, 1.0, 10.0, 5.0),), "longer than its own limit"),
         ((TorqueRamp(0.0, 0.1, 0.1),), "needs a rate"),
+        ((FindIndex("motor", 1.0, 5.0),), "index marks"),
     ],
 )
 def test_an_impossible_plan_is_refused_with_its_step(steps: tuple[Step, ...], words: str) -> None:

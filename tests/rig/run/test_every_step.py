@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
+import pkgutil
 import typing
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +13,10 @@ import numpy as np
 import pytest
 
 from drivers.clock import VirtualClock
+from experiments import steps
 from experiments.errors import PlanError
 from experiments.steps.course import Servo
-from experiments.steps.kind import Motion
+from experiments.steps.kind import Instant, Motion
 from experiments.steps.vocabulary import (
     FindIndex,
     HoldRevolutions,
@@ -109,7 +113,17 @@ def simulated(
     return run, execute(order, lambda *_: run, stop=stop, on_progress=press)
 
 
-def test_every_kind_of_the_vocabulary_is_walked_here() -> None:
+def kinds_of(root: type) -> set[type]:
+    """The kinds of steps below a root, wherever in their package they stand."""
+    below = {root for root in root.__subclasses__() if root.__module__.startswith(steps.__name__)}
+    deeper = set[type]().union(*map(kinds_of, below))
+    return {kind for kind in below | deeper if not inspect.isabstract(kind)}
+
+
+def test_every_kind_is_in_the_vocabulary_and_is_walked_here() -> None:
+    for module in pkgutil.iter_modules(steps.__path__):
+        importlib.import_module(f"{steps.__name__}.{module.name}")
+    assert set(typing.get_args(Step)) == kinds_of(Motion) | kinds_of(Instant)
     assert [type(sample.step) for sample in SAMPLES] == list(typing.get_args(Step))
 
 

@@ -68,7 +68,7 @@ def nothing(rig: FakeRig) -> None:
 
 @pytest.mark.parametrize("action", list(Action))
 @pytest.mark.parametrize("speed", [0.0, 30.0, -30.0])
-def test_a_drive_that_obeys_stands_verified_by_three_witnesses(
+def test_a_drive_that_obeys_stands_verified_by_three_observers(
     action: Action, speed: float
 ) -> None:
     rig, report, notes = made_safe(action, nothing, speed)
@@ -200,7 +200,7 @@ def flagged(flags: int) -> Callable[[FakeRig], None]:
     return change
 
 
-def test_a_node_that_is_no_witness_may_be_silent() -> None:
+def test_a_node_that_is_no_observer_may_be_silent() -> None:
     _, report, _ = made_safe(Action.QUICK_STOP, flagged(INCOMPLETE | CycleFlag.STALE_TORQUE))
     assert report.safe
     assert report.verified_by == ("statusword", "input_angle", "output_angle")
@@ -290,7 +290,7 @@ def test_every_list_of_stages_ends_without_power() -> None:
     assert all(stages[-1] is Stage.SERVO_OFF for stages in STAGES.values())
 
 
-def test_without_a_gear_the_output_is_no_witness() -> None:
+def test_without_a_gear_the_output_is_no_observer() -> None:
     rig, notes = FakeRig(), Notes()
     rig.open()
     machine = Machine(rig.channels, rig.cycle_ns)

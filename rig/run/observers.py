@@ -19,8 +19,8 @@ WORDS = {STATUSWORD: "statusword", INPUT_ANGLE: "input encoder", OUTPUT_ANGLE: "
 
 
 @dataclass
-class Witnesses:
-    """The witnesses of one rig over windows of `window` cycles. Speeds in rad/s; `ratio` NaN: no gear is mounted."""
+class Observers:
+    """The observers of one rig over windows of `window` cycles. Speeds in rad/s; `ratio` NaN: no gear is mounted."""
 
     machine: Machine
     ratio: float
@@ -32,15 +32,13 @@ class Witnesses:
 
     @property
     def wanted(self) -> tuple[str, ...]:
-        """The witnesses that this rig has."""
+        """The observers that this rig has."""
         m = self.machine
-        found = [STATUSWORD] if m.has(STATUSWORD) else []
-        found.append(INPUT_ANGLE)
-        return (
-            (*found, OUTPUT_ANGLE)
-            if m.has(OUTPUT_ANGLE) and math.isfinite(self.ratio)
-            else tuple(found)
-        )
+        observers = [STATUSWORD] if m.has(STATUSWORD) else []
+        observers.append(INPUT_ANGLE)
+        if m.has(OUTPUT_ANGLE) and math.isfinite(self.ratio):
+            observers.append(OUTPUT_ANGLE)
+        return tuple(observers)
 
     def unheard(self) -> tuple[str, ...]:
         """Those whose cyclic data did not arrive in every cycle of the latest window."""
@@ -99,7 +97,7 @@ class Witnesses:
         )
 
     def hear(self, before: Mapping[str, int], after: Mapping[str, int]) -> None:
-        """Take the answers of silent witnesses, asked twice with a window between."""
+        """Take the answers of silent observers, asked twice with a window between."""
         self.asked = {
             name: count if name == STATUSWORD else self._moved(name, before[name], count)
             for name, count in after.items()
