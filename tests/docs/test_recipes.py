@@ -42,7 +42,7 @@ def printed_module(page: str, folder: Path) -> ModuleType:
 def printed_entry(page: str) -> catalogue.Entry:
     """The line of the catalogue that a page prints."""
     text = (HOWTO / f"{page}.md").read_text(encoding="utf-8")
-    found = re.search(r"^( *)(Entry\(\n.*?^\1\)),$", text, re.DOTALL | re.MULTILINE)
+    found = re.search(r"^( *)(Entry\(\n.*?^\1\))$", text, re.DOTALL | re.MULTILINE)
     assert found, page
     call = ast.parse(found[2].strip(), mode="eval").body
     assert isinstance(call, ast.Call)
