@@ -15,7 +15,7 @@ from rig.window.review.errand import Errand
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column
+from rig.window.shell.stack import in_column, text_label
 
 COLUMNS = ("#", "kind of fit", "made", "verdict", "tare", "program", "file")
 Opener = Callable[[QUrl], object]
@@ -46,9 +46,7 @@ class RunFilesView(QWidget):
         self.table.activated.connect(
             lambda index: self.analysis_chosen.emit(self._analyses[index.row()])
         )
-        self.says = QLabel()
-        self.says.setProperty("part", "muted")
-        self.says.setWordWrap(True)
+        self.says = text_label("", "muted", wraps=True)
         self._errand = Errand(self)
         self._errand.done.connect(self._show_findings)
         self._errand.failed.connect(self.findings.setText)
