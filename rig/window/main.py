@@ -23,7 +23,6 @@ from PySide6.QtWidgets import (
     QFrame,
     QLabel,
     QMainWindow,
-    QPushButton,
     QStackedWidget,
     QWidget,
 )
@@ -34,7 +33,7 @@ from rig.window.review.page import ReviewPage
 from rig.window.run.page import RunPage
 from rig.window.shell.collector import collector_in_this_thread
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.shell.theme import apply_theme, theme_named
 from rig.window.work.prepared import PreparedRun
 
@@ -90,35 +89,30 @@ class MainWindow(QMainWindow):
         row = in_row(margins=(8, 0, 12, 0), spacing=0)
         bar.setLayout(row)
         for index, name in enumerate(PAGES):
-            button = QPushButton(name.capitalize())
+            button = push_button(
+                name.capitalize(), "nav", act=lambda _, name=name: self.show_page(name)
+            )
             button.setCheckable(True)
             button.setAccessibleName(name.capitalize())
-            button.setProperty("part", "nav")
             if name == "run":
                 button.setStyleSheet("min-width: 210px;")
             button.setToolTip(f"{name.capitalize()} (Ctrl+{index + 1})")
-            button.clicked.connect(lambda _, name=name: self.show_page(name))
             self._buttons.addButton(button, index)
             row.addWidget(button)
             shortcut = QShortcut(QKeySequence(f"Ctrl+{index + 1}"), self)
             shortcut.activated.connect(lambda name=name: self.show_page(name))
         row.addStretch(1)
-        self.stop = QPushButton("STOP")
+        self.stop = push_button("STOP", tip="Controlled ramp to standstill (Esc)")
         self.stop.setObjectName("small-stop")
-        self.stop.setToolTip("Controlled ramp to standstill (Esc)")
         self.stop.pressed.connect(self.run.stop)
         self.stop.hide()
         row.addWidget(self.stop)
-        self._where = QLabel()
-        self._where.setProperty("part", "muted")
+        self._where = text_label("", "muted")
         row.addWidget(self._where)
-        theme = QPushButton("◐")
-        theme.setProperty("part", "nav")
+        theme = push_button("◐", "nav", tip="Light or dark (Ctrl+T)", act=self.switch_theme)
         theme.setStyleSheet("min-width: 24px;")
-        theme.setToolTip("Light or dark (Ctrl+T)")
         theme.setAccessibleName("Light or dark")
         theme.setShortcut(QKeySequence("Ctrl+T"))
-        theme.clicked.connect(self.switch_theme)
         row.addWidget(theme)
         self._where.setText(f"rig: {self.session.backend}   runs: {self.session.folder}")
         return bar

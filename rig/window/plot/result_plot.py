@@ -16,14 +16,14 @@ import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QTextDocument
-from PySide6.QtWidgets import QLabel, QListWidget, QListWidgetItem, QWidget
+from PySide6.QtWidgets import QListWidget, QListWidgetItem, QWidget
 
 from experiments.result import Plot, Series
 from rig.present.decimate import scatter_rows
 from rig.window.plot.plots import Curve, CurveStyle, LabPlot
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, split
+from rig.window.shell.stack import in_column, split, text_label
 
 CROWDED_POINTS = 120
 """More points than this are drawn small."""
@@ -214,10 +214,8 @@ class PlotGallery(QWidget):
         self.titles.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.titles.setAccessibleName("Figures")
         self.plot = ResultPlot(session)
-        self.note = QLabel()
-        self.note.setProperty("part", "muted")
+        self.note = text_label("", "muted", wraps=True)
         self.note.setContentsMargins(6, 0, 6, 0)
-        self.note.setWordWrap(True)
         right = QWidget()
         right.setLayout(in_column((self.plot, 1), self.note, margins=(0, 0, 0, 0), spacing=3))
         both = split(self.titles, (right, 1), sizes=[170, 700])

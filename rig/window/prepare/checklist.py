@@ -11,6 +11,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QLabel, QSizePolicy, QWidget
 
 from rig.run.preflight import Check
+from rig.window.shell.stack import text_label
 
 SIGNS = {"ok": ("✓ ok", "good"), "warning": ("! warning", "warning"), "failed": ("✗ failed", "bad")}
 """Result of a check: how it is shown, and the part of the style sheet that colours it."""
@@ -91,15 +92,14 @@ class Checklist(QWidget):
         box.setToolTip("Seen and accepted" if box.isEnabled() else "Has to be put right first")
         box.toggled.connect(lambda on, check=check: self._tick(check, on))
         words, part = SIGNS[check.result]
-        sign = QLabel(words)
-        sign.setProperty("part", part)
-        text = QLabel(
+        sign = text_label(words, part)
+        text = text_label(
             check.evidence
-            + (f"\n→ {check.remedy}" if check.remedy and check.result != "ok" else "")
+            + (f"\n→ {check.remedy}" if check.remedy and check.result != "ok" else ""),
+            wraps=True,
+            plain=True,
+            selectable=True,
         )
-        text.setWordWrap(True)
-        text.setTextFormat(Qt.TextFormat.PlainText)
-        text.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         text.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         text.setMinimumSize(1, 1)
         for column, widget in enumerate((box, sign, QLabel(check.name))):

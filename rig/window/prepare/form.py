@@ -19,6 +19,7 @@ from experiments.errors import ExperimentError, PlanError
 from experiments.parameters import ParameterField
 from rig.analysis.wording import pretty
 from rig.window.prepare.request import heading
+from rig.window.shell.stack import text_label
 
 Checker = Callable[[str, Any], None]
 """Raises `PlanError` for a value of a field that the model refuses."""
@@ -57,11 +58,8 @@ class FieldRow(QObject):
         self.field, self.choices, self.suggestions = field, choices, suggestions
         self._optional = optional or field.optional
         self.label = QLabel(heading(field.name))
-        self.unit = QLabel(printed(field.unit) if field.unit != "1" else "")
-        self.note = QLabel()
-        self.note.setWordWrap(True)
-        self.note.setTextFormat(Qt.TextFormat.PlainText)
-        self.unit.setProperty("part", "muted")
+        self.unit = text_label(printed(field.unit) if field.unit != "1" else "", "muted")
+        self.note = text_label(wraps=True, plain=True)
         self.editor = self._new_editor()
         self.editor.setObjectName(field.name)
         self.editor.setAccessibleName(f"{self.label.text()} {self.unit.text()}".strip())

@@ -30,7 +30,7 @@ from rig.gears.card import (
 from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.preview_plot import restyled, short_name
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, push_button
 
 NEW_GEAR = "another gear …"
 
@@ -64,11 +64,9 @@ class GearSection(QWidget):
         self.details_button = QPushButton("Card d&etails")
         self.details_button.setCheckable(True)
         self.details_button.toggled.connect(self._show_details)
-        self.confirm_button = QPushButton("&Confirm this card")
-        self.confirm_button.clicked.connect(self.confirm)
-        self.revert_button = QPushButton("&Undo changes")
-        self.revert_button.clicked.connect(
-            lambda: self.choose(self._stored.serial if self._stored else "")
+        self.confirm_button = push_button("&Confirm this card", act=self.confirm)
+        self.revert_button = push_button(
+            "&Undo changes", act=lambda: self.choose(self._stored.serial if self._stored else "")
         )
         self.form.changed.connect(self._show_status)
         self.form.changed.connect(self.changed)

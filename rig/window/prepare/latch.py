@@ -4,12 +4,12 @@ acknowledgement by name.
 
 from __future__ import annotations
 
+
 from PySide6.QtCore import Qt
+from pathlib import Path
 from PySide6.QtWidgets import (
     QDialog,
-    QLabel,
     QLineEdit,
-    QPushButton,
     QWidget,
 )
 
@@ -18,7 +18,7 @@ from rig.gears.card import now_text
 from rig.run.latch import LatchedTrip, TripLatch
 from rig.run.trips import rule_of
 from rig.window.prepare.preview_plot import restyled, short_name
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, push_button, text_label
 
 
 class AcknowledgeDialog(QDialog):
@@ -30,26 +30,25 @@ class AcknowledgeDialog(QDialog):
         self.resize(560, 220)
         self._latch, self._operator = latch, operator
         trip = self._latch.read()
-        self.what = QLabel(
-            trip_in_words(trip) if trip is not None else "No trip is latched any more."
+        self.what = text_label(
+            trip_in_words(trip) if trip is not None else "No trip is latched any more.",
+            wraps=True,
+            plain=True,
         )
-        self.what.setWordWrap(True)
-        self.what.setTextFormat(Qt.TextFormat.PlainText)
         self.remark = QLineEdit()
         self.remark.setPlaceholderText("what was found and done; kept with your name")
         self.remark.setAccessibleName("What was found and done")
         self.remark.textChanged.connect(
             lambda text: self.accept_button.setEnabled(bool(text.strip()) and trip is not None)
         )
-        self.problem = QLabel()
-        self.problem.setWordWrap(True)
+        self.problem = text_label(wraps=True)
         self.problem.hide()
-        self.accept_button = QPushButton(f"&Acknowledge as {short_name(operator)}")
+        self.accept_button = push_button(
+            f"&Acknowledge as {short_name(operator)}", act=self.acknowledge
+        )
         self.accept_button.setEnabled(False)
-        self.accept_button.clicked.connect(self.acknowledge)
-        later = QPushButton("&Not yet")
+        later = push_button("&Not yet", act=self.reject)
         later.setDefault(True)
-        later.clicked.connect(self.reject)
         row = in_row((None, 1), self.accept_button, later)
         self.setLayout(in_column(self.what, self.remark, self.problem, (None, 1), row))
         self.remark.setFocus()

@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
     QLabel,
     QLineEdit,
     QPushButton,
-    QScrollArea,
     QWidget,
 )
 
@@ -52,7 +51,7 @@ from rig.window.prepare.request import (
     write_parameters,
 )
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, split
+from rig.window.shell.stack import in_column, in_row, split, scrolled, text_label
 from rig.window.work.background import BackgroundCommand, LatestTask, json_object
 from rig.window.work.prepared import PreparedRun
 
@@ -119,10 +118,8 @@ class PreparePage(QWidget):
         inner = QWidget()
         label = QLabel("&Name")
         label.setBuddy(self.operator)
-        row = in_row(label, (self.operator, 1))
         holder = QWidget()
-        holder.setLayout(row)
-        row.setContentsMargins(0, 0, 0, 0)
+        holder.setLayout(in_row(label, (self.operator, 1), margins=(0, 0, 0, 0)))
         self.gear_card = _card("2  Gear", self.gear)
         inner.setLayout(
             in_column(
@@ -134,7 +131,7 @@ class PreparePage(QWidget):
                 spacing=8,
             )
         )
-        scroll = self._scroll = _scrolled(inner)
+        scroll = self._scroll = scrolled(inner)
         scroll.setMinimumWidth(380)
         whole = split(scroll, (self._right_side(), 1), sizes=[440, 900])
         self.setLayout(in_column((whole, 1), margins=(0, 0, 0, 0)))
@@ -145,8 +142,7 @@ class PreparePage(QWidget):
             in_column(self.summary, self.refusal, (self.plots, 1), margins=(8, 8, 8, 4))
         )
         checks = QWidget()
-        title = QLabel("4  Pre-flight")
-        title.setProperty("part", "heading")
+        title = text_label("4  Pre-flight", "heading")
         # The one whose words change stands first, so that no other moves under the mouse.
         head = in_row(
             title,
@@ -157,10 +153,9 @@ class PreparePage(QWidget):
             self.doctor_button,
         )
         checks.setLayout(
-            in_column(head, (_scrolled(self.checklist), 1), self._start_row(), margins=(8, 4, 8, 8))
+            in_column(head, (scrolled(self.checklist), 1), self._start_row(), margins=(8, 4, 8, 8))
         )
-        both = split((preview, 3), (checks, 2), sizes=[420, 260], way=Qt.Orientation.Vertical)
-        return both
+        return split((preview, 3), (checks, 2), sizes=[420, 260], way=Qt.Orientation.Vertical)
 
     def _start_row(self) -> QHBoxLayout:
         self.waiting.setWordWrap(True)
@@ -170,8 +165,7 @@ class PreparePage(QWidget):
         self.confirmation.setVisible(self._session.is_hardware)
         self.start_button.setProperty("part", "primary")
         self.start_button.setMinimumHeight(36)
-        row = in_row((self.waiting, 1), self.confirmation, self.start_button)
-        return row
+        return in_row((self.waiting, 1), self.confirmation, self.start_button)
 
     def _connect(self) -> None:
         self.operator.textChanged.connect(self.gear.set_operator)
@@ -411,16 +405,6 @@ class PreparePage(QWidget):
 def _card(title: str, content: QWidget) -> QFrame:
     frame = QFrame()
     frame.setProperty("part", "card")
-    heading = QLabel(title)
-    heading.setProperty("part", "heading")
+    heading = text_label(title, "heading")
     frame.setLayout(in_column(heading, content, margins=(12, 8, 12, 10)))
     return frame
-
-
-def _scrolled(inner: QWidget) -> QScrollArea:
-    area = QScrollArea()
-    area.setWidgetResizable(True)
-    area.setFrameShape(QFrame.Shape.NoFrame)
-    area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-    area.setWidget(inner)
-    return area

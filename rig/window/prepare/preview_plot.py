@@ -13,7 +13,6 @@ from PySide6.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
     QLabel,
-    QSplitter,
     QTableWidget,
     QTableWidgetItem,
     QTabWidget,
@@ -26,7 +25,7 @@ from rig.present.preview.figures import figures_of
 from rig.present.preview.plan import PlanPreview, PredictedMargin, percent
 from rig.window.plot.plots import LabPlot
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column
+from rig.window.shell.stack import in_column, split, text_label
 
 FIGURES = {
     "speed": ("Input speed", "nominal time [s]", "speed [r/min]"),
@@ -134,10 +133,7 @@ def log_ticks(low: float, high: float) -> list[list[tuple[float, str]]]:
 
 def _stacked(*plots: LabPlot) -> QWidget:
     page = QWidget()
-    both = QSplitter(Qt.Orientation.Vertical)
-    both.setChildrenCollapsible(False)
-    for plot in plots:
-        both.addWidget(plot)
+    both = split(*plots, way=Qt.Orientation.Vertical)
     page.setLayout(in_column(both, margins=(4, 4, 4, 4)))
     return page
 
@@ -171,8 +167,7 @@ def summary(preview: PlanPreview) -> str:
 
 def summary_label() -> QLabel:
     """The line that `summary` is shown in."""
-    label = QLabel()
-    label.setWordWrap(True)
+    label = text_label(wraps=True)
     return label
 
 

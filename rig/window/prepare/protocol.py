@@ -5,14 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from experiments import catalogue
 from experiments.parameters import make_parameters, parameter_fields
 from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.request import KNOWN_BY_THE_RIG
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, push_button, text_label
 
 
 class ProtocolSection(QWidget):
@@ -28,12 +28,12 @@ class ProtocolSection(QWidget):
         self.choice.setAccessibleName("Protocol")
         for name in catalogue.names():
             self.choice.addItem(name, name)
-        self.summary = QLabel()
-        self.summary.setWordWrap(True)
-        self.summary.setProperty("part", "muted")
-        self.defaults_button = QPushButton("&Defaults")
-        self.defaults_button.setToolTip("Put every parameter back to its default")
-        self.defaults_button.clicked.connect(lambda: self.form.set_values({}))
+        self.summary = text_label("", "muted", wraps=True)
+        self.defaults_button = push_button(
+            "&Defaults",
+            tip="Put every parameter back to its default",
+            act=lambda: self.form.set_values({}),
+        )
         self._place = QVBoxLayout()
         self.form = ParameterForm((), lambda name, value: None)
         self._lay_out()

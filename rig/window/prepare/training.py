@@ -13,12 +13,11 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QListWidget,
     QListWidgetItem,
-    QPushButton,
     QWidget,
 )
 
 from rig.window.prepare.preview_plot import restyled
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.background import BackgroundCommand, json_object
 
 
@@ -42,19 +41,16 @@ class TrainingDialog(QDialog):
             label.setWordWrap(True)
             label.setTextFormat(Qt.TextFormat.PlainText)
         self.verdict.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.run_button = QPushButton("&Run this drill")
-        self.run_button.setProperty("part", "primary")
+        self.run_button = push_button("&Run this drill", "primary", act=self.run)
         self.run_button.setDefault(True)
-        self.run_button.clicked.connect(self.run)
-        close = QPushButton("C&lose")
-        close.clicked.connect(self.reject)
+        close = push_button("C&lose", act=self.reject)
         self._drill: BackgroundCommand | None = None
-        explained = QLabel(
+        explained = text_label(
             "Something goes wrong on a simulated rig of its own; the program has to notice, "
             "make the rig safe and keep the file. "
-            "What would you do at the rig? Decide first, then look."
+            "What would you do at the rig? Decide first, then look.",
+            wraps=True,
         )
-        explained.setWordWrap(True)
         row = in_row((None, 1), self.run_button, close)
         self.setLayout(in_column(explained, self.search, self.drills, self.what, self.verdict, row))
         self._fill()

@@ -15,9 +15,7 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHBoxLayout,
     QHeaderView,
-    QLabel,
     QLineEdit,
-    QPushButton,
     QTableView,
     QWidget,
 )
@@ -34,7 +32,7 @@ from rig.window.review.table_model import (
 )
 from rig.window.review.table_source import LibrarySource
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column
+from rig.window.shell.stack import in_column, in_row, push_button, text_label
 
 CHOSEN_PAUSE_MS = 120
 """ms that the selection must rest before the run is opened: arrow keys run through the table
@@ -166,13 +164,9 @@ class LibraryTable(QWidget):
         self.filtered.setSourceModel(self.model)
         self.filters = FilterBar(today)
         self.table = _table(self.filtered)
-        self.count = QLabel()
-        self.count.setProperty("part", "muted")
-        self.count.setWordWrap(True)
+        self.count = text_label("", "muted", wraps=True)
         self.count.setText("Reading the runs …")
-        self.says = QLabel()
-        self.says.setWordWrap(True)
-        self.says.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.says = text_label(wraps=True, selectable=True)
         self.says.hide()
         self._pause = QTimer(self)
         self._pause.setSingleShot(True)
@@ -208,24 +202,23 @@ class LibraryTable(QWidget):
         self._selection_changed()
 
     def _actions(self) -> QHBoxLayout:
-        row = QHBoxLayout()
-        row.setSpacing(5)
         self.buttons = {
-            "overlay": _button(
-                "O&verlay", "Draw the figures of two or more chosen runs over each other"
+            "overlay": push_button(
+                "O&verlay", tip="Draw the figures of two or more chosen runs over each other"
             ),
-            "difference": _button(
-                "&Difference", "What differs between two chosen runs, and only that"
+            "difference": push_button(
+                "&Difference", tip="What differs between two chosen runs, and only that"
             ),
-            "passport": _button(
+            "passport": push_button(
                 "Pass&port",
-                "The chosen run's gear over time, and its report; needs a serial number",
+                tip="The chosen run's gear over time, and its report; needs a serial number",
             ),
-            "report": _button(
-                "Repor&t", "Write the report of the chosen runs as a web page (HTML) and open it"
+            "report": push_button(
+                "Repor&t",
+                tip="Write the report of the chosen runs as a web page (HTML) and open it",
             ),
-            "pdf": _button(
-                "PD&F", "Write the report of the chosen runs for paper (PDF) and open it"
+            "pdf": push_button(
+                "PD&F", tip="Write the report of the chosen runs for paper (PDF) and open it"
             ),
         }
         acts: dict[str, Callable[[], None]] = {
@@ -237,8 +230,7 @@ class LibraryTable(QWidget):
         }
         for name, button in self.buttons.items():
             button.clicked.connect(lambda _=False, act=acts[name]: act())
-            row.addWidget(button)
-        return row
+        return in_row(*self.buttons.values(), spacing=5)
 
     @property
     def selected(self) -> list[Path]:
@@ -357,12 +349,6 @@ def _offer(box: QComboBox, words: Sequence[str]) -> None:
     box.blockSignals(False)
     if chosen and box.currentIndex() == 0:
         box.currentIndexChanged.emit(0)
-
-
-def _button(text: str, tip: str) -> QPushButton:
-    button = QPushButton(text)
-    button.setToolTip(tip)
-    return button
 
 
 def _day(day: date) -> QDate:

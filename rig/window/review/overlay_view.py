@@ -12,11 +12,9 @@ from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QColor, QIcon, QPixmap
 from PySide6.QtWidgets import (
     QComboBox,
-    QLabel,
     QListWidget,
     QListWidgetItem,
     QProgressBar,
-    QPushButton,
     QWidget,
 )
 
@@ -30,7 +28,7 @@ from rig.window.plot.result_plot import ResultPlot
 from rig.window.review.fit import FitDesk, FitOrder, ResultCache, order_of
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, split
+from rig.window.shell.stack import in_column, in_row, push_button, split, text_label
 
 
 @dataclass
@@ -52,8 +50,7 @@ class OverlayView(QWidget):
         self._session = session
         self._lines: list[_Line] = []
         self.desk = FitDesk(cache, self)
-        self.title = QLabel("Overlay")
-        self.title.setProperty("part", "title")
+        self.title = text_label("Overlay", "title")
         self.figure = QComboBox()
         self.figure.setAccessibleName("Figure")
         self.figure.setMinimumContentsLength(12)
@@ -63,15 +60,12 @@ class OverlayView(QWidget):
         self.runs.setWordWrap(True)
         self.runs.setSpacing(2)
         self.plot = ResultPlot(session)
-        self.says = QLabel()
-        self.says.setWordWrap(True)
-        self.says.setProperty("part", "muted")
+        self.says = text_label("", "muted", wraps=True)
         self.busy = QProgressBar()
         self.busy.setFormat("fitted %v of %m")
-        self.stop = QPushButton("Cancel")
+        self.stop = push_button("Cancel", act=self.cancel)
         self.figure.currentIndexChanged.connect(lambda _: self._draw())
         self.runs.itemChanged.connect(lambda _: self._offer())
-        self.stop.clicked.connect(self.cancel)
         self.desk.fitted.connect(self._take)
         self.desk.refused.connect(self._refuse)
         self.desk.progressed.connect(self._progress)

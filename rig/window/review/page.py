@@ -11,7 +11,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer, QUrl
 from PySide6.QtGui import QDesktopServices, QShowEvent
-from PySide6.QtWidgets import QLabel, QStackedWidget, QWidget
+from PySide6.QtWidgets import QStackedWidget, QWidget
 
 from rig.analysis.store import read_analyses
 from rig.errors import RigError
@@ -24,7 +24,7 @@ from rig.window.review.overlay_view import OverlayView
 from rig.window.review.passport import PassportView
 from rig.window.review.results import ChooseFile
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_row, split
+from rig.window.shell.stack import in_row, split, text_label
 from rig.window.work.background import BackgroundCommand
 
 EMPTY = (
@@ -58,9 +58,7 @@ class ReviewPage(QWidget):
         self.overlay = OverlayView(session, cache)
         self.difference = DifferenceView(session)
         self.passport = PassportView(session)
-        self.empty = QLabel(EMPTY)
-        self.empty.setProperty("part", "muted")
-        self.empty.setWordWrap(True)
+        self.empty = text_label(EMPTY, "muted", wraps=True)
         self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.empty.setMargin(40)
         self.right = QStackedWidget()

@@ -27,7 +27,7 @@ from rig.window.review.fit import FitDesk, FitOrder, tares_among
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time, outcome_of, with_sign
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, push_button
 from rig.window.work.background import LatestTask
 
 if TYPE_CHECKING:
@@ -69,12 +69,12 @@ class PassportView(QWidget):
         self.mark.setProperty("part", "mark")
         self.says.setProperty("part", "muted")
         self.says.setWordWrap(True)
-        self.analyse = QPushButton("Fit what is &missing")
-        self.analyse.setToolTip(
-            "Fit every run of this gear that has no analysis yet, friction with the newest "
-            "motor tare; kept beside its run"
+        self.analyse = push_button(
+            "Fit what is &missing",
+            tip="Fit every run of this gear that has no analysis yet, friction with the newest "
+            "motor tare; kept beside its run",
+            act=self.fit_missing,
         )
-        self.analyse.clicked.connect(self.fit_missing)
         self.report, self.pdf = QPushButton("Gear r&eport"), QPushButton("PDF")
         self.report.setToolTip(
             "The report of this gear over all its runs, as a web page (HTML), and open it"
@@ -104,9 +104,8 @@ class PassportView(QWidget):
         self._show_busy(False)
 
     def _lay_out(self) -> None:
-        head = in_row(
-            (self.title, 1), self.mark, self.busy, self.cancel, self.analyse, self.report, self.pdf
-        )
+        ways = (self.busy, self.cancel, self.analyse, self.report, self.pdf)
+        head = in_row((self.title, 1), self.mark, *ways)
         self.tabs = QTabWidget()
         for page, name in (
             (self.charts, "Charts"),

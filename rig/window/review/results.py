@@ -9,11 +9,8 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
-    QHBoxLayout,
     QLabel,
     QProgressBar,
-    QPushButton,
-    QSplitter,
     QTextBrowser,
     QWidget,
 )
@@ -28,7 +25,7 @@ from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.review.words import RESULT_COLUMNS, result_page, result_rows
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, push_button, split, text_label
 
 ChooseFile = Callable[[], Path | None]
 
@@ -64,48 +61,42 @@ class FitBar(QWidget):
         self.kind.currentTextChanged.connect(lambda _: self._offer_tare())
         self.parameters.activated.connect(self._choose_parameters)
         self.tare_label = QLabel("tare")
-        self.fit = QPushButton("&Fit")
-        self.fit.setProperty("part", "primary")
-        self.fit.setToolTip("Identify the model from this run; the analysis is kept beside it")
-        self.compare = QPushButton("&Compare")
-        self.compare.setToolTip(
-            "Hold a parameter set against this run: what it predicts and what was measured"
+        self.fit = push_button(
+            "&Fit",
+            "primary",
+            tip="Identify the model from this run; the analysis is kept beside it",
+            act=lambda: self.fit_requested.emit(self.order(keep=True)),
         )
-        self.save = QPushButton("&Save set …")
-        self.save.setToolTip(
-            "Write what this run identifies into a parameter set (TOML): to hold it against "
-            "another run, or to plan with it"
+        self.compare = push_button(
+            "&Compare",
+            tip="Hold a parameter set against this run: what it predicts and what was measured",
+            act=self._compare,
         )
-        self.save.clicked.connect(self._save)
-        self.cancel = QPushButton("Cancel")
+        self.save = push_button(
+            "&Save set …",
+            tip="Write what this run identifies into a parameter set (TOML): to hold it against "
+            "another run, or to plan with it",
+            act=self._save,
+        )
+        self.cancel = push_button("Cancel", act=self.cancelled)
         self.busy = QProgressBar()
         self.busy.setRange(0, 0)
         self.busy.setTextVisible(False)
         self.busy.setFixedWidth(90)
-        self.says = QLabel()
-        self.says.setWordWrap(True)
-        self.says.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.fit.clicked.connect(lambda: self.fit_requested.emit(self.order(keep=True)))
-        self.compare.clicked.connect(self._compare)
-        self.cancel.clicked.connect(self.cancelled)
+        self.says = text_label(wraps=True, selectable=True)
         self._lay_out()
         self.set_busy(False)
 
     def _lay_out(self) -> None:
-        row = QHBoxLayout()
-        row.setSpacing(6)
-        for widget in (
+        choices = (
             QLabel("fit as"),
-            self.kind,
+            (self.kind, 1),
             self.tare_label,
-            self.tare,
+            (self.tare, 1),
             QLabel("parameters"),
-            self.parameters,
-        ):
-            row.addWidget(widget, 1 if isinstance(widget, QComboBox) else 0)
-        row.addWidget(self.fit)
-        row.addWidget(self.compare)
-        row.addWidget(self.save)
+            (self.parameters, 1),
+        )
+        row = in_row(*choices, self.fit, self.compare, self.save, spacing=6)
         below = in_row(self.busy, (self.says, 1), self.cancel)
         self.setLayout(in_column(row, below, margins=(0, 0, 0, 0), spacing=4))
 
@@ -225,17 +216,11 @@ class ResultsView(QWidget):
         self.page = QTextBrowser()
         self.page.setAccessibleName("Warnings, figures of merit, tables")
         self.page.setOpenLinks(False)
-        self.hint = QLabel()
-        self.hint.setProperty("part", "muted")
-        self.hint.setWordWrap(True)
+        self.hint = text_label("", "muted", wraps=True)
         self.hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self._parts = QSplitter(Qt.Orientation.Vertical)
-        self._parts.setChildrenCollapsible(False)
         self.table.setMinimumHeight(90)
         self.page.setMinimumHeight(70)
-        self._parts.addWidget(self.table)
-        self._parts.addWidget(self.page)
-        self._parts.setSizes([260, 170])
+        self._parts = split(self.table, self.page, sizes=[260, 170], way=Qt.Orientation.Vertical)
         self.setLayout(
             in_column(bar, (self._parts, 1), (self.hint, 1), margins=(6, 6, 6, 4), spacing=6)
         )

@@ -6,11 +6,8 @@ from typing import Any
 
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import (
-    QLabel,
     QListWidget,
     QListWidgetItem,
-    QPushButton,
-    QSplitter,
     QWidget,
 )
 
@@ -27,7 +24,7 @@ from rig.window.review.signals_data import (
 )
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, split
+from rig.window.shell.stack import in_column, in_row, split, push_button, text_label
 from rig.window.work.background import LatestTask
 
 ZOOM_PAUSE_MS = 90
@@ -68,14 +65,11 @@ class SignalsView(QWidget):
         self.channels.setSpacing(1)
         self.channels.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.channels.itemChanged.connect(lambda _: self._rebuild())
-        self.readout = QLabel("Point at a curve to read it; drag or turn the wheel to zoom.")
-        self.readout.setProperty("part", "muted")
-        self.readout.setWordWrap(True)
-        self.whole = QPushButton("&Whole run")
-        self.whole.setToolTip("Show the whole run again")
-        self.whole.clicked.connect(self.show_all)
-        self._stack = QSplitter(Qt.Orientation.Vertical)
-        self._stack.setChildrenCollapsible(False)
+        self.readout = text_label(
+            "Point at a curve to read it; drag or turn the wheel to zoom.", "muted", wraps=True
+        )
+        self.whole = push_button("&Whole run", tip="Show the whole run again", act=self.show_all)
+        self._stack = split(way=Qt.Orientation.Vertical)
         self._pause = QTimer(self)
         self._pause.setSingleShot(True)
         self._pause.setInterval(ZOOM_PAUSE_MS)

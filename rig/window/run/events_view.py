@@ -7,7 +7,6 @@ from PySide6.QtGui import QBrush, QColor
 from PySide6.QtWidgets import (
     QHeaderView,
     QLineEdit,
-    QPushButton,
     QTableWidget,
     QTableWidgetItem,
     QWidget,
@@ -15,7 +14,7 @@ from PySide6.QtWidgets import (
 
 from experiments.recording import Event
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, push_button
 
 SIGNS = {"info": "·", "warning": "⚠", "error": "✖"}
 LONGEST = 150
@@ -55,9 +54,8 @@ class EventsView(QWidget):
             "Goes into the run file with the time of the rig; Enter writes it (Ctrl+N)"
         )
         self.note.setMaxLength(400)
-        self.write = QPushButton("Write note")
+        self.write = push_button("Write note", act=self._write)
         self.note.returnPressed.connect(self._write)
-        self.write.clicked.connect(self._write)
         row = in_row((self.note, 1), self.write)
         self.setLayout(in_column((self.table, 1), row, margins=(0, 0, 0, 0), spacing=6))
         self.set_active(False)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QWidget
 
 from experiments import catalogue
 from experiments.contract import Experiment
@@ -24,7 +24,7 @@ from rig.window.run.pacing import Pacer
 from rig.window.run.points_view import StartingPoints, TorquePoints
 from rig.window.run.steps_view import StepView
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_row
+from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.live_file import Block, LiveFile, open_live
 from rig.window.work.segment_work import SegmentWork
 
@@ -74,22 +74,18 @@ class LivePlots(QWidget):
         self._waiting_for: Path | None = None
         self._context: tuple[PlannedRun | None, PlanPreview | None] = (None, None)
         self._grid_holder = QWidget()
-        self._hint = QLabel("No run yet. Prepare one, then its plots appear here.")
-        self._hint.setProperty("part", "muted")
+        self._hint = text_label("No run yet. Prepare one, then its plots appear here.", "muted")
         self._hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self._recent = QPushButton(f"latest {RECENT:g} s")
+        self._recent = push_button(
+            f"latest {RECENT:g} s", tip="Show the latest seconds instead of the whole run (Ctrl+L)"
+        )
         self._recent.setCheckable(True)
-        self._recent.setToolTip("Show the latest seconds instead of the whole run (Ctrl+L)")
         self._recent.setShortcut("Ctrl+L")
         self._recent.toggled.connect(lambda _: self._draw())
-        self._rows = QLabel()
-        self._rows.setProperty("part", "muted")
+        self._rows = text_label("", "muted")
         foot = in_row(self._recent, (None, 1), self._rows)
-        self._column = QVBoxLayout(self)
-        self._column.setContentsMargins(0, 0, 0, 0)
-        self._column.setSpacing(4)
-        self._column.addWidget(self._hint, 1)
-        self._column.addLayout(foot)
+        self._column = in_column((self._hint, 1), foot, margins=(0, 0, 0, 0), spacing=4)
+        self.setLayout(self._column)
         self._recent.setVisible(False)
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)

@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
     QLabel,
     QLineEdit,
     QPushButton,
-    QVBoxLayout,
 )
 
 from experiments.quantity import key_names
@@ -29,7 +28,7 @@ from rig.bench.identity import option_of
 from rig.run.trips import rule_of
 from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_row
+from rig.window.shell.stack import in_column, in_row
 from rig.window.work.background import BackgroundCommand
 
 MOST_LINES = 6
@@ -61,13 +60,8 @@ class OutcomeView(QFrame):
         self.report.setToolTip("Writes the report of this run and opens it in the browser")
         self.review.clicked.connect(self._ask_review)
         self.report.clicked.connect(self._make_report)
-        words, ways = QVBoxLayout(), QVBoxLayout()
-        for label in (self.headline, self.text, self.results):
-            words.addWidget(label)
-        words.addStretch(1)
-        ways.addWidget(self.review)
-        ways.addWidget(self.report)
-        ways.addStretch(1)
+        words = in_column(self.headline, self.text, self.results, (None, 1))
+        ways = in_column(self.review, self.report, (None, 1))
         self.setLayout(in_row((words, 1), ways, margins=(14, 8, 14, 8)))
         self._path: Path | None = None
         self._work: list[BackgroundCommand] = []

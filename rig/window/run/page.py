@@ -13,13 +13,9 @@ from typing import Any
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import (
-    QFrame,
     QLabel,
     QMessageBox,
     QProgressBar,
-    QScrollArea,
-    QSplitter,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -36,7 +32,7 @@ from rig.window.run.outcome_view import OutcomeView
 from rig.window.run.prompt_view import PromptView
 from rig.window.run.state import MAKING_SAFE, RunState, State
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, split
+from rig.window.shell.stack import in_column, in_row, scrolled, split, text_label
 from rig.window.work.child import Ending, RunProcess
 from rig.window.work.prepared import PreparedRun
 
@@ -273,28 +269,10 @@ class RunPage(QWidget):
 
     def _side(self) -> QWidget:
         """Margins over events, each with room of its own."""
-        side = QSplitter(Qt.Orientation.Vertical)
-        side.setChildrenCollapsible(False)
-        scroll = QScrollArea()
-        scroll.setWidgetResizable(True)
-        scroll.setFrameShape(QFrame.Shape.NoFrame)
-        scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        scroll.setWidget(self.margins)
-        for title, widget in (
-            ("Margins: peak so far of each limit", scroll),
-            ("Events and notes", self.events),
-        ):
-            part = QWidget()
-            column = QVBoxLayout(part)
-            column.setContentsMargins(4, 0, 0, 0)
-            column.setSpacing(4)
-            heading = QLabel(title)
-            heading.setProperty("part", "heading")
-            column.addWidget(heading)
-            column.addWidget(widget, 1)
-            side.addWidget(part)
+        margins = _titled("Margins: peak so far of each limit", scrolled(self.margins))
+        events = _titled("Events and notes", self.events)
+        side = split(margins, events, sizes=[260, 300], way=Qt.Orientation.Vertical)
         side.setMinimumWidth(280)
-        side.setSizes([260, 300])
         return side
 
     def _connect(self) -> None:
@@ -316,3 +294,10 @@ class RunPage(QWidget):
         shortcut.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
         shortcut.setAutoRepeat(False)
         shortcut.activated.connect(action)
+
+
+def _titled(title: str, content: QWidget) -> QWidget:
+    part = QWidget()
+    heading = text_label(title, "heading")
+    part.setLayout(in_column(heading, (content, 1), margins=(4, 0, 0, 0), spacing=4))
+    return part

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFrame, QLabel, QLineEdit, QPushButton
+from PySide6.QtWidgets import QFrame, QLineEdit
 
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_row
+from rig.window.shell.stack import in_row, push_button, text_label
 
 
 class PromptView(QFrame):
@@ -18,18 +18,15 @@ class PromptView(QFrame):
         super().__init__()
         self._session = session
         self.setObjectName("prompt")
-        self.question = QLabel()
-        self.question.setWordWrap(True)
+        self.question = text_label(wraps=True)
         self.question.setStyleSheet("font-size: 13pt; font-weight: 600;")
         self.field = QLineEdit()
         self.field.setMinimumWidth(220)
         self.field.setPlaceholderText("Answer")
         self.field.setAccessibleName("Answer to the question of the run")
-        self.give = QPushButton("Answer and go on")
-        self.give.setProperty("part", "primary")
+        self.give = push_button("Answer and go on", "primary", act=self._answer)
         self.setLayout(in_row((self.question, 1), self.field, self.give, margins=(14, 8, 14, 8)))
         self.field.returnPressed.connect(self._answer)
-        self.give.clicked.connect(self._answer)
         session.theme_changed.connect(lambda _: self._colour())
         self._colour()
         self.hide()

@@ -1,15 +1,21 @@
-"""Widgets above and beside each other: a layout is written in one place, in the order in which it is seen."""
+"""What the window is put together from: words, buttons, and parts above and beside each other.
+
+A layout is written in one place, in the order in which it is seen.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
-from PySide6.QtCore import Qt
+from PySide6.QtCore import Qt, SignalInstance
 from PySide6.QtWidgets import (
     QBoxLayout,
     QFrame,
     QHBoxLayout,
+    QLabel,
     QLayout,
+    QPushButton,
     QScrollArea,
     QSplitter,
     QVBoxLayout,
@@ -54,6 +60,43 @@ def split(
     if sizes:
         splitter.setSizes(sizes)
     return splitter
+
+
+def text_label(
+    text: str = "",
+    part: str = "",
+    *,
+    wraps: bool = False,
+    plain: bool = False,
+    selectable: bool = False,
+) -> QLabel:
+    """Words on the window, a `part` of the style sheet; `plain`: what looks like markup stands as it is."""
+    label = QLabel(text)
+    label.setWordWrap(wraps)
+    if part:
+        label.setProperty("part", part)
+    if plain:
+        label.setTextFormat(Qt.TextFormat.PlainText)
+    if selectable:
+        label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+    return label
+
+
+def push_button(
+    text: str,
+    part: str = "",
+    *,
+    tip: str = "",
+    act: Callable[..., Any] | SignalInstance | None = None,
+) -> QPushButton:
+    """A button, a `part` of the style sheet; `tip` says what it does, `act` does it."""
+    button = QPushButton(text)
+    button.setToolTip(tip)
+    if part:
+        button.setProperty("part", part)
+    if act is not None:
+        button.clicked.connect(act)
+    return button
 
 
 def scrolled(inner: QWidget) -> QScrollArea:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtWidgets import QLabel, QTextBrowser, QWidget
+from PySide6.QtWidgets import QTextBrowser, QWidget
 
 from experiments.quantity import bare_quantity, quantity_of
 from model.errors import ModelError
@@ -18,7 +18,7 @@ from rig.window.review.grid import GridTable
 from rig.window.review.results import COMPARISON_COLUMNS, comparison_rows
 from rig.window.review.words import facts_html
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column
+from rig.window.shell.stack import in_column, text_label
 
 
 class ComparisonView(QWidget):
@@ -28,12 +28,11 @@ class ComparisonView(QWidget):
         super().__init__()
         self._session = session
         self._content: Mapping[str, Any] = {}
-        self.title = QLabel()
-        self.title.setProperty("part", "heading")
-        self.title.setWordWrap(True)
+        self.title = text_label("", "heading", wraps=True)
         self.table = GridTable(session, "Parameter set against run", judged=("agrees",))
-        self.nothing = QLabel("This run identifies no value that the parameter set holds.")
-        self.nothing.setProperty("part", "muted")
+        self.nothing = text_label(
+            "This run identifies no value that the parameter set holds.", "muted"
+        )
         self.page = QTextBrowser()
         self.setLayout(
             in_column(

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QComboBox, QLabel, QWidget
 from experiments.recording import Event, Recording
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, text_label
 
 COLUMNS = ("time [s]", "level", "source", "code", "what")
 FILTERS = ("everything", "notes and answers", "warnings and errors")
@@ -30,8 +30,7 @@ class RunEventsView(QWidget):
         self.filter.addItems(FILTERS)
         self.filter.setAccessibleName("Which events")
         self.filter.currentIndexChanged.connect(lambda _: self._fill())
-        self.count = QLabel()
-        self.count.setProperty("part", "muted")
+        self.count = text_label("", "muted")
         self.table.activated.connect(
             lambda index: self.moment_chosen.emit(self._shown[index.row()][0])
         )

@@ -14,7 +14,7 @@ from rig.runfile.verify import Finding, verify_run
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column
+from rig.window.shell.stack import in_column, text_label
 from rig.window.work.background import LatestTask
 
 COLUMNS = ("#", "kind of fit", "made", "verdict", "tare", "program", "file")
@@ -46,9 +46,7 @@ class RunFilesView(QWidget):
         self.table.activated.connect(
             lambda index: self.analysis_chosen.emit(self._analyses[index.row()])
         )
-        self.says = QLabel()
-        self.says.setProperty("part", "muted")
-        self.says.setWordWrap(True)
+        self.says = text_label("", "muted", wraps=True)
         self._verifying = LatestTask(self)
         self._verifying.done.connect(self._show_findings)
         self._verifying.failed.connect(self.findings.setText)

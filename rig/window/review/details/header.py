@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy
 
 from experiments.recording import Recording
 from rig.analysis.wording import fixed
@@ -16,7 +16,7 @@ from rig.runfile.seal import recorded_sha256
 from rig.window.review.signals_data import duration_of
 from rig.window.review.table_model import COLOURS, local_time, with_sign
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_row
+from rig.window.shell.stack import in_row, push_button
 
 SHOWN_HASH = 16
 """Characters of the SHA-256 that are shown; the whole of it is in the tip and can be copied."""
@@ -38,10 +38,12 @@ class RunHeaderView(QFrame):
         for label in (self.title, self.facts, self.file):
             label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self.report = QPushButton("Open &report")
-        self.report.setToolTip("Write the report of this run as a web page (HTML) and open it")
-        self.pdf = QPushButton("PDF")
-        self.pdf.setToolTip("Write the report of this run for paper (PDF) and open it")
+        self.report = push_button(
+            "Open &report", tip="Write the report of this run as a web page (HTML) and open it"
+        )
+        self.pdf = push_button(
+            "PDF", tip="Write the report of this run for paper (PDF) and open it"
+        )
         first = in_row((self.title, 1), self.mark, self.outcome, self.report, self.pdf, spacing=14)
         grid = QGridLayout(self)
         grid.setContentsMargins(12, 7, 12, 7)

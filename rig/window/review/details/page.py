@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QTimer, QUrl, Signal
-from PySide6.QtWidgets import QLabel, QStackedLayout, QTabWidget, QTextBrowser, QWidget
+from PySide6.QtWidgets import QStackedLayout, QTabWidget, QTextBrowser, QWidget
 
 from experiments import catalogue
 from experiments.recording import Recording
@@ -32,7 +32,7 @@ from rig.window.review.library_table import HTML, PDF
 from rig.window.review.results import ChooseFile, FitBar, ResultsView
 from rig.window.review.signals import SignalsView
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column
+from rig.window.shell.stack import in_column, text_label
 from rig.window.work.background import BackgroundCommand, LatestTask
 
 GROWING_MS = 1000
@@ -73,8 +73,7 @@ class RunDetails(QWidget):
         self.conditions = QTextBrowser()
         self.files = RunFilesView(session, opener)
         self.comparison = ComparisonView(session)
-        self.problem = QLabel()
-        self.problem.setWordWrap(True)
+        self.problem = text_label(wraps=True)
         self._reader = LatestTask(self)
         self._growing = QTimer(self)
         self._growing.setInterval(GROWING_MS)
@@ -85,9 +84,7 @@ class RunDetails(QWidget):
         self.tabs = QTabWidget()
         self.figures = QWidget()
         self._figure_stack = QStackedLayout(self.figures)
-        self.figure_hint = QLabel()
-        self.figure_hint.setWordWrap(True)
-        self.figure_hint.setProperty("part", "muted")
+        self.figure_hint = text_label("", "muted", wraps=True)
         self.figure_hint.setMargin(24)
         self._figure_stack.addWidget(self.figure_hint)
         self._figure_stack.addWidget(self.gallery)
