@@ -136,7 +136,7 @@ def test_an_uncertainty_that_all_runs_share_excuses_no_change(
     last = folder / "00004-friction-A1.h5"
     for path in (last, last.with_name(last.name + ".sha256")):
         path.unlink()
-    changes = {"columns": calibrated(calibration, -3.1e-5)} if calibration else {}
+    changes = {"columns": calibrated(calibration, 3.1e-5)} if calibration else {}
     write(folder, 4, start_time=start(4), changes=changes)
     analysed(folder, WORN, scale=0.1)
     point = series(passport(folder, "A1", baseline=3)).points[3]
