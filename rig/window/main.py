@@ -21,7 +21,6 @@ from PySide6.QtWidgets import (
     QApplication,
     QButtonGroup,
     QFrame,
-    QLabel,
     QMainWindow,
     QStackedWidget,
     QWidget,

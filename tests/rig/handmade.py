@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.recording import ArraySource, Origin, Recording, RunMetadata, Segment
+from experiments.protocols.friction.quantities import QUANTITIES as FRICTION
 from experiments.quantity import quantity_of
+from experiments.recording import ArraySource, Origin, Recording, RunMetadata, Segment
 from experiments.result import Plot, Result, Series, Table, judge_upper
 from model.channel import Channel
 from model.gear_file import shipped_gear
@@ -135,7 +136,7 @@ def friction_result(limit: float = 0.15, provenance: Any = "catalogue") -> Resul
         ((60, 0.0712, "up"),),
     )
     declared = quantities_for("friction", estimates, ("mse", "relative_error"))
-    family = quantity_of(declared, "running_torque_2000_rpm")
+    family = quantity_of(FRICTION, "running_torque_2000_rpm")
     assert family is not None
     at_one_speed = replace(
         family, name="running_torque", title="running torque", watched_members=()

@@ -21,7 +21,7 @@ from experiments.planning.parts import between_zeros, checked, longest, ramp, st
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Plot, Result, Series
-from experiments.steps import HoldRevolutions, SegmentLabel, Step
+from experiments.steps.vocabulary import HoldRevolutions, SegmentLabel, Step
 from experiments.terms import PaperFigure, Term
 from model.gear import HarmonicDrive
 from model.identify.estimate import BudgetLine, Estimate

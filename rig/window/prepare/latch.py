@@ -4,9 +4,6 @@ acknowledgement by name.
 
 from __future__ import annotations
 
-
-from PySide6.QtCore import Qt
-from pathlib import Path
 from PySide6.QtWidgets import (
     QDialog,
     QLineEdit,

@@ -51,7 +51,7 @@ from rig.window.prepare.request import (
     write_parameters,
 )
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, split, scrolled, text_label
+from rig.window.shell.stack import in_column, in_row, scrolled, split, text_label
 from rig.window.work.background import BackgroundCommand, LatestTask, json_object
 from rig.window.work.prepared import PreparedRun
 

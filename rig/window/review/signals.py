@@ -24,7 +24,7 @@ from rig.window.review.signals_data import (
 )
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, split, push_button, text_label
+from rig.window.shell.stack import in_column, in_row, push_button, split, text_label
 from rig.window.work.background import LatestTask
 
 ZOOM_PAUSE_MS = 90

@@ -97,7 +97,8 @@ def test_a_stored_analysis_says_what_its_numbers_are(tmp_path: Path) -> None:
     assert (stored.content["format"], stored.content["analysis_version"]) == (STORE_FORMAT, 3)
     assert set(stored.content["quantities"]) == {*told.estimates, *told.metrics}
     running = stored.content["quantities"]["running_torque"]
-    assert running == {"title": "running torque", "unit": "N m", "definition": ""}
+    assert (running["title"], running["unit"]) == ("running torque", "N m")
+    assert running["definition"].startswith("torque that keeps the input turning")
     assert stored.content["covariance"] == {
         "names": ["F_c", "F_s"],
         "matrix": [[0.81, 0.1], [0.1, 9.6]],
