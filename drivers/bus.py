@@ -187,10 +187,6 @@ class PumpedBus:
         """Hand every frame of `cob_id` to `handler(data, stamp_ns)`; one handler per COB-ID, the latest holds."""
         self._handlers[cob_id] = handler
 
-    def unsubscribe(self, cob_id: int) -> None:
-        """Forget the handler of `cob_id`."""
-        self._handlers.pop(cob_id, None)
-
     def send(self, cob_id: int, data: bytes) -> None:
         """Send one frame with an 11-bit identifier. Raises `BusLostError`."""
         self._require_open()

@@ -242,25 +242,9 @@ class Readout:
             time_ns=latched,
         )
 
-    def read_again(self, attempts: int = 3) -> Reading:
-        """The measured value, asked again after a garbled or missing answer."""
-        for attempt in range(attempts):
-            try:
-                return self.read()
-            except (DecodeError, StaleDataError):
-                if attempt == attempts - 1:
-                    raise
-        raise DriverError(
-            "no attempt was allowed", where=self._config.url, value=attempts, limit=">= 1"
-        )
-
     def identification(self) -> list[str]:
         """What the readout calls itself (A0000): name, part number, software version."""
         return self.screen("A0000", lines=3)
-
-    def displayed(self) -> str:
-        """The text in the display (A0100)."""
-        return " ".join(self.screen("A0100"))
 
     def error_message(self) -> str:
         """The readout's error message (ENQ); empty if it has none to tell."""

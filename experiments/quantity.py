@@ -37,39 +37,48 @@ class Quantity:
 
     A family has a placeholder in its name, which may stand in title and heading too:
     `running_torque_{speed}_rpm` is titled `running torque {speed} r/min`.
+
+    - `name`: Its key among the estimates or metrics.
+    - `title`: What it is called within a line or a table.
+    - `unit`: SI, as in `Estimate.unit`: "1" for none; "" where it is that of the channel which was
+      analysed.
+    - `shown`: The unit in which a laboratory reads it; "" leaves that to its size
+      (`model.units.by_size`).
+    - `definition`: What exactly is meant.
+    - `conditions`: Facts of a run that must be equal for two values to be comparable: "part",
+      "mounting", "speed".
+    - `target_uncertainty`: U (k = 2) that a useful result stays below, in `unit`.
+    - `is_key`: Whether a reader looks for it first; the order of declaration is the order of
+      importance.
+    - `key_members`: Of a family: the members that are looked for first, the first of them first; none:
+      all.
+    - `is_watched`: Whether a passport follows it over the life of a gear.
+    - `watched_members`: Of a family: the members that every gear should have; none: the largest that
+      its runs show.
+    - `heading`: What it is called where it stands alone, above a chart; "" is the title with a capital
+      letter.
+    - `axis`: What stands at the axis of its chart, before the unit; "" is the title without the
+      placeholder.
+    - `is_circular`: Whether it is an angle on the circle: two values differ by the shorter way round.
+    - `subject`: Of a family of orders: what they are orders of.
     """
 
     name: str
-    """Its key among the estimates or metrics."""
     title: str
-    """What it is called within a line or a table."""
     unit: str
-    """SI, as in `Estimate.unit`: "1" for none; "" where it is that of the channel which was analysed."""
     shown: str = ""
-    """The unit in which a laboratory reads it; "" leaves that to its size (`model.units.by_size`)."""
     definition: str = ""
-    """What exactly is meant."""
     conditions: tuple[str, ...] = ()
-    """Facts of a run that must be equal for two values to be comparable: "part", "mounting", "speed"."""
     target_uncertainty: float | None = None
-    """U (k = 2) that a useful result stays below, in `unit`."""
     is_key: bool = False
-    """Whether a reader looks for it first; the order of declaration is the order of importance."""
     key_members: tuple[str, ...] = ()
-    """Of a family: the members that are looked for first, the first of them first; none: all."""
     is_watched: bool = False
-    """Whether a passport follows it over the life of a gear."""
     watched_members: tuple[str, ...] = ()
-    """Of a family: the members that every gear should have; none: the largest that its runs show."""
     heading: str = ""
-    """What it is called where it stands alone, above a chart; "" is the title with a capital letter."""
     axis: str = ""
-    """What stands at the axis of its chart, before the unit; "" is the title without the placeholder."""
     catalogue: Counterpart | None = None
     is_circular: bool = False
-    """Whether it is an angle on the circle: two values differ by the shorter way round."""
     subject: str = ""
-    """Of a family of orders: what they are orders of."""
 
     def __post_init__(self) -> None:
         if self.shown and LABORATORY_UNITS.get(self.shown, ("",))[0] != self.unit:

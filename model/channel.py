@@ -81,10 +81,6 @@ class Channel:
         """Counts of any shape as SI values."""
         return counts.astype(np.float64) * self.gain + self.offset
 
-    def to_counts(self, value: float) -> int:
-        """The nearest count of an SI value."""
-        return round((value - self.offset) / self.gain)
-
 
 def encoder_channel(name: str, *, lines: int, multiplication: int, **details: Any) -> Channel:
     """An angle channel of an incremental encoder with `lines` per revolution counted `multiplication`-fold."""

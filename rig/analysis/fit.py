@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments import catalogue
+from model.gear_file import gear_to_mapping, shipped_gear
 from rig.analysis.tare import check_tare, tare_kind
 from rig.errors import RigError
 
@@ -49,8 +51,6 @@ class Fit:
 
 def kind_of(recording: Recording, kind: str = "") -> str:
     """The kind of fit: the one asked for, else the protocol of the run. Raises `RigError` where neither names one."""
-    from experiments import catalogue
-
     if kind:
         catalogue.entry(kind)
         return kind
@@ -82,9 +82,6 @@ def fit_recording(
     the result then says. `largest_missed_share` is the share of missed cycles above which the run is refused (None: the
     analyses' own). Raises the errors of the analysis, and `RigError` for a tare that does not belong to this rig.
     """
-    from experiments import catalogue
-    from model.gear_file import shipped_gear
-
     experiment = catalogue.load(kind_of(recording, kind))
     remarks: list[str] = []
     parameters = gear or recording.metadata.gear
@@ -137,8 +134,6 @@ def score(fit: Fit) -> Result:
     """How well the parameter set of a fit predicts its run, nothing fitted; the fit's own result
     where a kind has no score.
     """
-    from experiments import catalogue
-
     compare = catalogue.load(fit.result.kind).compare
     if compare is None:
         return fit.result
@@ -182,8 +177,6 @@ def fit_files(
 
 def store(fit: Fit, created: str) -> Fit:
     """Append a fit to the store beside its run and say under which name; a recording that is no file stays as it is."""
-    from experiments import catalogue
-    from model.gear_file import gear_to_mapping
     from rig.analysis.store import Basis, append_analysis
 
     if fit.path is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from experiments import catalogue
 from rig.errors import RigError
 
 if TYPE_CHECKING:
@@ -13,22 +14,16 @@ if TYPE_CHECKING:
 
 def tare_kind() -> str:
     """The protocol whose result is subtracted as a tare: the first of the catalogue that gives one."""
-    from experiments import catalogue
-
     return next(kind for kind in catalogue.kinds() if catalogue.load(kind).gives_tare)
 
 
 def takes_tare(kind: str) -> bool:
     """Whether an analysis of this kind subtracts a tare where it is given one; False for a kind that is none."""
-    from experiments import catalogue
-
     return kind in catalogue.kinds() and catalogue.load(kind).takes_tare
 
 
 def check_tare(recording: Recording, tare: Recording, result: Result) -> None:
     """Raise `RigError` unless the result of `tare` is one of the same kind of rig as the recording."""
-    from experiments import catalogue
-
     here, there = recording.metadata, tare.metadata
     if not catalogue.load(result.kind).gives_tare:
         wanted = tare_kind()

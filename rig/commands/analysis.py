@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.commands.terminal import console, print_json, ruled_table
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -104,9 +106,7 @@ def fit(
         save_gear(adopted.gear, parameters_out)
         notes.append(f"{parameters_out}: {len(adopted.changed)} identified values written")
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text(_as_object(fits, plots=plots)))
+        print_json(_as_object(fits, plots=plots))
     else:
         _print_fits(fits, notes)
     raise typer.Exit(max((code_of_outcome(f.result.outcome) for f in fits), key=_severity))
@@ -145,8 +145,6 @@ def compare(
     rows = compare_with(gear, fitted.result)
     scored = score(fitted)
     if json:
-        from rig.analysis.store import json_text
-
         values = {
             "run": fitted.result.run,
             "kind": fitted.result.kind,
@@ -156,7 +154,7 @@ def compare(
             "metrics": dict(scored.metrics),
             "warnings": list(dict.fromkeys((*scored.warnings, *fitted.result.warnings))),
         }
-        typer.echo(json_text(values))
+        print_json(values)
         return
     _print_comparison(fitted, scored, gear, rows)
 
@@ -266,7 +264,7 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
 
     from experiments.quantity import quantity_of
     from rig.analysis.wording import number
-    from rig.commands.result_tables import console, print_result
+    from rig.commands.result_tables import print_result
     from rig.present.figure import WATERMARKS
 
     out = console()
@@ -300,12 +298,10 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
 def _print_comparison(
     fitted: Fit, scored: Result, gear: HarmonicDrive, rows: Sequence[Comparison]
 ) -> None:
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
     from rig.analysis.wording import laboratory_unit, number
-    from rig.commands.result_tables import console, print_metrics, print_warnings
+    from rig.commands.result_tables import print_metrics, print_warnings
 
     out = console()
     out.print()
@@ -315,14 +311,12 @@ def _print_comparison(
             style="bold",
         )
     )
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for heading in ("parameter", "set", "run", "± U", "unit", "|Δ| / U", "agrees?"):
-        table.add_column(
-            heading, justify="left" if heading in ("parameter", "unit", "agrees?") else "right"
-        )
+    values, ratio = ("set", "run", "± U"), "|Δ| / U"
+    numbers = (*values, ratio)
+    compared = ruled_table("parameter", *values, "unit", ratio, "agrees?", numbers=numbers)
     for row in rows:
         factor, unit = laboratory_unit(row.unit, row.identified)
-        table.add_row(
+        compared.add_row(
             _name_of(gear, row.path),
             number(row.parameter / factor),
             number(row.identified / factor),
@@ -332,7 +326,7 @@ def _print_comparison(
             Text("yes", style="green") if row.agrees else Text("no", style="red"),
         )
     if rows:
-        out.print(table)
+        out.print(compared)
     else:
         out.print(Text("  This run identifies no value that a parameter set holds.", style="dim"))
     print_metrics(out, scored)

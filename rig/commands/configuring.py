@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.commands.terminal import console, print_json
+
 if TYPE_CHECKING:
     from rig.bench.config.apply import ConfiguredRig
     from rig.bench.config.load import Problem
@@ -76,9 +78,7 @@ def check(
     else:
         problems = result
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text(_as_json(file, problems, warnings, configured)))
+        print_json(_as_json(file, problems, warnings, configured))
     else:
         _print(file, problems, warnings, configured)
     raise typer.Exit(exits.USAGE if problems else exits.DONE)
@@ -147,26 +147,22 @@ def _print(
     warnings: tuple[str, ...],
     configured: ConfiguredRig | None,
 ) -> None:
-    from rich.console import Console
-
-    console = Console(highlight=False)
+    out = console()
     for problem in problems:
-        console.print(str(problem), style="red", markup=False, soft_wrap=True)
+        out.print(str(problem), style="red", soft_wrap=True)
     for warning in warnings:
-        console.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
+        out.print(f"warning: {warning}", style="yellow", soft_wrap=True)
     if configured is None:
-        console.print(
+        out.print(
             f"{file}: {len(problems)} problem{'s' if len(problems) != 1 else ''}",
-            markup=False,
             soft_wrap=True,
         )
         return
     rig = configured.configuration
     nodes = [f"drive {rig.drive.node_id}", *(f"{c.channel} {c.node_id}" for c in rig.counters)]
     nodes += [f"analogue inputs {m.node_id}" for m in rig.analog_modules]
-    console.print(
+    out.print(
         f"{file}: {rig.rig.name}, {rig.bus.interface} {rig.bus.channel} at {rig.bus.bit_rate / 1e6:g} Mbit/s, nodes: "
         f"{', '.join(nodes)}; {configured.gear.name} on {configured.motor.name}",
-        markup=False,
         soft_wrap=True,
     )

@@ -5,11 +5,15 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from rig.trial.demo.chain import Demonstration
-    from rig.trial.demo.work import Finished, Step
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.text import Text
+
+from rig.analysis.wording import number, show
+from rig.commands.result_tables import VERDICT_STYLE, print_warnings, verdict_sentence
+from rig.commands.terminal import console, ruled_table
+from rig.trial.demo.chain import Demonstration
+from rig.trial.demo.work import ORDER, Finished, Step
 
 
 @contextlib.contextmanager
@@ -25,8 +29,6 @@ def progress(quiet: bool) -> Iterator[Callable[[Step | Finished], None]]:
 
 
 def _line(message: Step | Finished) -> None:
-    from rig.trial.demo.work import Finished
-
     if isinstance(message, Finished):
         done = "run and fitted" if message.result is not None else "ended"
         sys.stderr.write(
@@ -36,17 +38,6 @@ def _line(message: Step | Finished) -> None:
 
 @contextlib.contextmanager
 def _bars() -> Iterator[Callable[[Step | Finished], None]]:
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    from rig.trial.demo.work import ORDER, Finished
-
     columns = (
         TextColumn("{task.description:<16}"),
         BarColumn(),
@@ -54,7 +45,7 @@ def _bars() -> Iterator[Callable[[Step | Finished], None]]:
         TimeRemainingColumn(),
         TextColumn("{task.fields[what]}"),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bars:
+    with Progress(*columns, console=console(errors=True, highlight=True), transient=True) as bars:
         tasks = {name: bars.add_task(name, total=1.0, what="waiting") for name in ORDER}
 
         def show(message: Step | Finished) -> None:
@@ -70,19 +61,9 @@ def _bars() -> Iterator[Callable[[Step | Finished], None]]:
 
 def print_demonstration(demonstration: Demonstration) -> None:
     """What was found, and where the files are."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    from rig.analysis.wording import number, show
-    from rig.commands.result_tables import VERDICT_STYLE, console, print_warnings, verdict_sentence
-
     out = console()
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("quantity")
-    for heading in ("found ± U", "truth", "|Δ| / U"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("in U")
+    numbers = ("found ± U", "truth", "|Δ| / U")
+    rows = ruled_table("quantity", *numbers, "in U", numbers=numbers, whole=numbers)
     results = {fit.result.kind: fit.result for fit in demonstration.fits}
     last = ""
     for kind, row in demonstration.truth:
@@ -90,11 +71,11 @@ def print_demonstration(demonstration: Demonstration) -> None:
             continue
         quantity = results[kind].quantity(row.estimate.name)
         if kind != last:
-            table.add_row(Text(kind, style="bold"))
+            rows.add_row(Text(kind, style="bold"))
             last = kind
         shown, u = show(row.estimate, quantity), row.estimate.expanded_uncertainty
         truth = shown.number(row.estimate.value - row.difference)
-        table.add_row(
+        rows.add_row(
             "  " + quantity.titled(row.estimate.name).removesuffix(", amplitude"),
             shown.with_uncertainty,
             truth,
@@ -105,7 +86,7 @@ def print_demonstration(demonstration: Demonstration) -> None:
     out.print(
         Text("SIMULATED: what was found, and what the simulated gear was made of", style="bold")
     )
-    out.print(table)
+    out.print(rows)
     covered, within = (
         sum(getattr(row, what) for _, row in demonstration.truth) for what in ("covered", "within")
     )

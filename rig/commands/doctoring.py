@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands.running import MountedHow
+from rig.commands.terminal import console, print_json, table
 
 if TYPE_CHECKING:
     from rig.trial.doctor.examine import Examination
@@ -112,9 +113,7 @@ def doctor(
             on_stage=lambda stage: None if json else typer.echo(f"{stage} ...", err=True),
         )
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text(examination.as_json()))
+        print_json(examination.as_json())
     else:
         _print(examination)
     raise typer.Exit(
@@ -141,38 +140,29 @@ def _refuse_a_replay(backend: str) -> None:
 
 
 def _print(examination: Examination) -> None:
-    from rich.console import Console
-    from rich.table import Table
     from rich.text import Text
 
-    console = Console(highlight=False)
-    table = Table(
-        "what",
-        "",
-        "evidence",
-        title=f"rig doctor: {examination.backend}",
-        title_justify="left",
-        box=None,
-    )
+    out = console()
+    title = f"rig doctor: {examination.backend}"
+    checklist = table("what", "", "evidence", title=title, box=None)
     # Each heading once, in the order in which the groups came up.
     for group in dict.fromkeys(finding.group for finding in examination.findings):
-        table.add_section()
-        table.add_row(Text(group, style="bold"))
+        checklist.add_section()
+        checklist.add_row(Text(group, style="bold"))
         for finding in (f for f in examination.findings if f.group == group):
             row = (Text(f"  {finding.name}"), MARK[finding.result], Text(finding.evidence))
-            table.add_row(*row, style=STYLE[finding.result])
-    console.print(table)
+            checklist.add_row(*row, style=STYLE[finding.result])
+    out.print(checklist)
     for result in ("warning", "failed"):
         for finding in (f for f in examination.findings if f.result == result):
             words = f"{finding.remedy}" if finding.remedy else finding.evidence
-            console.print(
+            out.print(
                 f"{MARK[result]}  {finding.group}, {finding.name}: {words}",
                 style=STYLE[result],
-                markup=False,
                 soft_wrap=True,
             )
     count = {result: sum(f.result == result for f in examination.findings) for result in MARK}
-    console.print(
+    out.print(
         f"{len(examination.findings)} lines, {count['failed']} failed, {count['warning']} warnings, "
         f"{count['skipped']} not looked at"
     )

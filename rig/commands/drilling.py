@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.commands.terminal import console, print_json, table
+
 if TYPE_CHECKING:
     from rig.trial.drill.suite import DrillRow
 
@@ -66,9 +68,7 @@ def drill(
                 err=True,
             )
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text({"faults": [row.as_json() for row in rows]}))
+        print_json({"faults": [row.as_json() for row in rows]})
     else:
         _print_table(rows)
     if markdown is not None:
@@ -110,9 +110,7 @@ def acknowledge(
     now = datetime.now(UTC).isoformat(timespec="seconds")
     trip = latch.acknowledge(operator, now, remark)
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text({"acknowledged": {**asdict(trip), "by": operator.strip(), "at": now}}))
+        print_json({"acknowledged": {**asdict(trip), "by": operator.strip(), "at": now}})
         return
     typer.echo(f"acknowledged by {operator.strip()}: {trip.cause} in run {trip.run}, {trip.time}")
     if not trip.standstill_verified:
@@ -123,10 +121,7 @@ def acknowledge(
 
 
 def _print_table(rows: list[DrillRow]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(
+    drills = table(
         "fault",
         "detected",
         "cycles",
@@ -136,10 +131,11 @@ def _print_table(rows: list[DrillRow]) -> None:
         "outcome",
         "file",
         title="Fault drills",
+        title_justify="center",
     )
     for row in rows:
         style = None if row.passed else "bold red"
-        table.add_row(
+        drills.add_row(
             row.fault,
             row.detected,
             str(row.cycles),
@@ -150,19 +146,18 @@ def _print_table(rows: list[DrillRow]) -> None:
             _word(row.file_readable),
             style=style,
         )
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console = Console(highlight=False, width=180)
-    console.print(table)
+    out = console()
+    if not out.is_terminal:
+        out.width = 180
+    out.print(drills)
     failed = [row for row in rows if not row.passed]
-    console.print(
+    out.print(
         f"{len(rows) - len(failed)} of {len(rows)} drills ended as they must.",
         style="red" if failed else "green",
     )
     for row in failed:
-        console.print(
+        out.print(
             f"{row.fault}: {row.outcome}, expected {row.expected}. {row.message}",
-            markup=False,
             soft_wrap=True,
         )
 

@@ -8,12 +8,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
+from rig.commands.terminal import console, table
 from rig.library.index import IndexedRun
 from rig.present.run_words import acquisition_facts, duration_text
 from rig.runfile.header import ORIGIN_WORDS
@@ -21,6 +21,7 @@ from rig.runfile.verify import Finding
 
 SHOWN_SEGMENTS = 24
 SHOWN_EVENTS = 20
+_LOOK: dict[str, Any] = {"box": None, "header_style": "bold", "pad_edge": False}
 _COLOURS = {"error": "bold red", "warning": "yellow", "ok": "green", "info": ""}
 _OUTCOME_COLOURS = {"PASS": "green", "MARGINAL": "yellow", "being written": "cyan", "-": ""}
 _STATE_WORDS = {
@@ -32,24 +33,21 @@ _STATE_WORDS = {
 
 def print_runs(folder: Path, listed: Sequence[IndexedRun]) -> None:
     """The list of a folder, or what a search found in it."""
-    console = Console()
+    out = console(highlight=True)
     if not listed:
-        console.print(f"No runs in {folder}.")
+        out.print(f"No runs in {folder}.")
         return
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for heading in ("run", "started", "protocol", "gear", "time", "rows", "outcome", "origin"):
-        right = heading in ("time", "rows")
-        table.add_column(
-            heading, overflow="fold", no_wrap=heading == "run", justify="right" if right else "left"
-        )
+    headings = ("run", "started", "protocol", "gear", "time", "rows", "outcome", "origin")
+    look: dict[str, Any] = {"numbers": ("time", "rows"), "whole": ("run",), "overflow": "fold"}
+    runs = table(*headings, **look, **_LOOK)
     for run in listed:
         if run.problem:
-            table.add_row(run.path.name, Text("unreadable: " + run.problem, style="bold red"))
+            runs.add_row(run.path.name, Text("unreadable: " + run.problem, style="bold red"))
             continue
         outcome = run.outcome or _STATE_WORDS[run.state]
         style = _OUTCOME_COLOURS.get(outcome, "bold red")
         mark = ORIGIN_WORDS.get(run.origin, run.origin) or "hardware"
-        table.add_row(
+        runs.add_row(
             run.path.name,
             run.start[:16] or "-",
             run.protocol or "-",
@@ -59,15 +57,15 @@ def print_runs(folder: Path, listed: Sequence[IndexedRun]) -> None:
             Text(outcome, style=style),
             mark,
         )
-    console.print(table)
+    out.print(runs)
 
 
 def print_recording(recording: Recording, path: Path) -> None:
     """One run on one or two screens."""
-    console = Console()
+    out = console(highlight=True)
     m = recording.metadata
     mark = ORIGIN_WORDS[m.origin]
-    console.print(
+    out.print(
         Text(f"{m.run_id or path.name}", style="bold")
         + Text(f"  {mark}" if mark else "", style="bold magenta")
     )
@@ -76,12 +74,12 @@ def print_recording(recording: Recording, path: Path) -> None:
     facts.add_column(overflow="fold")
     for name, text in _facts(recording, path):
         facts.add_row(name, text)
-    console.print(facts)
-    console.print(_channel_table(recording))
+    out.print(facts)
+    out.print(_channel_table(recording))
     if recording.segments:
-        console.print(_segment_table(recording))
+        out.print(_segment_table(recording))
     if recording.events:
-        console.print(_event_table(recording.events))
+        out.print(_event_table(recording.events))
 
 
 def recording_as_json(recording: Recording, path: Path) -> dict[str, Any]:
@@ -151,20 +149,17 @@ def recording_as_json(recording: Recording, path: Path) -> dict[str, Any]:
 
 def print_findings(checked: Mapping[str, Sequence[Finding]]) -> None:
     """What verifying found, run by run."""
-    console = Console()
+    out = console(highlight=True)
     for path, findings in checked.items():
-        console.print(Text(path, style="bold"))
-        table = Table(box=None, show_header=False, pad_edge=True)
-        table.add_column()
-        table.add_column()
-        table.add_column(overflow="fold")
+        out.print(Text(path, style="bold"))
+        checks = table("", "", "", overflow="fold", box=None, show_header=False)
         for finding in findings:
-            table.add_row(
+            checks.add_row(
                 Text(finding.level, style=_COLOURS[finding.level]),
                 finding.check,
                 Text(finding.text),
             )
-        console.print(table)
+        out.print(checks)
 
 
 def channel_ranges(recording: Recording) -> dict[str, tuple[float, float]]:
@@ -240,19 +235,16 @@ def _flagged(recording: Recording) -> int:
 
 
 def _channel_table(recording: Recording) -> Table:
-    table = Table(
-        box=None, header_style="bold", pad_edge=False, title="Channels", title_justify="left"
+    numbers = ("one count", "minimum", "maximum")
+    channels = table(
+        "channel", "what", "unit", *numbers, numbers=numbers, title="Channels", **_LOOK
     )
-    for heading in ("channel", "what", "unit", "one count", "minimum", "maximum"):
-        table.add_column(
-            heading, justify="left" if heading in ("channel", "what", "unit") else "right"
-        )
     ranges = channel_ranges(recording)
     for name, signal in recording.signals.items():
         low, high = ranges[name]
         quantum = f"{signal.quantum:.4g}" if signal.quantum else "-"
-        table.add_row(name, signal.long_name, signal.unit, quantum, f"{low:.6g}", f"{high:.6g}")
-    return table
+        channels.add_row(name, signal.long_name, signal.unit, quantum, f"{low:.6g}", f"{high:.6g}")
+    return channels
 
 
 def _segment_table(recording: Recording) -> Table:
@@ -260,20 +252,10 @@ def _segment_table(recording: Recording) -> Table:
     title = "Segments" + (
         f" (the first {SHOWN_SEGMENTS}; {left} more with --json)" if left > 0 else ""
     )
-    table = Table(box=None, header_style="bold", pad_edge=False, title=title, title_justify="left")
-    for heading in (
-        "#",
-        "label",
-        "from row",
-        "to row",
-        "set-point (SI)",
-        "r/min",
-        "direction",
-        "repeat",
-    ):
-        table.add_column(heading, justify="left" if heading == "label" else "right")
+    numbers = ("from row", "to row", "set-point (SI)", "r/min", "direction", "repeat")
+    segments = table("#", "label", *numbers, numbers=("#", *numbers), title=title, **_LOOK)
     for s in shown:
-        table.add_row(
+        segments.add_row(
             str(s.index),
             s.label,
             str(s.start),
@@ -283,7 +265,7 @@ def _segment_table(recording: Recording) -> Table:
             f"{s.direction:+d}",
             str(s.repeat),
         )
-    return table
+    return segments
 
 
 def _rpm(segment: Segment) -> str:
@@ -293,18 +275,17 @@ def _rpm(segment: Segment) -> str:
 def _event_table(events: Sequence[Event]) -> Table:
     left = len(events) - SHOWN_EVENTS
     title = "Events" + (f" (the last {SHOWN_EVENTS}; {left} more with --json)" if left > 0 else "")
-    table = Table(box=None, header_style="bold", pad_edge=False, title=title, title_justify="left")
-    for heading in ("time (UTC)", "level", "code", "source", "text"):
-        table.add_column(heading, overflow="fold")
+    headings = ("time (UTC)", "level", "code", "source", "text")
+    rows = table(*headings, overflow="fold", title=title, **_LOOK)
     for e in events[-SHOWN_EVENTS:]:
-        table.add_row(
+        rows.add_row(
             _moment(e.time_ns)[11:23],
             Text(e.level, style=_COLOURS.get(e.level, "")),
             e.code,
             e.source,
             Text(e.text),
         )
-    return table
+    return rows
 
 
 def _moment(time_ns: int) -> str:

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from rig.commands.terminal import print_json
+
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 RunArgument = Annotated[
     Path, typer.Argument(metavar="RUN", help="Run file (.h5), or a growing or dead one (.h5.part).")
@@ -78,16 +80,12 @@ def runs(
             origin=origin,
         )
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(
-            json_text(
-                {
-                    "folder": str(folder),
-                    "index": index.rebuilt,
-                    "runs": [run.as_json() for run in listed],
-                }
-            )
+        print_json(
+            {
+                "folder": str(folder),
+                "index": index.rebuilt,
+                "runs": [run.as_json() for run in listed],
+            }
         )
         return
     from rig.commands.file_tables import print_runs
@@ -112,9 +110,7 @@ def show(run: RunArgument, json: JsonFlag = False) -> None:
     recording = open_run(run)
     try:
         if json:
-            from rig.analysis.store import json_text
-
-            typer.echo(json_text(recording_as_json(recording, run)))
+            print_json(recording_as_json(recording, run))
         else:
             print_recording(recording, run)
     finally:
@@ -150,17 +146,13 @@ def export(
     finally:
         close_recording(recording)
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(
-            json_text(
-                {
-                    "run": recording.metadata.run_id,
-                    "file": str(target),
-                    "format": format.value,
-                    "rows": rows,
-                }
-            )
+        print_json(
+            {
+                "run": recording.metadata.run_id,
+                "file": str(target),
+                "format": format.value,
+                "rows": rows,
+            }
         )
     else:
         typer.echo(f"{rows} rows written to {target}")
@@ -297,17 +289,13 @@ def import_(
         file, options, lambda: claim_run(output, protocol or "import", gear or file.stem).path
     )
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(
-            json_text(
-                {
-                    "run": str(recording.path),
-                    "rows": recording.rows,
-                    "rows_left_out": recording.dropped,
-                    "notes": recording.notes,
-                }
-            )
+        print_json(
+            {
+                "run": str(recording.path),
+                "rows": recording.rows,
+                "rows_left_out": recording.dropped,
+                "notes": recording.notes,
+            }
         )
         return
     typer.echo(f"{recording.rows} rows imported into {recording.path} (IMPORTED)")
@@ -326,13 +314,11 @@ def recover(
 
     recovered = [recover_run(path) for path in part]
     if json:
-        from rig.analysis.store import json_text
-
         paths = [
             {"run": str(r.path), "rows": r.rows, "outcome": r.outcome, "notes": r.notes}
             for r in recovered
         ]
-        typer.echo(json_text({"recovered": paths}))
+        print_json({"recovered": paths})
         return
     for run in recovered:
         typer.echo(f"{run.rows} rows recovered into {run.path}, outcome {run.outcome or '-'}")
@@ -353,8 +339,6 @@ def verify(
     checked = {str(path): verify_run(path) for path in run}
     failed = any(finding.level == "error" for findings in checked.values() for finding in findings)
     if json:
-        from rig.analysis.store import json_text
-
         paths = [
             {
                 "run": path,
@@ -364,7 +348,7 @@ def verify(
             }
             for path, findings in checked.items()
         ]
-        typer.echo(json_text({"runs": paths, "trusted": not failed}))
+        print_json({"runs": paths, "trusted": not failed})
     else:
         from rig.commands.file_tables import print_findings
 

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.commands.terminal import console, print_json, table
+
 if TYPE_CHECKING:
     from rig.gears.card import GearCard
 
@@ -42,47 +44,37 @@ def list_(output: Folder = Path("runs"), json: Json = False) -> None:
 
     listed = list_cards(output)
     if json:
-        from rig.analysis.store import json_text
-
-        cards = [
+        content = [
             one.card.as_json() if one.card else {"path": str(one.path), "problem": one.problem}
             for one in listed
         ]
-        typer.echo(json_text({"gears": cards}))
+        print_json({"gears": content})
         return
-    from rich.console import Console
-    from rich.table import Table
-
     if not listed:
         typer.echo(
             f"No gear cards in {output}. Write one with: rig gear set SERIAL --by NAME --part csf-25-120"
         )
         return
-    table = Table("gear", "part", "mounting", "lubricant", "hours", "confirmed", box=None)
+    cards = table("gear", "part", "mounting", "lubricant", "hours", "confirmed", box=None)
     for one in listed:
         if one.card is None:
-            table.add_row(one.path.name, f"unreadable: {one.problem}", style="red")
+            cards.add_row(one.path.name, f"unreadable: {one.problem}", style="red")
             continue
         facts = stated_facts(one.card.facts)
         last = one.card.confirmation
         confirmed = f"{last.by}, {last.at}" if one.card.is_confirmed and last else "NO"
         cells = (str(facts.get(name, "-")) for name in ("part", "mounting", "lubricant", "hours"))
-        table.add_row(
+        cards.add_row(
             one.card.serial, *cells, confirmed, style=None if one.card.is_confirmed else "yellow"
         )
-    Console(highlight=False).print(table)
+    console().print(cards)
 
 
 @gear.command("show")
 def show(serial: Serial, output: Folder = Path("runs"), json: Json = False) -> None:
     """Show what is known of a gear, and who changed and confirmed it."""
     card = _card(output, serial)
-    if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text(card.as_json()))
-        return
-    _print(card)
+    _answer(card, json)
 
 
 @gear.command(
@@ -140,12 +132,7 @@ def set_(
     if confirm:
         card = with_confirmation(card, by, now_text())
     save_card(output, card)
-    if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text(card.as_json()))
-        return
-    _print(card)
+    _answer(card, json)
 
 
 @gear.command("confirm")
@@ -155,12 +142,7 @@ def confirm_(serial: Serial, by: By, output: Folder = Path("runs"), json: Json =
 
     card = with_confirmation(_card(output, serial), by, now_text())
     save_card(output, card)
-    if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text(card.as_json()))
-        return
-    _print(card)
+    _answer(card, json)
 
 
 def _card(folder: Path, serial: str) -> GearCard:
@@ -187,19 +169,24 @@ def _absolute(name: str, text: object) -> object:
     return text
 
 
+def _answer(card: GearCard, json: bool) -> None:
+    """What a command on one card ends with: the card as it now is."""
+    if json:
+        print_json(card.as_json())
+    else:
+        _print(card)
+
+
 def _print(card: GearCard) -> None:
     import dataclasses
-
-    from rich.console import Console
-    from rich.table import Table
 
     from experiments.parameters import parameter_fields
     from rig.gears.card import GearFacts, in_words, stated_facts
 
-    console = Console(highlight=False)
+    out = console()
     facts = stated_facts(card.facts)
     units = {field.name: field.unit for field in parameter_fields(GearFacts)}
-    table = Table(show_header=False, box=None, title=f"Gear {card.serial}", title_justify="left")
+    card_table = table(show_header=False, box=None, title=f"Gear {card.serial}")
     for field in dataclasses.fields(GearFacts):
         value = facts.get(field.name)
         text = (
@@ -209,35 +196,31 @@ def _print(card: GearCard) -> None:
             if isinstance(value, float)
             else str(value)
         )
-        table.add_row(in_words(field.name), text, style="dim" if value is None else None)
-    console.print(table)
+        card_table.add_row(in_words(field.name), text, style="dim" if value is None else None)
+    out.print(card_table)
     for event in card.history:
         names = ", ".join(in_words(name) for name in event.values)
-        console.print(
+        out.print(
             f"{event.at}  {event.what} by {event.by}" + (f": {names}" if names else ""),
-            markup=False,
         )
     last = card.confirmation
     if card.is_confirmed and last is not None:
-        console.print(f"confirmed by {last.by}, {last.at}", style="green", markup=False)
+        out.print(f"confirmed by {last.by}, {last.at}", style="green")
     else:
-        console.print(f"warning: {card.warning}", style="yellow", markup=False, soft_wrap=True)
+        out.print(f"warning: {card.warning}", style="yellow", soft_wrap=True)
 
 
 def _print_flags() -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     from experiments.parameters import parameter_fields
     from rig.gears.card import CHOICES, GearFacts
 
-    table = Table("flag", "unit", "allowed", "what", title="Facts of a gear", title_justify="left")
+    flags = table("flag", "unit", "allowed", "what", title="Facts of a gear")
     for field in parameter_fields(GearFacts):
         if field.name != "serial":
-            table.add_row(
+            flags.add_row(
                 field.flag,
                 field.unit,
                 ", ".join(CHOICES.get(field.name, ())) or field.limit,
                 field.help,
             )
-    Console(highlight=False).print(table)
+    console().print(flags)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.commands.terminal import print_json
+
 if TYPE_CHECKING:
     from rig.analysis.passport.analyse import Analysed
     from rig.library.index import IndexedRun
@@ -33,12 +35,10 @@ def diff(
 
     changes = difference(first, second)
     if json:
-        from rig.analysis.store import json_text
-
         content = changes.as_json()
         if everything:
             content["same"] = [change.as_json() for change in changes.same]
-        typer.echo(json_text(content))
+        print_json(content)
         return
     from rig.commands.library_tables import print_difference
 
@@ -90,8 +90,6 @@ def passport(
     analysed = _analyse(where, serial, tare, origin, quiet=json) if analyse else ()
     passport_of_gear = passport_of(where, serial, origin=origin, baseline=baseline)
     if json:
-        from rig.analysis.store import json_text
-
         content = passport_of_gear.as_json()
         content["analysed"] = [
             {
@@ -102,7 +100,7 @@ def passport(
             }
             for one in analysed
         ]
-        typer.echo(json_text(content))
+        print_json(content)
         return
     from rig.commands.library_tables import print_passport
 

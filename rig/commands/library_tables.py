@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
@@ -12,14 +11,15 @@ from rig.analysis.difference import Change, Difference
 from rig.analysis.passport.analyse import Analysed
 from rig.analysis.passport.content import Passport, PassportSeries
 from rig.analysis.wording import number
+from rig.commands.terminal import console, table
 
 _STATE_COLOURS = {"in control": "green", "to be watched": "yellow", "out of control": "bold red"}
 
 
 def print_difference(compared: Difference, *, everything: bool) -> None:
     """What differs, group by group; with `everything` what does not as well."""
-    console = Console()
-    console.print(
+    out = console(highlight=True)
+    out.print(
         Text(compared.first, style="bold")
         + Text("  against  ")
         + Text(compared.second, style="bold")
@@ -35,29 +35,27 @@ def print_difference(compared: Difference, *, everything: bool) -> None:
             if looked_at
             else f"{group}: nothing to compare"
         )
-        console.print(Text(title, style="bold" if changes else "dim"))
+        out.print(Text(title, style="bold" if changes else "dim"))
         if shown:
-            console.print(_change_table(shown, results=group == "results"))
+            out.print(_change_table(shown, results=group == "results"))
     if not compared.differs:
-        console.print("Nothing differs but number and time.")
+        out.print("Nothing differs but number and time.")
 
 
 def _change_table(changes: Sequence[Change], *, results: bool) -> Table:
-    table = Table(box=None, header_style="dim", pad_edge=True)
     headings = (
         "what",
         "first",
         "second",
         *(("difference", "significant", "remark") if results else ()),
     )
-    for heading in headings:
-        table.add_column(heading, overflow="fold")
+    rows = table(*headings, overflow="fold", box=None, header_style="dim")
     for change in changes:
         row = [Text(change.name), Text(change.first or "-"), Text(change.second or "-")]
         if results:
             row += [Text(change.shown), _significance(change), Text(change.note)]
-        table.add_row(*row)
-    return table
+        rows.add_row(*row)
+    return rows
 
 
 def _significance(change: Change) -> Text:
@@ -72,11 +70,11 @@ def _significance(change: Change) -> Text:
 
 def print_passport(passport: Passport, analysed: Sequence[Analysed] = ()) -> None:
     """The series of a gear, what their charts say, and what is missing."""
-    console = Console()
+    out = console(highlight=True)
     mark = Text(f"  {passport.mark}", style="bold magenta") if passport.mark else Text("")
-    console.print(Text(f"Gear {passport.serial}", style="bold") + Text(f"  {passport.gear}") + mark)
+    out.print(Text(f"Gear {passport.serial}", style="bold") + Text(f"  {passport.gear}") + mark)
     for one in analysed:
-        console.print(
+        out.print(
             Text(
                 f"fitted {one.run.run_id}: {one.stored or one.problem}",
                 style="" if one.stored else "bold red",
@@ -85,15 +83,15 @@ def print_passport(passport: Passport, analysed: Sequence[Analysed] = ()) -> Non
     first, last = (
         (passport.runs[0].start[:10], passport.runs[-1].start[:10]) if passport.runs else ("-", "-")
     )
-    console.print(f"{len(passport.runs)} runs, {first} to {last}")
+    out.print(f"{len(passport.runs)} runs, {first} to {last}")
     if passport.series:
-        console.print(_series_table(passport.series))
+        out.print(_series_table(passport.series))
     for series in passport.series:
         for point in series.points:
             for signal in point.signals:
                 text = f"{series.title}, {point.run}: {passport.rules[signal]}"
                 text += " (within the measuring uncertainty)" if point.within_uncertainty else ""
-                console.print(
+                out.print(
                     Text(
                         text,
                         style=_STATE_COLOURS[
@@ -106,26 +104,27 @@ def print_passport(passport: Passport, analysed: Sequence[Analysed] = ()) -> Non
         ("Runs that do not count", passport.left_out),
     ):
         if lines:
-            console.print(Text(heading, style="bold"))
+            out.print(Text(heading, style="bold"))
         for line in lines:
             remedy = f"  →  {line.remedy}" if line.remedy else ""
-            console.print(Text(f"  {line.run + ': ' if line.run else ''}{line.what}{remedy}"))
+            out.print(Text(f"  {line.run + ': ' if line.run else ''}{line.what}{remedy}"))
 
 
 def _series_table(series: Sequence[PassportSeries]) -> Table:
-    table = Table(box=None, header_style="bold", pad_edge=False)
-    for heading in (
+    measured = ("runs", "newest", "U (k = 2)")
+    rows = table(
         "quantity",
-        "runs",
-        "newest",
-        "U (k = 2)",
+        *measured,
         "unit",
         "centre",
         "control limits",
         "state",
-    ):
-        right = heading in ("runs", "newest", "U (k = 2)", "centre")
-        table.add_column(heading, overflow="fold", justify="right" if right else "left")
+        numbers=(*measured, "centre"),
+        overflow="fold",
+        box=None,
+        header_style="bold",
+        pad_edge=False,
+    )
     for one in series:
         newest, control = one.points[-1], one.control
         centre = "-" if control is None else number(control.centre / one.factor, 4)
@@ -134,7 +133,7 @@ def _series_table(series: Sequence[PassportSeries]) -> Table:
             if control is None
             else " … ".join(number(v / one.factor, 4) for v in (control.lower, control.upper))
         )
-        table.add_row(
+        rows.add_row(
             Text(one.title),
             str(len(one.points)),
             number(newest.value / one.factor, 4),
@@ -144,4 +143,4 @@ def _series_table(series: Sequence[PassportSeries]) -> Table:
             limits,
             Text(one.state, style=_STATE_COLOURS.get(one.state, "dim")),
         )
-    return table
+    return rows

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import math
 
-if TYPE_CHECKING:
-    from rich.console import Console
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
-    from model.gear import HarmonicDrive
-    from model.summary import Summary
+from model.gear import HarmonicDrive
+from model.summary import Summary
+from model.units import ARCMIN, RPM
+from rig.analysis.wording import number
+from rig.commands.terminal import console, ruled_table
 
 DIGITS = 5
 
 
 def print_summary(gear: HarmonicDrive, summary: Summary) -> None:
     """All tables of a summary."""
-    from rich.text import Text
-
-    from rig.commands.result_tables import console
-
     out = console()
     out.print(Text(f"{gear.name}: what the model derives from its parameters, in SI", style="bold"))
     options = ", ".join(
@@ -33,25 +33,14 @@ def print_summary(gear: HarmonicDrive, summary: Summary) -> None:
     _bearing(out, summary)
 
 
-def _table(title: str, *headings: str) -> Any:
+def _table(title: str, *headings: str) -> Table:
     """A plain table; a heading that begins with > is of numbers."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(
-        box=box.SIMPLE_HEAD, title=title, title_justify="left", title_style="bold", pad_edge=False
-    )
-    for heading in headings:
-        numeric = heading.startswith(">")
-        table.add_column(
-            heading.lstrip(">"), justify="right" if numeric else "left", no_wrap=numeric
-        )
-    return table
+    numbers = [heading[1:] for heading in headings if heading.startswith(">")]
+    words = [heading.lstrip(">") for heading in headings]
+    return ruled_table(*words, numbers=numbers, whole=numbers, title=title, title_style="bold")
 
 
 def _text(value: float, digits: int = DIGITS) -> str:
-    from rig.analysis.wording import number
-
     return number(float(value), digits)
 
 
@@ -76,8 +65,6 @@ def _shares(out: Console, summary: Summary) -> None:
 
 
 def _catalogue(out: Console, summary: Summary) -> None:
-    from model.units import ARCMIN
-
     table = _table(
         "Beside the catalogue", "name", ">computed", ">catalogue", "unit", ">ratio", "provenance"
     )
@@ -96,10 +83,6 @@ def _catalogue(out: Console, summary: Summary) -> None:
 
 
 def _modes(out: Console, summary: Summary) -> None:
-    import math
-
-    from model.units import RPM
-
     table = _table(
         "Modes, input prescribed", ">natural frequency [rad/s]", ">[Hz]", ">damping ratio"
     )
@@ -119,8 +102,6 @@ def _modes(out: Console, summary: Summary) -> None:
 
 
 def _friction(out: Console, summary: Summary) -> None:
-    from model.units import RPM
-
     headings = (">input speed [r/min]", ">torque [mN m]", ">bearing [mN m]", ">mesh [mN m]")
     table = _table("Friction torque at the input", *headings)
     for p in summary.friction:

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from rig.commands.terminal import print_json
+
 
 def model(
     parameters: Annotated[
@@ -26,9 +28,7 @@ def model(
     gear = load_gear(parameters) if parameters else shipped_gear()
     summary = derived_quantities(gear)
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text(summary.as_json()))
+        print_json(summary.as_json())
         return
     from rig.commands.model_tables import print_summary
 

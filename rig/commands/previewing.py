@@ -17,6 +17,7 @@ from rig.commands.running import (
     read_protocol,
     with_protocol_flags,
 )
+from rig.commands.terminal import console, print_json, table
 
 if TYPE_CHECKING:
     from rig.present.preview.plan import PlanPreview
@@ -86,9 +87,7 @@ def preview(
     prediction = preview_plan(plan_request(request))
     written = _write_figures(prediction, figures, request.backend) if figures is not None else []
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text({**prediction.as_json(), "figures": [str(path) for path in written]}))
+        print_json({**prediction.as_json(), "figures": [str(path) for path in written]})
         return
     _print(prediction, written)
 
@@ -114,37 +113,26 @@ def _write_figures(prediction: PlanPreview, folder: Path, backend: str) -> list[
 
 
 def _print(prediction: PlanPreview, written: list[Path]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     from model.units import RPM
     from rig.present.preview.plan import percent
     from rig.run.progress import in_words
 
-    console = Console(highlight=False)
+    out = console()
     planned = prediction.planned
-    console.print(
+    out.print(
         f"{planned.experiment.name} on {planned.gear.name}, {planned.mounting}: {in_words(planned.nominal)} nominal",
         markup=False,
     )
     start = prediction.starting
-    console.print(
+    out.print(
         f"predicted starting torque {1e3 * float(start.value):.0f} ± {1e3 * float(start.uncertainty):.0f} mN m (95 %)"
     )
-    table = Table(
-        "limit on",
-        "predicted",
-        "limit",
-        "margin",
-        "least margin",
-        "where",
-        title="Margins with their uncertainty",
-        title_justify="left",
-    )
+    headings = ("limit on", "predicted", "limit", "margin", "least margin", "where")
+    margins = table(*headings, title="Margins with their uncertainty")
     for margin in prediction.margins:
         factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
         doubt = f" ± {margin.uncertainty / factor:.2g}" if margin.uncertainty else ""
-        table.add_row(
+        margins.add_row(
             margin.quantity.replace("_", " "),
             f"{margin.value / factor:.4g}{doubt} {unit}",
             f"{margin.limit.value / factor:.4g} {unit}",
@@ -153,8 +141,8 @@ def _print(prediction: PlanPreview, written: list[Path]) -> None:
             margin.where,
             style="yellow" if margin.touches else None,
         )
-    console.print(table)
+    out.print(margins)
     for warning in prediction.warnings:
-        console.print(f"warning: {warning.text}", style="yellow", markup=False, soft_wrap=True)
+        out.print(f"warning: {warning.text}", style="yellow", soft_wrap=True)
     for path in written:
-        console.print(str(path), markup=False, soft_wrap=True)
+        out.print(str(path), soft_wrap=True)

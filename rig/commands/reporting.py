@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from rig.commands.terminal import print_json
+
 
 class ReportFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
     """What is written."""
@@ -103,9 +105,7 @@ def report(
         lines += one.lines
         written += one.paths
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text({"files": [str(path) for path in written], "lines": lines}))
+        print_json({"files": [str(path) for path in written], "lines": lines})
         return
     for line in lines:
         typer.echo(line)
@@ -159,8 +159,6 @@ def demo(
         typer.echo(sentence, err=True)
         raise typer.Exit(code) from None
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text(demonstration.as_json()))
+        print_json(demonstration.as_json())
     else:
         print_demonstration(demonstration)

@@ -4,12 +4,14 @@ then what to beware of.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from experiments.result import Result, Verdict
+from experiments.result import Result, Verdict
+from rig.analysis.wording import metric_text, show
+from rig.commands.terminal import ruled_table
+from rig.present.content import held_against
 
 VERDICT_STYLE = {
     "PASS": "bold green",
@@ -20,17 +22,8 @@ VERDICT_STYLE = {
 IDENTIFIABLE_STYLE = {"yes": "green", "weakly": "yellow", "no": "red"}
 
 
-def console(*, errors: bool = False) -> Console:
-    """A terminal that does not guess at colours and links inside our text."""
-    from rich.console import Console
-
-    return Console(stderr=errors, highlight=False, markup=False)
-
-
 def print_result(out: Console, result: Result, heading: str = "") -> None:
     """One analysed run on the terminal."""
-    from rich.text import Text
-
     out.print()
     out.print(Text(heading or f"{result.kind} of run {result.run}", style="bold"))
     if result.estimates:
@@ -51,10 +44,6 @@ def print_result(out: Console, result: Result, heading: str = "") -> None:
 
 def print_metrics(out: Console, result: Result) -> None:
     """The figures of merit of a result."""
-    from rich.text import Text
-
-    from rig.analysis.wording import metric_text
-
     if not result.metrics:
         return
     grid = _grid()
@@ -66,8 +55,6 @@ def print_metrics(out: Console, result: Result) -> None:
 
 def verdict_sentence(result: Result, verdict: Verdict) -> str:
     """What was judged: the value and the limit that it was held against."""
-    from rig.present.content import held_against
-
     value, limit = held_against(result, verdict)
     source = f"{verdict.limit_provenance}: {verdict.limit_source}"
     return f"  {verdict.name}: {value}, limit {limit} ({source})"
@@ -75,43 +62,30 @@ def verdict_sentence(result: Result, verdict: Verdict) -> str:
 
 def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
     """Warnings, each on its own line."""
-    from rich.text import Text
-
     for warning in warnings:
         out.print(Text.assemble(("  warning  ", "bold yellow"), warning))
 
 
-def estimate_table(result: Result) -> Any:
+def estimate_table(result: Result) -> Table:
     """The estimates of a result as a rich table."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    from rig.analysis.wording import show
-
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("quantity")
-    table.add_column("value ± U (k = 2)", justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    table.add_column("95 % interval", no_wrap=True)
-    table.add_column("identifiable", no_wrap=True)
+    value = "value ± U (k = 2)"
+    facts = ("unit", "95 % interval", "identifiable")
+    estimates = ruled_table("quantity", value, *facts, numbers=(value,), whole=(value, *facts))
     for name, estimate in result.estimates.items():
         quantity = result.quantity(name)
         shown = show(estimate, quantity)
         verdict = Text(estimate.identifiable, style=IDENTIFIABLE_STYLE[estimate.identifiable])
-        table.add_row(
+        estimates.add_row(
             Text(quantity.titled(name)),
             f"{shown.value} ± {shown.expanded or '?'}",
             shown.unit,
             f"{shown.low} … {shown.high}",
             verdict,
         )
-    return table
+    return estimates
 
 
-def _grid() -> Any:
-    from rich.table import Table
-
+def _grid() -> Table:
     grid = Table.grid(padding=(0, 2))
     grid.add_column(style="dim")
     grid.add_column(justify="right")

@@ -5,51 +5,40 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import typer
+from rich.console import Console
+from rich.panel import Panel
+
+from experiments import catalogue
+from experiments.parameters import ParameterField, parameter_fields
+from model.units import RPM
+from rig.commands.terminal import console, table
+from rig.run.progress import in_words
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from experiments.parameters import ParameterField
     from rig.run.dry_run import PlannedRun
     from rig.run.order import RunReport
 
 
 def print_help(context: typer.Context) -> None:
     """The command's own help, then the protocols, or the flags of the one that is named."""
-    from rich.console import Console
-    from rich.table import Table
-
-    from experiments import catalogue
-
     text = context.get_help()
     if text:
         typer.echo(text)
-    console = Console(highlight=False)
+    out = console()
     named = next((word for word in context.args if word in catalogue.names()), "")
     if not named:
-        table = Table(
-            "protocol", "what it measures", title="Protocols", title_justify="left", box=None
-        )
+        protocols = table("protocol", "what it measures", title="Protocols", box=None)
         for name in catalogue.names():
-            table.add_row(name, catalogue.entry(name).summary)
-        console.print(table)
-        console.print(f"\n'{context.command_path} PROTOCOL --help' shows the flags of one.")
+            protocols.add_row(name, catalogue.entry(name).summary)
+        out.print(protocols)
+        out.print(f"\n'{context.command_path} PROTOCOL --help' shows the flags of one.")
         return
-    from experiments.parameters import parameter_fields
-
     experiment = catalogue.load(named)
-    table = Table(
-        "flag",
-        "unit",
-        "allowed",
-        "default",
-        "what",
-        title=f"{named}: {experiment.title}",
-        title_justify="left",
-    )
+    headings = ("flag", "unit", "allowed", "default", "what")
+    flags = table(*headings, title=f"{named}: {experiment.title}")
     for field in parameter_fields(experiment.parameters):
-        table.add_row(field.flag, field.unit, field.limit, _default(field), field.help)
-    console.print(table)
+        flags.add_row(field.flag, field.unit, field.limit, _default(field), field.help)
+    out.print(flags)
 
 
 def _default(field: ParameterField) -> str:
@@ -63,50 +52,35 @@ def _default(field: ParameterField) -> str:
 
 def print_plan(planned: PlannedRun) -> None:
     """What a plan will do, and its margin to every limit."""
-    from rich.console import Console
-    from rich.table import Table
-
-    from model.units import RPM
-    from rig.run.progress import in_words
-
-    console = Console(highlight=False)
+    out = console()
     turns = planned.input_revolutions
     peak = max((abs(step.speed) for step in planned.steps), default=0.0) / RPM
     title = f"{planned.experiment.name}: {planned.experiment.title}"
-    facts = Table(show_header=False, box=None, title=title, title_justify="left")
+    facts = table(show_header=False, box=None, title=title)
     facts.add_row("gear", f"{planned.gear.name}, {planned.mounting}, ratio {planned.load.ratio:g}")
     facts.add_row("steps", f"{len(planned.plan)}")
     facts.add_row(
         "duration", f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most"
     )
-    out = (
+    of_output = (
         f", {turns / planned.load.ratio:.2f} of the output"
         if planned.experiment.gear_mounted
         else ""
     )
-    facts.add_row("revolutions", f"{turns:.1f} of the input{out}")
+    facts.add_row("revolutions", f"{turns:.1f} of the input{of_output}")
     facts.add_row(
         "samples",
         f"{planned.samples} at {planned.sample_rate:g} Hz, about {planned.file_size() / 1e6:.1f} MB",
     )
     facts.add_row("peak speed", f"{peak:.4g} r/min")
-    console.print(facts)
-    table = Table(
-        "limit on",
-        "planned",
-        "allowed",
-        "margin",
-        "where",
-        "origin",
-        title="Margins",
-        title_justify="left",
-    )
+    out.print(facts)
+    margins = table("limit on", "planned", "allowed", "margin", "where", "origin", title="Margins")
     for margin in planned.margins:
         factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
         origin = f"{margin.limit.tier}: {margin.limit.origin}"
         if margin.limit.provenance in ("recalled", "assumed"):
             origin += f" ({margin.limit.provenance})"
-        table.add_row(
+        margins.add_row(
             margin.quantity.replace("_", " "),
             f"{margin.value / factor:.4g} {unit}",
             f"{margin.limit.value / factor:.4g} {unit}",
@@ -114,70 +88,54 @@ def print_plan(planned: PlannedRun) -> None:
             margin.where,
             origin,
         )
-    console.print(table)
+    out.print(margins)
 
 
-def _print_alarm(console: Console, problem: str) -> None:
+def _print_alarm(out: Console, problem: str) -> None:
     """A failed make-safe: the loudest thing on the screen, with the terminal's bell."""
-    from rich.panel import Panel
-
     text = f"STANDSTILL WAS NOT VERIFIED\n\nPRESS THE EMERGENCY STOP. DO NOT TOUCH THE RIG.\n\n{problem}"
-    console.print(Panel(text, style="bold white on red", padding=(2, 6), expand=True), markup=False)
-    console.bell()
+    out.print(Panel(text, style="bold white on red", padding=(2, 6), expand=True))
+    out.bell()
 
 
-def _print_margins(console: Console, report: RunReport) -> None:
+def _print_margins(out: Console, report: RunReport) -> None:
     """How near the run came to each limit, the nearest first."""
-    from rich.table import Table
-
-    table = Table(
-        "limit on",
-        "peak",
-        "limit",
-        "margin",
-        title="Margins of this run",
-        title_justify="left",
-        box=None,
-    )
+    margins = table("limit on", "peak", "limit", "margin", title="Margins of this run", box=None)
     for name, margin in sorted(report.margins.items(), key=lambda item: item[1]["margin"]):
         style = "red" if margin["margin"] < 0.0 else "yellow" if margin["margin"] < 0.1 else None
         share = f"{100.0 * margin['margin']:.0f} %"
-        table.add_row(
+        margins.add_row(
             name.replace("_", " "),
             f"{margin['peak']:.4g}",
             f"{margin['limit']:.4g}",
             share,
             style=style,
         )
-    console.print(table)
+    out.print(margins)
 
 
 def print_report(report: RunReport, bench: str) -> None:
     """How a run ended: outcome, file, how it was made safe, what to do. `bench` is the option that names the bench."""
-    from rich.console import Console
-
-    console = Console(highlight=False)
+    out = console()
     styles = {"PASS": "green", "MARGINAL": "yellow", "ABORTED": "yellow"}
-    console.print(
-        f"{report.outcome}  {report.run_id}", style=styles.get(report.outcome, "red"), markup=False
-    )
-    console.print(f"{report.path}", markup=False, soft_wrap=True)
+    out.print(f"{report.outcome}  {report.run_id}", style=styles.get(report.outcome, "red"))
+    out.print(f"{report.path}", soft_wrap=True)
     if report.make_safe is not None and not report.safe:
-        _print_alarm(console, report.make_safe.problem)
+        _print_alarm(out, report.make_safe.problem)
     elif report.make_safe is not None:
         seen = ", ".join(report.make_safe.verified_by)
-        console.print(
+        out.print(
             f"made safe ({report.make_safe.action.value}), standstill verified by {seen}",
             soft_wrap=True,
         )
     if report.message:
-        console.print(report.message, markup=False, soft_wrap=True)
+        out.print(report.message, soft_wrap=True)
     if report.margins:
-        _print_margins(console, report)
+        _print_margins(out, report)
     if report.trip is not None:
-        console.print(
+        out.print(
             f"The trip is latched: rig acknowledge --operator NAME {bench}",
             soft_wrap=True,
         )
     for warning in dict.fromkeys(w for w in report.warnings if w != report.message):
-        console.print(f"warning: {warning}", style="yellow", markup=False, soft_wrap=True)
+        out.print(f"warning: {warning}", style="yellow", soft_wrap=True)

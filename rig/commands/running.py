@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from rig.commands.terminal import print_json
+
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
     from experiments.steps.vocabulary import Prompt
@@ -108,9 +110,7 @@ def plan(
         )
     )
     if json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text(planned.as_json()))
+        print_json(planned.as_json())
         return
     print_plan(planned)
 
@@ -211,9 +211,7 @@ def run(
     if events:
         pass
     elif json:
-        from rig.analysis.store import json_text
-
-        typer.echo(json_text(report.as_json()))
+        print_json(report.as_json())
     else:
         print_report(report, option_of(request.backend, request.output, request.configuration))
     raise typer.Exit(code_of_outcome(report.outcome))

@@ -6,16 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
 
+from rig.analysis.fit import Fit
+from rig.analysis.passport.content import Passport, PassportPoint
+from rig.analysis.store import Analysis, read_analyses
 from rig.errors import RigError
 from rig.present.content import Grid, run_files
 from rig.present.provenance import alarms_of
-
-if TYPE_CHECKING:
-    from rig.analysis.fit import Fit
-    from rig.analysis.passport.content import Passport, PassportPoint
-    from rig.analysis.store import Analysis
+from rig.runfile.read import close_recording, open_run
 
 
 @contextmanager
@@ -24,7 +22,6 @@ def newest_fits(passport: Passport) -> Iterator[tuple[Fit, ...]]:
     closed when it is left.
     """
     from rig.analysis.passport.gather import moment
-    from rig.runfile.read import close_recording
 
     newest: dict[str, PassportPoint] = {}
     for series in passport.series:
@@ -45,9 +42,7 @@ def newest_fits(passport: Passport) -> Iterator[tuple[Fit, ...]]:
 def _stored_fit(kind: str, point: PassportPoint) -> Fit:
     """A run with the analysis that the passport read. Raises `RigError` for one that is none."""
     from model.gear_file import gear_from_mapping, shipped_gear
-    from rig.analysis.fit import Fit
     from rig.analysis.result_data import result_from_mapping
-    from rig.runfile.read import open_run
 
     analysis = _analysis(point)
     recording = open_run(point.path)
@@ -76,8 +71,6 @@ def _stored_fit(kind: str, point: PassportPoint) -> Fit:
 
 
 def _analysis(point: PassportPoint) -> Analysis:
-    from rig.analysis.store import read_analyses
-
     name = point.analysis.rpartition("/")[2]
     for analysis in read_analyses(point.path):
         if analysis.path.name == name:
@@ -106,8 +99,6 @@ def gear_files(passport: Passport, fits: Sequence[Fit]) -> Grid:
 
 def _analysis_tare(fit: Fit) -> tuple[str, str] | None:
     """Run and hash of the tare that a stored analysis names."""
-    from rig.analysis.store import read_analyses
-
     name = fit.stored.rpartition("/")[2]
     for analysis in read_analyses(fit.path) if fit.path else ():
         tare = analysis.content.get("tare") or {}
@@ -118,8 +109,6 @@ def _analysis_tare(fit: Fit) -> tuple[str, str] | None:
 
 def gear_alarms(passport: Passport) -> tuple[str, ...]:
     """What makes the scales of these runs doubtful, each alarm once with the runs that it concerns."""
-    from rig.runfile.read import close_recording, open_run
-
     alarms: dict[str, list[str]] = {}
     for run in passport.runs:
         recording = open_run(run.path, digest=False)

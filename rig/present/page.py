@@ -99,13 +99,6 @@ def write_context(context: dict[str, Any], path: str | Path) -> Path:
     return path
 
 
-def render_report(
-    fits: Sequence[Fit], *, created: str, truth: Sequence[tuple[str, TruthRow]] = (), note: str = ""
-) -> str:
-    """The text of the page; see `write_report`."""
-    return render_page(report_context(fits, created=created, truth=truth, note=note))
-
-
 def report_context(
     fits: Sequence[Fit], *, created: str, truth: Sequence[tuple[str, TruthRow]] = (), note: str = ""
 ) -> dict[str, Any]:

@@ -31,20 +31,13 @@ WIDEST_NAME = 14.0
 
 def render_pdf(context: Mapping[str, Any]) -> bytes:
     """The pages of a report as PDF; `context` is what the HTML page is made of. Raises `RigError`."""
-    document = _compiled(context, format="pdf")
+    document = typeset(context, format="pdf")
     assert isinstance(document, bytes)
     return document
 
 
-def draw_pages(context: Mapping[str, Any], dots_per_inch: float = 72.0) -> list[bytes]:
-    """The pages of a report as PNG pictures. Raises `RigError`."""
-    pages = _compiled(context, format="png", ppi=dots_per_inch)
-    return (
-        [pages] if isinstance(pages, bytes) else [page for page in pages or () if page is not None]
-    )
-
-
-def _compiled(context: Mapping[str, Any], **wanted: Any) -> Any:
+def typeset(context: Mapping[str, Any], **wanted: Any) -> Any:
+    """What typst makes of a report, in the format that is `wanted`. Raises `RigError`."""
     import typst
 
     content = json.dumps(paper_content(context), ensure_ascii=False, allow_nan=False)

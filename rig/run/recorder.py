@@ -126,7 +126,7 @@ class ThreadedRecorder:
         self._cycles = np.zeros(capacity, np.int64)
         self._flags = np.zeros(capacity, np.uint16)
         self._counts = np.zeros((capacity, columns), np.int64)
-        self._taken = self._drained = self._high_water = 0
+        self._taken = self._drained = 0
         self._notes: list[Segment | Event] = []
         self._error: RigError | None = None
         self._closing = self._flush_wanted = False
@@ -146,11 +146,6 @@ class ThreadedRecorder:
         """Rows that fit into the ring."""
         return self._capacity
 
-    @property
-    def high_water(self) -> int:
-        """The most rows that have ever waited in the ring."""
-        return self._high_water
-
     def put(self, block: SampleBlock) -> None:
         rows = len(block)
         with self._condition:
@@ -169,7 +164,6 @@ class ThreadedRecorder:
                 raise self._error
             self._copy(block, rows)
             self._taken += rows
-            self._high_water = max(self._high_water, waiting + rows)
             if waiting + rows > self._capacity // 2:
                 # Otherwise the writer wakes by itself: a flush per block would hold up the loop for
                 # as long as it takes.

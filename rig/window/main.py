@@ -32,7 +32,7 @@ from rig.window.review.page import ReviewPage
 from rig.window.run.page import RunPage
 from rig.window.shell.collector import collector_in_this_thread
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, text_label
+from rig.window.shell.stack import in_column, in_row, push_button, room_for, text_label
 from rig.window.shell.theme import apply_theme, theme_named
 from rig.window.work.prepared import PreparedRun
 
@@ -57,11 +57,8 @@ class MainWindow(QMainWindow):
         self.run = RunPage(session)
         self.review = ReviewPage(session)
         self._buttons = QButtonGroup(self)
-        whole = QWidget()
-        whole.setLayout(
-            in_column(self._navigation(), (self.stack, 1), margins=(0, 0, 0, 0), spacing=0)
-        )
-        self.setCentralWidget(whole)
+        whole = in_column(self._navigation(), (self.stack, 1), margins=(0, 0, 0, 0), spacing=0)
+        self.setCentralWidget(room_for(whole))
         for page in (self.prepare, self.run, self.review):
             self.stack.addWidget(page)
         self.statusBar().setSizeGripEnabled(False)
@@ -89,13 +86,15 @@ class MainWindow(QMainWindow):
         bar.setLayout(row)
         for index, name in enumerate(PAGES):
             button = push_button(
-                name.capitalize(), "nav", act=lambda _, name=name: self.show_page(name)
+                name.capitalize(),
+                "nav",
+                tip=f"{name.capitalize()} (Ctrl+{index + 1})",
+                act=lambda _, name=name: self.show_page(name),
             )
             button.setCheckable(True)
             button.setAccessibleName(name.capitalize())
             if name == "run":
                 button.setStyleSheet("min-width: 210px;")
-            button.setToolTip(f"{name.capitalize()} (Ctrl+{index + 1})")
             self._buttons.addButton(button, index)
             row.addWidget(button)
             shortcut = QShortcut(QKeySequence(f"Ctrl+{index + 1}"), self)
@@ -106,14 +105,13 @@ class MainWindow(QMainWindow):
         self.stop.pressed.connect(self.run.stop)
         self.stop.hide()
         row.addWidget(self.stop)
-        self._where = text_label("", "muted")
-        row.addWidget(self._where)
+        where = f"rig: {self.session.backend}   runs: {self.session.folder}"
+        row.addWidget(text_label(where, "muted"))
         theme = push_button("◐", "nav", tip="Light or dark (Ctrl+T)", act=self.switch_theme)
         theme.setStyleSheet("min-width: 24px;")
         theme.setAccessibleName("Light or dark")
         theme.setShortcut(QKeySequence("Ctrl+T"))
         row.addWidget(theme)
-        self._where.setText(f"rig: {self.session.backend}   runs: {self.session.folder}")
         return bar
 
     def show_page(self, name: str) -> None:

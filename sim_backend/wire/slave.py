@@ -234,11 +234,6 @@ class Slave:
     # Frames and time ----------------------------------------------------------------------------------------------
 
     @property
-    def is_operational(self) -> bool:
-        """Whether PDOs travel."""
-        return self.state is NmtState.OPERATIONAL
-
-    @property
     def sync_cob_id(self) -> int:
         """The COB-ID of the SYNC that it follows."""
         return self.dictionary.number(0x1005) & 0x7FF

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from experiments.steps.course import Servo
 from model.units import RPM
 from rig.bench import limits as lim
-from rig.bench.limits import Limit
 from rig.present.preview.output import OutputModel, PredictedError
 from rig.present.preview.timeline import PreviewMark, Timeline, timeline
 from rig.present.preview.torque import PredictedTorque, TorqueModel
@@ -58,21 +57,10 @@ class StepPeak:
 
 
 @dataclass(frozen=True)
-class PredictedMargin:
-    """A limited quantity as it is planned or predicted, its expanded uncertainty, where it peaks,
-    and the limit that holds.
-    """
+class PredictedMargin(Margin):
+    """A limited quantity as it is planned or predicted, with its expanded uncertainty."""
 
-    quantity: str
-    value: float
     uncertainty: float
-    where: str
-    limit: Limit
-
-    @property
-    def margin(self) -> float:
-        """Share of the limit that is left."""
-        return 1.0 - self.value / self.limit.value
 
     @property
     def least_margin(self) -> float:
@@ -343,7 +331,8 @@ def _predicted(
     name = margin.quantity
     if peaks and name in peaks[0].predicted:
         worst = max(peaks, key=lambda peak: sum(peak.predicted[name]))
-        return PredictedMargin(name, *worst.predicted[name], worst.where, margin.limit)
+        value, doubt = worst.predicted[name]
+        return PredictedMargin(name, value, worst.where, margin.limit, doubt)
     if margin.quantity == lim.RMS_TORQUE and duration > 0.0:
         mean = math.sqrt(_integral(torque.value**2, time) / duration)
         # The same parameters are wrong throughout: their doubts add up as they stand.
@@ -352,8 +341,8 @@ def _predicted(
             if mean
             else 0.0
         )
-        return PredictedMargin(margin.quantity, mean, doubt, margin.where, margin.limit)
-    return PredictedMargin(margin.quantity, margin.value, 0.0, margin.where, margin.limit)
+        return PredictedMargin(margin.quantity, mean, margin.where, margin.limit, doubt)
+    return PredictedMargin(margin.quantity, margin.value, margin.where, margin.limit, 0.0)
 
 
 def _integral(values: FloatArray, time: FloatArray) -> float:

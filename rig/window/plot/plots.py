@@ -7,7 +7,6 @@ in the canvas itself, so that a picture of the plot cannot lose it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -246,11 +245,7 @@ class LabPlot(QWidget):
         group: int,
         logs: tuple[bool, bool],
     ) -> None:
-        # One line with gaps: pyqtgraph's own error bars know nothing of logarithmic axes.
-        across = np.repeat(np.asarray(x, dtype=float), 3)
-        along = np.column_stack([low, high, np.full(len(low), np.nan)]).ravel()
-        item = pg.PlotDataItem(across, along, connect="finite")
-        item.setLogMode(*logs)
+        item = upright(x, low, high, logs)
         self.item.addItem(item)
 
         def restyle(palette: Palette) -> None:
@@ -281,9 +276,7 @@ class LabPlot(QWidget):
         self.item.addItem(item)
 
         def restyle(palette: Palette) -> None:
-            colour = pg.mkColor(palette.series_colour(group))
-            colour.setAlpha(60)
-            item.setBrush(pg.mkBrush(colour))
+            item.setBrush(pg.mkBrush(shade(palette.series_colour(group), 60)))
 
         restyle(self._session.palette)
         self._extras.append(restyle)
@@ -321,19 +314,16 @@ class LabPlot(QWidget):
     def _place_legend(self) -> None:
         """Beside the title where there is room, below it where there is not."""
         room = self.width() - 30 - self._title.sizeHint().width()
-        below = (
-            bool(self._legend.text())
-            and self._legend.sizeHint().width() > room
-            and self.width() > 100
-        )
-        if below == self._legend_below:
-            return
-        self._legend_below = below
-        self._head.removeWidget(self._legend)
-        if below:
-            self._head.addWidget(self._legend, 1, 0, 1, 2)
-        else:
-            self._head.addWidget(self._legend, 0, 1)
+        below = bool(self._legend.text()) and self._legend_width() > room and self.width() > 100
+        if below != self._legend_below:
+            self._legend_below = below
+            self._head.removeWidget(self._legend)
+            place = (1, 0, 1, 2) if below else (0, 1, 1, 1)
+            self._head.addWidget(self._legend, *place)
+
+    def _legend_width(self) -> float:
+        """Pixels that the legend takes beside the title."""
+        return self._legend.sizeHint().width()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Place the legend anew."""
@@ -352,6 +342,20 @@ class LabPlot(QWidget):
             self.item.layout.setRowFixedHeight(0, 6)
 
 
+def upright(
+    x: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    logs: tuple[bool, bool],
+) -> Any:
+    """Upright lines from `low` to `high`, one item for all of them."""
+    # One line with gaps: pyqtgraph's own error bars know nothing of logarithmic axes.
+    along = np.column_stack([low, high, np.full(len(x), np.nan)]).ravel()
+    item = pg.PlotDataItem(np.repeat(np.asarray(x, dtype=float), 3), along, connect="finite")
+    item.setLogMode(*logs)
+    return item
+
+
 def shade(colour: str, alpha: int) -> Any:
     """A colour (CSS hex) made transparent: alpha 0..255."""
     shaded = pg.mkColor(colour)
@@ -362,9 +366,3 @@ def shade(colour: str, alpha: int) -> Any:
 def _is_segmented(style: CurveStyle, dense: bool) -> bool:
     """Whether a curve is drawn stroke by stroke; dashes go on from one stroke to the next only along a path."""
     return style == "line" and not dense
-
-
-def set_marks(plots: Sequence[LabPlot], mark: str) -> None:
-    """The same mark on several plots."""
-    for plot in plots:
-        plot.set_mark(mark)

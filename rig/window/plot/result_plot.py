@@ -13,17 +13,16 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from numpy.typing import NDArray
-from PySide6.QtCore import QSize, Qt
+from PySide6.QtCore import QSignalBlocker, QSize
 from PySide6.QtGui import QTextDocument
-from PySide6.QtWidgets import QListWidget, QListWidgetItem, QWidget
+from PySide6.QtWidgets import QListWidgetItem, QWidget
 
 from experiments.result import Plot, Series
 from rig.present.decimate import scatter_rows
-from rig.window.plot.plots import Curve, CurveStyle, LabPlot
+from rig.window.plot.plots import Curve, CurveStyle, LabPlot, upright
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, split, text_label
+from rig.window.shell.stack import in_column, room_for, side_list, split, text_label
 
 CROWDED_POINTS = 120
 """More points than this are drawn small."""
@@ -102,13 +101,12 @@ class ResultPlot(LabPlot):
         foot = foot_of(all_series) if logs[1] else 0.0
         x = series.x + shift_of(all_series, number)
         y = np.where(np.isfinite(series.y), series.y, foot)
-        item = _upright(x, np.full(len(x), foot), y, logs)
+        item = upright(x, np.full(len(x), foot), y, logs)
         self.item.addItem(item)
-        curve = Curve(item, series.label, series.group, "line")
-        self._curves.append(curve)
+        self._curves.append(Curve(item, series.label, series.group, "line"))
         arms: Any = None
         if series.low is not None and series.high is not None:
-            arms = _upright(
+            arms = upright(
                 x, np.maximum(series.low, foot) if logs[1] else series.low, series.high, logs
             )
             self.item.addItem(arms)
@@ -122,36 +120,18 @@ class ResultPlot(LabPlot):
         self._extras.append(restyle)
         self._draw_legend(self._session.palette)
 
-    def _place_legend(self) -> None:
-        """Beside the title where there is room, else below it in as many lines as it needs."""
+    def _legend_width(self) -> float:
+        """That of one line and some air: the label itself is content with as many lines as it likes."""
         text = QTextDocument()
         text.setDefaultFont(self._legend.font())
         text.setHtml(self._legend.text())
-        room = self.width() - 40 - self._title.sizeHint().width()
-        below = bool(self._legend.text()) and text.idealWidth() > room and self.width() > 100
-        if below != self._legend_below:
-            self._legend_below = below
-            self._head.removeWidget(self._legend)
-            place = (1, 0, 1, 2) if below else (0, 1, 1, 1)
-            self._head.addWidget(self._legend, *place)
+        return text.idealWidth() + 10.0
 
     def _say_no_data(self) -> None:
         text = pg.TextItem("no data", anchor=(0.5, 0.5), color=self._session.palette.muted)
         self.item.addItem(text, ignoreBounds=True)
         text.setPos(0.5, 0.5)
         self.item.setRange(xRange=(0, 1), yRange=(0, 1), disableAutoRange=False)
-
-
-def _upright(
-    x: NDArray[np.float64],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    logs: tuple[bool, bool],
-) -> Any:
-    along = np.column_stack([low, high, np.full(len(x), np.nan)]).ravel()
-    item = pg.PlotDataItem(np.repeat(x, 3), along, connect="finite")
-    item.setLogMode(*logs)
-    return item
 
 
 def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
@@ -207,17 +187,11 @@ class PlotGallery(QWidget):
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
         self._plots: tuple[Plot, ...] = ()
-        self.titles = QListWidget()
-        self.titles.setWordWrap(True)
-        self.titles.setSpacing(2)
-        self.titles.setMinimumWidth(120)
-        self.titles.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.titles.setAccessibleName("Figures")
+        self.titles = side_list("Figures", 120)
         self.plot = ResultPlot(session)
         self.note = text_label("", "muted", wraps=True)
         self.note.setContentsMargins(6, 0, 6, 0)
-        right = QWidget()
-        right.setLayout(in_column((self.plot, 1), self.note, margins=(0, 0, 0, 0), spacing=3))
+        right = room_for(in_column((self.plot, 1), self.note, margins=(0, 0, 0, 0), spacing=3))
         both = split(self.titles, (right, 1), sizes=[170, 700])
         self.setLayout(in_column(both, margins=(4, 6, 4, 4)))
         self.titles.currentRowChanged.connect(self._show)
@@ -233,13 +207,12 @@ class PlotGallery(QWidget):
         before = self._plots[row].name if keep and 0 <= row < len(self._plots) else ""
         self._plots = tuple(plots)
         self.plot.set_mark(mark)
-        self.titles.blockSignals(True)
-        self.titles.clear()
-        for title in distinct_titles(plots):
-            item = QListWidgetItem(title)
-            item.setToolTip(title)
-            self.titles.addItem(item)
-        self.titles.blockSignals(False)
+        with QSignalBlocker(self.titles):
+            self.titles.clear()
+            for title in distinct_titles(plots):
+                item = QListWidgetItem(title)
+                item.setToolTip(title)
+                self.titles.addItem(item)
         if not plots:
             self.plot.clear_data()
             self.plot.set_labels("", "", "")

@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtCore import QObject, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLabel, QLineEdit, QWidget
 
@@ -19,7 +19,7 @@ from experiments.errors import ExperimentError, PlanError
 from experiments.parameters import ParameterField
 from rig.analysis.wording import pretty
 from rig.window.prepare.request import heading
-from rig.window.shell.stack import text_label
+from rig.window.shell.stack import restyled, text_label
 
 Checker = Callable[[str, Any], None]
 """Raises `PlanError` for a value of a field that the model refuses."""
@@ -113,11 +113,10 @@ class FieldRow(QObject):
         """Mark the field as wrong, in these words; "" shows its help and range again."""
         self.problem = text
         self.note.setText(f"✗ {text}" if text else self.hint)
-        self.note.setProperty("part", "bad" if text else "muted")
         self.editor.setProperty("invalid", "true" if text else "false")
-        for widget in (self.note, self.editor):
-            widget.style().unpolish(widget)
-            widget.style().polish(widget)
+        restyled(self.note, "bad" if text else "muted")
+        self.editor.style().unpolish(self.editor)
+        self.editor.style().polish(self.editor)
         self.editor.setToolTip(text or self.hint)
 
     @property
@@ -194,12 +193,9 @@ class ParameterForm(QWidget):
 
     def set_values(self, values: Mapping[str, Any]) -> None:
         """Show these values, and the default in every other field; tells of it once."""
-        self.blockSignals(True)
-        try:
+        with QSignalBlocker(self):
             for name, row in self.rows.items():
                 row.set_value(values.get(name, row.field.default))
-        finally:
-            self.blockSignals(False)
         self.check()
         self.changed.emit()
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 from importlib import resources
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QComboBox, QLabel, QPushButton, QWidget
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QComboBox, QPushButton, QWidget
 
 from experiments.errors import PlanError
 from experiments.parameters import parameter_fields
@@ -28,9 +28,9 @@ from rig.gears.card import (
     with_confirmation,
 )
 from rig.window.prepare.form import CalmComboBox, ParameterForm
-from rig.window.prepare.preview_plot import restyled, short_name
+from rig.window.prepare.preview_plot import short_name
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button
+from rig.window.shell.stack import in_column, in_row, push_button, restyled, text_label
 
 NEW_GEAR = "another gear …"
 
@@ -57,10 +57,8 @@ class GearSection(QWidget):
             parameter_fields(GearFacts), _check_fact, CHOICES, {"part": shipped_parts()}
         )
         self.form.rows["serial"].editor.setAccessibleName("Serial number of the gear")
-        self.status, self.digest = QLabel(), QLabel()
-        for label in (self.status, self.digest):
-            label.setWordWrap(True)
-            label.setTextFormat(Qt.TextFormat.PlainText)
+        self.status = text_label(wraps=True, plain=True)
+        self.digest = text_label(wraps=True, plain=True)
         self.details_button = QPushButton("Card d&etails")
         self.details_button.setCheckable(True)
         self.details_button.toggled.connect(self._show_details)
@@ -76,8 +74,7 @@ class GearSection(QWidget):
         self.choose(remembered if remembered in self._serials() else "")
 
     def _lay_out(self) -> None:
-        label = QLabel("&Gear")
-        label.setBuddy(self.choice)
+        label = text_label("&Gear", buddy=self.choice)
         row = in_row(label, (self.choice, 1), self.details_button)
         buttons = in_row(self.confirm_button, self.revert_button, (None, 1))
         self.setLayout(

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from PySide6.QtWidgets import (
     QDialog,
-    QLineEdit,
     QWidget,
 )
 
@@ -14,8 +13,8 @@ from rig.errors import RigError
 from rig.gears.card import now_text
 from rig.run.latch import LatchedTrip, TripLatch
 from rig.run.trips import rule_of
-from rig.window.prepare.preview_plot import restyled, short_name
-from rig.window.shell.stack import in_column, in_row, push_button, text_label
+from rig.window.prepare.preview_plot import short_name
+from rig.window.shell.stack import in_column, in_row, line_field, push_button, restyled, text_label
 
 
 class AcknowledgeDialog(QDialog):
@@ -32,9 +31,9 @@ class AcknowledgeDialog(QDialog):
             wraps=True,
             plain=True,
         )
-        self.remark = QLineEdit()
-        self.remark.setPlaceholderText("what was found and done; kept with your name")
-        self.remark.setAccessibleName("What was found and done")
+        self.remark = line_field(
+            "What was found and done", "what was found and done; kept with your name"
+        )
         self.remark.textChanged.connect(
             lambda text: self.accept_button.setEnabled(bool(text.strip()) and trip is not None)
         )

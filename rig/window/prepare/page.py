@@ -15,9 +15,7 @@ from PySide6.QtWidgets import (
     QCompleter,
     QFrame,
     QHBoxLayout,
-    QLabel,
     QLineEdit,
-    QPushButton,
     QWidget,
 )
 
@@ -31,10 +29,8 @@ from rig.window.prepare.form import refusal_text
 from rig.window.prepare.gear import GearSection
 from rig.window.prepare.preview_plot import (
     PreviewPlots,
-    restyled,
     short_name,
     summary,
-    summary_label,
 )
 from rig.window.prepare.protocol import ProtocolSection
 from rig.window.prepare.request import (
@@ -51,8 +47,18 @@ from rig.window.prepare.request import (
     write_parameters,
 )
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, scrolled, split, text_label
-from rig.window.work.background import BackgroundCommand, LatestTask, json_object
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    line_field,
+    push_button,
+    restyled,
+    room_for,
+    scrolled,
+    split,
+    text_label,
+)
+from rig.window.work.background import BackgroundCommand, LatestTask, json_object, single_shot
 from rig.window.work.prepared import PreparedRun
 
 TYPING_PAUSE = 250
@@ -70,27 +76,28 @@ class PreparePage(QWidget):
         super().__init__()
         self._session = session
         self.outlook: Outlook | None = None
-        self.looking_ahead = LatestTask(self)
+        self.looking_ahead = LatestTask(self, self._take_outlook, session.message.emit)
         """Works out what a run as the page says it would do."""
         self.doctor_checks: tuple[Check, ...] = ()
         """What the rig answered for this run."""
-        self._timer = QTimer(self)
-        self._timer.setSingleShot(True)
-        self._timer.setInterval(TYPING_PAUSE)
-        self._timer.timeout.connect(self._look_ahead)
+        self._timer = single_shot(self, TYPING_PAUSE, self._look_ahead)
         self.operator = self._operator_field()
         self.gear = GearSection(session)
         self.protocol = ProtocolSection(session)
         self.plots = PreviewPlots(session)
-        self.summary, self.refusal = summary_label(), summary_label()
+        self.summary, self.refusal = text_label(wraps=True), text_label(wraps=True)
         self.checklist = Checklist()
-        self.confirmation = QLineEdit()
-        self.start_button = QPushButton("&Start the run")
-        self.sign_button = QPushButton("Sign &all")
-        self.doctor_button = QPushButton("Ask the &rig")
-        self.training_button = QPushButton("&Training …")
-        self.acknowledge_button = QPushButton("Ac&knowledge the trip …")
-        self.waiting = QLabel()
+        self.confirmation = line_field("Confirmation")
+        self.start_button = push_button("&Start the run", "primary", act=self.start)
+        self.sign_button = push_button("Sign &all", act=self.checklist.tick_all)
+        self.doctor_button = push_button(
+            "Ask the &rig",
+            tip="Connect and look: nodes, directions, torque zero, limits (rig doctor)",
+            act=self.ask_the_rig,
+        )
+        self.training_button = push_button("&Training …", act=self.open_training)
+        self.acknowledge_button = push_button("Ac&knowledge the trip …", act=self.acknowledge_trip)
+        self.waiting = text_label(wraps=True, plain=True)
         self._doctor: BackgroundCommand | None = None
         self._lay_out()
         self._connect()
@@ -98,11 +105,10 @@ class PreparePage(QWidget):
         self._ask_for_outlook()
 
     def _operator_field(self) -> QLineEdit:
-        field = QLineEdit()
-        field.setAccessibleName("Operator")
         names = [str(name) for name in self._session.recall("operators", [])]
         last = self._session.operator
-        field.setPlaceholderText(f"your name (last here: {last})" if last else "your name")
+        hint = f"your name (last here: {last})" if last else "your name"
+        field = line_field("Operator", hint)
         completer = QCompleter(names)
         completer.setCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
         # An open list takes the next click wherever it goes: once the name is whole, it has nothing more to offer.
@@ -115,13 +121,10 @@ class PreparePage(QWidget):
         return field
 
     def _lay_out(self) -> None:
-        inner = QWidget()
-        label = QLabel("&Name")
-        label.setBuddy(self.operator)
-        holder = QWidget()
-        holder.setLayout(in_row(label, (self.operator, 1), margins=(0, 0, 0, 0)))
+        label = text_label("&Name", buddy=self.operator)
+        holder = room_for(in_row(label, (self.operator, 1), margins=(0, 0, 0, 0)))
         self.gear_card = _card("2  Gear", self.gear)
-        inner.setLayout(
+        inner = room_for(
             in_column(
                 _card("1  Operator", holder),
                 self.gear_card,
@@ -137,11 +140,9 @@ class PreparePage(QWidget):
         self.setLayout(in_column((whole, 1), margins=(0, 0, 0, 0)))
 
     def _right_side(self) -> QWidget:
-        preview = QWidget()
-        preview.setLayout(
+        preview = room_for(
             in_column(self.summary, self.refusal, (self.plots, 1), margins=(8, 8, 8, 4))
         )
-        checks = QWidget()
         title = text_label("4  Pre-flight", "heading")
         # The one whose words change stands first, so that no other moves under the mouse.
         head = in_row(
@@ -152,18 +153,14 @@ class PreparePage(QWidget):
             self.training_button,
             self.doctor_button,
         )
-        checks.setLayout(
+        checks = room_for(
             in_column(head, (scrolled(self.checklist), 1), self._start_row(), margins=(8, 4, 8, 8))
         )
         return split((preview, 3), (checks, 2), sizes=[420, 260], way=Qt.Orientation.Vertical)
 
     def _start_row(self) -> QHBoxLayout:
-        self.waiting.setWordWrap(True)
-        self.waiting.setTextFormat(Qt.TextFormat.PlainText)
-        self.confirmation.setAccessibleName("Confirmation")
         self.confirmation.setMaximumWidth(240)
         self.confirmation.setVisible(self._session.is_hardware)
-        self.start_button.setProperty("part", "primary")
         self.start_button.setMinimumHeight(36)
         return in_row((self.waiting, 1), self.confirmation, self.start_button)
 
@@ -178,18 +175,8 @@ class PreparePage(QWidget):
             signal.connect(lambda *_: self._ask_for_outlook())
         self.protocol.changed.connect(self._show_for_protocol)
         self.checklist.changed.connect(self._show_readiness)
-        self.sign_button.clicked.connect(self.checklist.tick_all)
-        self.start_button.clicked.connect(self.start)
         self.acknowledge_button.hide()
-        self.acknowledge_button.clicked.connect(self.acknowledge_trip)
         self.training_button.setVisible(not self._session.is_hardware)
-        self.training_button.clicked.connect(self.open_training)
-        self.doctor_button.setToolTip(
-            "Connect and look: nodes, directions, torque zero, limits (rig doctor)"
-        )
-        self.doctor_button.clicked.connect(self.ask_the_rig)
-        self.looking_ahead.done.connect(self._take_outlook)
-        self.looking_ahead.failed.connect(self._session.message.emit)
         self._session.runs_changed.connect(self._ask_for_outlook)
 
     @property
@@ -278,8 +265,8 @@ class PreparePage(QWidget):
                 return
             if not is_armed(intent):
                 request = replace(request, confirmation="")
-        self._doctor = BackgroundCommand(doctor_arguments(request, intent.rig, parameters), self)
-        self._doctor.done.connect(self._take_doctor)
+        words = doctor_arguments(request, intent.rig, parameters)
+        self._doctor = BackgroundCommand(words, self, self._take_doctor)
         self._doctor.start()
         self.doctor_button.setEnabled(False)
         self.doctor_button.setText("Asking the rig …")

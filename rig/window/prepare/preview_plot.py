@@ -12,7 +12,6 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
-    QLabel,
     QTableWidget,
     QTableWidgetItem,
     QTabWidget,
@@ -25,7 +24,7 @@ from rig.present.preview.figures import figures_of
 from rig.present.preview.plan import PlanPreview, PredictedMargin, percent
 from rig.window.plot.plots import LabPlot
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, split, text_label
+from rig.window.shell.stack import in_column, read_only, room_for, split
 
 FIGURES = {
     "speed": ("Input speed", "nominal time [s]", "speed [r/min]"),
@@ -132,21 +131,15 @@ def log_ticks(low: float, high: float) -> list[list[tuple[float, str]]]:
 
 
 def _stacked(*plots: LabPlot) -> QWidget:
-    page = QWidget()
     both = split(*plots, way=Qt.Orientation.Vertical)
-    page.setLayout(in_column(both, margins=(4, 4, 4, 4)))
-    return page
+    return room_for(in_column(both, margins=(4, 4, 4, 4)))
 
 
 def _table(headings: Sequence[str]) -> QTableWidget:
     table = QTableWidget(0, len(headings))
     table.setHorizontalHeaderLabels(list(headings))
-    table.verticalHeader().hide()
-    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    read_only(table, "Margins to every limit")
     table.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
-    table.setTabKeyNavigation(False)
-    table.setWordWrap(False)
-    table.setAccessibleName("Margins to every limit")
     header = table.horizontalHeader()
     header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
     header.setSectionResizeMode(len(headings) - 1, QHeaderView.ResizeMode.Stretch)
@@ -165,20 +158,7 @@ def summary(preview: PlanPreview) -> str:
     )
 
 
-def summary_label() -> QLabel:
-    """The line that `summary` is shown in."""
-    label = text_label(wraps=True)
-    return label
-
-
 def short_name(name: str) -> str:
     """A name as it fits on a button."""
     text = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1].rstrip()}…"
     return text.replace("&", "&&")
-
-
-def restyled(widget: QWidget, part: str) -> None:
-    """Give a widget another part of the style sheet, at once."""
-    widget.setProperty("part", part)
-    widget.style().unpolish(widget)
-    widget.style().polish(widget)

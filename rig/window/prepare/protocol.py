@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from experiments import catalogue
 from experiments.parameters import make_parameters, parameter_fields
@@ -43,8 +43,7 @@ class ProtocolSection(QWidget):
         self._show(self.protocol)
 
     def _lay_out(self) -> None:
-        label = QLabel("&Protocol")
-        label.setBuddy(self.choice)
+        label = text_label("&Protocol", buddy=self.choice)
         row = in_row(label, (self.choice, 1), self.defaults_button)
         self.setLayout(in_column(row, self.summary, self._place, margins=(0, 0, 0, 0)))
 

@@ -12,7 +12,6 @@ from typing import Any, cast
 
 from experiments import catalogue
 from experiments.errors import ExperimentError
-from experiments.parameters import ParameterField
 from model.errors import ModelError
 from model.gear import HarmonicDrive, Mounting
 from model.gear_file import save_gear, shipped_gear
@@ -269,16 +268,6 @@ def short(error: Exception) -> str:
     text = f"{where}: {what}" if where else str(what)
     text += f" ({value})" if value is not None else ""
     return text + (f"; allowed {limit}" if limit else "")
-
-
-def changed_values(
-    fields: Sequence[ParameterField], values: Mapping[str, Any], parameters: Any
-) -> dict[str, Any]:
-    """The values that differ from the protocol's defaults, as they were typed; `parameters` holds them converted."""
-    defaults = {f.name: f.default for f in fields}
-    return {
-        name: value for name, value in values.items() if getattr(parameters, name) != defaults[name]
-    }
 
 
 def write_parameters(request: RunRequest) -> Path | None:

@@ -9,15 +9,12 @@ from typing import Any
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QDialog,
-    QLabel,
-    QLineEdit,
     QListWidget,
     QListWidgetItem,
     QWidget,
 )
 
-from rig.window.prepare.preview_plot import restyled
-from rig.window.shell.stack import in_column, in_row, push_button, text_label
+from rig.window.shell.stack import in_column, in_row, line_field, push_button, restyled, text_label
 from rig.window.work.background import BackgroundCommand, json_object
 
 
@@ -28,19 +25,14 @@ class TrainingDialog(QDialog):
         super().__init__(parent)
         self.setWindowTitle("Training drills")
         self.resize(640, 520)
-        self.search = QLineEdit()
-        self.search.setPlaceholderText("search, for instance: guard, encoder, heartbeat")
-        self.search.setAccessibleName("Search drills")
+        self.search = line_field("Search drills", "search, for instance: guard, encoder, heartbeat")
         self.search.textChanged.connect(self._filter)
         self.drills = QListWidget()
         self.drills.setAccessibleName("Drills")
         self.drills.currentItemChanged.connect(lambda *_: self._describe())
         self.drills.itemActivated.connect(lambda _: self.run())
-        self.what, self.verdict = QLabel(), QLabel()
-        for label in (self.what, self.verdict):
-            label.setWordWrap(True)
-            label.setTextFormat(Qt.TextFormat.PlainText)
-        self.verdict.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.what = text_label(wraps=True, plain=True)
+        self.verdict = text_label(wraps=True, plain=True, selectable=True)
         self.run_button = push_button("&Run this drill", "primary", act=self.run)
         self.run_button.setDefault(True)
         close = push_button("C&lose", act=self.reject)
@@ -102,8 +94,9 @@ class TrainingDialog(QDialog):
         item = self.drills.currentItem()
         if item is None or self.is_running:
             return
-        self._drill = BackgroundCommand(["drill", "--fault", item.text(), "--json"], self)
-        self._drill.done.connect(self._take_verdict)
+        self._drill = BackgroundCommand(
+            ["drill", "--fault", item.text(), "--json"], self, self._take_verdict
+        )
         self._drill.start()
         self.run_button.setEnabled(False)
         restyled(self.verdict, "muted")

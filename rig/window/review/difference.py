@@ -12,7 +12,7 @@ from rig.analysis.wording import readable
 from rig.gears.card import UNITS, in_words
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import choice_box, in_column, in_row, text_label
 from rig.window.work.background import LatestTask
 
 COLUMNS = ("group", "what", "first", "second", "difference ± U_c", "significance", "remark")
@@ -27,19 +27,13 @@ class DifferenceView(QWidget):
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
         self.difference: Difference | None = None
-        self.title, self.says = QLabel("Difference"), QLabel()
-        self.title.setProperty("part", "title")
-        self.title.setWordWrap(True)
-        self.says.setProperty("part", "muted")
-        self.says.setWordWrap(True)
-        self.group = QComboBox()
-        self.group.setAccessibleName("Which group")
+        self.title = text_label("Difference", "title", wraps=True)
+        self.says = text_label("", "muted", wraps=True)
+        self.group = choice_box("Which group")
         self.group.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.group.currentIndexChanged.connect(lambda _: self._fill())
         self.table = GridTable(session, "Differences", judged=("significance",), widest=WIDEST)
-        self._comparing = LatestTask(self)
-        self._comparing.done.connect(self._take)
-        self._comparing.failed.connect(self._refuse)
+        self._comparing = LatestTask(self, self._take, self.says.setText)
         head = in_row(QLabel("show"), self.group, (self.says, 1))
         self.setLayout(in_column(self.title, head, (self.table, 1), margins=(8, 8, 8, 4)))
 
@@ -70,9 +64,6 @@ class DifferenceView(QWidget):
         )
         self.says.setText(text + (f" The same in both: {', '.join(same)}." if same else ""))
         self._fill()
-
-    def _refuse(self, complaint: str) -> None:
-        self.says.setText(complaint)
 
     def _fill(self) -> None:
         if self.difference is None:

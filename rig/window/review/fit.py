@@ -136,9 +136,10 @@ class FitDesk(QObject):
             if cached is not None:
                 self._count(order, cached)
                 continue
-            self._command = BackgroundCommand(order.arguments, self)
-            self._command.done.connect(
-                lambda code, out, aside, order=order: self._take(order, out, aside)
+            self._command = BackgroundCommand(
+                order.arguments,
+                self,
+                lambda code, out, aside, order=order: self._take(order, out, aside),
             )
             self._command.start()
             self.progressed.emit(self._done, self._asked)

@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
+from PySide6.QtWidgets import QHeaderView, QTableWidget, QTableWidgetItem
 
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import row_by_row
 
 WORD_COLOURS: Mapping[str, str] = {
     "yes": "good",
@@ -41,16 +42,7 @@ class GridTable(QTableWidget):
         super().__init__(0, 0)
         self._session, self._judged, self._widest = session, judged, widest
         self._columns: tuple[str, ...] = ()
-        self.setAccessibleName(name)
-        self.verticalHeader().hide()
-        self.verticalHeader().setDefaultSectionSize(26)
-        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.setTabKeyNavigation(False)
-        self.setAlternatingRowColors(True)
-        self.setShowGrid(False)
-        self.setWordWrap(False)
-        self.horizontalHeader().setHighlightSections(False)
+        row_by_row(self, name)
         session.theme_changed.connect(self._colour)
 
     def show_rows(

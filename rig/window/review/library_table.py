@@ -6,7 +6,14 @@ from collections.abc import Callable, Sequence
 from datetime import date, timedelta
 from pathlib import Path
 
-from PySide6.QtCore import QDate, QItemSelection, QItemSelectionModel, Qt, QTimer, Signal
+from PySide6.QtCore import (
+    QDate,
+    QItemSelection,
+    QItemSelectionModel,
+    QSignalBlocker,
+    Qt,
+    Signal,
+)
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -15,7 +22,6 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHBoxLayout,
     QHeaderView,
-    QLineEdit,
     QTableView,
     QWidget,
 )
@@ -32,7 +38,16 @@ from rig.window.review.table_model import (
 )
 from rig.window.review.table_source import LibrarySource
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, text_label
+from rig.window.shell.stack import (
+    choice_box,
+    in_column,
+    in_row,
+    line_field,
+    push_button,
+    row_by_row,
+    text_label,
+)
+from rig.window.work.background import single_shot
 
 CHOSEN_PAUSE_MS = 120
 """ms that the selection must rest before the run is opened: arrow keys run through the table
@@ -63,16 +78,12 @@ class FilterBar(QWidget):
     def __init__(self, today: Callable[[], date] = date.today) -> None:
         super().__init__()
         self._today = today
-        self.text = QLineEdit()
-        self.text.setPlaceholderText("Search runs, gears, operators, notes …  (Ctrl+F)")
+        self.text = line_field("Search", "Search runs, gears, operators, notes …  (Ctrl+F)")
         self.text.setClearButtonEnabled(True)
-        self.text.setAccessibleName("Search")
         self.gear, self.protocol, self.outcome = (
             _choice(name) for name in ("gear", "protocol", "outcome")
         )
-        self.period = QComboBox()
-        self.period.addItems(PERIODS)
-        self.period.setAccessibleName("Period")
+        self.period = choice_box("Period", PERIODS)
         self.since, self.until = QDateEdit(), QDateEdit()
         for edit, word in ((self.since, "first day"), (self.until, "last day")):
             edit.setCalendarPopup(True)
@@ -164,14 +175,10 @@ class LibraryTable(QWidget):
         self.filtered.setSourceModel(self.model)
         self.filters = FilterBar(today)
         self.table = _table(self.filtered)
-        self.count = text_label("", "muted", wraps=True)
-        self.count.setText("Reading the runs …")
+        self.count = text_label("Reading the runs …", "muted", wraps=True)
         self.says = text_label(wraps=True, selectable=True)
         self.says.hide()
-        self._pause = QTimer(self)
-        self._pause.setSingleShot(True)
-        self._pause.setInterval(CHOSEN_PAUSE_MS)
-        self._pause.timeout.connect(lambda: self.chosen.emit(self.selected))
+        self._pause = single_shot(self, CHOSEN_PAUSE_MS, lambda: self.chosen.emit(self.selected))
         self._waited_for: Path | None = None
         self.setLayout(
             in_column(
@@ -204,32 +211,31 @@ class LibraryTable(QWidget):
     def _actions(self) -> QHBoxLayout:
         self.buttons = {
             "overlay": push_button(
-                "O&verlay", tip="Draw the figures of two or more chosen runs over each other"
+                "O&verlay",
+                tip="Draw the figures of two or more chosen runs over each other",
+                act=lambda: self.overlay_requested.emit(self.selected),
             ),
             "difference": push_button(
-                "&Difference", tip="What differs between two chosen runs, and only that"
+                "&Difference",
+                tip="What differs between two chosen runs, and only that",
+                act=lambda: self.difference_requested.emit(self.selected),
             ),
             "passport": push_button(
                 "Pass&port",
                 tip="The chosen run's gear over time, and its report; needs a serial number",
+                act=lambda: self.passport_requested.emit(self._serial()),
             ),
             "report": push_button(
                 "Repor&t",
                 tip="Write the report of the chosen runs as a web page (HTML) and open it",
+                act=lambda: self.report_requested.emit(self.selected, HTML),
             ),
             "pdf": push_button(
-                "PD&F", tip="Write the report of the chosen runs for paper (PDF) and open it"
+                "PD&F",
+                tip="Write the report of the chosen runs for paper (PDF) and open it",
+                act=lambda: self.report_requested.emit(self.selected, PDF),
             ),
         }
-        acts: dict[str, Callable[[], None]] = {
-            "overlay": lambda: self.overlay_requested.emit(self.selected),
-            "difference": lambda: self.difference_requested.emit(self.selected),
-            "passport": lambda: self.passport_requested.emit(self._serial()),
-            "report": lambda: self.report_requested.emit(self.selected, HTML),
-            "pdf": lambda: self.report_requested.emit(self.selected, PDF),
-        }
-        for name, button in self.buttons.items():
-            button.clicked.connect(lambda _=False, act=acts[name]: act())
         return in_row(*self.buttons.values(), spacing=5)
 
     @property
@@ -328,11 +334,8 @@ class LibraryTable(QWidget):
 
 
 def _choice(what: str) -> QComboBox:
-    box = QComboBox()
+    box = choice_box(what.capitalize(), letters=8)
     box.addItem(f"every {what}", "")
-    box.setAccessibleName(what.capitalize())
-    box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-    box.setMinimumContentsLength(8)
     return box
 
 
@@ -340,13 +343,12 @@ def _offer(box: QComboBox, words: Sequence[str]) -> None:
     if [box.itemText(i) for i in range(1, box.count())] == list(words):
         return
     chosen = str(box.currentData() or "")
-    box.blockSignals(True)
-    while box.count() > 1:
-        box.removeItem(1)
-    for word in words:
-        box.addItem(word, word)
-    box.setCurrentIndex(max(0, box.findData(chosen)))
-    box.blockSignals(False)
+    with QSignalBlocker(box):
+        while box.count() > 1:
+            box.removeItem(1)
+        for word in words:
+            box.addItem(word, word)
+        box.setCurrentIndex(max(0, box.findData(chosen)))
     if chosen and box.currentIndex() == 0:
         box.currentIndexChanged.emit(0)
 
@@ -358,19 +360,9 @@ def _day(day: date) -> QDate:
 def _table(model: LibraryFilter) -> QTableView:
     table = QTableView()
     table.setModel(model)
-    table.setAccessibleName("Runs")
-    table.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
+    row_by_row(table, "Runs")
     table.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
-    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-    table.setTabKeyNavigation(False)
-    table.setAlternatingRowColors(True)
-    table.setShowGrid(False)
-    table.setWordWrap(False)
-    table.verticalHeader().hide()
-    table.verticalHeader().setDefaultSectionSize(26)
-    header = table.horizontalHeader()
-    header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
-    header.setHighlightSections(False)
+    table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
     for place, column in enumerate(COLUMNS):
         table.setColumnWidth(place, WIDTHS[column.heading])
     table.setSortingEnabled(True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -119,12 +118,3 @@ class MarksItem(pg.GraphicsObject):
                 pen = pg.mkPen(shade(colour, 150), width=1.2, style=Qt.PenStyle.DashLine)
                 painter.setPen(pen)
                 painter.drawLine(QLineF(moment, view.top(), moment, view.bottom()))
-
-
-def levels_in(events: Sequence[Event]) -> list[str]:
-    """The levels that occur, the worst first."""
-    order = ("error", "warning", "info")
-    return sorted(
-        {event.level for event in events},
-        key=lambda level: order.index(level) if level in order else 9,
-    )

@@ -11,8 +11,6 @@ from pathlib import Path
 from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QColor, QIcon, QPixmap
 from PySide6.QtWidgets import (
-    QComboBox,
-    QListWidget,
     QListWidgetItem,
     QProgressBar,
     QWidget,
@@ -28,7 +26,15 @@ from rig.window.plot.result_plot import ResultPlot
 from rig.window.review.fit import FitDesk, FitOrder, ResultCache, order_of
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, split, text_label
+from rig.window.shell.stack import (
+    choice_box,
+    in_column,
+    in_row,
+    push_button,
+    side_list,
+    split,
+    text_label,
+)
 
 
 @dataclass
@@ -51,14 +57,9 @@ class OverlayView(QWidget):
         self._lines: list[_Line] = []
         self.desk = FitDesk(cache, self)
         self.title = text_label("Overlay", "title")
-        self.figure = QComboBox()
-        self.figure.setAccessibleName("Figure")
+        self.figure = choice_box("Figure")
         self.figure.setMinimumContentsLength(12)
-        self.runs = QListWidget()
-        self.runs.setAccessibleName("Runs of the overlay")
-        self.runs.setMinimumWidth(150)
-        self.runs.setWordWrap(True)
-        self.runs.setSpacing(2)
+        self.runs = side_list("Runs of the overlay", 150)
         self.plot = ResultPlot(session)
         self.says = text_label("", "muted", wraps=True)
         self.busy = QProgressBar()

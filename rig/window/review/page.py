@@ -58,8 +58,7 @@ class ReviewPage(QWidget):
         self.overlay = OverlayView(session, cache)
         self.difference = DifferenceView(session)
         self.passport = PassportView(session)
-        self.empty = text_label(EMPTY, "muted", wraps=True)
-        self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.empty = text_label(EMPTY, "muted", wraps=True, align=Qt.AlignmentFlag.AlignCenter)
         self.empty.setMargin(40)
         self.right = QStackedWidget()
         for view in (self.empty, self.details, self.overlay, self.difference, self.passport):
@@ -136,9 +135,12 @@ class ReviewPage(QWidget):
         self._write_report(["--gear", serial, "--runs", str(folder)], page)
 
     def _write_report(self, words: Sequence[str], page: Path) -> None:
-        self._report = BackgroundCommand(["report", *words, "--output", str(page)], self)
-        self._report.done.connect(lambda code, out, aside: self._open_report(page, code, aside))
         self._say_report(f"Writing the report {page.name} …", busy=True)
+        self._report = BackgroundCommand(
+            ["report", *words, "--output", str(page)],
+            self,
+            lambda code, out, aside: self._open_report(page, code, aside),
+        )
         self._report.start()
 
     def _tare_of(self, paths: Sequence[Path]) -> Path | None:

@@ -10,9 +10,7 @@ from typing import TYPE_CHECKING
 
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import (
-    QLabel,
     QProgressBar,
-    QPushButton,
     QTabWidget,
     QWidget,
 )
@@ -27,7 +25,7 @@ from rig.window.review.fit import FitDesk, FitOrder, tares_among
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time, outcome_of, with_sign
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button
+from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.background import LatestTask
 
 if TYPE_CHECKING:
@@ -64,42 +62,37 @@ class PassportView(QWidget):
         self._refusals: list[str] = []
         self.desk = FitDesk(parent=self)
         self.passport: Passport | None = None
-        self.title, self.mark, self.says = QLabel("Passport"), QLabel(), QLabel()
-        self.title.setProperty("part", "title")
-        self.mark.setProperty("part", "mark")
-        self.says.setProperty("part", "muted")
-        self.says.setWordWrap(True)
+        self.title, self.mark = text_label("Passport", "title"), text_label("", "mark")
+        self.says = text_label("", "muted", wraps=True)
         self.analyse = push_button(
             "Fit what is &missing",
             tip="Fit every run of this gear that has no analysis yet, friction with the newest "
             "motor tare; kept beside its run",
             act=self.fit_missing,
         )
-        self.report, self.pdf = QPushButton("Gear r&eport"), QPushButton("PDF")
-        self.report.setToolTip(
-            "The report of this gear over all its runs, as a web page (HTML), and open it"
+        self.report = push_button(
+            "Gear r&eport",
+            tip="The report of this gear over all its runs, as a web page (HTML), and open it",
+            act=lambda: self.report_requested.emit(self._serial, ".html"),
         )
-        self.pdf.setToolTip(
-            "The report of this gear over all its runs, for paper (PDF), and open it"
+        self.pdf = push_button(
+            "PDF",
+            tip="The report of this gear over all its runs, for paper (PDF), and open it",
+            act=lambda: self.report_requested.emit(self._serial, ".pdf"),
         )
-        self.report.clicked.connect(lambda: self.report_requested.emit(self._serial, ".html"))
-        self.pdf.clicked.connect(lambda: self.report_requested.emit(self._serial, ".pdf"))
         self.charts = PlotGallery(session)
         self.state = GridTable(session, "What the charts say", judged=("state",))
         self.runs = GridTable(session, "Runs of the gear")
         self.missing = GridTable(session, "What is missing")
         self.runs.activated.connect(lambda index: self._open_run(index.row()))
-        self.busy, self.cancel = QProgressBar(), QPushButton("Cancel")
+        self.busy, self.cancel = QProgressBar(), push_button("Cancel", act=self.desk.cancel)
         self.busy.setFormat("fitted %v of %m")
         self.busy.setFixedWidth(150)
-        self.cancel.clicked.connect(self.desk.cancel)
         self.desk.progressed.connect(self._progress)
         self.desk.refused.connect(
             lambda order, why: self._refusals.append(f"{order.run.name}: {why}")
         )
-        self._reading = LatestTask(self)
-        self._reading.done.connect(self._take)
-        self._reading.failed.connect(self.says.setText)
+        self._reading = LatestTask(self, self._take, self.says.setText)
         self._lay_out()
         self._show_busy(False)
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import (
-    QComboBox,
     QFileDialog,
     QLabel,
     QProgressBar,
@@ -25,7 +24,15 @@ from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.review.words import RESULT_COLUMNS, result_page, result_rows
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, split, text_label
+from rig.window.shell.stack import (
+    choice_box,
+    in_column,
+    in_row,
+    push_button,
+    restyled,
+    split,
+    text_label,
+)
 
 ChooseFile = Callable[[], Path | None]
 
@@ -47,17 +54,9 @@ class FitBar(QWidget):
         self._choose_file = choose_file or self._ask_file
         self.choose_target: ChooseFile = self._ask_target
         """Asks where a parameter set is to be written."""
-        self.kind, self.tare, self.parameters = QComboBox(), QComboBox(), QComboBox()
-        for box, name in (
-            (self.kind, "kind of fit"),
-            (self.tare, "tare"),
-            (self.parameters, "parameter set"),
-        ):
-            box.setAccessibleName(name.capitalize())
-            box.setSizeAdjustPolicy(
-                QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon
-            )
-            box.setMinimumContentsLength(9)
+        self.kind = choice_box("Kind of fit", letters=9)
+        self.tare = choice_box("Tare", letters=9)
+        self.parameters = choice_box("Parameter set", letters=9)
         self.kind.currentTextChanged.connect(lambda _: self._offer_tare())
         self.parameters.activated.connect(self._choose_parameters)
         self.tare_label = QLabel("tare")
@@ -106,13 +105,14 @@ class FitBar(QWidget):
         """Another run: the kind is that of its protocol, the tare the one that its analysis used, else the newest."""
         self._run, self._tares = run, tuple(tares)
         kinds = catalogue.kinds()
-        self.kind.blockSignals(True)
-        self.kind.clear()
-        for name in ([protocol] if protocol in kinds else []) + [k for k in kinds if k != protocol]:
-            self.kind.addItem(name, name)
-        chosen = used.kind if used and used.kind else protocol
-        self.kind.setCurrentIndex(max(0, self.kind.findData(chosen)))
-        self.kind.blockSignals(False)
+        with QSignalBlocker(self.kind):
+            self.kind.clear()
+            for name in ([protocol] if protocol in kinds else []) + [
+                k for k in kinds if k != protocol
+            ]:
+                self.kind.addItem(name, name)
+            chosen = used.kind if used and used.kind else protocol
+            self.kind.setCurrentIndex(max(0, self.kind.findData(chosen)))
         self.parameters.clear()
         self.parameters.addItem("the run's own", "")
         self.parameters.addItem("from a file …", "?")
@@ -149,9 +149,7 @@ class FitBar(QWidget):
     def say(self, text: str, part: str = "muted") -> None:
         """A sentence under the choices; `part` of the style sheet says how grave it is."""
         self.says.setText(text)
-        self.says.setProperty("part", part)
-        self.says.style().unpolish(self.says)
-        self.says.style().polish(self.says)
+        restyled(self.says, part)
         self.says.setVisible(bool(text))
 
     def _offer_tare(self) -> None:
@@ -216,8 +214,7 @@ class ResultsView(QWidget):
         self.page = QTextBrowser()
         self.page.setAccessibleName("Warnings, figures of merit, tables")
         self.page.setOpenLinks(False)
-        self.hint = text_label("", "muted", wraps=True)
-        self.hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.hint = text_label("", "muted", wraps=True, align=Qt.AlignmentFlag.AlignCenter)
         self.table.setMinimumHeight(90)
         self.page.setMinimumHeight(70)
         self._parts = split(self.table, self.page, sizes=[260, 170], way=Qt.Orientation.Vertical)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from PySide6.QtCore import Qt, QTimer
+from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtWidgets import (
-    QListWidget,
     QListWidgetItem,
     QWidget,
 )
@@ -24,8 +23,16 @@ from rig.window.review.signals_data import (
 )
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, split, text_label
-from rig.window.work.background import LatestTask
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    push_button,
+    room_for,
+    side_list,
+    split,
+    text_label,
+)
+from rig.window.work.background import LatestTask, single_shot
 
 ZOOM_PAUSE_MS = 90
 """ms after the last movement of the view until finer data are read."""
@@ -55,31 +62,21 @@ class SignalsView(QWidget):
         """The curves by channel."""
         self._drawn_marks: dict[str, MarksItem] = {}
         session.theme_changed.connect(self._restyle)
-        self._reading, self._marker = LatestTask(self), LatestTask(self)
-        self._reading.done.connect(self._draw)
-        self._reading.failed.connect(lambda text: self.readout.setText(text))
-        self._marker.done.connect(self._take_marks)
-        self.channels = QListWidget()
-        self.channels.setAccessibleName("Channels")
-        self.channels.setMinimumWidth(130)
-        self.channels.setSpacing(1)
-        self.channels.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.channels = side_list("Channels", 130, spacing=1, wraps=False)
         self.channels.itemChanged.connect(lambda _: self._rebuild())
         self.readout = text_label(
             "Point at a curve to read it; drag or turn the wheel to zoom.", "muted", wraps=True
         )
+        self._reading = LatestTask(self, self._draw, self.readout.setText)
+        self._marker = LatestTask(self, self._take_marks)
         self.whole = push_button("&Whole run", tip="Show the whole run again", act=self.show_all)
         self._stack = split(way=Qt.Orientation.Vertical)
-        self._pause = QTimer(self)
-        self._pause.setSingleShot(True)
-        self._pause.setInterval(ZOOM_PAUSE_MS)
-        self._pause.timeout.connect(self._read)
+        self._pause = single_shot(self, ZOOM_PAUSE_MS, self._read)
         self._lay_out()
 
     def _lay_out(self) -> None:
-        right = QWidget()
         foot = in_row((self.readout, 1), self.whole)
-        right.setLayout(in_column((self._stack, 1), foot, margins=(0, 0, 0, 0), spacing=3))
+        right = room_for(in_column((self._stack, 1), foot, margins=(0, 0, 0, 0), spacing=3))
         both = split(self.channels, (right, 1), sizes=[200, 680])
         self.setLayout(in_column(both, margins=(4, 6, 4, 4)))
 
@@ -130,12 +127,11 @@ class SignalsView(QWidget):
 
     def choose(self, *names: str) -> None:
         """Draw these channels and no others."""
-        self.channels.blockSignals(True)
-        for row in range(self.channels.count()):
-            item = self.channels.item(row)
-            wanted = item.data(Qt.ItemDataRole.UserRole) in names
-            item.setCheckState(Qt.CheckState.Checked if wanted else Qt.CheckState.Unchecked)
-        self.channels.blockSignals(False)
+        with QSignalBlocker(self.channels):
+            for row in range(self.channels.count()):
+                item = self.channels.item(row)
+                wanted = item.data(Qt.ItemDataRole.UserRole) in names
+                item.setCheckState(Qt.CheckState.Checked if wanted else Qt.CheckState.Unchecked)
         self._rebuild()
 
     def show_all(self) -> None:
@@ -152,19 +148,18 @@ class SignalsView(QWidget):
         self._pause.start()
 
     def _offer(self, channels: dict[str, tuple[str, str]], checked: list[str]) -> None:
-        self.channels.blockSignals(True)
-        self.channels.clear()
-        for name, (what, unit) in channels.items():
-            words = name.replace("_", " ")
-            item = QListWidgetItem(f"{words} [{unit}]" if unit not in ("", "1") else words)
-            item.setToolTip(what)
-            item.setData(Qt.ItemDataRole.UserRole, name)
-            item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
-            item.setCheckState(
-                Qt.CheckState.Checked if name in checked else Qt.CheckState.Unchecked
-            )
-            self.channels.addItem(item)
-        self.channels.blockSignals(False)
+        with QSignalBlocker(self.channels):
+            self.channels.clear()
+            for name, (what, unit) in channels.items():
+                words = name.replace("_", " ")
+                item = QListWidgetItem(f"{words} [{unit}]" if unit not in ("", "1") else words)
+                item.setToolTip(what)
+                item.setData(Qt.ItemDataRole.UserRole, name)
+                item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
+                item.setCheckState(
+                    Qt.CheckState.Checked if name in checked else Qt.CheckState.Unchecked
+                )
+                self.channels.addItem(item)
 
     def _rebuild(self) -> None:
         """One plot per unit of the chosen channels."""

@@ -10,10 +10,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, QFileSystemWatcher, QObject, QTimer, Signal
+from PySide6.QtCore import QCoreApplication, QFileSystemWatcher, QObject, Signal
 
 from rig.errors import RigError
 from rig.library.index import IndexedRun, LibraryIndex
+from rig.window.work.background import single_shot
 
 PAUSE_MS = 250
 """ms that must pass without a further change before the folder is read."""
@@ -53,11 +54,8 @@ class LibrarySource(QObject):
         self._thread: threading.Thread | None = None
         self._watcher = QFileSystemWatcher(self)
         self._watcher.directoryChanged.connect(lambda _: self._pause.start())
-        self._pause, self._growing = QTimer(self), QTimer(self)
-        for timer, interval in ((self._pause, PAUSE_MS), (self._growing, GROWING_MS)):
-            timer.setSingleShot(True)
-            timer.setInterval(interval)
-            timer.timeout.connect(self.look)
+        self._pause = single_shot(self, PAUSE_MS, self.look)
+        self._growing = single_shot(self, GROWING_MS, self.look)
         self._read.connect(self._take)
         program = QCoreApplication.instance()
         if program is not None:

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import (
     QFrame,
-    QLabel,
-    QPushButton,
     QSizePolicy,
     QWidget,
 )
 
 from rig.window.run.state import RunState, State
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.shell.theme import BANNER_POINTS
 
 
@@ -67,14 +65,12 @@ class Banner(QFrame):
     def __init__(self) -> None:
         super().__init__()
         self.setObjectName("banner")
-        self._symbol, self._word, self._what = QLabel(), QLabel(), QLabel()
-        self._title = QLabel()
         self._look: Look | None = None
-        self._what.setWordWrap(True)
-        self._what.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        self._title.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        at_right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
+        self._symbol, self._word = text_label(align=Qt.AlignmentFlag.AlignCenter), text_label()
+        self._title = text_label(align=at_right)
+        self._what = text_label(wraps=True, align=at_right)
         self._symbol.setMinimumWidth(54)
-        self._symbol.setAlignment(Qt.AlignmentFlag.AlignCenter)
         right = in_column((None, 1), self._title, self._what, (None, 1), spacing=2)
         self.setLayout(
             in_row(self._symbol, self._word, (right, 1), margins=(14, 6, 16, 6), spacing=12)
@@ -121,13 +117,16 @@ class StopButtons(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.stop, self.abort = QPushButton("STOP"), QPushButton("ABORT  (Shift+Esc)")
-        self.stop.setProperty("part", "stop")
-        self.abort.setProperty("part", "abort")
-        self.stop.setToolTip(
-            "Controlled ramp to standstill; the run is kept as ABORTED (Space or Esc)"
+        self.stop = push_button(
+            "STOP",
+            "stop",
+            tip="Controlled ramp to standstill; the run is kept as ABORTED (Space or Esc)",
         )
-        self.abort.setToolTip("Quick stop: the shortest ramp that the drive has (Shift+Esc)")
+        self.abort = push_button(
+            "ABORT  (Shift+Esc)",
+            "abort",
+            tip="Quick stop: the shortest ramp that the drive has (Shift+Esc)",
+        )
         self.stop.setAccessibleName("STOP: controlled ramp to standstill")
         self.stop.setMinimumSize(210, 78)
         self.stop.setFocusPolicy(Qt.FocusPolicy.StrongFocus)

@@ -6,7 +6,6 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QBrush, QColor
 from PySide6.QtWidgets import (
     QHeaderView,
-    QLineEdit,
     QTableWidget,
     QTableWidgetItem,
     QWidget,
@@ -14,7 +13,7 @@ from PySide6.QtWidgets import (
 
 from experiments.recording import Event
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button
+from rig.window.shell.stack import in_column, in_row, line_field, push_button
 
 SIGNS = {"info": "·", "warning": "⚠", "error": "✖"}
 LONGEST = 150
@@ -47,11 +46,10 @@ class EventsView(QWidget):
         header.setDefaultAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
         self.table.setColumnWidth(0, 74)
         self.table.setColumnWidth(1, 24)
-        self.note = QLineEdit()
-        self.note.setPlaceholderText("Note (Ctrl+N)")
-        self.note.setAccessibleName("Note for the run file")
-        self.note.setToolTip(
-            "Goes into the run file with the time of the rig; Enter writes it (Ctrl+N)"
+        self.note = line_field(
+            "Note for the run file",
+            "Note (Ctrl+N)",
+            tip="Goes into the run file with the time of the rig; Enter writes it (Ctrl+N)",
         )
         self.note.setMaxLength(400)
         self.write = push_button("Write note", act=self._write)

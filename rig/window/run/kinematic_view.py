@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from experiments.angle.phase_reference import PhaseReference, phase_reference
 from experiments.protocols.velocity_steps.data import carries
-from experiments.recording import Recording, Segment
 from model.units import ARCMIN, DEGREE, REVOLUTION
 from rig.window.plot.plots import CurveStyle, LabPlot
 from rig.window.run.live_axes import ValueAxis
-from rig.window.run.live_view import LiveContext
+from rig.window.run.live_view import LiveContext, RowView
 from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block
 
@@ -162,7 +161,7 @@ class _ErrorRows:
         return inner, outer, outer - inner / self.ratio, way
 
 
-class WaveView:
+class WaveView(RowView):
     """Kinematic error over the wave-generator angle: the revolution under way, and the mean of
     those before, each direction.
     """
@@ -195,9 +194,6 @@ class WaveView:
             inner, _, error, way = rows
             self.revolutions.add(inner, error, way)
             self._changed = True
-
-    def ended(self, segment: Segment, recording: Recording) -> None:
-        """Nothing: it is the rows that are drawn."""
 
     def draw(self, recent: bool) -> None:
         """Bring the curves up to date: the revolution under way with every row, the means when a
@@ -238,7 +234,7 @@ class WaveView:
         )
 
 
-class OutputView:
+class OutputView(RowView):
     """Kinematic error over the output revolution, each direction: the smallest and the largest error of every input
     revolution. The whole height is what transmission accuracy is taken from."""
 
@@ -287,9 +283,6 @@ class OutputView:
             ufunc.at(store, bins[edges], ufunc.reduceat(error, edges))
             if not np.array_equal(before, store[bins[edges]], equal_nan=True):
                 self._changed.add(way)
-
-    def ended(self, segment: Segment, recording: Recording) -> None:
-        """Nothing: it is the rows that are drawn."""
 
     def draw(self, recent: bool) -> None:
         """Bring the curves up to date, about the middle of what there is in each direction."""

@@ -74,8 +74,11 @@ class LivePlots(QWidget):
         self._waiting_for: Path | None = None
         self._context: tuple[PlannedRun | None, PlanPreview | None] = (None, None)
         self._grid_holder = QWidget()
-        self._hint = text_label("No run yet. Prepare one, then its plots appear here.", "muted")
-        self._hint.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self._hint = text_label(
+            "No run yet. Prepare one, then its plots appear here.",
+            "muted",
+            align=Qt.AlignmentFlag.AlignCenter,
+        )
         self._recent = push_button(
             f"latest {RECENT:g} s", tip="Show the latest seconds instead of the whole run (Ctrl+L)"
         )

@@ -11,7 +11,6 @@ from rig.present.preview.plan import PlanPreview
 from rig.run.dry_run import PlannedRun
 from rig.window.plot.plots import LabPlot
 from rig.window.run.live_axes import RECENT, TimeAxis, ValueAxis
-from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block, Envelope, RollingEnvelope, SlidingSpeed
 from rig.window.work.segment_work import SegmentWork
@@ -70,6 +69,20 @@ class LiveView(Protocol):
         ...
 
 
+class RowView:
+    """A live plot of the rows as they come: a segment that has ended adds nothing to it."""
+
+    def ended(self, segment: Segment, recording: Recording) -> None:
+        """Nothing: it is the rows that are drawn."""
+
+
+class SegmentView:
+    """A live plot of what whole segments say: nothing of it is drawn before one has ended."""
+
+    def take(self, block: Block) -> None:
+        """Nothing: it is whole segments that are drawn."""
+
+
 class Trace:
     """One signal over the time of the run: as a whole, and its latest seconds."""
 
@@ -89,7 +102,7 @@ class Trace:
         return (self._recent if recent else self._whole).curve()
 
 
-class TraceView:
+class TraceView(RowView):
     """Signals over time: (channel, name in the legend, factor from SI, style)."""
 
     def __init__(
@@ -115,9 +128,6 @@ class TraceView:
             if name in block.si:
                 trace.add(block.time[block.good], block.si[name][block.good] / factor)
 
-    def ended(self, segment: Segment, recording: Recording) -> None:
-        """Nothing: it is the rows that are drawn."""
-
     def draw(self, recent: bool) -> None:
         """Bring the curves up to date."""
         latest = max((trace.latest for _, _, trace, _ in self._signals), default=0.0)
@@ -130,7 +140,7 @@ class TraceView:
         self._values.follow(recent)
 
 
-class SpeedView:
+class SpeedView(RowView):
     """Input speed over time: what was asked for and what the encoder says."""
 
     wanted = ("input_angle", "target_speed")
@@ -153,9 +163,6 @@ class SpeedView:
             self._measured.add(time, speed / RPM)
         if "target_speed" in block.si:
             self._target.add(block.time[block.good], block.si["target_speed"][block.good] / RPM)
-
-    def ended(self, segment: Segment, recording: Recording) -> None:
-        """Nothing: it is the rows that are drawn."""
 
     def draw(self, recent: bool) -> None:
         """Bring the curves up to date."""
@@ -200,9 +207,3 @@ def temperature_view(session: WindowSession, context: LiveContext) -> TraceView:
     ]
     there = [signal for signal in signals if context.recording.has(signal[0])]
     return TraceView(session, "Temperature", "temperature [°C]", there, context.duration)
-
-
-def restyled(views: Sequence[LiveView], palette: Palette) -> None:
-    """Draw every plot in the colours of a theme."""
-    for view in views:
-        view.plot.restyle(palette)

@@ -9,14 +9,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Qt, QUrl, Signal
+from PySide6.QtCore import QUrl, Signal
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import (
     QApplication,
     QFrame,
-    QLabel,
     QLineEdit,
-    QPushButton,
 )
 
 from experiments.quantity import key_names
@@ -28,7 +26,7 @@ from rig.bench.identity import option_of
 from rig.run.trips import rule_of
 from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row
+from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.background import BackgroundCommand
 
 MOST_LINES = 6
@@ -50,16 +48,15 @@ class OutcomeView(QFrame):
         super().__init__()
         self._session = session
         self.setProperty("part", "card")
-        self.headline, self.text, self.results = QLabel(), QLabel(), QLabel()
-        self.headline.setProperty("part", "title")
-        for label in (self.headline, self.text, self.results):
-            label.setWordWrap(True)
-            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.review, self.report = QPushButton("Review this run"), QPushButton("Open report")
-        self.review.setProperty("part", "primary")
-        self.report.setToolTip("Writes the report of this run and opens it in the browser")
-        self.review.clicked.connect(self._ask_review)
-        self.report.clicked.connect(self._make_report)
+        self.headline = text_label("", "title", wraps=True, selectable=True)
+        self.text = text_label(wraps=True, selectable=True)
+        self.results = text_label(wraps=True, selectable=True)
+        self.review = push_button("Review this run", "primary", act=self._ask_review)
+        self.report = push_button(
+            "Open report",
+            tip="Writes the report of this run and opens it in the browser",
+            act=self._make_report,
+        )
         words = in_column(self.headline, self.text, self.results, (None, 1))
         ways = in_column(self.review, self.report, (None, 1))
         self.setLayout(in_row((words, 1), ways, margins=(14, 8, 14, 8)))
@@ -98,8 +95,7 @@ class OutcomeView(QFrame):
             self._run(["fit", str(path), "--json"], self._show_results)
 
     def _run(self, arguments: list[str], then: Any) -> None:
-        command = BackgroundCommand(arguments, self)
-        command.done.connect(then)
+        command = BackgroundCommand(arguments, self, then)
         self._work.append(command)
         command.start()
 

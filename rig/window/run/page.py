@@ -13,7 +13,6 @@ from typing import Any
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QKeySequence, QShortcut
 from PySide6.QtWidgets import (
-    QLabel,
     QMessageBox,
     QProgressBar,
     QWidget,
@@ -32,7 +31,7 @@ from rig.window.run.outcome_view import OutcomeView
 from rig.window.run.prompt_view import PromptView
 from rig.window.run.state import MAKING_SAFE, RunState, State
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, scrolled, split, text_label
+from rig.window.shell.stack import in_column, in_row, room_for, scrolled, split, text_label
 from rig.window.work.child import Ending, RunProcess
 from rig.window.work.prepared import PreparedRun
 
@@ -58,7 +57,7 @@ class RunPage(QWidget):
         self.state = RunState()
         self.report: dict[str, Any] = {}
         self.close_question: QMessageBox | None = None
-        self._title = self._protocol = ""
+        self._title = ""
         self._closing = False
         self.banner, self.buttons = Banner(), StopButtons()
         self.prompt, self.outcome = PromptView(session), OutcomeView(session)
@@ -67,7 +66,8 @@ class RunPage(QWidget):
             MarginBars(session),
             EventsView(session),
         )
-        self._step, self._times, self.bar = QLabel("No run yet."), QLabel(), QProgressBar()
+        self._step, self._times = text_label("No run yet.", "heading"), text_label()
+        self.bar = QProgressBar()
         self._lay_out()
         self._connect()
         self._show()
@@ -89,16 +89,15 @@ class RunPage(QWidget):
             prepared.title
             or f"{prepared.planned.experiment.title}, {gear}, {request.operator or 'no operator'}"
         )
-        self._protocol = request.protocol
         seen = prepared.prediction if isinstance(prepared.prediction, PlanPreview) else None
         process = self._start_process(list(prepared.arguments))
         self._begin(process, prepared.planned, seen)
         for note in prepared.notes:
             process.note(note)
 
-    def start_command(self, arguments: list[str], title: str = "", protocol: str = "") -> None:
+    def start_command(self, arguments: list[str], title: str = "") -> None:
         """Start `rig run` with these arguments and watch it, without a plan to compare with."""
-        self._title, self._protocol = title, protocol
+        self._title = title
         self._begin(self._start_process(arguments), None, None)
 
     def stop(self) -> None:
@@ -255,7 +254,6 @@ class RunPage(QWidget):
 
     def _lay_out(self) -> None:
         top = in_row((self.banner, 1), self.buttons, spacing=10)
-        self._step.setProperty("part", "heading")
         self.bar.setTextVisible(False)
         self.bar.setFixedHeight(12)
         self.bar.setRange(0, 1000)
@@ -297,7 +295,5 @@ class RunPage(QWidget):
 
 
 def _titled(title: str, content: QWidget) -> QWidget:
-    part = QWidget()
     heading = text_label(title, "heading")
-    part.setLayout(in_column(heading, (content, 1), margins=(4, 0, 0, 0), spacing=4))
-    return part
+    return room_for(in_column(heading, (content, 1), margins=(4, 0, 0, 0), spacing=4))

@@ -21,16 +21,15 @@ from model.friction import friction_torque
 from model.identify.running_torque import RunningTorque
 from model.units import DEGREE, REVOLUTION, RPM
 from rig.window.plot.plots import LabPlot
-from rig.window.run.live_view import MILLI, LiveContext
+from rig.window.run.live_view import MILLI, LiveContext, SegmentView
 from rig.window.shell.session import WindowSession
-from rig.window.work.live_file import Block
 
 COUNTED = ("hold", "bracket")
 PREDICTED = "predicted"
 WAYS = ((1, "forward"), (-1, "reverse"))
 
 
-class TorquePoints:
+class TorquePoints(SegmentView):
     """Running torque over input speed, one point per hold and direction, over the curve of the parameter set."""
 
     wanted = ("input_angle",)
@@ -83,9 +82,6 @@ class TorquePoints:
             torque = torque + friction_torque(planned.gear, speed)
         self.plot.curve(PREDICTED, 3, "dashed").item.setData(speed / RPM, torque / MILLI)
 
-    def take(self, block: Block) -> None:
-        """Nothing: points come from whole segments."""
-
     def ended(self, segment: Segment, recording: Recording) -> None:
         """A hold has ended: its running torque, over whole input revolutions."""
         if segment.label in COUNTED and recording.has(self._channel):
@@ -127,7 +123,7 @@ class TorquePoints:
         self.plot.set_title(f"Running torque, {self.points} points")
 
 
-class StartingPoints:
+class StartingPoints(SegmentView):
     """No-load starting torque over the wave-generator position, one point per ramp: the torque at
     which it began to turn.
     """
@@ -153,9 +149,6 @@ class StartingPoints:
     def points(self) -> int:
         """How many points there are."""
         return sum(map(len, self._points.values()))
-
-    def take(self, block: Block) -> None:
-        """Nothing: points come from whole segments."""
 
     def ended(self, segment: Segment, recording: Recording) -> None:
         """A ramp has ended in motion: the largest torque of it, the noise averaged out."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFrame, QLineEdit
+from PySide6.QtWidgets import QFrame
 
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_row, push_button, text_label
+from rig.window.shell.stack import in_row, line_field, push_button, text_label
 
 
 class PromptView(QFrame):
@@ -20,10 +20,8 @@ class PromptView(QFrame):
         self.setObjectName("prompt")
         self.question = text_label(wraps=True)
         self.question.setStyleSheet("font-size: 13pt; font-weight: 600;")
-        self.field = QLineEdit()
+        self.field = line_field("Answer to the question of the run", "Answer")
         self.field.setMinimumWidth(220)
-        self.field.setPlaceholderText("Answer")
-        self.field.setAccessibleName("Answer to the question of the run")
         self.give = push_button("Answer and go on", "primary", act=self._answer)
         self.setLayout(in_row((self.question, 1), self.field, self.give, margins=(14, 8, 14, 8)))
         self.field.returnPressed.connect(self._answer)

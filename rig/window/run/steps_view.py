@@ -29,9 +29,8 @@ from model.gear import HarmonicDrive
 from model.identify.step_data import StepScore, score_step
 from model.units import REVOLUTION, RPM
 from rig.window.plot.plots import LabPlot
-from rig.window.run.live_view import LiveContext
+from rig.window.run.live_view import LiveContext, SegmentView
 from rig.window.shell.session import WindowSession
-from rig.window.work.live_file import Block
 
 SHOWN = 0.6
 """s of a step that are shown at least: the rise and the ring-down."""
@@ -48,7 +47,7 @@ class _Scored:
     problem: str = ""
 
 
-class StepView:
+class StepView(SegmentView):
     """The latest step: output speed measured, predicted, and of a rigid gear. Feeds the residual's plot as well."""
 
     wanted = ("input_angle", "output_angle")
@@ -68,9 +67,6 @@ class StepView:
         self.steps = 0
         self.problem = ""
         self._latest: _Scored | None = None
-
-    def take(self, block: Block) -> None:
-        """Nothing: a step is drawn when it has ended."""
 
     def ended(self, segment: Segment, recording: Recording) -> None:
         """A step has ended: predict its output from its measured input and score it."""
@@ -153,8 +149,6 @@ class StepView:
 class ResidualView:
     """What the prediction of the latest step leaves: measured minus predicted output speed."""
 
-    wanted = StepView.wanted
-
     def __init__(self, session: WindowSession) -> None:
         self.plot = LabPlot(
             session, "Residual of the step", "time since the step [s]", "residual [r/min]"
@@ -172,12 +166,3 @@ class ResidualView:
         x = score.time[shown]
         self._residual.item.setData(x, (score.measured_speed - score.predicted_speed)[shown] / RPM)
         self._rigid.item.setData(x, (score.measured_speed - score.rigid_speed)[shown] / RPM)
-
-    def take(self, block: Block) -> None:
-        """Nothing: a step is drawn when it has ended."""
-
-    def ended(self, segment: Segment, recording: Recording) -> None:
-        """Nothing: the step's view scores it."""
-
-    def draw(self, recent: bool) -> None:
-        """Nothing: drawn with the step."""

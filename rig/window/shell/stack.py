@@ -11,13 +11,17 @@ from typing import Any
 from PySide6.QtCore import Qt, SignalInstance
 from PySide6.QtWidgets import (
     QBoxLayout,
+    QComboBox,
     QFrame,
     QHBoxLayout,
     QLabel,
     QLayout,
+    QLineEdit,
+    QListWidget,
     QPushButton,
     QScrollArea,
     QSplitter,
+    QTableView,
     QVBoxLayout,
     QWidget,
 )
@@ -69,8 +73,13 @@ def text_label(
     wraps: bool = False,
     plain: bool = False,
     selectable: bool = False,
+    align: Qt.AlignmentFlag | None = None,
+    buddy: QWidget | None = None,
 ) -> QLabel:
-    """Words on the window, a `part` of the style sheet; `plain`: what looks like markup stands as it is."""
+    """Words on the window, a `part` of the style sheet; `plain`: what looks like markup stands as it is.
+
+    The letter after an ampersand leads to the `buddy`.
+    """
     label = QLabel(text)
     label.setWordWrap(wraps)
     if part:
@@ -79,7 +88,69 @@ def text_label(
         label.setTextFormat(Qt.TextFormat.PlainText)
     if selectable:
         label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+    if align is not None:
+        label.setAlignment(align)
+    if buddy is not None:
+        label.setBuddy(buddy)
     return label
+
+
+def line_field(name: str, hint: str = "", *, tip: str = "") -> QLineEdit:
+    """A line to be written in: its `name` for those who do not see it, a `hint` while it is empty."""
+    field = QLineEdit()
+    field.setAccessibleName(name)
+    field.setPlaceholderText(hint)
+    field.setToolTip(tip)
+    return field
+
+
+def choice_box(name: str, words: Sequence[str] = (), *, letters: int = 0) -> QComboBox:
+    """Words to choose from; `letters`: so many are in view, however long the longest is."""
+    box = QComboBox()
+    box.setAccessibleName(name)
+    box.addItems(words)
+    if letters:
+        # A long word must not make the whole row wider than the window shows.
+        box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        box.setMinimumContentsLength(letters)
+    return box
+
+
+def side_list(name: str, width: int, *, spacing: int = 2, wraps: bool = True) -> QListWidget:
+    """A list beside what is chosen in it, at least so wide [px], never scrolled sideways."""
+    entries = QListWidget()
+    entries.setAccessibleName(name)
+    entries.setMinimumWidth(width)
+    entries.setSpacing(spacing)
+    entries.setWordWrap(wraps)
+    entries.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+    return entries
+
+
+def read_only(table: QTableView, name: str) -> None:
+    """Make a table one that is looked at: nothing is edited in it, and Tab leads out of it."""
+    table.setAccessibleName(name)
+    table.verticalHeader().hide()
+    table.setEditTriggers(QTableView.EditTrigger.NoEditTriggers)
+    table.setTabKeyNavigation(False)
+    table.setWordWrap(False)
+
+
+def row_by_row(table: QTableView, name: str) -> None:
+    """Make a table one that is looked at and chosen from by whole rows."""
+    read_only(table, name)
+    table.setSelectionBehavior(QTableView.SelectionBehavior.SelectRows)
+    table.verticalHeader().setDefaultSectionSize(26)
+    table.setAlternatingRowColors(True)
+    table.setShowGrid(False)
+    table.horizontalHeader().setHighlightSections(False)
+
+
+def room_for(layout: QLayout) -> QWidget:
+    """A part of the window that holds a layout."""
+    part = QWidget()
+    part.setLayout(layout)
+    return part
 
 
 def push_button(
@@ -107,6 +178,13 @@ def scrolled(inner: QWidget) -> QScrollArea:
     area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
     area.setWidget(inner)
     return area
+
+
+def restyled(widget: QWidget, part: str) -> None:
+    """Give a widget another part of the style sheet, at once."""
+    widget.setProperty("part", part)
+    widget.style().unpolish(widget)
+    widget.style().polish(widget)
 
 
 def _fill(

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication, QObject, QProcess, QProcessEnvironment, Signal
+from PySide6.QtCore import QCoreApplication, QObject, QProcess, QProcessEnvironment, QTimer, Signal
 
 from model.errors import WordedError
 from rig.exits import explain
@@ -25,8 +25,15 @@ class BackgroundCommand(QObject):
 
     done = Signal(int, str, str)
 
-    def __init__(self, arguments: Sequence[str], parent: QObject | None = None) -> None:
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        parent: QObject | None = None,
+        done: Callable[[int, str, str], Any] | None = None,
+    ) -> None:
         super().__init__(parent)
+        if done is not None:
+            self.done.connect(done)
         self._arguments = ["-m", "rig", *arguments]
         self._process = QProcess(self)
         environment = QProcessEnvironment.systemEnvironment()
@@ -69,6 +76,15 @@ class BackgroundCommand(QObject):
             self.done.emit(6, "", self._process.errorString())
 
 
+def single_shot(parent: QObject, interval: int, act: Callable[[], Any]) -> QTimer:
+    """A timer that acts once when it has rested for `interval` [ms]; every start begins it anew."""
+    timer = QTimer(parent)
+    timer.setSingleShot(True)
+    timer.setInterval(interval)
+    timer.timeout.connect(act)
+    return timer
+
+
 def json_object(text: str) -> dict[str, Any] | None:
     """The JSON object that a command printed; None where it printed none."""
     try:
@@ -88,8 +104,17 @@ class LatestTask(QObject):
     failed = Signal(str)
     _answered = Signal(int, bool, object)
 
-    def __init__(self, parent: QObject | None = None) -> None:
+    def __init__(
+        self,
+        parent: QObject | None = None,
+        done: Callable[[Any], Any] | None = None,
+        failed: Callable[[str], Any] | None = None,
+    ) -> None:
         super().__init__(parent)
+        if done is not None:
+            self.done.connect(done)
+        if failed is not None:
+            self.failed.connect(failed)
         self._count = 0
         self._awaited = 0
         self._threads: list[threading.Thread] = []

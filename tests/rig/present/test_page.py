@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -24,7 +25,6 @@ from rig.present import content
 from rig.present.page import (
     css_text,
     render_page,
-    render_report,
     report_context,
     run_line,
     write_report,
@@ -78,6 +78,13 @@ class Page(HTMLParser):
     @property
     def text(self) -> str:
         return " ".join(" ".join(self.words).split())
+
+
+def render_report(
+    fits: Sequence[Fit], *, created: str, truth: Sequence[tuple[str, TruthRow]] = (), note: str = ""
+) -> str:
+    """The text of the page of these fits."""
+    return render_page(report_context(fits, created=created, truth=truth, note=note))
 
 
 def bare(origin: Origin = "simulated", result: Result | None = None, **more: Any) -> Fit:

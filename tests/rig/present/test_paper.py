@@ -21,7 +21,7 @@ from experiments.recording import Origin
 from experiments.result import Table
 from rig.analysis.fit import Fit
 from rig.present.page import report_context
-from rig.present.paper import draw_pages, paper_content, render_pdf
+from rig.present.paper import paper_content, render_pdf, typeset
 from rig.runfile.layout import Column
 from tests.rig import handmade
 
@@ -214,7 +214,7 @@ def test_nothing_stands_in_the_margins() -> None:
         handmade.fit(result=handmade.kinematic_result(), **more),
     ]
     crosswise = 0
-    for page in draw_pages(report_context(fits, created=CREATED), 72.0):
+    for page in typeset(report_context(fits, created=CREATED), format="png", ppi=72.0):
         picture = imread(io.BytesIO(page))[:, :, :3].min(axis=2)
         height, width = picture.shape
         crosswise += width > height

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QComboBox, QLabel, QWidget
+from PySide6.QtWidgets import QLabel, QWidget
 
 from experiments.recording import Event, Recording
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, text_label
+from rig.window.shell.stack import choice_box, in_column, in_row, text_label
 
 COLUMNS = ("time [s]", "level", "source", "code", "what")
 FILTERS = ("everything", "notes and answers", "warnings and errors")
@@ -26,9 +26,7 @@ class RunEventsView(QWidget):
         self._events: tuple[tuple[float, Event], ...] = ()
         self._shown: list[tuple[float, Event]] = []
         self.table = GridTable(session, "Events and notes", judged=("level",))
-        self.filter = QComboBox()
-        self.filter.addItems(FILTERS)
-        self.filter.setAccessibleName("Which events")
+        self.filter = choice_box("Which events", FILTERS)
         self.filter.currentIndexChanged.connect(lambda _: self._fill())
         self.count = text_label("", "muted")
         self.table.activated.connect(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QUrl, Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QWidget
+from PySide6.QtCore import QUrl, Signal
+from PySide6.QtWidgets import QWidget
 
 from rig.analysis.store import Analysis, analysis_folder
 from rig.runfile.seal import recorded_sha256
@@ -14,7 +14,7 @@ from rig.runfile.verify import Finding, verify_run
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, text_label
+from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.background import LatestTask
 
 COLUMNS = ("#", "kind of fit", "made", "verdict", "tare", "program", "file")
@@ -31,29 +31,22 @@ class RunFilesView(QWidget):
         self._opener = opener
         self._path: Path | None = None
         self._analyses: tuple[Analysis, ...] = ()
-        self.file, self.findings = QLabel(), QLabel()
-        for label in (self.file, self.findings):
-            label.setWordWrap(True)
-            label.setTextFormat(Qt.TextFormat.PlainText)
-            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.verify, self.folder = QPushButton("Ch&eck the file"), QPushButton("Open its f&older")
-        self.verify.setToolTip(
-            "Is the file what was recorded? Hash, counters, time, flags, segments, calibrations"
+        self.file = text_label(wraps=True, plain=True, selectable=True)
+        self.findings = text_label(wraps=True, plain=True, selectable=True)
+        self.verify = push_button(
+            "Ch&eck the file",
+            tip="Is the file what was recorded? Hash, counters, time, flags, segments, calibrations",
+            act=self._verify,
         )
-        self.verify.clicked.connect(self._verify)
-        self.folder.clicked.connect(self._open_folder)
+        self.folder = push_button("Open its f&older", act=self._open_folder)
         self.table = GridTable(session, "Analyses", judged=("verdict",))
         self.table.activated.connect(
             lambda index: self.analysis_chosen.emit(self._analyses[index.row()])
         )
         self.says = text_label("", "muted", wraps=True)
-        self._verifying = LatestTask(self)
-        self._verifying.done.connect(self._show_findings)
-        self._verifying.failed.connect(self.findings.setText)
-        head = QHBoxLayout()
-        head.addWidget(self.file, 1)
-        head.addWidget(self.verify, 0, Qt.AlignmentFlag.AlignTop)
-        head.addWidget(self.folder, 0, Qt.AlignmentFlag.AlignTop)
+        self._verifying = LatestTask(self, self._show_findings, self.findings.setText)
+        buttons = in_column(in_row(self.verify, self.folder), (None, 1))
+        head = in_row((self.file, 1), buttons)
         self.setLayout(
             in_column(head, self.findings, (self.table, 1), self.says, margins=(8, 8, 8, 4))
         )

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy
+from PySide6.QtWidgets import QFrame, QSizePolicy
 
 from experiments.recording import Recording
 from rig.analysis.wording import fixed
@@ -16,7 +15,7 @@ from rig.runfile.seal import recorded_sha256
 from rig.window.review.signals_data import duration_of
 from rig.window.review.table_model import COLOURS, local_time, with_sign
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_row, push_button
+from rig.window.shell.stack import in_column, in_row, push_button, restyled, text_label
 
 SHOWN_HASH = 16
 """Characters of the SHA-256 that are shown; the whole of it is in the tip and can be copied."""
@@ -29,14 +28,10 @@ class RunHeaderView(QFrame):
         super().__init__()
         self._session = session
         self.setProperty("part", "card")
-        self.title, self.outcome, self.mark, self.facts, self.file = (QLabel() for _ in range(5))
-        self.title.setProperty("part", "title")
-        self.mark.setProperty("part", "mark")
-        self.file.setProperty("part", "muted")
-        for label in (self.facts, self.file):
-            label.setWordWrap(True)
-        for label in (self.title, self.facts, self.file):
-            label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.title = text_label("", "title", selectable=True)
+        self.outcome, self.mark = text_label(), text_label("", "mark")
+        self.facts = text_label(wraps=True, selectable=True)
+        self.file = text_label("", "muted", wraps=True, selectable=True)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.report = push_button(
             "Open &report", tip="Write the report of this run as a web page (HTML) and open it"
@@ -45,12 +40,7 @@ class RunHeaderView(QFrame):
             "PDF", tip="Write the report of this run for paper (PDF) and open it"
         )
         first = in_row((self.title, 1), self.mark, self.outcome, self.report, self.pdf, spacing=14)
-        grid = QGridLayout(self)
-        grid.setContentsMargins(12, 7, 12, 7)
-        grid.setVerticalSpacing(2)
-        grid.addLayout(first, 0, 0)
-        grid.addWidget(self.facts, 1, 0)
-        grid.addWidget(self.file, 2, 0)
+        self.setLayout(in_column(first, self.facts, self.file, margins=(12, 7, 12, 7), spacing=2))
 
     def show_recording(self, recording: Recording, path: Path, state: str) -> None:
         """The head of a run; `state` as the library knows it."""
@@ -96,9 +86,7 @@ class RunHeaderView(QFrame):
     def _show_outcome(self, outcome: str) -> None:
         self.outcome.setText(with_sign(outcome))
         part = COLOURS.get(outcome, "bad") if outcome else "muted"
-        self.outcome.setProperty("part", "heading" if part == "accent" else part)
-        self.outcome.style().unpolish(self.outcome)
-        self.outcome.style().polish(self.outcome)
+        restyled(self.outcome, "heading" if part == "accent" else part)
 
 
 def _hash_words(path: Path) -> str:

@@ -74,7 +74,7 @@ class RunDetails(QWidget):
         self.files = RunFilesView(session, opener)
         self.comparison = ComparisonView(session)
         self.problem = text_label(wraps=True)
-        self._reader = LatestTask(self)
+        self._reader = LatestTask(self, self._take_facts, self.conditions.setPlainText)
         self._growing = QTimer(self)
         self._growing.setInterval(GROWING_MS)
         self._lay_out()
@@ -111,8 +111,6 @@ class RunDetails(QWidget):
         self.desk.refused.connect(self._take_refusal)
         self.events.moment_chosen.connect(self._jump)
         self.files.analysis_chosen.connect(self._show_analysis)
-        self._reader.done.connect(self._take_facts)
-        self._reader.failed.connect(self.conditions.setPlainText)
         self._growing.timeout.connect(self.refresh)
         self._session.theme_changed.connect(lambda _: self._write_conditions())
 
@@ -176,20 +174,22 @@ class RunDetails(QWidget):
         arguments = ["compare", str(order.run), "--parameters", str(order.parameters), "--json"]
         arguments += ["--kind", order.kind] if order.kind else []
         arguments += ["--tare", str(order.tare)] if order.tare else []
-        self._comparing = BackgroundCommand(arguments, self)
         parameters = order.parameters
-        self._comparing.done.connect(
-            lambda _, out, aside: self._take_comparison(parameters, out, aside)
-        )
         self.bar.set_busy(True, f"Comparing with {parameters.name} …")
+        self._comparing = BackgroundCommand(
+            arguments, self, lambda _, out, aside: self._take_comparison(parameters, out, aside)
+        )
         self._comparing.start()
 
     def save_parameters(self, order: FitOrder, target: Path) -> None:
         """Write what a run identifies into a parameter set, in a process of its own; the set can be chosen at once."""
         words = [word for word in order.arguments if word not in ("--plots",)]
-        self._comparing = BackgroundCommand([*words, "--parameters-out", str(target)], self)
-        self._comparing.done.connect(lambda code, _, aside: self._take_saved(target, code, aside))
         self.bar.set_busy(True, f"Writing {target.name} …")
+        self._comparing = BackgroundCommand(
+            [*words, "--parameters-out", str(target)],
+            self,
+            lambda code, _, aside: self._take_saved(target, code, aside),
+        )
         self._comparing.start()
 
     def _take_saved(self, target: Path, code: int, complaint: str) -> None:

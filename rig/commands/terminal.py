@@ -1,0 +1,56 @@
+"""What every command writes to a terminal with: a console that guesses at nothing, a table, one JSON object."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console, OverflowMethod
+    from rich.table import Table
+
+# Every start of `rig` imports this module; what writing needs is imported when something is written.
+
+
+def console(*, errors: bool = False, highlight: bool = False) -> Console:
+    """A terminal that does not guess at links and marks inside our text, nor at colours unless asked to."""
+    from rich.console import Console
+
+    return Console(stderr=errors, highlight=highlight, markup=False)
+
+
+def table(
+    *headings: str,
+    numbers: Collection[str] = (),
+    whole: Collection[str] = (),
+    overflow: OverflowMethod = "ellipsis",
+    **look: Any,
+) -> Table:
+    """An empty table with these headings.
+
+    The columns in `numbers` are set to the right, those in `whole` on one line; `look` is what rich's
+    table takes, with the title, where there is one, to the left.
+    """
+    from rich.table import Table
+
+    grid = Table(**{"title_justify": "left", **look})
+    for heading in headings:
+        justify = "right" if heading in numbers else "left"
+        grid.add_column(heading, justify=justify, no_wrap=heading in whole, overflow=overflow)
+    return grid
+
+
+def ruled_table(*headings: str, **look: Any) -> Table:
+    """A table of results: one rule below the headings; see `table`."""
+    from rich import box
+
+    return table(*headings, box=box.SIMPLE_HEAD, pad_edge=False, **look)
+
+
+def print_json(value: Any) -> None:
+    """The one object that `--json` promises on standard output."""
+    from rig.analysis.store import json_text
+
+    typer.echo(json_text(value))
