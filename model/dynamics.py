@@ -66,10 +66,6 @@ class PrescribedResponse:
         """Time from the first sample [s]."""
         return np.arange(self.input_angle.size, dtype=np.float64) * self.sample_interval
 
-    def transmission_error(self, ratio: float) -> Array:
-        """theta_o - theta_i/N [rad]."""
-        return self.output_angle - self.input_angle / ratio
-
 
 @dataclass(frozen=True, slots=True)
 class BatchResponse:

@@ -10,15 +10,13 @@
 Equation 20 does not conserve energy in equation 2: it keeps only the tangential part of the mesh
 friction. At 30 degrees the two balances differ by a factor of 3.9 in the mesh, so the numbers F_c,
 F_s, c_v mean nothing without the balance they belong to (`ModelOptions.torque_balance`);
-`convert_mesh_friction` carries them over. Equations 18-20 as printed in Zou et al. 2015 with the
+`conversion_factor` is between them. Equations 18-20 as printed in Zou et al. 2015 with the
 absolute values restored; units and the low-speed branch after Palmgren (Harris and Kotzalas).
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -93,7 +91,7 @@ def friction_torque(
     """T_f, the no-load running torque at the input in the gear's own balance, or in the one named (equation 20) [N m].
 
     Odd in the speed [rad/s]. The parameters are taken as they stand: naming another balance than the one that they were
-    identified with gives another torque (see `convert_mesh_friction`).
+    identified with gives another torque (see `conversion_factor`).
     """
     drag = bearing_lever(gear, balance) * bearing_friction_torque(gear, speed)
     return drag + mesh_lever(gear, balance) * mesh_friction_force(gear, speed)
@@ -102,26 +100,3 @@ def friction_torque(
 def conversion_factor(gear: HarmonicDrive) -> float:
     """Mesh friction in the published balance over that in the energy balance for the same torque: 2 r_g/(d_f sin^2)."""
     return mesh_lever(gear, "energy") / mesh_lever(gear, "published")
-
-
-def convert_mesh_friction(gear: HarmonicDrive, balance: TorqueBalance) -> HarmonicDrive:
-    """The same gear in the other torque balance, with F_c, F_s and c_v that make the same mesh torque.
-
-    Uncertainties are carried over by the same factor. The bearing's part differs by M_0/N (below 1 % of it).
-    """
-    if gear.options.torque_balance == balance:
-        return gear
-    factor = mesh_lever(gear) / mesh_lever(gear, balance)
-    mesh = gear.mesh_friction
-    changes = {
-        f"mesh_friction.{name}": factor * getattr(mesh, name)
-        for name in ("coulomb", "static", "viscous")
-    }
-    origins = dict(gear.origins)
-    for path in changes:
-        if path in origins and origins[path].standard_uncertainty is not None:
-            scaled = factor * origins[path].standard_uncertainty  # type: ignore[operator]
-            origins[path] = dataclasses.replace(origins[path], standard_uncertainty=scaled)
-    converted = gear.with_values(changes)
-    options = dataclasses.replace(gear.options, torque_balance=balance)
-    return dataclasses.replace(converted, options=options, origins=MappingProxyType(origins))

@@ -132,12 +132,6 @@ class Imperfections:
         off: dict[str, Any] = dict.fromkeys(self._checked(names), False)
         return dataclasses.replace(self, **off)
 
-    def with_only(self, *names: str) -> Imperfections:
-        """None but these, at the same sizes."""
-        chosen = set(self._checked(names))
-        switches: dict[str, Any] = {name: name in chosen for name in self.names()}
-        return dataclasses.replace(self, **switches)
-
     def _checked(self, names: Iterable[str]) -> tuple[str, ...]:
         wanted, allowed = tuple(names), self.names()
         for name in wanted:
