@@ -20,19 +20,19 @@ import math
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from model.arrays import FloatArray
 from model.gear import Bearing, HarmonicDrive, MeshFriction
 from model.units import RPM
 
-Array = NDArray[np.float64]
 TorqueBalance = Literal["energy", "published"]
 
 BRANCH_LIMIT = 2000.0
 """nu n [mm2/s x r/min] below which the no-load torque of a bearing no longer falls with speed."""
 
 
-def speed_sign(speed: ArrayLike, smoothing: float = 0.0) -> Array:
+def speed_sign(speed: ArrayLike, smoothing: float = 0.0) -> FloatArray:
     """sgn(theta_i'), or tanh(theta_i'/smoothing) where a smoothing speed [rad/s] is given; odd in the speed."""
     omega = np.asarray(speed, dtype=np.float64)
     return np.tanh(omega / smoothing) if smoothing > 0.0 else np.sign(omega)
@@ -40,7 +40,7 @@ def speed_sign(speed: ArrayLike, smoothing: float = 0.0) -> Array:
 
 def bearing_magnitude(
     bearing: Bearing, speed: ArrayLike, *, low_speed_branch: bool = True
-) -> Array:
+) -> FloatArray:
     """|M_0| of equation 18 at input speeds [rad/s] of either sign [N m]; continuous where the branches meet."""
     product = bearing.viscosity * 1e6 * np.abs(np.asarray(speed, dtype=np.float64)) / RPM
     if low_speed_branch:
@@ -48,7 +48,9 @@ def bearing_magnitude(
     return 0.1 * bearing.friction_factor * bearing.pitch_diameter**3 * np.cbrt(product) ** 2
 
 
-def bearing_friction_torque(gear: HarmonicDrive, speed: ArrayLike, smoothing: float = 0.0) -> Array:
+def bearing_friction_torque(
+    gear: HarmonicDrive, speed: ArrayLike, smoothing: float = 0.0
+) -> FloatArray:
     """M_0, signed friction torque of the bearing on the wave generator (equation 18) [N m]; F_fb = M_0/r_g."""
     magnitude = bearing_magnitude(
         gear.bearing, speed, low_speed_branch=gear.options.low_speed_branch
@@ -56,14 +58,16 @@ def bearing_friction_torque(gear: HarmonicDrive, speed: ArrayLike, smoothing: fl
     return magnitude * speed_sign(speed, smoothing)
 
 
-def stribeck_magnitude(mesh: MeshFriction, speed: ArrayLike) -> Array:
+def stribeck_magnitude(mesh: MeshFriction, speed: ArrayLike) -> FloatArray:
     """|F_fm| of equation 19 at input speeds [rad/s] of either sign [N]."""
     omega = np.abs(np.asarray(speed, dtype=np.float64))
     decay = np.exp(-((omega / mesh.stribeck_velocity) ** mesh.shape))
     return mesh.coulomb + (mesh.static - mesh.coulomb) * decay + mesh.viscous * omega
 
 
-def mesh_friction_force(gear: HarmonicDrive, speed: ArrayLike, smoothing: float = 0.0) -> Array:
+def mesh_friction_force(
+    gear: HarmonicDrive, speed: ArrayLike, smoothing: float = 0.0
+) -> FloatArray:
     """F_fm, signed friction along the flank (equation 19) [N]."""
     return stribeck_magnitude(gear.mesh_friction, speed) * speed_sign(speed, smoothing)
 
@@ -87,7 +91,7 @@ def bearing_lever(gear: HarmonicDrive, balance: TorqueBalance | None = None) -> 
 
 def friction_torque(
     gear: HarmonicDrive, speed: ArrayLike, balance: TorqueBalance | None = None
-) -> Array:
+) -> FloatArray:
     """T_f, the no-load running torque at the input in the gear's own balance, or in the one named (equation 20) [N m].
 
     Odd in the speed [rad/s]. The parameters are taken as they stand: naming another balance than the one that they were

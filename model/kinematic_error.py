@@ -21,13 +21,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from model.arrays import FloatArray
 from model.errors import ModelError
 from model.gear import Harmonic, HarmonicDrive, Mounting
 from model.geometry import radial_lever
 
-Array = NDArray[np.float64]
 OrderKind = Literal["input", "output", "wave-sideband", "output-sideband"]
 
 
@@ -47,7 +47,7 @@ def kinematic_error(
     mounting: Mounting = "circular-spline-fixed",
     *,
     encoders_alike: bool = True,
-) -> Array:
+) -> FloatArray:
     """ke = theta_o - theta_i/N from two encoder angles (equation 15) [rad].
 
     `ratio` is N of the unit (teeth only); with the flexspline fixed N + 1 is used. `encoders_alike` says that both
@@ -68,7 +68,7 @@ def output_sign(mounting: Mounting, *, encoders_alike: bool = True) -> float:
     return -1.0 if opposite == encoders_alike else 1.0
 
 
-def series_value(series: Iterable[Harmonic], angle: ArrayLike) -> Array:
+def series_value(series: Iterable[Harmonic], angle: ArrayLike) -> FloatArray:
     """ke_sim(theta) of equation 16 without its constant, for angles of any shape [rad]."""
     theta = np.asarray(angle, dtype=np.float64)
     total = np.zeros_like(theta)
@@ -78,7 +78,7 @@ def series_value(series: Iterable[Harmonic], angle: ArrayLike) -> Array:
     return total
 
 
-def series_slope(series: Iterable[Harmonic], angle: ArrayLike) -> Array:
+def series_slope(series: Iterable[Harmonic], angle: ArrayLike) -> FloatArray:
     """d ke_sim/d theta_i, of the same shape as the angles [rad/rad]."""
     theta = np.asarray(angle, dtype=np.float64)
     total = np.zeros_like(theta)
@@ -105,7 +105,7 @@ def peak_to_peak(series: Sequence[Harmonic], ratio: float | None = None, points:
     return _extreme(value) + _extreme(-value)
 
 
-def _extreme(value: Array) -> float:
+def _extreme(value: FloatArray) -> float:
     """Largest value of a periodic, densely sampled curve, refined by a parabola through its neighbours."""
     top = int(np.argmax(value))
     before, at, after = value[top - 1], value[top], value[(top + 1) % value.size]
@@ -113,7 +113,7 @@ def _extreme(value: Array) -> float:
     return float(at if curvature >= 0.0 else at - 0.125 * (after - before) ** 2 / curvature)
 
 
-def equivalent_eccentric_error(gear: HarmonicDrive, error: ArrayLike) -> Array:
+def equivalent_eccentric_error(gear: HarmonicDrive, error: ArrayLike) -> FloatArray:
     """e = ke r_g/tan(alpha_t), the radial error of the wedge that makes this kinematic error (equation 17) [m]."""
     return np.asarray(error, dtype=np.float64) * radial_lever(gear.geometry)
 
@@ -164,7 +164,7 @@ def design_matrix(
     *,
     constant: bool = True,
     trend: bool = True,
-) -> Array:
+) -> FloatArray:
     """The regressors of ke at these input angles: 1, theta_i, then cos and sin of each order; shape (n, columns)."""
     theta = np.asarray(input_angle, dtype=np.float64).ravel()
     numbers = [order.order if isinstance(order, Order) else float(order) for order in orders]
@@ -215,9 +215,9 @@ class OrderSpectrum:
     amplitude x cos(order theta - phase), `revolutions` used (whole).
     """
 
-    orders: Array
-    amplitude: Array
-    phase: Array
+    orders: FloatArray
+    amplitude: FloatArray
+    phase: FloatArray
     revolutions: int
 
 
@@ -270,7 +270,9 @@ def order_spectrum(
     return OrderSpectrum(orders, amplitude, np.angle(np.exp(1j * phase)), revolutions)
 
 
-def _bin_means(travelled: Array, channel: Array, revolutions: int, per_revolution: int) -> Array:
+def _bin_means(
+    travelled: FloatArray, channel: FloatArray, revolutions: int, per_revolution: int
+) -> FloatArray:
     """Means of the channel over bins of equal angle; bins without a sample are interpolated between
     their neighbours.
     """
