@@ -247,23 +247,23 @@ class ClosedLoop:
     def _make_physics(self) -> FloatArray:
         """The scalar constants of the kernel."""
         p = np.zeros(kernel.PHYSICS_SIZE)
-        motor, extra, found = self.motor, self.deviations, self.parameters
-        p[kernel.H], p[kernel.RADIUS] = self.time_step, found.neutral_radius
-        p[kernel.TANGENT] = math.tan(found.tooth_angle)
-        p[kernel.K_B], p[kernel.C_B] = found.bearing_stiffness, found.bearing_damping
-        p[kernel.CUP] = found.cup_stiffness
+        motor, extra, parameters = self.motor, self.deviations, self.parameters
+        p[kernel.H], p[kernel.RADIUS] = self.time_step, parameters.neutral_radius
+        p[kernel.TANGENT] = math.tan(parameters.tooth_angle)
+        p[kernel.K_B], p[kernel.C_B] = parameters.bearing_stiffness, parameters.bearing_damping
+        p[kernel.CUP] = parameters.cup_stiffness
         p[kernel.ERROR_TURNS] = 1.0 / (2.0 * math.pi * self._period)
         p[kernel.ERROR_POINTS] = len(self._error) - 1
         if self.settings.gear_mounted:
             p[kernel.INVERSE_RATIO], p[kernel.LAMBDA] = (
                 1.0 / self.ratio,
-                found.radial_lever / self.ratio,
+                parameters.radial_lever / self.ratio,
             )
             still = loop_tables.bearing_drag(self.gear, np.zeros(1))
             p[kernel.BEARING_LOW] = friction.bearing_lever(self.gear) * float(still[0])
             p[kernel.DEPTH] = extra.mesh_depth / max(self._largest_error(), 1e-12)
             p[kernel.OUTPUT_COULOMB] = extra.output_coulomb
-            p[kernel.OUTPUT_VISCOUS] = extra.output_viscous / found.neutral_radius
+            p[kernel.OUTPUT_VISCOUS] = extra.output_viscous / parameters.neutral_radius
             self._fill_elastic(p)
         if extra.motor_friction:
             p[kernel.MOTOR_COULOMB], p[kernel.MOTOR_VISCOUS] = (

@@ -139,14 +139,16 @@ def basis_orders(
     """
     if ratio <= 0.0 or not math.isfinite(ratio):
         raise ModelError("needs the ratio of the gear", where="ratio", value=ratio, limit="> 0")
-    found = [Order(float(n), "input", str(n)) for n in input_orders]
-    found += [Order(k / ratio, "output", f"{k}/N") for k in output_orders]
-    found += [Order(n * (1.0 + 1.0 / ratio), "wave-sideband", f"{n}+{n}/N") for n in wave_sidebands]
+    orders = [Order(float(n), "input", str(n)) for n in input_orders]
+    orders += [Order(k / ratio, "output", f"{k}/N") for k in output_orders]
+    orders += [
+        Order(n * (1.0 + 1.0 / ratio), "wave-sideband", f"{n}+{n}/N") for n in wave_sidebands
+    ]
     for n, k in output_sidebands:
-        found.append(Order(n - k / ratio, "output-sideband", f"{n}-{k}/N"))
-        found.append(Order(n + k / ratio, "output-sideband", f"{n}+{k}/N"))
+        orders.append(Order(n - k / ratio, "output-sideband", f"{n}-{k}/N"))
+        orders.append(Order(n + k / ratio, "output-sideband", f"{n}+{k}/N"))
     unique: dict[int, Order] = {}
-    for order in found:
+    for order in orders:
         if order.order <= 0.0:
             raise ModelError(
                 "an order must be positive",
@@ -192,11 +194,11 @@ def normalised_mse(measured: ArrayLike, fitted: ArrayLike) -> float:
         np.asarray(fitted, dtype=np.float64).ravel(),
     )
     if truth.size != model.size or truth.size < 2:
-        found = f"{truth.size} and {model.size} points"
+        sizes = f"{truth.size} and {model.size} points"
         raise ModelError(
             "needs two curves of the same length",
             where="MSE",
-            value=found,
+            value=sizes,
             limit="at least 2 points",
         )
     variance = float(np.var(truth))
@@ -235,11 +237,11 @@ def order_spectrum(
         np.asarray(values, dtype=np.float64).ravel(),
     )
     if theta.size != channel.size or theta.size < 16:
-        found = f"{theta.size} angles, {channel.size} values"
+        sizes = f"{theta.size} angles, {channel.size} values"
         raise ModelError(
             "needs an angle for every value",
             where="order spectrum",
-            value=found,
+            value=sizes,
             limit="at least 16",
         )
     if not (np.isfinite(theta).all() and np.isfinite(channel).all()):

@@ -47,12 +47,12 @@ class DynamicParameters:
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):
-            found = getattr(self, f.name)
+            value = getattr(self, f.name)
             may_vanish = f.name in ("bearing_damping", "structural_damping")
-            if not math.isfinite(found) or found < 0.0 or (found == 0.0 and not may_vanish):
+            if not math.isfinite(value) or value < 0.0 or (value == 0.0 and not may_vanish):
                 limit = "finite and >= 0" if may_vanish else "finite and > 0"
                 raise ParameterError(
-                    "cannot be simulated", where=f"dynamics.{f.name}", value=found, limit=limit
+                    "cannot be simulated", where=f"dynamics.{f.name}", value=value, limit=limit
                 )
         if self.tooth_angle >= 0.5 * math.pi:
             raise ParameterError(
@@ -237,14 +237,14 @@ class Mode:
 
 def modes(p: DynamicParameters) -> tuple[Mode, ...]:
     """The modes in ascending frequency: complex pairs once, real poles each (see `torsional_mode`)."""
-    found: list[Mode] = []
+    eigenmodes: list[Mode] = []
     for pole in np.linalg.eigvals(energy_forms([p])[0][0]):
         if pole.imag < 0.0:
             continue
         size = abs(pole)
         decay = -pole.real if -pole.real > 1e-13 * size else 0.0
         ratio = 1.0 if pole.imag == 0.0 else decay / size
-        found.append(
+        eigenmodes.append(
             Mode(
                 float(size),
                 float(ratio),
@@ -252,7 +252,7 @@ def modes(p: DynamicParameters) -> tuple[Mode, ...]:
                 float(1.0 / decay) if decay > 0.0 else math.inf,
             )
         )
-    return tuple(sorted(found, key=lambda mode: mode.natural_frequency))
+    return tuple(sorted(eigenmodes, key=lambda mode: mode.natural_frequency))
 
 
 def torsional_mode(p: DynamicParameters) -> Mode | None:

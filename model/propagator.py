@@ -161,10 +161,10 @@ def _modal(
     """The diagonal form; poles of the lower half plane are dropped and their partners counted twice."""
     sets = len(poles)
     rank = np.argsort(np.where(np.imag(poles) >= 0.0, np.abs(poles), np.inf), axis=1)
-    kept = int(np.max(np.sum(np.imag(poles) >= 0.0, axis=1)))
-    rank = rank[:, :kept]
+    upper = int(np.max(np.sum(np.imag(poles) >= 0.0, axis=1)))
+    rank = rank[:, :upper]
     row = np.arange(sets)[:, None]
-    modes = -(-kept // QUAD) * QUAD
+    modes = -(-upper // QUAD) * QUAD
     poles = poles[row, rank].astype(np.complex128)
     weight = np.where(np.imag(poles) > 0.0, 2.0, np.where(np.imag(poles) == 0.0, 1.0, 0.0))
     inverse = inverse[row, rank] * (weight > 0.0)[:, :, None]
