@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.recording import Origin, Recording
-from model.identify.cause import Ground
+from model.identify.estimate import Ground
 from rig.analysis.causes import Grounds, grounds_of, simulated_bench
 from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
