@@ -81,7 +81,7 @@ def test_a_column_is_as_wide_as_its_longest_word_and_its_numbers(
     crowded = Grid(
         "T:crowded",
         ("Word", "Value", *("text",) * 4),
-        ((f"{LONG_WORD} and what is said of it here", number, *(words,) * 4),),
+        ((f"{LONG_WORD} and what is said of it here and everywhere", number, *(words,) * 4),),
         (False, True, *(False,) * 4),
     )
     whole, broken = sorted(layouts(monkeypatch, (alone, crowded)), key=lambda one: one["title"])
