@@ -32,8 +32,8 @@ def render_pdf(context: Mapping[str, Any]) -> bytes:
     return document
 
 
-def typeset(context: Mapping[str, Any], **wanted: Any) -> Any:
-    """What typst makes of a report, in the format that is `wanted`. Raises `RigError`."""
+def typeset(context: Mapping[str, Any], **output: Any) -> Any:
+    """What typst makes of a report, in the format that `output` names. Raises `RigError`."""
     import typst
 
     content = json.dumps(paper_content(context), ensure_ascii=False, allow_nan=False)
@@ -44,7 +44,7 @@ def typeset(context: Mapping[str, Any], **wanted: Any) -> Any:
             sys_inputs={"content": content},
             ignore_system_fonts=True,
             font_paths=[_fonts()],  # type: ignore[arg-type]  the stubs leave paths out
-            **wanted,
+            **output,
         )
     except (RuntimeError, ValueError, OSError) as error:
         raise RigError(
