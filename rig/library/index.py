@@ -301,13 +301,10 @@ def _deleted(path: Path) -> bool:
 def _row_of(run: ListedRun) -> Row:
     """What a file says of itself, by column."""
     m = run.metadata
-    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "")
-    row |= {
+    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "") | {
         "run_id": run.path.name.split(".h5")[0],
         "number": run_number(run.path.name),
         "rows": run.rows,
-    }
-    row |= {
         "duration": None if run.duration != run.duration else run.duration,
         "problem": run.problem,
     }
