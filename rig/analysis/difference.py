@@ -233,8 +233,8 @@ def _gear(m: RunMetadata) -> dict[str, str]:
         "serial number": m.gear_serial,
         "mounted": "yes" if m.gear_mounted else "no",
         "mounting": m.mounting,
+        "ratio": _number(m.ratio),
     }
-    facts["ratio"] = _number(m.ratio)
     if m.gear is not None:
         facts["part"] = m.gear.name
         facts |= {
