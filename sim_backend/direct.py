@@ -216,6 +216,10 @@ class SimulatedRig:
         self._clock.wait_until_ns(self._opened_ns + self._cycle * self.cycle_ns)
         return _joined(blocks)
 
+    def elapse(self, cycles: int) -> None:
+        """Time passes with nobody commanding: the drive stops by its own watch."""
+        self._sleep(cycles)
+
     def reset_fault(self) -> None:
         """Acknowledge a fault of the drive."""
         self._drive.reset_fault()

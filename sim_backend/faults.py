@@ -95,7 +95,7 @@ class Effects:
             (self.refusals, "calls found no bus or no data"),
         )
         words = [] if self.since is None else [f"acted on the devices from cycle {self.since} on"]
-        return ", ".join(words + [f"{count} {what}" for count, what in counted if count])
+        return ", ".join(words + [f"{what}: {count}" for count, what in counted if count])
 
 
 @dataclass(frozen=True)

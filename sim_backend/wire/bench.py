@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from drivers import channel as names
 from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
+from drivers.drive_state import POWERED_STATES
 from drivers.errors import DriverError
 from drivers.port import Mode
 from drivers.samples import CycleFlag
@@ -229,6 +230,16 @@ class WireBench:
     def stamp_ns(self) -> int:
         """The adapter's time stamp of the latest frame [ns]."""
         return self._stamp_ns + self._frames_since * FRAME_NS
+
+    @property
+    def input_speed(self) -> float:
+        """The true speed of the input now [rad/s], whatever the devices say."""
+        return self.plant.input_speed
+
+    @property
+    def is_powered(self) -> bool:
+        """Whether the drive's power stage may produce torque now."""
+        return self.drive.drive_state in POWERED_STATES
 
     @functools.cached_property
     def truth(self) -> dict[str, Any]:

@@ -133,11 +133,11 @@ def test_impossible_faults_are_refused() -> None:
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        (CountJump(250, names.OUTPUT_ANGLE, 4000), "150 rows"),
-        (MarkedCycles(50, cycles=2), "2 rows"),
+        (CountJump(250, names.OUTPUT_ANGLE, 4000), "marks altered: 150"),
+        (MarkedCycles(50, cycles=2), "marks altered: 2"),
         (StuckEncoder(200, names.INPUT_ANGLE, cycles=100), " rows"),
         (OutputLoad(60, torque=5.0, cycles=20), "from cycle 60"),
-        (BusLost(300), "1 calls"),
+        (BusLost(300), "no data: 1"),
     ],
 )
 def test_what_a_fault_has_done_is_counted(fault: Fault, words: str) -> None:

@@ -223,13 +223,13 @@ def test_every_drill_ends(name: str) -> None:
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        (TpdoLost(AT, cycles=3, number=1), "3 frames"),
-        (TpdoLate(AT, cycles=2, number=1), "2 frames"),
-        (TpdoDoubled(AT, cycles=4, number=1), "4 frames"),
-        (SyncLost(AT, cycles=2), "2 frames"),
+        (TpdoLost(AT, cycles=3, number=1), "frames dropped or altered: 3"),
+        (TpdoLate(AT, cycles=2, number=1), "frames dropped or altered: 2"),
+        (TpdoDoubled(AT, cycles=4, number=1), "frames dropped or altered: 4"),
+        (SyncLost(AT, cycles=2), "frames dropped or altered: 2"),
         (NodeReset(AT), f"from cycle {AT}"),
-        (ClockJump(AT, cycles=5), "5 time stamps"),
-        (OutputSlips(AT, cycles=6), "6 rows"),
+        (ClockJump(AT, cycles=5), "time stamps shifted: 5"),
+        (OutputSlips(AT, cycles=6), "marks altered: 6"),
         (Stall(AT, cycles=5), "frames"),
     ],
 )
