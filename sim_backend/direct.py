@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from drivers import channel as names
 from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
-from drivers.drive_state import DriveState
+from drivers.drive_state import POWERED_STATES, DriveState
 from drivers.errors import DriverError
 from drivers.port import Command, DriveLimits, Guard, GuardWatch, Mode, RigDescription
 from drivers.samples import CycleFlag, SampleBlock
@@ -69,6 +69,8 @@ class _Snapshot:
     latches: Latches
     previous: Counts | None
     last: tuple[Mode, float]
+    altered: tuple[int, ...]
+    """Rows that each fault has altered."""
 
 
 class SimulatedRig:
@@ -168,6 +170,16 @@ class SimulatedRig:
         devices = {c.name: {"model": c.model, "long_name": c.long_name} for c in self.channels}
         return RigDescription("simulated", f"simulated rig: {what}", devices, self.truth)
 
+    @property
+    def input_speed(self) -> float:
+        """The true speed of the input now [rad/s], whatever the counts say."""
+        return self._plant.input_speed
+
+    @property
+    def is_powered(self) -> bool:
+        """Whether the power stage may produce torque now."""
+        return self._drive.state in POWERED_STATES
+
     @functools.cached_property
     def truth(self) -> dict[str, Any]:
         """Every effective parameter of this rig on this day (see `sim_backend.truth`)."""
@@ -203,6 +215,10 @@ class SimulatedRig:
                 break
         self._clock.wait_until_ns(self._opened_ns + self._cycle * self.cycle_ns)
         return _joined(blocks)
+
+    def elapse(self, cycles: int) -> None:
+        """Time passes with nobody commanding: the drive stops by its own watch."""
+        self._sleep(cycles)
 
     def reset_fault(self) -> None:
         """Acknowledge a fault of the drive."""
@@ -248,6 +264,7 @@ class SimulatedRig:
                     cycles = fault.at_cycle - self._cycle
                 else:
                     self._sleep(min(fault.end - self._cycle, HEARTBEAT_CYCLES * 10))
+                    fault.effects.refusals += 1
                     raise fault.error()
         return cycles
 
@@ -292,7 +309,7 @@ class SimulatedRig:
         sensed = Sensed(self._cycle, counts, flags, self._instruments.column, self._previous)
         for fault in self._faults:
             if isinstance(fault, SignalFault):
-                fault.corrupt(sensed)
+                fault.fall_on(sensed)
         self._flag_jumps(sensed)
         self._previous = counts[-1].copy()
         return counts, flags, self._sync.stamps_ns(self._cycle, late)
@@ -337,7 +354,7 @@ class SimulatedRig:
         devices.forced, devices.keeps_turning, devices.load = None, False, 0.0
         for fault in self._faults:
             if isinstance(fault, DeviceFault) and fault.active(cycle):
-                fault.act(devices, cycle)
+                fault.fall_on(devices, cycle)
         self._plant.load = devices.load
         if devices.keeps_turning and mode in (Mode.OFF, Mode.QUICK_STOP):
             devices.forced = self._last
@@ -370,6 +387,7 @@ class SimulatedRig:
             self._instruments.latches(),
             self._previous,
             self._last,
+            tuple(fault.effects.rows for fault in self._faults),
         )
 
     def _restore(self, snapshot: _Snapshot) -> None:
@@ -377,6 +395,8 @@ class SimulatedRig:
         self._drive.state = snapshot.drive
         self._instruments.restore(snapshot.latches)
         self._previous, self._last = snapshot.previous, snapshot.last
+        for fault, rows in zip(self._faults, snapshot.altered, strict=True):
+            fault.effects.rows = rows
 
 
 def _joined(blocks: list[SampleBlock]) -> SampleBlock:

@@ -64,12 +64,47 @@ class Sensed:
         return int(self.counts[0, column] if self.previous is None else self.previous[column])
 
 
+@dataclass
+class Effects:
+    """What a fault has really done so far, counted by whoever lets it act: a fault may be there and do nothing.
+
+    `since` is the first cycle in which it acted on devices or mechanics; `frames` were dropped,
+    altered, added or held back (answers of the readout as well); `rows` of counts and marks and
+    `stamps` of SYNCs differ; `refusals` are calls of the computer that found no bus or no data.
+    """
+
+    since: int | None = None
+    frames: int = 0
+    rows: int = 0
+    stamps: int = 0
+    refusals: int = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.sentence())
+
+    def acted(self, cycle: int) -> None:
+        """Devices or mechanics were acted upon in this cycle."""
+        self.since = cycle if self.since is None else self.since
+
+    def sentence(self) -> str:
+        """What happened, in words; empty where nothing has."""
+        counted = (
+            (self.frames, "frames dropped or altered"),
+            (self.rows, "rows of counts or marks altered"),
+            (self.stamps, "time stamps shifted"),
+            (self.refusals, "calls found no bus or no data"),
+        )
+        words = [] if self.since is None else [f"acted on the devices from cycle {self.since} on"]
+        return ", ".join(words + [f"{what}: {count}" for count, what in counted if count])
+
+
 @dataclass(frozen=True)
 class Fault:
-    """Something that goes wrong from `at_cycle` on, for `cycles` cycles."""
+    """Something that goes wrong from `at_cycle` on, for `cycles` cycles. `effects` is no part of its value."""
 
     at_cycle: int
     cycles: int = field(default=FOREVER, kw_only=True)
+    effects: Effects = field(default_factory=Effects, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.at_cycle < 0 or self.cycles < 1:
@@ -96,12 +131,25 @@ class DeviceFault(Fault):
     def act(self, devices: Devices, cycle: int) -> None:
         """Called before the stretch that begins with `cycle`, while the fault is active."""
 
+    def fall_on(self, devices: Devices, cycle: int) -> None:
+        """Act, and count it."""
+        self.act(devices, cycle)
+        self.effects.acted(cycle)
+
 
 class SignalFault(Fault):
     """A fault of what is measured or of how it arrives."""
 
     def corrupt(self, sensed: Sensed) -> None:
         """Change counts and flags of a block in place."""
+
+    def fall_on(self, sensed: Sensed) -> None:
+        """Corrupt a block that the fault's time reaches, and count the rows that differ."""
+        rows = sensed.rows(self.at_cycle, self.end)
+        counts, flags = sensed.counts[rows].copy(), sensed.flags[rows].copy()
+        self.corrupt(sensed)
+        differs = np.any(counts != sensed.counts[rows], axis=1) | (flags != sensed.flags[rows])
+        self.effects.rows += int(np.count_nonzero(differs))
 
 
 class PortFault(Fault):

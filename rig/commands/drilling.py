@@ -30,6 +30,22 @@ def drill(
             "--random", metavar="N", min=0, help="N faults drawn at random, at random cycles."
         ),
     ] = 0,
+    pairs: Annotated[
+        int,
+        typer.Option(
+            "--pairs",
+            metavar="N",
+            min=0,
+            help="N pairs of faults drawn at random, at random moments of one run.",
+        ),
+    ] = 0,
+    without_faults: Annotated[
+        bool,
+        typer.Option(
+            "--without-faults",
+            help="Take every fault out: each drill that claims a detection must then fail.",
+        ),
+    ] = False,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the simulated rig and of what is random.")
     ] = 0,
@@ -48,32 +64,73 @@ def drill(
     """Let every fault happen on a simulated rig: what is detected, how soon, how the rig is made
     safe, what the file says.
 
-    Refuses any hardware. Exit code 0 when every drill ended as it must, 6 otherwise.
+    Refuses any hardware. Exit code 0 when every drill ended as it must, 6 otherwise. With
+    --without-faults nothing goes wrong, and it is 0 only when every drill that claims a detection
+    fails. With --pairs it is 0 when every pair ends safe and the program says so.
     """
     from rig.exits import DONE, ERROR
-    from rig.trial.drill.suite import chosen, random_drills, random_offset, run_drills
+    from rig.trial.drill.suite import (
+        chosen,
+        proves_detection,
+        random_drills,
+        random_offset,
+        run_drills,
+    )
 
+    _refuse_together(
+        pairs=pairs, without_faults=without_faults, fault=fault, random=random, markdown=markdown
+    )
+    if pairs:
+        raise typer.Exit(DONE if _run_pairs(pairs, seed, backend, output, json) else ERROR)
     drills = random_drills(random, seed, backend) if random else chosen(fault or (), backend)
     if list_:
         for one in drills:
             typer.echo(f"{one.name}: {one.what} ({' or '.join(one.carriers)})")
         return
     moved = random_offset(seed) if random else None
-    rows: list[DrillRow] = []
-    for row in run_drills(drills, backend=backend, seed=seed, output=output, offset=moved):
-        rows.append(row)
-        if not json:
-            typer.echo(
-                f"[{len(rows)}/{len(drills)}] {'ok    ' if row.passed else 'FAILED'} {row.fault}",
-                err=True,
-            )
+
+    def run(without: bool) -> list[DrillRow]:
+        rows: list[DrillRow] = []
+        for row in run_drills(
+            drills,
+            backend=backend,
+            seed=seed,
+            output=output,
+            offset=moved,
+            without_faults=without,
+        ):
+            rows.append(row)
+            if not json:
+                word = "ok    " if row.passed else "fails " if without else "FAILED"
+                typer.echo(f"[{len(rows)}/{len(drills)}] {word} {row.fault}", err=True)
+        return rows
+
+    rows = run(without_faults)
     if json:
-        print_json({"faults": [row.as_json() for row in rows]})
+        print_json({"without_faults": without_faults, "faults": [row.as_json() for row in rows]})
+    elif without_faults:
+        _print_without(rows)
     else:
         _print_table(rows)
     if markdown is not None:
-        _write(markdown, rows)
-    raise typer.Exit(DONE if all(row.passed for row in rows) else ERROR)
+        _write(markdown, rows, run(without=True))
+    good = proves_detection(rows) if without_faults else all(row.passed for row in rows)
+    raise typer.Exit(DONE if good else ERROR)
+
+
+def _refuse_together(**given: object) -> None:
+    """Options that each ask for another thing."""
+    from rig.errors import ConfigurationError
+
+    names = [f"--{name.replace('_', '-')}" for name, value in given.items() if value]
+    others = set(names) - {"--fault", "--random"}
+    if len(others) > 1 or ("--pairs" in others and len(names) > 1):
+        raise ConfigurationError(
+            "these options ask for different things",
+            where="rig drill",
+            value=" ".join(names),
+            remedy="Give one of them.",
+        )
 
 
 def acknowledge(
@@ -123,6 +180,7 @@ def acknowledge(
 def _print_table(rows: list[DrillRow]) -> None:
     drills = table(
         "fault",
+        "must be",
         "detected",
         "cycles",
         "made safe",
@@ -137,6 +195,7 @@ def _print_table(rows: list[DrillRow]) -> None:
         style = None if row.passed else "bold red"
         drills.add_row(
             row.fault,
+            row.expected_cause or "nothing",
             row.detected,
             str(row.cycles),
             row.action,
@@ -157,17 +216,91 @@ def _print_table(rows: list[DrillRow]) -> None:
     )
     for row in failed:
         out.print(
-            f"{row.fault}: {row.outcome}, expected {row.expected}. {row.message}",
+            f"{row.fault}: {row.outcome}, expected {row.expected}; "
+            f"{row.evidence or 'nothing shows that the fault happened'}. {row.message}",
             soft_wrap=True,
         )
 
 
-def _write(path: Path, rows: list[DrillRow]) -> None:
+def _print_without(rows: list[DrillRow]) -> None:
+    """What the drills say with every fault taken out."""
+    from rig.trial.drill.suite import proves_detection
+
+    drills = table(
+        "fault taken out",
+        "must be detected with it",
+        "detected without it",
+        "outcome",
+        "the drill",
+        title="Drills without their faults",
+        title_justify="center",
+    )
+    for row in rows:
+        wrong = row.claims_detection and (row.passed or row.names_cause)
+        word = (
+            ("fails" if not row.passed else "PASSES") if row.claims_detection else "claims nothing"
+        )
+        drills.add_row(
+            row.fault,
+            row.expected_cause or "nothing",
+            row.detected,
+            row.outcome,
+            word,
+            style="bold red" if wrong else None,
+        )
+    out = console()
+    if not out.is_terminal:
+        out.width = 180
+    out.print(drills)
+    claiming = [row for row in rows if row.claims_detection]
+    failing = [row for row in claiming if not (row.passed or row.names_cause)]
+    proof = (
+        "what they detect is the fault, and nothing else"
+        if proves_detection(rows)
+        else "the others prove nothing: they find their cause where nothing is wrong"
+    )
+    out.print(
+        f"{len(failing)} of {len(claiming)} drills that claim a detection fail with their fault taken out: {proof}. "
+        f"{len(rows) - len(claiming)} claim none.",
+        style="green" if proves_detection(rows) else "red",
+        soft_wrap=True,
+    )
+
+
+def _run_pairs(
+    number: int, seed: int, backend: str | None, output: Path | None, json: bool
+) -> bool:
+    """Pairs of faults; whether all ended safe, and said so wherever anybody can be heard."""
+    from collections import Counter
+
+    from rig.trial.drill.pairs import PairRow, run_pairs
+
+    rows: list[PairRow] = []
+    for row in run_pairs(range(number), seed=seed, backend=backend, output=output):
+        rows.append(row)
+        if not json:
+            names = " + ".join(drill.name for drill in row.pair.drills)
+            typer.echo(f"[{len(rows)}/{number}] {row.verdict}: {names}", err=True)
+    counted = Counter(row.verdict for row in rows)
+    if json:
+        pairs = [row.as_json() for row in rows]
+        print_json({"seed": seed, "verdicts": dict(counted), "pairs": pairs})
+        return all(row.passed for row in rows)
+    typer.echo(f"{number} pairs of seed {seed}, by the plant's truth and the program's word:")
+    for verdict, count in counted.most_common():
+        typer.echo(f"  {count:5d} {verdict}")
+    for row in rows:
+        if not row.passed:
+            typer.echo(f"{row.verdict}: {row.sentence()}")
+    return all(row.passed for row in rows)
+
+
+def _write(path: Path, rows: list[DrillRow], without: list[DrillRow]) -> None:
     from rig.errors import RigError
     from rig.trial.drill.table import markdown
 
     try:
-        path.write_text(markdown(rows), encoding="utf-8")
+        path.write_text(markdown(rows, without), encoding="utf-8")
     except OSError as error:
         raise RigError(
             f"the table cannot be written: {error.strerror or error}", where=str(path)

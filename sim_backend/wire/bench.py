@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from drivers import channel as names
 from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
+from drivers.drive_state import POWERED_STATES
 from drivers.errors import DriverError
 from drivers.port import Mode
 from drivers.samples import CycleFlag
@@ -230,6 +231,16 @@ class WireBench:
         """The adapter's time stamp of the latest frame [ns]."""
         return self._stamp_ns + self._frames_since * FRAME_NS
 
+    @property
+    def input_speed(self) -> float:
+        """The true speed of the input now [rad/s], whatever the devices say."""
+        return self.plant.input_speed
+
+    @property
+    def is_powered(self) -> bool:
+        """Whether the drive's power stage may produce torque now."""
+        return self.drive.drive_state in POWERED_STATES
+
     @functools.cached_property
     def truth(self) -> dict[str, Any]:
         """Every effective parameter of this rig on this day, as of the direct rig."""
@@ -274,20 +285,27 @@ class WireBench:
         self._faults += faults
         for fault in faults:
             if isinstance(fault, WireFault) and fault.active(self._cycle):
-                fault.act(self, self._cycle)
+                fault.fall_on(self, self._cycle)
 
     @property
     def is_lost(self) -> bool:
         """Whether nobody can send or receive any more."""
-        return self.is_gone or (bool(self._faults) and self._is_active(BusLost))
+        return self.is_gone or bool(self._active(BusLost))
 
-    @property
-    def is_stalled(self) -> bool:
-        """Whether no frame arrives anywhere, while the computer's adapter goes on."""
-        return bool(self._faults) and self._is_active(Stall)
+    def note_refusal(self) -> None:
+        """A client has found the bus gone."""
+        for fault in self._active(BusLost):
+            fault.effects.refusals += 1
 
-    def _is_active(self, kind: type[Fault]) -> bool:
-        return any(isinstance(fault, kind) and fault.active(self._cycle) for fault in self._faults)
+    def _active(self, kind: type[Fault]) -> list[Fault]:
+        return [f for f in self._faults if isinstance(f, kind) and f.active(self._cycle)]
+
+    def _unless_stalled(self, frame: Frame) -> Sequence[Frame]:
+        """Nothing arrives anywhere while everything stalls, though the computer's adapter goes on."""
+        stalls = self._active(Stall)
+        for fault in stalls:
+            fault.effects.frames += 1
+        return () if stalls else (frame,)
 
     def wire_faults(self) -> list[WireFault]:
         """Those of them that touch frames and lines."""
@@ -310,9 +328,9 @@ class WireBench:
             self._run_cycle(cob_id, data)
             return
         self._deliver(cob_id, data, owner)
-        frames: list[Frame] = [] if self.is_stalled else [(cob_id, data)]
+        frames = self._unless_stalled((cob_id, data))
         for fault in self.wire_faults():
-            frames = [passed for frame in frames for passed in fault.to_devices(frame, self)]
+            frames = fault.alter_to_devices(frames, self)
         for cob, payload in frames:
             for slave in self.slaves:
                 if cob == slave.sync_cob_id:
@@ -364,11 +382,11 @@ class WireBench:
                 slave.tick(now)
 
     def _from_device(self, cob_id: int, data: bytes) -> None:
-        frames: list[Frame] = [(cob_id, data)]
+        frames: Sequence[Frame] = [(cob_id, data)]
         if self._faults:
-            frames = [] if self.is_stalled else frames
+            frames = self._unless_stalled((cob_id, data))
             for fault in self.wire_faults():
-                frames = [passed for frame in frames for passed in fault.from_devices(frame, self)]
+                frames = fault.alter_from_devices(frames, self)
         for cob, payload in frames:
             self._deliver(cob, payload, None)
             if 0x700 < cob < 0x780 or cob in self._consumed:
@@ -394,6 +412,7 @@ class WireBench:
         stamp = self._sync.start_ns + cycle * self.cycle_ns + self._lateness(cycle)
         for fault in self.wire_faults():
             stamp += fault.stamp_offset_ns
+            fault.effects.stamps += fault.stamp_offset_ns != 0
         return stamp
 
     def _lateness(self, cycle: int) -> int:
@@ -407,10 +426,10 @@ class WireBench:
         """The drive's SYNC: latch, act, advance, send; for all that follow the same."""
         wire = self.wire_faults()
         for fault in wire:
-            fault.act(self, self._cycle)
-        reached: list[Frame] = [] if self.is_stalled else [(cob_id, data)]
+            fault.fall_on(self, self._cycle)
+        reached = self._unless_stalled((cob_id, data))
         for fault in wire:
-            reached = [passed for frame in reached for passed in fault.to_devices(frame, self)]
+            reached = fault.alter_to_devices(reached, self)
         following = (
             [slave for slave in self.slaves if slave.sync_cob_id == cob_id] if reached else []
         )
@@ -453,7 +472,7 @@ class WireBench:
         devices.forced, devices.keeps_turning, devices.load = None, False, 0.0
         for fault in self._faults:
             if isinstance(fault, DeviceFault) and fault.active(self._cycle):
-                fault.act(devices, self._cycle)
+                fault.fall_on(devices, self._cycle)
         self.plant.load = devices.load
         self.drive.ignores_stop = devices.keeps_turning
 
@@ -479,7 +498,7 @@ class WireBench:
         sensed = Sensed(self._cycle, counts, flags, self._column, self._previous)
         for fault in self._faults:
             if isinstance(fault, SignalFault):
-                fault.corrupt(sensed)
+                fault.fall_on(sensed)
         self.counter.signal_error(bool(flags[0] & CycleFlag.SIGNAL_ERROR))
 
     def _take(self, counts: list[int], speed: float) -> None:

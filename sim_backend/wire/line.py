@@ -27,6 +27,8 @@ class Bench(Protocol):
     @property
     def is_lost(self) -> bool: ...
 
+    def note_refusal(self) -> None: ...
+
     @property
     def stamp_ns(self) -> int: ...
 
@@ -67,6 +69,33 @@ class WireFault(Fault):
     def from_readout(self, answer: bytes) -> bytes:
         """What becomes of the bytes that the readout sends."""
         return answer
+
+    # The same, counted: for the bench that lets it happen.
+
+    def fall_on(self, bench: Any, cycle: int) -> None:
+        """Act, and count it where this fault has something to do."""
+        self.act(bench, cycle)
+        if type(self).act is not WireFault.act:
+            self.effects.acted(cycle)
+
+    def alter_from_devices(self, frames: Sequence[Frame], bench: Any) -> Sequence[Frame]:
+        """What becomes of frames that a device sends."""
+        return self._counted(frames, [f for sent in frames for f in self.from_devices(sent, bench)])
+
+    def alter_to_devices(self, frames: Sequence[Frame], bench: Any) -> Sequence[Frame]:
+        """What becomes of frames on their way to the devices."""
+        return self._counted(frames, [f for sent in frames for f in self.to_devices(sent, bench)])
+
+    def alter_from_readout(self, answer: bytes) -> bytes:
+        """What becomes of the bytes that the readout sends."""
+        altered = self.from_readout(answer)
+        self.effects.frames += altered != answer
+        return altered
+
+    def _counted(self, sent: Sequence[Frame], arrived: list[Frame]) -> list[Frame]:
+        if arrived != [*sent]:
+            self.effects.frames += max(len(sent), 1)
+        return arrived
 
 
 class BenchBus(can.BusABC):
@@ -133,6 +162,7 @@ class BenchBus(can.BusABC):
 
     def _require_bus(self) -> None:
         if self._bench.is_lost:
+            self._bench.note_refusal()
             raise can.CanOperationError("the simulated bus is gone")
 
 
@@ -149,7 +179,7 @@ class BenchSerial:
         self._require_line()
         answer = self._bench.readout.receive(bytes(b))
         for fault in self._bench.wire_faults():
-            answer = fault.from_readout(answer)
+            answer = fault.alter_from_readout(answer)
         self._waiting += answer
         return len(b)
 

@@ -159,7 +159,7 @@ class Server:
     def _answer(self, request: bytes) -> bytes:
         answer = self.bench.readout.receive(request)
         for fault in self.bench.wire_faults():
-            answer = fault.from_readout(answer)
+            answer = fault.alter_from_readout(answer)
         return answer
 
 

@@ -9,7 +9,7 @@ from drivers import channel as names
 from drivers.clock import VirtualClock
 from drivers.drive_state import DriveState, drive_state
 from drivers.errors import BusLostError, DriverError, StaleDataError
-from drivers.port import Command, Guard, Mode
+from drivers.port import Bound, Command, Guard, Mode
 from drivers.samples import CycleFlag
 from model.units import RPM
 from sim_backend.faults import (
@@ -128,3 +128,43 @@ def test_impossible_faults_are_refused() -> None:
         StuckEncoder(-1)
     with pytest.raises(DriverError, match="a cycle to begin at"):
         IncompleteCycles(5, cycles=0)
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (CountJump(250, names.OUTPUT_ANGLE, 4000), "marks altered: 150"),
+        (MarkedCycles(50, cycles=2), "marks altered: 2"),
+        (StuckEncoder(200, names.INPUT_ANGLE, cycles=100), " rows"),
+        (OutputLoad(60, torque=5.0, cycles=20), "from cycle 60"),
+        (BusLost(300), "no data: 1"),
+    ],
+)
+def test_what_a_fault_has_done_is_counted(fault: Fault, words: str) -> None:
+    broken = rig(faults=(fault,))
+    turn(broken, 600.0, 50)
+    assert not fault.effects
+    turn(broken, 600.0, 350)
+    if isinstance(fault, BusLost):
+        with pytest.raises(BusLostError):
+            turn(broken, 600.0, 1)
+    assert words in fault.effects.sentence()
+
+
+def test_a_block_that_is_cut_by_the_guard_counts_once() -> None:
+    fault = CountJump(20, names.OUTPUT_ANGLE, 100_000)
+    broken = rig(faults=(fault,))
+    guard = Guard((Bound(cause="turned", weights={names.INPUT_ANGLE: 1.0}, high=1.0, lag=1),))
+    block = broken.exchange(Command(Mode.SPEED, np.full(300, 600.0 * RPM)), 300, guard)
+    assert block.broken is not None
+    assert fault.effects.rows == max(len(block) - 20, 0)
+
+
+def test_the_truth_of_the_plant_is_there_to_be_asked() -> None:
+    made = rig(faults=(StuckEncoder(0, names.INPUT_ANGLE),))
+    turn(made, 600.0, 400)
+    assert made.input_speed == pytest.approx(600.0 * RPM, rel=0.05), "whatever the counts say"
+    assert made.is_powered
+    made.exchange(Command(Mode.OFF), 3, Guard())
+    assert not made.is_powered
+    assert made.input_speed > 10.0, "it coasts"

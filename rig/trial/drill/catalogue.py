@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from drivers import channel as names
+from drivers.port import STALE_DATA
 from drivers.samples import CycleFlag
+from rig.run import trips
+from rig.run.make_safe import Stage
 from rig.run.stop import StopRequest
+from rig.trial.drill.cause import (
+    ABORT,
+    NO_VALUE,
+    NOTHING,
+    RECORDER,
+    STOP,
+    marked,
+    not_obeyed,
+    reading_refused,
+    refused,
+)
 from rig.trial.drill.rigs import Carrier
 from sim_backend import faults as plain
 from sim_backend.faults import Fault
@@ -41,15 +55,18 @@ WIRE: tuple[Carrier, ...] = ("wire",)
 
 @dataclass(frozen=True, kw_only=True)
 class Drill:
-    """One fault: what it is in words, when and on which rigs it happens, and whether it must do no harm.
+    """One fault: what it is in words, the cause that must be detected, when and on which rigs it
+    happens, and whether it must do no harm.
 
-    `carriers` in order of preference. `presses` are what the operator does; `faults` is what the
-    rig does, made for a cycle on a carrier; `recording` and `readout` are faults of the computer's
-    disk and of the readout's line.
+    `cause` may differ between carriers; `NOTHING` where there is nothing to detect. `carriers` in
+    order of preference. `press` is what the operator does; `fault` is what the rig does, made for
+    a cycle; `recording` and `readout` are faults of the computer's disk and of the readout's line.
+    Where it `is_unheard`, nobody can be heard any more and software cannot verify standstill.
     """
 
     name: str
     what: str
+    cause: str | Mapping[Carrier, str]
     fault: Callable[[int], Fault] | None = None
     carriers: tuple[Carrier, ...] = WIRE
     moment: Moment = "hold"
@@ -59,6 +76,27 @@ class Drill:
     limits_factor: float = 1.0
     recording: Recording = ""
     readout: Readout = ""
+    is_unheard: bool = False
+
+    @property
+    def claims_detection(self) -> bool:
+        """Whether there is something to detect."""
+        return self.cause != NOTHING
+
+    def cause_on(self, carrier: Carrier) -> str:
+        """The cause that must be detected on this rig."""
+        return self.cause if isinstance(self.cause, str) else self.cause[carrier]
+
+    def taken_out(self) -> Drill:
+        """The same run with a fault that does nothing. A press that only gives it its occasion stays."""
+        return replace(
+            self,
+            fault=Fault if self.fault is not None else None,
+            press=self.press if self.fault is not None else None,
+            prepare=None,
+            limits_factor=1.0,
+            recording="",
+        )
 
 
 @dataclass(frozen=True)
@@ -82,59 +120,70 @@ def _abort(stop: StopRequest) -> None:
 _DEVICES = (
     Drill(
         name="heartbeat lost, drive",
+        cause=trips.HEARTBEAT_LOST,
         what="the drive's heartbeat stays away",
         fault=lambda at: wire.HeartbeatLost(at, DRIVE_NODE),
     ),
     Drill(
         name="heartbeat lost, counter",
+        cause=trips.HEARTBEAT_LOST,
         what="the counter's heartbeat stays away",
         fault=lambda at: wire.HeartbeatLost(at, COUNTER_NODE),
     ),
     Drill(
         name="node reset in motion, drive",
+        cause=trips.BOOT_UP,
         what="the drive restarts",
         fault=lambda at: wire.NodeReset(at, DRIVE_NODE),
     ),
     Drill(
         name="node reset in motion, counter",
+        cause=trips.BOOT_UP,
         what="the counter restarts",
         fault=lambda at: wire.NodeReset(at, COUNTER_NODE),
     ),
     Drill(
         name="node dead, analog input",
+        cause=STALE_DATA,
         what="the analog module says nothing",
         fault=lambda at: wire.NodeSilent(at, ANALOG_INPUT_NODE),
     ),
     Drill(
         name="EMCY",
+        cause=trips.EMERGENCY,
         what="the drive sends an emergency message and goes on",
         fault=wire.EmergencyMessage,
     ),
     Drill(
         name="statusword fault",
+        cause=trips.DRIVE_FAULT,
         what="the drive faults and stops by its fault reaction",
         fault=wire.DriveTrip,
     ),
     Drill(
         name="statusword fault, motor coasts",
+        cause=trips.DRIVE_FAULT,
         what="the power stage trips",
         fault=plain.DriveFault,
         carriers=BOTH,
     ),
     Drill(
         name="run-away",
+        cause=trips.OVER_SPEED,
         what="the drive goes to 250 rad/s by itself",
         fault=lambda at: plain.RunAway(at, speed=250.0, cycles=400),
         carriers=("wire", "sim"),
     ),
     Drill(
         name="quick stop not obeyed",
+        cause=not_obeyed(Stage.QUICK_STOP),
         what="the drive faults its quick stop and turns on, after an ABORT",
         fault=wire.QuickStopNotObeyed,
         press=_abort,
     ),
     Drill(
         name="quick stop and servo off not obeyed",
+        cause=not_obeyed(Stage.QUICK_STOP),
         what="for half a second the drive obeys nothing, after an ABORT",
         fault=lambda at: plain.QuickStopIgnored(at, cycles=500),
         carriers=("wire", "sim"),
@@ -142,18 +191,26 @@ _DEVICES = (
     ),
     Drill(
         name="something drags at the output",
+        cause=trips.DISAGREEMENT,
         what="200 N m on the output for 60 ms",
         fault=lambda at: plain.OutputLoad(at, torque=200.0, cycles=60),
         carriers=("wire", "sim"),
     ),
-    Drill(name="guard opened in motion", what="somebody opens the guard", fault=wire.GuardOpened),
+    Drill(
+        name="guard opened in motion",
+        cause=trips.GUARD_OPEN,
+        what="somebody opens the guard",
+        fault=wire.GuardOpened,
+    ),
     Drill(
         name="E-stop (STO) in motion",
+        cause=trips.UNEXPECTED_STATE,
         what="the emergency stop takes the torque",
         fault=wire.SafeTorqueOff,
     ),
     Drill(
         name="E-stop (STO) at standstill",
+        cause=trips.UNEXPECTED_STATE,
         what="the emergency stop takes the torque",
         fault=wire.SafeTorqueOff,
         moment="stand",
@@ -163,74 +220,107 @@ _DEVICES = (
 _FRAMES = (
     Drill(
         name="TPDO lost",
+        cause=STALE_DATA,
         what="the counter's process data stay away for 300 ms",
         fault=lambda at: wire.TpdoLost(at, cycles=300),
     ),
     Drill(
-        name="TPDO lost for good", what="the counter's process data stay away", fault=wire.TpdoLost
+        name="TPDO lost for good",
+        cause=STALE_DATA,
+        what="the counter's process data stay away",
+        fault=wire.TpdoLost,
     ),
     Drill(
         name="TPDO lost, one",
+        cause=marked(CycleFlag.STALE_OUTPUT),
         what="one cycle of the counter's process data is lost",
         fault=lambda at: wire.TpdoLost(at, cycles=1),
         is_harmless=True,
     ),
     Drill(
         name="TPDO late, one",
+        cause=marked(CycleFlag.LATE),
         what="one cycle of the counter's process data comes a cycle late",
         fault=lambda at: wire.TpdoLate(at, cycles=1),
         is_harmless=True,
     ),
     Drill(
         name="TPDO late",
+        cause=trips.MISSED_CYCLES,
         what="every tenth of the counter's process data comes a cycle late for 200 ms",
         fault=lambda at: LateNowAndThen(at, cycles=200),
     ),
     Drill(
         name="TPDO doubled",
+        cause=marked(CycleFlag.DOUBLED),
         what="the counter's process data come twice",
         fault=wire.TpdoDoubled,
         is_harmless=True,
     ),
     Drill(
         name="TPDO short",
+        cause=STALE_DATA,
         what="the counter's process data lack a byte for 200 ms",
         fault=lambda at: wire.TpdoShort(at, cycles=200),
     ),
     Drill(
         name="SYNC loss",
+        cause=STALE_DATA,
         what="the SYNC does not reach the devices for 200 ms",
         fault=lambda at: wire.SyncLost(at, cycles=200),
     ),
-    Drill(name="bus off", what="the computer's controller is bus-off", fault=wire.BusOff),
-    Drill(name="hub gone", what="hub or adapter disappears", fault=wire.HubGone),
-    Drill(name="bus lost", what="the bus is gone for good", fault=plain.BusLost),
+    Drill(
+        name="bus off",
+        cause=trips.BUS_LOST,
+        is_unheard=True,
+        what="the computer's controller is bus-off",
+        fault=wire.BusOff,
+    ),
+    Drill(
+        name="hub gone",
+        cause=trips.BUS_LOST,
+        is_unheard=True,
+        what="hub or adapter disappears",
+        fault=wire.HubGone,
+    ),
+    Drill(
+        name="bus lost",
+        cause=trips.BUS_LOST,
+        is_unheard=True,
+        what="the bus is gone for good",
+        fault=plain.BusLost,
+    ),
     Drill(
         name="no data for 0.4 s",
+        cause=STALE_DATA,
         what="nothing arrives, then it does again",
         fault=lambda at: plain.Stall(at, cycles=400),
         carriers=("wire", "sim"),
     ),
     Drill(
         name="SDO abort",
+        cause=trips.DEVICE_ERROR,
         what="the drive refuses its mode of operation",
         fault=lambda at: wire.SdoAborted(at, DRIVE_NODE, 0x6060),
         moment="zero-before",
     ),
     Drill(
         name="SDO time-out",
+        cause=trips.DEVICE_ERROR,
         what="the drive does not answer when it is to be enabled",
         fault=wire.SdoSilent,
         moment="zero-before",
     ),
     Drill(
         name="drive limit reads back differently",
+        cause=refused("drive limits"),
         what="0x6072 reads back as half of what was written",
         fault=wire.ReadsBackDifferently,
         moment="start",
     ),
     Drill(
         name="drive limits read back differently, sim",
+        cause=refused("drive limits"),
         what="all limits read back as half of what was written",
         fault=None,
         carriers=SIM,
@@ -242,40 +332,47 @@ _FRAMES = (
 _SIGNALS = (
     Drill(
         name="encoder count jump, output",
+        cause=trips.DISAGREEMENT,
         what="the output count jumps by 1000",
         fault=plain.CountJump,
         carriers=("wire", "sim"),
     ),
     Drill(
         name="encoder count jump, input",
+        cause=trips.DISAGREEMENT,
         what="the input count jumps by 3000",
         fault=lambda at: plain.CountJump(at, channel=names.INPUT_ANGLE, counts=3000),
         carriers=("wire", "sim"),
     ),
     Drill(
         name="encoder stuck, output",
+        cause=trips.DISAGREEMENT,
         what="the output count stands still",
         fault=plain.StuckEncoder,
         carriers=("wire", "sim"),
     ),
     Drill(
         name="encoder stuck, input",
+        cause=trips.DISAGREEMENT,
         what="the input count stands still",
         fault=lambda at: plain.StuckEncoder(at, channel=names.INPUT_ANGLE),
         carriers=("wire", "sim"),
     ),
     Drill(
         name="encoder reversed, output",
+        cause=trips.DISAGREEMENT,
         what="the output counts the other way",
         fault=wire.EncoderReversed,
     ),
     Drill(
         name="encoder reversed, input",
+        cause=trips.DISAGREEMENT,
         what="the motor encoder counts the other way",
         fault=lambda at: wire.EncoderReversed(at, DRIVE_NODE),
     ),
     Drill(
         name="encoder wrapped, as declared",
+        cause=NOTHING,
         what="the counter wraps every 1024 counts and says so",
         fault=None,
         carriers=WIRE,
@@ -285,36 +382,47 @@ _SIGNALS = (
     ),
     Drill(
         name="encoder wrapped, undeclared",
+        cause=trips.DISAGREEMENT,
         what="the counter wraps at 2^16 and says 2^32",
         fault=wire.EncoderWrapped,
     ),
     Drill(
         name="signal-error flag",
+        cause={"wire": trips.EMERGENCY, "sim": trips.SIGNAL_ERROR},
         what="the counter says that its value is not valid",
         fault=lambda at: plain.MarkedCycles(at, flag=CycleFlag.SIGNAL_ERROR),
         carriers=("wire", "sim"),
     ),
     Drill(
         name="output and input disagree",
+        cause=trips.DISAGREEMENT,
         what="the output slips by 3 counts per cycle for 200 ms",
         fault=lambda at: wire.OutputSlips(at, cycles=200),
         carriers=("wire", "sim"),
     ),
     Drill(
         name="torque port saturated",
+        cause=trips.OVER_TORQUE,
         what="the monitor stands at the end of its range",
         fault=plain.TorquePortSaturated,
         carriers=("wire", "sim"),
     ),
     Drill(
         name="torque port open",
+        cause={"wire": trips.TORQUE_DISAGREEMENT, "sim": trips.TORQUE_PORT},
         what="the monitor's line is open and hums",
         fault=plain.TorquePortOpen,
         carriers=("wire", "sim"),
     ),
-    Drill(name="clock jump forward", what="the adapter's clock jumps by 5 s", fault=wire.ClockJump),
+    Drill(
+        name="clock jump forward",
+        cause=trips.TIME_BASE,
+        what="the adapter's clock jumps by 5 s",
+        fault=wire.ClockJump,
+    ),
     Drill(
         name="clock jump back",
+        cause=trips.TIME_BASE,
         what="the adapter's clock jumps back by 0.5 s",
         fault=lambda at: wire.ClockJump(at, stamp_offset_ns=-500_000_000),
     ),
@@ -323,6 +431,7 @@ _SIGNALS = (
 _LINES_AND_DISK = (
     Drill(
         name="readout garbage",
+        cause=reading_refused("half a line"),
         what="the readout's line brings garbage",
         fault=wire.ReadoutGarbage,
         readout="garbage",
@@ -331,6 +440,7 @@ _LINES_AND_DISK = (
     ),
     Drill(
         name="readout half lines",
+        cause=reading_refused("half a line"),
         what="the readout's answers stop half-way",
         fault=wire.ReadoutHalfLine,
         readout="half lines",
@@ -339,6 +449,7 @@ _LINES_AND_DISK = (
     ),
     Drill(
         name="readout silent",
+        cause=reading_refused("the readout does not answer"),
         what="the readout does not answer",
         fault=wire.ReadoutSilent,
         readout="silent",
@@ -347,6 +458,7 @@ _LINES_AND_DISK = (
     ),
     Drill(
         name="readout unit '?'",
+        cause=reading_refused(NO_VALUE),
         what="the readout shows an encoder fault",
         fault=wire.ReadoutEncoderFault,
         readout="encoder fault",
@@ -355,6 +467,7 @@ _LINES_AND_DISK = (
     ),
     Drill(
         name="disk full",
+        cause=RECORDER,
         what="nothing can be written any more",
         fault=None,
         carriers=BOTH,
@@ -362,6 +475,7 @@ _LINES_AND_DISK = (
     ),
     Drill(
         name="disk nearly full",
+        cause=trips.DISK_SPACE,
         what="less than the least free space is left",
         fault=None,
         carriers=BOTH,
@@ -369,6 +483,7 @@ _LINES_AND_DISK = (
     ),
     Drill(
         name="writer stalled",
+        cause=RECORDER,
         what="the disk takes nothing until the ring is full",
         fault=None,
         carriers=BOTH,
@@ -391,6 +506,8 @@ _STATES: tuple[tuple[Moment, str], ...] = (
 _OPERATOR = tuple(
     Drill(
         name=f"Ctrl-C in {moment}",
+        # A rig that is made safe already has nothing left to be told.
+        cause=NOTHING if moment == "making-safe" else STOP,
         what=f"the operator's STOP {where}",
         fault=None,
         carriers=BOTH,
@@ -401,6 +518,7 @@ _OPERATOR = tuple(
 ) + tuple(
     Drill(
         name=f"Ctrl-C twice in {moment}",
+        cause=ABORT,
         what=f"the operator's ABORT {where}",
         fault=None,
         carriers=BOTH,

@@ -14,11 +14,16 @@ from rig.run.order import OpenRun, RunOrder
 from rig.run.recorder import InlineRecorder, ThreadedRecorder
 from rig.runfile.write import RunWriter
 
+SMALL_SPACE = 1_000_000
+"""Bytes that are left on a disk that is nearly full."""
+
 
 class FullDiskWriter(RunWriter):
     """A writer whose disk has no room left once `full_at` rows have been taken; what was flushed before stays."""
 
     full_at = 2**62
+    refused = 0
+    """Writes that the disk did not take."""
 
     def append(self, block: SampleBlock) -> None:
         """Take rows; flush at every block, so that it is the disk that refuses and not the end of the run."""
@@ -27,6 +32,7 @@ class FullDiskWriter(RunWriter):
 
     def _store_rows(self) -> None:
         if self.rows > self.full_at:
+            self.refused += 1
             with self._disk("cannot be written"):
                 raise OSError(errno.ENOSPC, "No space left on device")
         super()._store_rows()
@@ -35,12 +41,16 @@ class FullDiskWriter(RunWriter):
 class StalledWriter(RunWriter):
     """A writer whose disk takes nothing until `released`."""
 
+    refused = 0
+    """Blocks that had to wait for the disk."""
+
     def __init__(self, *arguments: object, **more: object) -> None:
         self.released = threading.Event()
         super().__init__(*arguments, **more)  # type: ignore[arg-type]
 
     def append(self, block: SampleBlock) -> None:
         """Wait, then take rows. The wait has an end, so that no drill can hang."""
+        self.refused += not self.released.is_set()
         self.released.wait(30.0)
         super().append(block)
 
@@ -59,7 +69,18 @@ class FailingDisk:
 
     how: str
     row: int
-    writer: RunWriter | None = None
+    writer: FullDiskWriter | StalledWriter | None = None
+    small: int = 0
+    """How often too little space was said to be free."""
+
+    def evidence(self) -> str:
+        """What shows that the disk failed; empty where nothing does."""
+        refused = self.writer.refused if self.writer is not None else 0
+        counted = (
+            (refused, "blocks that the disk did not take"),
+            (self.small, f"looks that found {SMALL_SPACE} bytes free"),
+        )
+        return ", ".join(f"{what}: {count}" for count, what in counted if count)
 
     def begin(
         self, order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
@@ -87,4 +108,6 @@ class FailingDisk:
 
     def free_space(self, rows: int) -> int:
         """Bytes that are said to be free."""
-        return 1_000_000 if self.how == "disk nearly full" and rows > self.row else 10**12
+        is_small = self.how == "disk nearly full" and rows > self.row
+        self.small += is_small
+        return SMALL_SPACE if is_small else 10**12

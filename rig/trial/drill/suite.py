@@ -1,73 +1,46 @@
 """Runs the drills and says what came of each: what was detected, how soon, how the rig was made
-safe, what is in the file.
+safe, what is in the file, and what becomes of it all with the fault taken out.
 """
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drivers.clock import Clock, VirtualClock
-from drivers.drive_state import POWERED_STATES
-from drivers.errors import DriverError
-from drivers.nd287 import Readout, ReadoutConfig
-from drivers.samples import CycleFlag
-from experiments.recording import Event, Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.errors import ConfigurationError, RigError
+from rig.errors import ConfigurationError
 from rig.run.dry_run import PlannedRun, plan_run
-from rig.run.judge import judge_by
-from rig.run.make_safe import Patience
-from rig.run.order import RunOrder, RunReport
-from rig.run.session import GIVEN_UP, execute
-from rig.run.stop import StopRequest
-from rig.runfile.read import close_recording, open_run
-from rig.runfile.recover import recover_run
 from rig.trial.drill.catalogue import DRILLS, Drill
-from rig.trial.drill.disk import FailingDisk
 from rig.trial.drill.protocol import EXPERIMENT, DrillParameters
-from rig.trial.drill.rigs import (
-    CARRIERS,
-    STANDING_SPEED,
-    DrilledRig,
-    Happening,
-    drilled_rig,
-    refuse_hardware,
-)
-from sim_backend.wire.bench import WireBench
-
-BLOCK_CYCLES = 20
-"""Cycles per exchange of a drill: what a rig in real time at 1 kHz would use."""
-AFTERMATH = 1.0
-"""s of rig time that pass, where standstill was not verified, before the truth is looked at: the
-drive stops by itself.
-"""
-PATIENCE = Patience(ramp=0.3, quick_stop=0.3, servo_off=0.6)
-"""Less than a real rig is given: the simulated one stops within a few hundredths of a second or not at all."""
-COMPARED = ("input_angle", "output_angle", "torque")
-"""Channels whose counts a harmless fault must leave as they are, or mark."""
-MILLISECOND = 1_000_000
+from rig.trial.drill.rigs import CARRIERS, Carrier, refuse_hardware
+from rig.trial.drill.staging import BLOCK_CYCLES, Ending, Placed, Reference, Staged, reference_run
 
 
 @dataclass(frozen=True, kw_only=True)
 class DrillRow:
     """What came of one drill.
 
-    `detected` is the cause that was latched or the mark that was set, `cycles` the SYNC periods
-    from onset to the reaction. `safe`: the motor of the simulated rig really stands without power;
-    `verified`: the program has verified it as well. `expected` is the outcome that the drill must
-    have.
+    `detected` says what was detected in words, `causes` in the vocabulary of `rig.trial.drill.cause`;
+    `expected_cause` must be among them, and where the drill claims no detection there must be none.
+    `cycles` are the SYNC periods from onset to the reaction. `safe`: the motor of the simulated rig
+    really stands without power; `verified`: the program has verified it as well. `evidence` says by
+    what it shows that the fault happened, empty where it did not. `expected` is the outcome that the
+    drill must have; `wrong_counts` stand in the file without a mark.
     """
 
     fault: str
     detected: str
+    causes: tuple[str, ...]
+    expected_cause: str
+    claims_detection: bool
+    evidence: str
     cycles: int
     action: str
     safe: bool
@@ -76,15 +49,28 @@ class DrillRow:
     verified: bool
     carrier: str
     expected: str
+    wrong_counts: int = 0
     message: str = ""
+
+    @property
+    def happened(self) -> bool:
+        """Whether it shows that the fault happened."""
+        return bool(self.evidence)
+
+    @property
+    def names_cause(self) -> bool:
+        """Whether what was detected is what the drill expects."""
+        return self.expected_cause in self.causes if self.claims_detection else not self.causes
 
     @property
     def passed(self) -> bool:
         """Whether the drill ended as it must."""
         return (
-            self.safe
+            self.happened
+            and self.names_cause
+            and self.safe
             and self.file_readable
-            and bool(self.detected)
+            and not self.wrong_counts
             and self.outcome == self.expected
         )
 
@@ -103,17 +89,13 @@ class DrillRow:
             "expected": self.expected,
             "passed": self.passed,
             "message": self.message,
+            "claims_detection": self.claims_detection,
+            "expected_cause": self.expected_cause,
+            "causes": list(self.causes),
+            "names_cause": self.names_cause,
+            "happened": self.happened,
+            "evidence": self.evidence,
         }
-
-
-@dataclass(frozen=True)
-class Reference:
-    """The drill's run with nothing going wrong: rows at which things can happen, and its outcome."""
-
-    rows: dict[str, int]
-    outcome: str
-    counts: dict[str, NDArray[np.int64]]
-    """Counts of both encoders and the torque port in every row, by channel."""
 
 
 def chosen(names: Sequence[str], backend: str | None = None) -> list[Drill]:
@@ -143,6 +125,47 @@ def chosen(names: Sequence[str], backend: str | None = None) -> list[Drill]:
     return carried
 
 
+@dataclass(kw_only=True)
+class Stage:
+    """Where runs are staged: the plan, a folder, and the run of each rig with nothing going wrong."""
+
+    root: Path
+    seed: int
+    planned: PlannedRun
+    references: dict[Carrier, Reference] = field(default_factory=dict)
+    staged: int = 0
+
+    def reference(self, carrier: Carrier) -> Reference:
+        """The run with nothing going wrong on this rig; made once."""
+        if carrier not in self.references:
+            folder = self.root / f"reference-{carrier}"
+            self.references[carrier] = reference_run(self.planned, carrier, self.seed, folder)
+        return self.references[carrier]
+
+    def run(
+        self, name: str, carrier: Carrier, parts: tuple[Placed, ...], *, compares: bool = False
+    ) -> Ending:
+        """Run with these things happening, in a folder of its own."""
+        self.staged += 1
+        return Staged(
+            parts=parts,
+            planned=self.planned,
+            carrier=carrier,
+            seed=self.seed,
+            folder=self.root / f"{self.staged:03d}-{_in_path(name)}",
+            reference=self.reference(carrier),
+            compares=compares,
+        ).run()
+
+
+@contextmanager
+def stage(seed: int, output: Path | None = None) -> Iterator[Stage]:
+    """Where runs are staged; their files stay in `output`, or nowhere."""
+    planned = plan_run(EXPERIMENT, DrillParameters(), shipped_gear(), shipped_motor())
+    with tempfile.TemporaryDirectory(prefix="harmonic-rig-drill-") as scratch:
+        yield Stage(root=output or Path(scratch), seed=seed, planned=planned)
+
+
 def run_drills(
     drills: Sequence[Drill],
     *,
@@ -150,310 +173,65 @@ def run_drills(
     seed: int = 0,
     output: Path | None = None,
     offset: Callable[[Drill], int] | None = None,
+    without_faults: bool = False,
 ) -> Iterator[DrillRow]:
     """Run each drill on a rig of its own and yield its row. The run files stay in `output`, or nowhere.
 
-    `offset` moves the moment of a drill by so many cycles (random drills).
+    `offset` moves the moment of a drill by so many cycles (random drills). `without_faults` takes
+    every fault out: a drill that still names its cause then proves nothing.
     """
-    planned = plan_run(EXPERIMENT, DrillParameters(), shipped_gear(), shipped_motor())
-    references: dict[str, Reference] = {}
-    with tempfile.TemporaryDirectory(prefix="harmonic-rig-drill-") as scratch:
-        root = output if output is not None else Path(scratch)
-        for number, drill in enumerate(drills, 1):
-            carrier = backend or drill.carriers[0]
-            if carrier not in references:
-                references[carrier] = reference_run(
-                    planned, carrier, seed, root / f"reference-{carrier}"
-                )
-            reference = references[carrier]
-            row = max(
-                0, reference.rows[drill.moment] + (offset(drill) if offset is not None else 0)
+    with stage(seed, output) as staged:
+        for drill in drills:
+            carrier = carrier_of(drill, backend)
+            moved = offset(drill) if offset is not None else 0
+            row = max(0, staged.reference(carrier).rows[drill.moment] + moved)
+            happening = drill.taken_out() if without_faults else drill
+            ending = staged.run(
+                drill.name, carrier, (Placed(happening, row),), compares=drill.is_harmless
             )
-            folder = root / f"{number:03d}-{_in_path(drill.name)}"
-            yield _Staged(
-                drill=drill,
-                planned=planned,
-                carrier=carrier,
-                seed=seed,
-                folder=folder,
-                row=row,
-                reference=reference,
-            ).run()
+            yield row_of(drill, carrier, ending, staged.reference(carrier).outcome)
 
 
-def reference_run(planned: PlannedRun, carrier: str, seed: int, folder: Path) -> Reference:
-    """Run with nothing going wrong, and find the rows at which things can happen."""
-    rig = drilled_rig(carrier, planned.gear, planned.motor, Happening(2**62), StopRequest(), seed)
-    report = execute(
-        _order(planned, rig, folder, seed), FailingDisk("", 0).begin, judge=judge_by(planned)
-    )
-    recording = open_run(report.path)
-    segments = {}
-    for segment in recording.segments:
-        segments.setdefault(segment.label, segment)
-    counts = {name: recording.stored(name) for name in COMPARED}
-    close_recording(recording)
-    rows = {label: (segment.start + segment.stop) // 2 for label, segment in segments.items()}
-    made_safe = report.rows - (report.make_safe.rows if report.make_safe else 0)
-    rows |= {
-        "start": 0,
-        "preflight": 100,
-        "switching-on": segments["zero-before"].stop + 5,
-        "ramp": segments["hold"].start - 15,
-        "making-safe": made_safe + 5,
-    }
-    return Reference(rows, report.outcome, counts)
+def carrier_of(drill: Drill, backend: str | None) -> Carrier:
+    """The rig on which a drill is run: the one that is asked for, or the drill's own choice."""
+    return next(each for each in CARRIERS if each == (backend or drill.carriers[0]))
 
 
-def _order(planned: PlannedRun, rig: DrilledRig, folder: Path, seed: int, **more: Any) -> RunOrder:
-    folder.mkdir(parents=True, exist_ok=True)
-    return RunOrder(
-        planned=planned,
-        port=rig,
-        clock=rig.clock,
-        backend="drill",
-        output=folder,
-        operator="drill",
-        gear_serial="drill",
-        seed=seed,
-        block_cycles=BLOCK_CYCLES,
-        make_safe_cycles=BLOCK_CYCLES,
-        patience=PATIENCE,
-        **more,
+def row_of(drill: Drill, carrier: Carrier, ending: Ending, sound_outcome: str) -> DrillRow:
+    """The row of a drill, by how its run ended."""
+    return DrillRow(
+        fault=drill.name,
+        detected=ending.detected,
+        causes=ending.causes,
+        expected_cause=drill.cause_on(carrier),
+        claims_detection=drill.claims_detection,
+        evidence="; ".join(filter(None, ending.evidence)),
+        cycles=ending.cycles,
+        action=ending.action,
+        safe=ending.safe,
+        outcome=ending.outcome,
+        file_readable=ending.file_readable,
+        verified=ending.verified,
+        carrier=carrier,
+        expected=_expected(drill, sound_outcome),
+        wrong_counts=ending.marks.wrong,
+        message=ending.message,
     )
 
 
-@dataclass(kw_only=True)
-class _Staged:
-    """One drill about to be run."""
-
-    drill: Drill
-    planned: PlannedRun
-    carrier: str
-    seed: int
-    folder: Path
-    row: int
-    reference: Reference
-    reacted_ns: int | None = None
-
-    def run(self) -> DrillRow:
-        """Run it, look at the truth and at the file."""
-        drill, stop = self.drill, StopRequest()
-        happening = Happening(
-            self.row,
-            drill.fault,
-            drill.press,
-            drill.prepare,
-            drill.moment == "start",
-            drill.limits_factor,
-        )
-        rig = drilled_rig(
-            self.carrier, self.planned.gear, self.planned.motor, happening, stop, self.seed
-        )
-        disk = FailingDisk(drill.recording, self.row)
-        readout = self._read_out(rig) if drill.readout else ""
-
-        def on_event(event: Event) -> None:
-            if self.reacted_ns is None and event.source == "session":
-                self.reacted_ns = rig.clock.monotonic_ns()
-                disk.release()
-
-        order = _order(
-            self.planned,
-            rig,
-            self.folder,
-            self.seed,
-            free_space=lambda: disk.free_space(rig.rows),
-            conditions={"readout": readout} if readout else {},
-        )
-        try:
-            report = execute(
-                order, disk.begin, stop=stop, judge=judge_by(self.planned), on_event=on_event
-            )
-        except (RigError, DriverError) as error:
-            return self._refused(rig, error)
-        finally:
-            disk.release()
-        safe = self._stands(rig, report)
-        return self._row(rig, report, safe, readout)
-
-    def _row(self, rig: DrilledRig, report: RunReport, safe: bool, readout: str) -> DrillRow:
-        reference = self.reference.counts if self.drill.is_harmless else {}
-        readable, marks = _look_at_file(report, self.row, reference)
-        made_safe, trip = report.make_safe, report.trip
-        ended = self.reacted_ns is not None
-        onset = rig.happened_ns if rig.happened_ns is not None else self.row * rig.cycle_ns
-        cycles = (
-            round((self.reacted_ns - onset) / rig.cycle_ns)
-            if self.reacted_ns is not None
-            else marks.after
-        )
-        if trip is not None:
-            detected = trip.cause
-        elif readout:
-            detected = f"reading refused: {readout}"
-        elif ended:
-            detected = self._reason(report)
-        elif self.drill.press is not None:
-            detected = "STOP, already making safe"
-        else:
-            detected = marks.words
-        action = self._action(report) if ended else "none needed"
-        if made_safe is not None and made_safe.escalated:
-            detected += f"; {', '.join(made_safe.escalated)} not seen to be obeyed"
-        if ended and rig.happening.at_start:
-            cycles = report.rows - (made_safe.rows if made_safe is not None else 0)
-        safe = safe and not marks.wrong
-        return DrillRow(
-            fault=self.drill.name,
-            detected=detected,
-            cycles=max(cycles, 0),
-            action=action,
-            safe=safe,
-            outcome=report.outcome,
-            file_readable=readable,
-            verified=report.safe,
-            carrier=self.carrier,
-            expected=self._expected(),
-            message=report.message,
-        )
-
-    def _action(self, report: RunReport) -> str:
-        """The stages that were taken, and who really stopped the motor when nobody could hear them."""
-        if report.make_safe is None:
-            return "none"
-        stages = " -> ".join(report.make_safe.stages)
-        if report.safe:
-            return stages
-        unheard = report.make_safe.problem == GIVEN_UP
-        return f"{stages}: not heard, the drive by itself" if unheard else f"{stages}: not verified"
-
-    def _reason(self, report: RunReport) -> str:
-        """What ended a run that did not trip: the operator's word, a refusal before arming, the recorder."""
-        if report.outcome == "ABORTED":
-            return report.message.split(" ", 1)[0]
-        if "nothing has moved" in report.message:
-            return "refused before arming"
-        return "recorder" if not report.readable else "error"
-
-    def _expected(self) -> str:
-        drill = self.drill
-        if drill.is_harmless or (drill.press is not None and drill.moment == "making-safe"):
-            return self.reference.outcome
-        if drill.press is not None:
-            return "ABORTED"
-        if drill.recording in ("disk full", "writer stalled") or drill.moment == "start":
-            return "ERROR"
-        return "TRIPPED"
-
-    def _read_out(self, rig: DrilledRig) -> str:
-        """Read the readout on the faulty line, as before a run: what the driver says instead of an angle."""
-        assert rig.bench is not None
-        assert self.drill.fault is not None
-        rig.bench.inject(self.drill.fault(rig.bench.cycle))
-        reader = Readout(rig.bench.serial(), rig.clock, ReadoutConfig(url="simulated readout"))
-        try:
-            reading = reader.read()
-        except DriverError as error:
-            return f"{error.what}"
-        return (
-            "the readout says that its value is none (?)"
-            if reading.is_fault
-            else f"BELIEVED {reading.value:g}"
-        )
-
-    def _refused(self, rig: DrilledRig, error: Exception) -> DrillRow:
-        """A run that was refused before it had a file."""
-        return DrillRow(
-            fault=self.drill.name,
-            detected=type(error).__name__,
-            cycles=0,
-            action="refused",
-            safe=self._truth(rig.bench),
-            outcome="ERROR",
-            file_readable=False,
-            verified=False,
-            carrier=self.carrier,
-            expected=self._expected(),
-            message=str(error),
-        )
-
-    def _stands(self, rig: DrilledRig, report: RunReport) -> bool:
-        """The truth: whether the motor stands without power once the drive has had time for its own reactions."""
-        if rig.bench is None:
-            return report.safe
-        if not report.safe:
-            let_time_pass(rig.bench, rig.clock, AFTERMATH)
-        return self._truth(rig.bench)
-
-    def _truth(self, bench: WireBench | None) -> bool:
-        if bench is None:
-            return True
-        return (
-            abs(bench.plant.input_speed) < STANDING_SPEED
-            and bench.drive.drive_state not in POWERED_STATES
-        )
+def _expected(drill: Drill, sound_outcome: str) -> str:
+    if drill.is_harmless or (drill.press is not None and drill.moment == "making-safe"):
+        return sound_outcome
+    if drill.press is not None:
+        return "ABORTED"
+    if drill.recording in ("disk full", "writer stalled") or drill.moment == "start":
+        return "ERROR"
+    return "TRIPPED"
 
 
-def let_time_pass(bench: WireBench, clock: Clock, seconds: float) -> None:
-    """Time passes with nobody on the bus: the devices' own watches act."""
-    assert isinstance(clock, VirtualClock)
-    for _ in range(round(seconds * 1e3)):
-        clock.advance_ns(MILLISECOND)
-        bench.elapse()
-
-
-@dataclass(frozen=True)
-class _Marks:
-    """What the cycles of a file are marked with, how long after the onset the first is, and how
-    many are wrong unmarked.
-    """
-
-    words: str
-    after: int
-    wrong: int = 0
-
-
-def _look_at_file(
-    report: RunReport, row: int, reference: Mapping[str, NDArray[np.int64]]
-) -> tuple[bool, _Marks]:
-    """Whether the file of a run can be read and has the rows that it must, and what its cycles are marked with."""
-    path = report.path
-    try:
-        if path.name.endswith(".part"):
-            path = recover_run(path).path
-        recording = open_run(path, verify=True)
-    except RigError as error:
-        return False, _Marks(str(error), 0)
-    try:
-        whole = (
-            recording.rows == report.rows if report.readable else 0 < recording.rows <= report.rows
-        )
-        fits = recording.metadata.outcome in (report.outcome, "INTERRUPTED")
-        return whole and fits and len(recording.si("input_angle")) == recording.rows, _marks(
-            recording, row, reference
-        )
-    finally:
-        close_recording(recording)
-
-
-def _marks(recording: Recording, row: int, reference: Mapping[str, NDArray[np.int64]]) -> _Marks:
-    flags = recording.flags()
-    counted = [(flag, int(np.count_nonzero(flags & flag))) for flag in CycleFlag if flag]
-    marked = np.flatnonzero(flags)
-    wrong = 0
-    if reference:
-        rows = min(len(flags), *(len(counts) for counts in reference.values()))
-        differs = np.zeros(rows, dtype=bool)
-        for name, counts in reference.items():
-            found, origin = recording.stored(name)[:rows], name.endswith("angle")
-            # A counter may begin elsewhere; how far it has turned is what counts.
-            differs |= found - origin * found[0] != counts[:rows] - origin * counts[0]
-        wrong = int(np.count_nonzero(differs & (flags[:rows] == 0)))
-    words = ", ".join(f"{count} x {flag.name}" for flag, count in counted if count and flag.name)
-    text = f"marked {words}" if words else "nothing to detect: counts are right"
-    text = f"{wrong} WRONG COUNTS NOT MARKED; {text}" if wrong else text
-    return _Marks(text, max(int(marked[0]) - row, 0) if len(marked) else 0, wrong)
+def proves_detection(rows: Sequence[DrillRow]) -> bool:
+    """Whether, with every fault taken out, each drill that claims a detection fails for want of its cause."""
+    return not any(row.passed or row.names_cause for row in rows if row.claims_detection)
 
 
 def _in_path(name: str) -> str:
@@ -483,7 +261,9 @@ __all__ = [
     "CARRIERS",
     "DrillRow",
     "chosen",
+    "proves_detection",
     "random_drills",
     "random_offset",
+    "reference_run",
     "run_drills",
 ]

@@ -51,22 +51,47 @@ a warning of the run and of every analysis of it.
 """  # noqa: E501
 
 
-def markdown(rows: Sequence[DrillRow]) -> str:
-    """The document: introduction, table, limits."""
+def markdown(rows: Sequence[DrillRow], without: Sequence[DrillRow]) -> str:
+    """The document: introduction, table, limits. `without` are the same drills with every fault taken out."""
     lines = [
         INTRODUCTION.format(block=BLOCK_CYCLES),
-        "| fault | what happens | rig | detected | cycles | made safe | stands | verified | outcome | file |",
-        "|---|---|---|---|---:|---|---|---|---|---|",
+        "| fault | what happens | rig | must be detected | detected | cycles | made safe | stands | verified | outcome "
+        "| file | it happened | without it |",
+        "|---|---|---|---|---|---:|---|---|---|---|---|---|---|",
     ]
-    lines += [
-        f"| {row.fault} | {DRILLS[row.fault].what} | {row.carrier} | {row.detected} | {row.cycles} | {row.action} | "
-        f"{_word(row.safe)} | {_word(row.verified)} | {row.outcome} | {_word(row.file_readable)} |"
-        for row in rows
-    ]
-    passed = sum(row.passed for row in rows)
-    lines.append(f"\n{passed} of {len(rows)} drills ended as they must.")
+    for row, bare in zip(rows, without, strict=True):
+        cells = (
+            row.fault,
+            DRILLS[row.fault].what,
+            row.carrier,
+            row.expected_cause or "nothing",
+            row.detected,
+            str(row.cycles),
+            row.action,
+            _word(row.safe),
+            _word(row.verified),
+            row.outcome,
+            _word(row.file_readable),
+            row.evidence or "**no**",
+            _without(bare),
+        )
+        lines.append(f"| {' | '.join(cells)} |")
+    claiming = [row for row in without if row.claims_detection]
+    failing = sum(not (row.passed or row.names_cause) for row in claiming)
+    lines.append(
+        f"\n{sum(row.passed for row in rows)} of {len(rows)} drills ended as they must. "
+        f"{failing} of {len(claiming)} that claim a detection fail with their fault taken out."
+    )
     return "\n".join(lines) + "\n" + LIMITS
 
 
 def _word(value: bool) -> str:
     return "yes" if value else "**no**"
+
+
+def _without(row: DrillRow) -> str:
+    """What becomes of a drill with its fault taken out."""
+    if not row.claims_detection:
+        return "claims nothing"
+    fails = "**passes**" if row.passed or row.names_cause else "fails"
+    return f"{fails}: {', '.join(row.causes) or 'nothing detected'}, {row.outcome}"

@@ -26,7 +26,7 @@ from rig.run.start import watchdog_of
 from rig.run.stop import StopRequest
 from rig.run.torque_review import TorqueReview, TorqueState, heat_integral
 from rig.run.trips import UNKNOWN_RULE, Trip, rule_of
-from rig.trial.drill.rigs import Happening, drilled_rig
+from rig.trial.drill.rigs import drilled_rig
 from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
 
 HOLD = (Ramp(20.0, 500.0), HoldTime(0.8), Ramp(0.0, 500.0))
@@ -163,7 +163,7 @@ class TwoHandledRig(AssembledRig):
 
 
 def test_the_watchdog_stops_the_drive_over_its_own_bus_without_the_loop() -> None:
-    rig = drilled_rig("wire", shipped_gear(), shipped_motor(), Happening(2**62), StopRequest(), 0)
+    rig = drilled_rig("wire", shipped_gear(), shipped_motor(), (), StopRequest(), 0)
     assert rig.bench is not None
     port, bench = rig.port, rig.bench
     watchdog = watchdog_of(

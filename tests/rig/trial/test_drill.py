@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -18,16 +19,19 @@ from rig.run.dry_run import plan_run
 from rig.run.stop import StopRequest
 from rig.run.trips import TRIPS
 from rig.runfile.read import close_recording, open_run
-from rig.trial.drill import rigs, suite
+from rig.trial.drill import rigs
 from rig.trial.drill.catalogue import DRILLS, Drill
+from rig.trial.drill.cause import NOTHING
 from rig.trial.drill.protocol import EXPERIMENT, DrillParameters, analyse
-from rig.trial.drill.rigs import DrillHungError, Happening, drilled_rig
+from rig.trial.drill.rigs import DrillHungError, drilled_rig
+from rig.trial.drill.staging import Placed, Staged
 from rig.trial.drill.suite import (
     DrillRow,
     chosen,
     random_drills,
     random_offset,
     reference_run,
+    row_of,
     run_drills,
 )
 from rig.trial.drill.table import markdown
@@ -58,6 +62,8 @@ def test_every_fault_ends_as_it_must(name: str, rows: dict[str, DrillRow]) -> No
     assert row.safe
     assert row.file_readable
     assert row.detected
+    assert row.happened, row.evidence
+    assert row.names_cause, row.causes
     assert row.passed
     assert 0 <= row.cycles <= 600
 
@@ -139,7 +145,7 @@ def test_hardware_and_unknown_faults_are_refused() -> None:
         with pytest.raises(ConfigurationError, match="only drilled on simulated rigs"):
             chosen((), backend)
         with pytest.raises(ConfigurationError, match="only drilled on simulated rigs"):
-            drilled_rig(backend, shipped_gear(), shipped_motor(), Happening(0), StopRequest(), 0)
+            drilled_rig(backend, shipped_gear(), shipped_motor(), (), StopRequest(), 0)
     with pytest.raises(ConfigurationError, match="no such fault"):
         chosen(["gremlins"])
     with pytest.raises(ConfigurationError, match="does not carry"):
@@ -149,15 +155,35 @@ def test_hardware_and_unknown_faults_are_refused() -> None:
 
 def test_a_run_that_does_not_end_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rigs, "LARGEST_EXCHANGES", 20)
-    drill = Drill(name="never ends", what="")
+    drill = Drill(name="never ends", what="", cause=NOTHING)
     with pytest.raises(DrillHungError):
         list(run_drills([drill], backend="sim"))
 
 
-def test_a_drill_whose_file_or_outcome_is_wrong_does_not_pass(rows: dict[str, DrillRow]) -> None:
-    good = rows["EMCY"]
-    for wrong in ({"outcome": "FAIL"}, {"safe": False}, {"file_readable": False}, {"detected": ""}):
-        assert not replace(good, **wrong).passed
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"outcome": "FAIL"},
+        {"safe": False},
+        {"file_readable": False},
+        {"causes": ("over_speed",)},
+        {"causes": ()},
+        {"evidence": ""},
+        {"wrong_counts": 1},
+    ],
+)
+def test_a_drill_that_lacks_anything_does_not_pass(
+    wrong: dict[str, Any], rows: dict[str, DrillRow]
+) -> None:
+    assert not replace(rows["EMCY"], **wrong).passed
+
+
+def test_a_drill_that_claims_nothing_fails_when_something_is_detected(
+    rows: dict[str, DrillRow],
+) -> None:
+    quiet = rows["encoder wrapped, as declared"]
+    assert not quiet.claims_detection
+    assert not replace(quiet, causes=("count_jump",)).passed
 
 
 def test_wrong_counts_that_are_not_marked_are_found(tmp_path: Path) -> None:
@@ -165,17 +191,19 @@ def test_wrong_counts_that_are_not_marked_are_found(tmp_path: Path) -> None:
     planned = plan_run(EXPERIMENT, DrillParameters(), shipped_gear(), shipped_motor())
     reference = reference_run(planned, "sim", 0, tmp_path)
     reference.counts["torque"][700:710] += 5
-    row = suite._Staged(
-        drill=replace(drill, fault=None),
+    ending = Staged(
+        parts=(Placed(drill.taken_out(), 10),),
         planned=planned,
         carrier="sim",
         seed=0,
         folder=tmp_path / "again",
-        row=10,
         reference=reference,
+        compares=True,
     ).run()
-    assert "10 WRONG COUNTS NOT MARKED" in row.detected
-    assert not row.passed
+    assert "10 WRONG COUNTS NOT MARKED" in ending.detected
+    row = row_of(drill, "sim", ending, "PASS")
+    assert not replace(row, causes=(row.expected_cause,), evidence="x").passed
+    assert replace(row, causes=(row.expected_cause,), evidence="x", wrong_counts=0).passed
 
 
 def test_the_analysis_of_a_drill_judges_and_refuses(tmp_path: Path) -> None:
@@ -228,7 +256,7 @@ def test_the_table_in_the_documentation_lists_every_drill() -> None:
     missing = [name for name in DRILLS if f"| {name} |" not in text]
     assert not missing
     assert f"{len(DRILLS)} of {len(DRILLS)} drills ended as they must" in text
-    assert "**no** | TRIPPED | **no**" not in markdown([])
+    assert "**no** | TRIPPED | **no**" not in markdown([], [])
 
 
 def test_every_trip_that_a_port_can_name_has_a_rule() -> None:

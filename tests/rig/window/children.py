@@ -124,7 +124,7 @@ def trip(folder: Path) -> None:
         "sim",
         gear,
         motor,
-        Happening(500, lambda at: faults.RunAway(at, speed=250.0, cycles=400)),
+        [Happening(500, lambda at: faults.RunAway(at, speed=250.0, cycles=400))],
         stop,
         seed=0,
     )

@@ -13,7 +13,7 @@ from drivers.errors import BusLostError, DriverError, ReadbackError
 from drivers.port import Command, DriveLimits, Guard, Mode
 from drivers.samples import CycleFlag, SampleBlock
 from model.units import RPM
-from sim_backend.faults import Fault
+from sim_backend.faults import Fault, Stall
 from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE
 from sim_backend.wire.faults import (
     DRILLS,
@@ -218,6 +218,36 @@ def test_every_drill_ends(name: str) -> None:
                 target = np.full(cycles, 300.0 * RPM) if mode is Mode.SPEED else np.empty(0)
                 made.port.exchange(Command(mode, target), cycles, Guard(stale_cycles=5))
         assert made.bench.cycle >= 20
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (TpdoLost(AT, cycles=3, number=1), "frames dropped or altered: 3"),
+        (TpdoLate(AT, cycles=2, number=1), "frames dropped or altered: 2"),
+        (TpdoDoubled(AT, cycles=4, number=1), "frames dropped or altered: 4"),
+        (SyncLost(AT, cycles=2), "frames dropped or altered: 2"),
+        (NodeReset(AT), f"from cycle {AT}"),
+        (ClockJump(AT, cycles=5), "time stamps shifted: 5"),
+        (OutputSlips(AT, cycles=6), "marks altered: 6"),
+        (Stall(AT, cycles=5), "frames"),
+    ],
+)
+def test_what_a_fault_has_done_is_counted(fault: Fault, words: str) -> None:
+    with wire_rig(faults=(fault,)) as made:
+        turn(made.port, 300.0, AT - 5)
+        assert not fault.effects, "nothing before its cycle"
+        with contextlib.suppress(DriverError):
+            ridden(made, 60)
+    assert words in fault.effects.sentence()
+
+
+def test_a_fault_that_finds_nothing_to_alter_has_done_nothing() -> None:
+    fault = TpdoLost(AT, number=4)
+    with wire_rig(faults=(fault,)) as made:
+        ridden(made)
+    assert not fault.effects
+    assert fault == TpdoLost(AT, number=4), "what it has done is no part of its value"
 
 
 def test_bus_lost_and_hub_gone_are_told() -> None:
