@@ -197,20 +197,24 @@ class CanRig:
         )
         is_judged = bool(guard.bounds) or guard.stale_cycles > 0
         self._store.begin_block(cycles)
-        self._sent: list[int] = []
+        syncs: list[int] = []
+        doubts: list[int] = []
         times: list[int] = []
         latencies: list[int] = []
         broken: Break | None = None
         try:
             for row in range(cycles):
                 stamp, latency, flags = self._cycle(bus, [f[row] for f in frames], row)
+                sync, doubt = self._sync_time.sync_ns, self._sync_time.doubt(latency)
                 times.append(stamp)
                 latencies.append(latency)
+                syncs.append(sync)
+                doubts.append(doubt)
                 if is_judged:
                     counts = self._decoder.row(
                         self._store.last_record, int(speeds[row]), int(torques[row]), flags
                     )
-                    broken = self._judge.judge(counts, flags, row, stamp)
+                    broken = self._judge.judge(counts, flags, row, sync, doubt)
                 broken = broken or self._trouble(bus, command.mode, flags, row)
                 if broken is not None:
                     break
@@ -225,6 +229,8 @@ class CanRig:
         return self._finish(
             times=times,
             latencies=latencies,
+            syncs=syncs,
+            doubts=doubts,
             speeds=speeds,
             torques=torques,
             broken=broken,
@@ -454,7 +460,6 @@ class CanRig:
         self._store.begin_cycle(bus.echoes)
         sent = self._clock.monotonic_ns()
         calendar = self._clock.calendar_ns()
-        self._sent.append(sent)
         bus.send(SYNC_COB_ID, b"")
         self._collect(bus, sent, patience)
         latency = self._clock.monotonic_ns() - sent
@@ -537,6 +542,8 @@ class CanRig:
         *,
         times: list[int],
         latencies: list[int],
+        syncs: list[int],
+        doubts: list[int],
         speeds: NDArray[np.int64],
         torques: NDArray[np.int64],
         broken: Break | None,
@@ -546,7 +553,7 @@ class CanRig:
         rows = len(times)
         raw, bad = self._store.decoded()
         flags = self._store.flags()
-        sent = np.array(self._sent[:rows], dtype=np.int64)
+        sync_ns = np.array(syncs, dtype=np.int64)
         counts = self._decoder.block(
             raw,
             bad,
@@ -554,16 +561,17 @@ class CanRig:
             speeds=speeds[:rows],
             torques=torques[:rows],
             absent=self._store.absent(),
-            sent=sent,
+            sent=sync_ns,
+            doubt=np.array(doubts, dtype=np.int64),
         )
         host_rows = [row for row in self._host_rows if row < rows]
         flags[host_rows] |= np.uint16(CycleFlag.HOST_TIME)
         time_ns = np.array(times, dtype=np.int64)
         self._statistics.add(time_ns, np.array(latencies, dtype=np.int64), flags)
         if not is_judged:
-            self._judge.remember(counts, flags, time_ns)
+            self._judge.remember(counts, flags, sync_ns)
         first, self._first_cycle = self._first_cycle, self._first_cycle + rows
-        return SampleBlock(first, time_ns, counts, flags, broken)
+        return SampleBlock(first, time_ns, counts, flags, broken, sync_ns)
 
 
 def _dropped_out(word: int) -> str:
