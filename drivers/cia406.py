@@ -105,7 +105,7 @@ class Counter:
         self.modulus = config.modulus
         self.has_alarms = False
 
-    def bring_up(self, cycle_ns: int) -> Identity:
+    def bring_up(self) -> Identity:
         """From any NMT state to PRE-OPERATIONAL, operating parameters written, range and resolution checked."""
         device, config = self.device, self.config
         device.to_pre_operational()
@@ -118,7 +118,7 @@ class Counter:
                 f"device type says profile {identity.profile}, expected 406",
             )
         device.listen_to_emergencies()
-        device.follow_sync(cycle_ns // 1000)
+        device.follow_sync()
         device.produce_heartbeat(config.heartbeat_ms)
         try:
             device.read(config.position)

@@ -160,11 +160,9 @@ class RigNodes:
         if readings.counts_per_revolution:
             self._check_encoder(readings.counts_per_revolution)
         for counter in self.counters:
-            self.identities[f"counter {counter.config.channel}"] = counter.bring_up(self._cycle_ns)
+            self.identities[f"counter {counter.config.channel}"] = counter.bring_up()
         for module in self.modules:
-            self.identities[f"analog module {module.config.node_id}"] = module.bring_up(
-                self._cycle_ns
-            )
+            self.identities[f"analog module {module.config.node_id}"] = module.bring_up()
         transmitted = self._map_drive()
         for counter in self.counters:
             transmitted += self._map_counter(counter)
