@@ -3,7 +3,7 @@
 Every cycle: set-points (RPDO), SYNC, one TPDO of every kind. The frames are kept raw and decoded for the whole block at
 once; cycle k holds what was latched at SYNC k. The next SYNC goes out when it is due and the cycle is complete, or when
 the patience with a missing frame is over: a slow computer lowers the achieved rate, which is reported, and never shifts
-a sample to another cycle. Enabling the servo and choosing a mode go by SDO between two cycles.
+a sample to another cycle. Enabling the servo and choosing a mode go by SDO, while the SYNC goes on.
 
 The time of a cycle is the stamp of its own SYNC where the bus hands it back, else that of its first
 frame; with a host's stamps, or with none, the cycle says `HOST_TIME`.
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -415,7 +415,8 @@ class CanRig:
             self._pause()
             self._mode, self._was_enabled = Mode.OFF, False
             # An `enable` that raises half-way leaves OFF behind: the next call begins anew and never trusts the drive.
-            drive.enable(mode)
+            with self._sync_goes_on(self._live_bus()):
+                drive.enable(mode)
             self._mode, self._was_enabled = mode, True
         elif not self._was_enabled:
             state = drive.state()
@@ -433,6 +434,30 @@ class CanRig:
                 limit=f"< {self._config.stale_cycles}",
                 remedy="Stop the drive; is the node powered and on the bus?",
             )
+
+    @contextlib.contextmanager
+    def _sync_goes_on(self, bus: PumpedBus) -> Iterator[None]:
+        """While something goes by SDO every SYNC that is due goes out; its answers are paired, not kept."""
+
+        def turn() -> int:
+            if self._due_ns is None or self._clock.monotonic_ns() < self._due_ns:
+                return self._due_ns or 1 << 62
+            bus.while_waiting = None
+            try:
+                self._store.begin_block(1)
+                self._cycle(bus, [], 0)
+            finally:
+                bus.while_waiting = turn
+            return 0
+
+        cycles, bus.while_waiting = self._sync_time.cycles, turn
+        try:
+            yield
+        finally:
+            bus.while_waiting = None
+            if self._sync_time.cycles > cycles:
+                self._statistics.pause()
+                self._decoder.pause()
 
     def _silent_text(self) -> str:
         layout = self._opened().layout
@@ -452,7 +477,7 @@ class CanRig:
         """One SYNC cycle: (stamp, latency, flags)."""
         self._wait_for_turn(bus, row)
         # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
-        for pdo, data in zip(self._opened().commands, commands, strict=True):
+        for pdo, data in zip(self._opened().commands, commands, strict=bool(commands)):
             bus.send(pdo.cob_id, data)
         is_first = not self._first_cycle and not row
         patience = self._patience(is_first)

@@ -25,6 +25,7 @@ class SyncTime:
         self._last_ns: int | None = None
         self._last_sent_ns = 0
         self._ahead_ns: int | None = None
+        self.cycles = 0
         self.sync_ns = 0
         """When the latest SYNC was on the bus, on the computer's monotonic clock [ns]."""
         self.is_stamped = False
@@ -43,6 +44,7 @@ class SyncTime:
             time_ns, is_host = self._last_ns + max(1, sent_ns - self._last_sent_ns), True
         self._place(time_ns if echo_ns and not is_host else 0, sent_ns)
         self._last_ns, self._last_sent_ns = time_ns, sent_ns
+        self.cycles += 1
         return time_ns, is_host
 
     def now(self, monotonic_ns: int, calendar_ns: int) -> int:
