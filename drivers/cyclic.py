@@ -64,7 +64,7 @@ class CanRigConfig:
 
     cycle_ns: int = 1_000_000
     drive: DriveConfig = field(default_factory=DriveConfig)
-    motor_encoder: MotorEncoder = field(default_factory=MotorEncoder)
+    motor_encoder: MotorEncoder
     counters: tuple[CounterConfig, ...] = ()
     modules: tuple[AnalogModuleConfig, ...] = ()
     guard: GuardContact | None = None

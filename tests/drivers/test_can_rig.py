@@ -22,6 +22,7 @@ from drivers.cia406 import CounterConfig
 from drivers.cyclic import CanRigConfig
 from drivers.errors import DriverError, ReadbackError
 from drivers.port import Command, Guard, Mode
+from drivers.rig_nodes import MotorEncoder
 from drivers.samples import CycleFlag
 from tests.drivers.can_bench import LIMITS, RPM, Setup, close, setup
 from tests.drivers.canopen_peer import Bench, drive_eds
@@ -231,7 +232,11 @@ def test_a_port_that_is_not_open_says_so() -> None:
 
 
 def test_nodes_must_not_share_a_node_id() -> None:
-    made = setup(config=CanRigConfig(counters=(CounterConfig(node_id=1),)))
+    made = setup(
+        config=CanRigConfig(
+            motor_encoder=MotorEncoder(largest_speed=900.0), counters=(CounterConfig(node_id=1),)
+        )
+    )
     with pytest.raises(DriverError, match="node-ID of its own"):
         made.rig.open()
     close(made)
