@@ -169,6 +169,8 @@ class PumpedBus:
         self.errors_seen = 0
         self.echoes = False
         self.last_error: Event | None = None
+        self.while_waiting: Callable[[], int] | None = None
+        """Asked whenever the owner waits: turns if it is time to and says 0, else the instant at which it will be."""
         self.sample_time_ns: Callable[[], int] = clock.calendar_ns
         self.emergency_texts: dict[int, Mapping[int, str]] = {}
         self._handlers: dict[int, FrameHandler] = {}
@@ -207,6 +209,11 @@ class PumpedBus:
     def receive(self, deadline_ns: int) -> int:
         """Dispatch frames; wait for the first of them until `deadline_ns` of the clock. How many there were."""
         self.send_heartbeat()
+        if self.while_waiting is not None:
+            due = self.while_waiting()
+            if not due:
+                return 0
+            deadline_ns = min(deadline_ns, due)
         if self._pump is not None:
             return self._receive_pumped(self._pump, deadline_ns)
         if count := self.drain():

@@ -146,7 +146,7 @@ class AnalogModule:
             bus, config.node_id, config.description, config.sdo_timeout_ms * _MS
         )
 
-    def bring_up(self, cycle_ns: int) -> Identity:
+    def bring_up(self) -> Identity:
         """From any NMT state to PRE-OPERATIONAL with every input configured and checked to be there."""
         device = self.device
         device.to_pre_operational()
@@ -159,7 +159,7 @@ class AnalogModule:
                 f"device type says profile {identity.profile}, expected 401",
             )
         device.listen_to_emergencies()
-        device.follow_sync(cycle_ns // 1000)
+        device.follow_sync()
         device.produce_heartbeat(self.config.heartbeat_ms)
         for analog in self.config.inputs:
             self._enable(analog)

@@ -125,7 +125,7 @@ class ServoAmplifier:
                 f"device type says profile {identity.profile}, expected 402",
             )
         device.listen_to_emergencies(obj.ERROR_CODES)
-        device.follow_sync(cycle_ns // 1000)
+        device.follow_sync()
         if device.produce_heartbeat(config.heartbeat_ms) and not self.bus.wait_for(
             lambda: device.watch.state is not NmtState.UNKNOWN,
             max(10 * config.heartbeat_ms * _MS, device.watch.timeout_ns),

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -40,7 +39,7 @@ class CounterConfig:
     is mapped beside the position, and a value with any bit of `alarm_mask` marks the cycle as a
     signal error. `index_position` is the object that holds the count latched at the index mark,
     `index_status` and `index_mask` tell that a mark has been seen; CiA 406 knows none of them.
-    `largest_speed` [rad/s] of the shaft bounds a count's step per cycle.
+    `largest_speed` [rad/s] of the shaft bounds a count's step per cycle; 0: that of the motor.
     """
 
     node_id: int = 2
@@ -80,19 +79,6 @@ class CounterConfig:
             calibration=self.calibration,
         )
 
-    def largest_step(self, cycle_ns: int) -> int:
-        """Counts that the shaft can turn within one cycle, with one count to spare; 0: not bounded."""
-        if not self.largest_speed > 0.0:
-            return 0
-        return 1 + math.ceil(
-            self.largest_speed
-            * cycle_ns
-            * 1e-9
-            * self.lines
-            * self.multiplication
-            / (2.0 * math.pi)
-        )
-
 
 class Counter:
     """The counter on the bus; brought up and checked by SDO, read by PDO."""
@@ -105,7 +91,7 @@ class Counter:
         self.modulus = config.modulus
         self.has_alarms = False
 
-    def bring_up(self, cycle_ns: int) -> Identity:
+    def bring_up(self) -> Identity:
         """From any NMT state to PRE-OPERATIONAL, operating parameters written, range and resolution checked."""
         device, config = self.device, self.config
         device.to_pre_operational()
@@ -118,7 +104,7 @@ class Counter:
                 f"device type says profile {identity.profile}, expected 406",
             )
         device.listen_to_emergencies()
-        device.follow_sync(cycle_ns // 1000)
+        device.follow_sync()
         device.produce_heartbeat(config.heartbeat_ms)
         try:
             device.read(config.position)

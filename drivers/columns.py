@@ -85,12 +85,13 @@ class ColumnDecoder:
         torques: NDArray[np.int64],
         absent: NDArray[np.int64] | None = None,
         sent: NDArray[np.int64] | None = None,
+        doubt: NDArray[np.int64] | None = None,
     ) -> NDArray[np.int64]:
         """Counts (n, columns) of raw values (n, fields) and set-points (n,); sets what it finds in `flags` (n,).
 
         `absent` (n,) are the slots without a frame, one bit each: their channels are marked stale.
-        `sent` (n,) [ns] is when the SYNCs went out: where one came late, the shaft had the time to
-        turn further.
+        `sent` (n,) [ns] is when the SYNCs went out, `doubt` (n,) [ns] how much later they may have been
+        heard: where one came late, the shaft had the time to turn further.
         """
         counts = np.zeros((len(raw), len(self.columns)), dtype=np.int64)
         paired = flags.copy()
@@ -118,7 +119,7 @@ class ColumnDecoder:
                 counts[:, i] = raw[:, column.field]
                 if column.analog is not None:
                     flags[column.analog.saturated(counts[:, i])] |= np.uint16(CycleFlag.SATURATED)
-        self._mark(raw, bad, counts, flags, self._elapsed(sent, len(raw)))
+        self._mark(raw, bad, counts, flags, self._elapsed(sent, doubt, len(raw)))
         if absent is not None and absent.any():
             for slot, mark in enumerate(self._stale_marks):
                 flags[(absent >> slot & 1) != 0] |= np.uint16(mark)
@@ -240,14 +241,19 @@ class ColumnDecoder:
                 jumped |= (gaps > 1) & (2 * allowed >= column.channel.modulus)
             flags[jumped] |= np.uint16(CycleFlag.JUMPED)
 
-    def _elapsed(self, sent: NDArray[np.int64] | None, rows: int) -> NDArray[np.int64]:
-        """For each cycle (rows,): how many periods after the one before it the SYNC went out, at least one."""
+    def _elapsed(
+        self, sent: NDArray[np.int64] | None, doubt: NDArray[np.int64] | None, rows: int
+    ) -> NDArray[np.int64]:
+        """For each cycle (rows,): how many periods after the one before it the SYNC was heard at the
+        latest, at least one.
+        """
         if sent is None or not len(sent) or not self._cycle_ns:
             return np.ones(rows, dtype=np.int64)
         before = sent[0] - self._cycle_ns if self._last_sent is None else self._last_sent
         self._last_sent = int(sent[-1])
         steps = np.diff(sent, prepend=before)
-        return np.maximum((steps + self._cycle_ns // 2) // self._cycle_ns, 1)
+        periods = np.maximum((steps + self._cycle_ns // 2) // self._cycle_ns, 1)
+        return periods if doubt is None else periods + doubt // self._cycle_ns
 
     def _gaps(self, incomplete: NDArray[np.bool_], elapsed: NDArray[np.int64]) -> NDArray[np.int64]:
         """For each cycle (n,): the periods since the latest complete one before it, `elapsed` (n,)

@@ -3,7 +3,7 @@
 Every cycle: set-points (RPDO), SYNC, one TPDO of every kind. The frames are kept raw and decoded for the whole block at
 once; cycle k holds what was latched at SYNC k. The next SYNC goes out when it is due and the cycle is complete, or when
 the patience with a missing frame is over: a slow computer lowers the achieved rate, which is reported, and never shifts
-a sample to another cycle. Enabling the servo and choosing a mode go by SDO between two cycles.
+a sample to another cycle. Enabling the servo and choosing a mode go by SDO, while the SYNC goes on.
 
 The time of a cycle is the stamp of its own SYNC where the bus hands it back, else that of its first
 frame; with a host's stamps, or with none, the cycle says `HOST_TIME`.
@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -64,7 +64,7 @@ class CanRigConfig:
 
     cycle_ns: int = 1_000_000
     drive: DriveConfig = field(default_factory=DriveConfig)
-    motor_encoder: MotorEncoder = field(default_factory=MotorEncoder)
+    motor_encoder: MotorEncoder
     counters: tuple[CounterConfig, ...] = ()
     modules: tuple[AnalogModuleConfig, ...] = ()
     guard: GuardContact | None = None
@@ -197,20 +197,24 @@ class CanRig:
         )
         is_judged = bool(guard.bounds) or guard.stale_cycles > 0
         self._store.begin_block(cycles)
-        self._sent: list[int] = []
+        syncs: list[int] = []
+        doubts: list[int] = []
         times: list[int] = []
         latencies: list[int] = []
         broken: Break | None = None
         try:
             for row in range(cycles):
                 stamp, latency, flags = self._cycle(bus, [f[row] for f in frames], row)
+                sync, doubt = self._sync_time.sync_ns, self._sync_time.doubt(latency)
                 times.append(stamp)
                 latencies.append(latency)
+                syncs.append(sync)
+                doubts.append(doubt)
                 if is_judged:
                     counts = self._decoder.row(
                         self._store.last_record, int(speeds[row]), int(torques[row]), flags
                     )
-                    broken = self._judge.judge(counts, flags, row, stamp)
+                    broken = self._judge.judge(counts, flags, row, sync, doubt)
                 broken = broken or self._trouble(bus, command.mode, flags, row)
                 if broken is not None:
                     break
@@ -225,6 +229,8 @@ class CanRig:
         return self._finish(
             times=times,
             latencies=latencies,
+            syncs=syncs,
+            doubts=doubts,
             speeds=speeds,
             torques=torques,
             broken=broken,
@@ -409,7 +415,8 @@ class CanRig:
             self._pause()
             self._mode, self._was_enabled = Mode.OFF, False
             # An `enable` that raises half-way leaves OFF behind: the next call begins anew and never trusts the drive.
-            drive.enable(mode)
+            with self._sync_goes_on(self._live_bus()):
+                drive.enable(mode)
             self._mode, self._was_enabled = mode, True
         elif not self._was_enabled:
             state = drive.state()
@@ -427,6 +434,30 @@ class CanRig:
                 limit=f"< {self._config.stale_cycles}",
                 remedy="Stop the drive; is the node powered and on the bus?",
             )
+
+    @contextlib.contextmanager
+    def _sync_goes_on(self, bus: PumpedBus) -> Iterator[None]:
+        """While something goes by SDO every SYNC that is due goes out; its answers are paired, not kept."""
+
+        def turn() -> int:
+            if self._due_ns is None or self._clock.monotonic_ns() < self._due_ns:
+                return self._due_ns or 1 << 62
+            bus.while_waiting = None
+            try:
+                self._store.begin_block(1)
+                self._cycle(bus, [], 0)
+            finally:
+                bus.while_waiting = turn
+            return 0
+
+        cycles, bus.while_waiting = self._sync_time.cycles, turn
+        try:
+            yield
+        finally:
+            bus.while_waiting = None
+            if self._sync_time.cycles > cycles:
+                self._statistics.pause()
+                self._decoder.pause()
 
     def _silent_text(self) -> str:
         layout = self._opened().layout
@@ -446,7 +477,7 @@ class CanRig:
         """One SYNC cycle: (stamp, latency, flags)."""
         self._wait_for_turn(bus, row)
         # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
-        for pdo, data in zip(self._opened().commands, commands, strict=True):
+        for pdo, data in zip(self._opened().commands, commands, strict=bool(commands)):
             bus.send(pdo.cob_id, data)
         is_first = not self._first_cycle and not row
         patience = self._patience(is_first)
@@ -454,7 +485,6 @@ class CanRig:
         self._store.begin_cycle(bus.echoes)
         sent = self._clock.monotonic_ns()
         calendar = self._clock.calendar_ns()
-        self._sent.append(sent)
         bus.send(SYNC_COB_ID, b"")
         self._collect(bus, sent, patience)
         latency = self._clock.monotonic_ns() - sent
@@ -537,6 +567,8 @@ class CanRig:
         *,
         times: list[int],
         latencies: list[int],
+        syncs: list[int],
+        doubts: list[int],
         speeds: NDArray[np.int64],
         torques: NDArray[np.int64],
         broken: Break | None,
@@ -546,7 +578,7 @@ class CanRig:
         rows = len(times)
         raw, bad = self._store.decoded()
         flags = self._store.flags()
-        sent = np.array(self._sent[:rows], dtype=np.int64)
+        sync_ns = np.array(syncs, dtype=np.int64)
         counts = self._decoder.block(
             raw,
             bad,
@@ -554,16 +586,17 @@ class CanRig:
             speeds=speeds[:rows],
             torques=torques[:rows],
             absent=self._store.absent(),
-            sent=sent,
+            sent=sync_ns,
+            doubt=np.array(doubts, dtype=np.int64),
         )
         host_rows = [row for row in self._host_rows if row < rows]
         flags[host_rows] |= np.uint16(CycleFlag.HOST_TIME)
         time_ns = np.array(times, dtype=np.int64)
         self._statistics.add(time_ns, np.array(latencies, dtype=np.int64), flags)
         if not is_judged:
-            self._judge.remember(counts, flags, time_ns)
+            self._judge.remember(counts, flags, sync_ns)
         first, self._first_cycle = self._first_cycle, self._first_cycle + rows
-        return SampleBlock(first, time_ns, counts, flags, broken)
+        return SampleBlock(first, time_ns, counts, flags, broken, sync_ns)
 
 
 def _dropped_out(word: int) -> str:

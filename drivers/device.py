@@ -353,9 +353,12 @@ class RemoteDevice:
                 lambda data, stamp_ns: self.bus.on_emergency(self.node_id, data),
             )
 
-    def follow_sync(self, cycle_us: int) -> None:
-        """Make the device a consumer of our SYNC on 0x080 without counter. Raises `DriverError` if
-        it insists on another.
+    def follow_sync(self) -> None:
+        """Make the device a consumer of our SYNC on 0x080 without counter, whose period it does not supervise.
+
+        A computer is late now and then, and some devices answer a SYNC after 1.5 periods with an
+        emergency. What the supervision is for, a computer that is dead, its heartbeat tells (0x1016).
+        Raises `DriverError` if the device insists on another SYNC.
         """
         cob_id = self.read_optional(
             SYNC_COB, "whether the device follows SYNC 0x080 cannot be checked"
@@ -377,7 +380,8 @@ class RemoteDevice:
                 remedy="Set the synchronous counter overflow value to 0 with the vendor's "
                 "tool: without it the device is deaf.",
             )
-        self.write_wished(CYCLE_PERIOD, cycle_us, "the device does not supervise the SYNC period")
+        if self.read_optional(CYCLE_PERIOD, "the device does not supervise the SYNC period"):
+            self.write_wished(CYCLE_PERIOD, 0)
 
     def _write_sync(self, value: int, otherwise: str) -> None:
         """Write 0x1005; bit 31 means nothing there. Raises `DriverError` saying `otherwise` if the

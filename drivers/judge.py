@@ -1,44 +1,61 @@
 """The guard held against one cycle at a time, while the block is still being exchanged.
 
 The same rule as `drivers.port.GuardWatch`, written for a single row: only the channels that the
-bounds name are decoded. Where a SYNC came late the shaft had more time: a quantity that is a change
-over `lag` cycles is then taken per nominal time,
+bounds name are decoded. A speed is counts over the time between two SYNCs, as hardware stamped them,
+else as they were sent (`drivers.sync_time`); nothing received gives a time:
 
-    quantity * lag * period / elapsed      for elapsed > 1.5 lag * period,
+    quantity * (lag * period) / max(elapsed, lag * period).
 
-or else a busy computer would look like an over-speed.
+A busy computer must never look like an over-speed, and must not hide one:
+
+- An interval that is shorter than its periods by more than `JITTER` of one is not judged.
+- Without a stamp of hardware the devices may have heard a SYNC later than it was sent, at the latest
+  when their answer was there. A break that this doubt could explain is not one yet; while the doubt
+  lasts the window grows back to where it began, so that its share of the window shrinks.
+- Either is counted: `UNTIMED_CYCLES` in a row end the block as `MISSED_CYCLES`.
+
+So whatever is above its limit is found within `UNTIMED_CYCLES` + lag + `consecutive` cycles that have
+come back, at 1 kHz and a window of 4 ms within 31: as what it is, or as missed cycles where less than
+the doubt lies between it and its limit.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.channel import Channel
 from drivers.errors import DriverError
-from drivers.port import STALE_DATA, Bound, Guard
+from drivers.port import MISSED_CYCLES, STALE_DATA, UNTIMED_CYCLES, Bound, Guard
 from drivers.samples import Break, CycleFlag
 
-_MEMORY = 4096
-_LATE = 1.5
-"""Times the nominal time after which a change is taken per time that has really passed."""
+JITTER: Final = 0.5
+"""Periods by which an interval may be shorter than it should: a SYNC that was late by less is made up for."""
+_MEMORY: Final = 4096
+_Weights = list[tuple[int, float]]
 
 
 class CycleJudge:
-    """Remembers the last cycles (counts and completeness) and says when a cycle breaks a guard."""
+    """Remembers the last cycles (counts, completeness, times) and says when a cycle breaks a guard.
+
+    `cycle_ns` 0: times are not looked at.
+    """
 
     def __init__(self, channels: Sequence[Channel], cycle_ns: int = 0) -> None:
         self._column = {channel.name: i for i, channel in enumerate(channels)}
         self._rows: deque[Sequence[int]] = deque(maxlen=_MEMORY)
         self._good: deque[bool] = deque(maxlen=_MEMORY)
         self._times: deque[int] = deque(maxlen=_MEMORY)
-        self._cycle_ns = cycle_ns
+        self._doubt_ns = 0
+        self._cycle_ns, self._jitter_ns = cycle_ns, round(JITTER * cycle_ns)
         self._guard: Guard | None = None
-        self._compiled: list[tuple[Bound, list[tuple[int, float]]]] = []
-        self._stale = 0
+        self._compiled: list[tuple[Bound, _Weights]] = []
+        self._stale = self._untimed = 0
+        self._is_untimed = False
 
     def adopt(self, guard: Guard) -> None:
         """Prepare a guard. Raises `DriverError` when it names a channel that this rig has not, or
@@ -46,12 +63,12 @@ class CycleJudge:
         """
         if guard is self._guard:
             return
-        if guard.history >= _MEMORY:
+        if guard.history + UNTIMED_CYCLES >= _MEMORY:
             raise DriverError(
                 "the guard looks too far back",
                 where="guard",
                 value=guard.history,
-                limit=f"< {_MEMORY} cycles",
+                limit=f"< {_MEMORY - UNTIMED_CYCLES} cycles",
             )
         try:
             self._compiled = [
@@ -70,7 +87,9 @@ class CycleJudge:
     def remember(
         self, counts: NDArray[np.int64], flags: NDArray[np.uint16], time_ns: NDArray[np.int64]
     ) -> None:
-        """Remember the cycles (n, channels) of a block that was exchanged without a guard, and their stamps."""
+        """Remember the cycles (n, channels) of a block that was exchanged without a guard, and
+        their times as of `judge`.
+        """
         self._rows.extend(counts[-_MEMORY:].tolist())
         self._times.extend(time_ns[-_MEMORY:].tolist())
         complete = (flags & CycleFlag.INCOMPLETE) == 0
@@ -80,58 +99,83 @@ class CycleJudge:
             len(flags) - 1 - int(good_rows[-1]) if len(good_rows) else self._stale + len(flags)
         )
 
-    def judge(self, counts: Sequence[int], flags: int, row: int, time_ns: int = 0) -> Break | None:
-        """Remember a cycle with its stamp and return the break that it makes of the adopted guard, if any."""
+    def judge(
+        self, counts: Sequence[int], flags: int, row: int, time_ns: int = 0, doubt_ns: int = 0
+    ) -> Break | None:
+        """Remember a cycle and return the break that it makes of the adopted guard, if any.
+
+        `time_ns` is when its SYNC was on the bus, `doubt_ns` how much later the devices may have heard it.
+        """
         good = not flags & CycleFlag.INCOMPLETE
         self._rows.append(counts)
         self._times.append(time_ns)
         self._good.append(good)
+        self._doubt_ns = doubt_ns
         self._stale = 0 if good else self._stale + 1
         guard = self._guard
         if guard is None:
             return None
         if guard.stale_cycles > 0 and self._stale >= guard.stale_cycles:
             return Break(row, STALE_DATA, float(self._stale), float(guard.stale_cycles), True)
+        self._is_untimed = False
         for bound, weights in self._compiled:
-            value = self._total(bound, weights, 0)
+            value = self._value(bound, weights, -1)
             if value is None or bound.low <= value <= bound.high:
                 continue
-            if all(self._is_outside(bound, weights, back) for back in range(1, bound.consecutive)):
-                return Break(
-                    row,
-                    bound.cause,
-                    value,
-                    bound.high if value > bound.high else bound.low,
-                    bound.is_trip,
-                )
+            if bound.consecutive > 1 and not self._lasts(bound, weights):
+                continue
+            if bound.lag and doubt_ns and self._is_doubtful(bound, weights):
+                self._is_untimed = True
+                continue
+            limit = bound.high if value > bound.high else bound.low
+            return Break(row, bound.cause, value, limit, bound.is_trip)
+        self._untimed = self._untimed + 1 if self._is_untimed else 0
+        if self._untimed >= UNTIMED_CYCLES:
+            return Break(row, MISSED_CYCLES, float(self._untimed), float(UNTIMED_CYCLES), True)
         return None
 
-    def _is_outside(self, bound: Bound, weights: list[tuple[int, float]], back: int) -> bool:
-        value = self._total(bound, weights, back)
-        return value is not None and not bound.low <= value <= bound.high
+    def _lasts(self, bound: Bound, weights: _Weights) -> bool:
+        """Whether the bound was broken in the cycles before as well."""
+        if len(self._rows) < bound.consecutive:
+            return False
+        for here in range(-2, -1 - bound.consecutive, -1):
+            value = self._value(bound, weights, here)
+            if value is None or bound.low <= value <= bound.high:
+                return False
+        return True
 
-    def _total(self, bound: Bound, weights: list[tuple[int, float]], back: int) -> float | None:
-        """The bound's quantity `back` cycles ago; None where it is not to be judged."""
-        here, there = -1 - back, -1 - back - bound.lag
-        if len(self._rows) < -there or not self._good[here] or not self._good[there]:
+    def _is_doubtful(self, bound: Bound, weights: _Weights) -> bool:
+        """Whether the present break may come from a SYNC that was heard later than it was sent."""
+        value = self._value(bound, weights, -1, self._untimed, self._doubt_ns)
+        return value is None or bound.low <= value <= bound.high
+
+    def _value(
+        self, bound: Bound, weights: _Weights, here: int, longer: int = 0, doubt_ns: int = 0
+    ) -> float | None:
+        """The bound's quantity in the cycle `here` (-1 is the present one); None where it is not to be judged.
+
+        `longer` widens the window of a change, `doubt_ns` is time that the shaft may have had besides.
+        """
+        lag, mask, value = bound.lag, bound.mask, bound.offset
+        if not self._good[here]:
             return None
-        counts, total, mask = self._rows[here], bound.offset, bound.mask
-        if bound.lag:
-            before = self._rows[there]
+        counts = self._rows[here]
+        if not lag:
             for column, weight in weights:
-                now, then = (
-                    (counts[column] & mask, before[column] & mask)
-                    if mask
-                    else (counts[column], before[column])
-                )
-                total += weight * (now - then)
-            total *= self._per_nominal_time(here, there, bound.lag)
-        else:
-            for column, weight in weights:
-                total += weight * (counts[column] & mask if mask else counts[column])
-        return total
-
-    def _per_nominal_time(self, here: int, there: int, lag: int) -> float:
-        """One, or nominal over elapsed time where SYNCs in between came late."""
-        nominal, elapsed = lag * self._cycle_ns, self._times[here] - self._times[there]
-        return nominal / elapsed if elapsed > _LATE * nominal > 0 else 1.0
+                value += weight * (counts[column] & mask if mask else counts[column])
+            return value
+        there = here - lag - longer
+        if len(self._rows) < -there or not self._good[there]:
+            return None
+        before, moved = self._rows[there], 0.0
+        for column, weight in weights:
+            now, then = counts[column], before[column]
+            moved += weight * ((now & mask) - (then & mask) if mask else now - then)
+        if not self._cycle_ns:
+            return value + moved
+        nominal, elapsed = (here - there) * self._cycle_ns, self._times[here] - self._times[there]
+        if elapsed < nominal - self._jitter_ns:
+            self._is_untimed = True
+            return None
+        longest = elapsed if elapsed > nominal else nominal
+        return value + moved * (lag * self._cycle_ns / (longest + doubt_ns))

@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Literal, Protocol, runtime_checkable
+from typing import Final, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,10 @@ class Bound:
 
     quantity[k] = offset + sum over channels of weight * (counts[k] - counts[k - lag])     for lag > 0,
     quantity[k] = offset + sum over channels of weight * counts[k]                         for lag = 0.
-    With a `mask` the counts are bit fields (a statusword) and are masked before they are weighted.
+    A change is taken over the time between the two SYNCs, by hardware's stamps or as they were sent: where they lie
+    further apart than lag periods it is per lag periods. What a SYNC's lateness leaves in doubt is said by who judges
+    (`drivers.judge`, `GuardWatch`). With a `mask` the counts are bit fields (a statusword) and are masked before they
+    are weighted.
     `is_trip` tells a safety limit (the supervisor trips) from an engine's "until" (the step is over). The first `lag`
     cycles after opening, and cycles that are flagged incomplete, are not judged. `consecutive` cycles must break it.
     """
@@ -67,6 +70,10 @@ class Bound:
 
 STALE_DATA = "stale_data"
 """The cause of a break by too many incomplete cycles in a row."""
+MISSED_CYCLES = "missed_cycles"
+"""The cause of a break by too many cycles in a row whose time nobody knows well enough to judge a speed."""
+UNTIMED_CYCLES: Final = 25
+"""So many of them in a row are too many."""
 
 
 @dataclass(frozen=True)
@@ -215,29 +222,51 @@ class AnswersDirectly(Protocol):
 
 
 class GuardWatch:
-    """Judges blocks against a guard for a port: keeps the tail of counts that lagged bounds need."""
+    """Judges blocks against a guard for a port: keeps the tail of counts that lagged bounds need.
 
-    def __init__(self, channels: Sequence[Channel], memory: int = 1024) -> None:
+    With times of the SYNCs (and their period) a change is taken over the time between two of them, as
+    `drivers.judge` does it. It needs neither the doubt nor the count of that rule: what is simulated or
+    recorded has its times already, and nothing turns behind it that could hide.
+    """
+
+    def __init__(self, channels: Sequence[Channel], cycle_ns: int = 0, memory: int = 1024) -> None:
         self._column = {channel.name: i for i, channel in enumerate(channels)}
-        self._memory = memory
+        self._cycle_ns, self._memory = cycle_ns, memory
+        self._tail_time: NDArray[np.int64] = np.empty(0, dtype=np.int64)
         self._tail: NDArray[np.int64] = np.empty((0, len(channels)), dtype=np.int64)
         self._tail_good: NDArray[np.bool_] = np.empty(0, dtype=bool)
 
     def first_break(
-        self, guard: Guard, counts: NDArray[np.int64], flags: NDArray[np.uint16]
+        self,
+        guard: Guard,
+        counts: NDArray[np.int64],
+        flags: NDArray[np.uint16],
+        time_ns: NDArray[np.int64] | None = None,
     ) -> Break | None:
-        """The first row of `counts` (n, channels) that breaks a bound, seen with the rows accepted before."""
+        """The first row of `counts` (n, channels) that breaks a bound, seen with the rows accepted
+        before; `time_ns` (n,) are the times of the SYNCs.
+        """
         if not (guard.bounds or guard.stale_cycles) or not len(counts):
             return None
         keep = min(guard.history, len(self._tail))
         joined = np.concatenate([self._tail[len(self._tail) - keep :], counts])
         good = np.concatenate([self._tail_good[len(self._tail) - keep :], (flags & 1) == 0])
+        times = None
+        if self._cycle_ns and time_ns is not None:
+            times = np.concatenate([self._tail_time[len(self._tail_time) - keep :], time_ns])
         breaks = [self._stale(guard.stale_cycles, good, keep)]
-        breaks += [self._judge(bound, joined, good, keep) for bound in guard.bounds]
+        breaks += [self._judge(bound, joined, good, keep, times) for bound in guard.bounds]
         return min((b for b in breaks if b is not None), key=lambda b: b.row, default=None)
 
-    def accept(self, counts: NDArray[np.int64], flags: NDArray[np.uint16]) -> None:
-        """Remember the rows that were really returned."""
+    def accept(
+        self,
+        counts: NDArray[np.int64],
+        flags: NDArray[np.uint16],
+        time_ns: NDArray[np.int64] | None = None,
+    ) -> None:
+        """Remember the rows that were really returned, with their times if they are judged with them."""
+        if time_ns is not None:
+            self._tail_time = np.concatenate([self._tail_time, time_ns])[-self._memory :]
         self._tail = np.concatenate([self._tail, counts])[-self._memory :]
         self._tail_good = np.concatenate([self._tail_good, (flags & 1) == 0])[-self._memory :]
 
@@ -252,9 +281,14 @@ class GuardWatch:
         return None
 
     def _judge(
-        self, bound: Bound, joined: NDArray[np.int64], good: NDArray[np.bool_], keep: int
+        self,
+        bound: Bound,
+        joined: NDArray[np.int64],
+        good: NDArray[np.bool_],
+        keep: int,
+        times: NDArray[np.int64] | None,
     ) -> Break | None:
-        total = np.full(len(joined), bound.offset)
+        total = np.zeros(len(joined))
         for name, weight in bound.weights.items():
             column = joined[:, self._column[name]]
             if bound.mask:
@@ -265,6 +299,12 @@ class GuardWatch:
                 total += weight * moved
             else:
                 total += weight * column
+        if bound.lag and times is not None:
+            nominal = bound.lag * self._cycle_ns
+            total[bound.lag :] *= nominal / np.maximum(
+                times[bound.lag :] - times[: -bound.lag], nominal
+            )
+        total += bound.offset
         outside = ((total < bound.low) | (total > bound.high)) & good
         if bound.lag:
             outside[: bound.lag] = False

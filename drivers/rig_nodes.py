@@ -43,8 +43,8 @@ _PROBE_LATCHED = 0x0002
 
 @dataclass(frozen=True, kw_only=True)
 class MotorEncoder:
-    """The motor encoder as the drive reports it in 0x6064: lines and multiplication apart, sense,
-    largest speed [rad/s].
+    """The motor encoder as the drive reports it in 0x6064: lines and multiplication apart, sense, and
+    the motor's greatest speed [rad/s], with room, which bounds the steps of both encoders' counts.
 
     `index_position` is the object in which the drive latches the position at the encoder's index
     mark, `index_status` and `index_mask` tell that one has been seen; None: touch probe 1 of CiA
@@ -54,7 +54,7 @@ class MotorEncoder:
     lines: int = 8192
     multiplication: int = 4
     direction: int = 1
-    largest_speed: float = 0.0
+    largest_speed: float
     modulus: int = 1 << 32
     index_position: ObjectRef | None = None
     index_status: ObjectRef | None = None
@@ -63,6 +63,15 @@ class MotorEncoder:
     model: str = ""
     serial_number: str = ""
     calibration: Calibration = field(default_factory=Calibration)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.largest_speed < math.inf:
+            raise DriverError(
+                "the motor's greatest speed must be known: jumps of the counts are told by it",
+                where="motor encoder, largest speed",
+                value=self.largest_speed,
+                limit="> 0 rad/s",
+            )
 
     def as_channel(self, name: str) -> Channel:
         """The position as an angle channel."""
@@ -160,11 +169,9 @@ class RigNodes:
         if readings.counts_per_revolution:
             self._check_encoder(readings.counts_per_revolution)
         for counter in self.counters:
-            self.identities[f"counter {counter.config.channel}"] = counter.bring_up(self._cycle_ns)
+            self.identities[f"counter {counter.config.channel}"] = counter.bring_up()
         for module in self.modules:
-            self.identities[f"analog module {module.config.node_id}"] = module.bring_up(
-                self._cycle_ns
-            )
+            self.identities[f"analog module {module.config.node_id}"] = module.bring_up()
         transmitted = self._map_drive()
         for counter in self.counters:
             transmitted += self._map_counter(counter)
@@ -197,17 +204,14 @@ class RigNodes:
         if not any(c.config.channel == names.INPUT_ANGLE for c in self.counters):
             wanted.append(obj.POSITION)
             encoder = self._encoder
-            step = 0
-            if encoder.largest_speed > 0.0:
-                turns = encoder.largest_speed * self._cycle_ns * 1e-9 / (2.0 * math.pi)
-                step = 1 + math.ceil(turns * encoder.lines * encoder.multiplication)
+            resolution = encoder.lines * encoder.multiplication
             self._sources.append(
                 _Source(
                     channel=encoder.as_channel(names.INPUT_ANGLE),
                     kind="count",
                     node_id=node_id,
                     entry=obj.POSITION,
-                    largest_step=step,
+                    largest_step=largest_step(resolution, encoder.largest_speed, self._cycle_ns),
                 )
             )
             optional += self._latch_sources()
@@ -317,7 +321,12 @@ class RigNodes:
                 kind="count",
                 node_id=config.node_id,
                 entry=config.position,
-                largest_step=config.largest_step(self._cycle_ns),
+                largest_step=largest_step(
+                    config.lines * config.multiplication,
+                    # Without a speed of its own its shaft turns no faster than the motor's.
+                    config.largest_speed or self._encoder.largest_speed,
+                    self._cycle_ns,
+                ),
             )
         )
         if config.index_position is not None:
@@ -552,6 +561,13 @@ class RigNodes:
                     f"node {node_id} 0x{entry.index:04X}:{entry.subindex}"
                 ] = text
         return described
+
+
+def largest_step(resolution: int, speed: float, cycle_ns: int) -> int:
+    """Counts that a shaft with `resolution` counts per revolution turns at `speed` [rad/s] within one
+    cycle, with one to spare.
+    """
+    return 1 + math.ceil(speed * cycle_ns * 1e-9 * resolution / (2.0 * math.pi))
 
 
 def _require_own_identifiers(pdos: Sequence[MappedPdo]) -> None:

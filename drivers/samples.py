@@ -86,6 +86,8 @@ class SampleBlock:
     `first_cycle` is the index of row 0 since the port was opened; `time_ns` (n,) int64 the stamp of each SYNC;
     `counts` (n, channels) int64, unwrapped, in the order of the port's `channels`, latched at SYNC k and paired by its
     index; `flags` (n,) uint16 of `CycleFlag`; `broken` why the block ended early, if it did: its row is the last one.
+    `sync_ns` (n,) int64 is when the SYNCs were on the bus by hardware, else when they were sent, on the monotonic
+    clock: speeds are taken over it. None: the stamps say it themselves.
     """
 
     first_cycle: int
@@ -93,6 +95,12 @@ class SampleBlock:
     counts: NDArray[np.int64]
     flags: NDArray[np.uint16]
     broken: Break | None = None
+    sync_ns: NDArray[np.int64] | None = None
+
+    @property
+    def interval_ns(self) -> NDArray[np.int64]:
+        """The times (n,) whose differences are the time between two SYNCs; no stamp of reception is among them."""
+        return self.time_ns if self.sync_ns is None else self.sync_ns
 
     def __len__(self) -> int:
         return len(self.time_ns)

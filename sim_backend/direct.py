@@ -132,7 +132,7 @@ class SimulatedRig:
         self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, seed)
         self._faults = tuple(faults)
         self._devices = Devices(self._plant, self._drive)
-        self._watch = GuardWatch(self._instruments.channels)
+        self._watch = GuardWatch(self._instruments.channels, cycle_ns)
         self._cycle = 0
         self._opened_ns = 0
         self._open = False
@@ -289,11 +289,11 @@ class SimulatedRig:
         """One piece, cut at the first row that breaks the guard."""
         before = self._snapshot()
         counts, flags, stamps = self._piece(mode, targets)
-        broken = self._watch.first_break(guard, counts, flags)
+        broken = self._watch.first_break(guard, counts, flags, stamps)
         if broken is not None and broken.row + 1 < len(targets):
             self._restore(before)
             counts, flags, stamps = self._piece(mode, targets[: broken.row + 1])
-        self._watch.accept(counts, flags)
+        self._watch.accept(counts, flags, stamps)
         block = SampleBlock(self._cycle, stamps, counts, flags, broken)
         self._cycle += len(counts)
         return block

@@ -85,7 +85,7 @@ class ReplayRig:
             raise DriverError("is already open", where=self._title, remedy="Close it first.")
         self._open, self._next = True, 0
         self._opened_ns = self._clock.monotonic_ns()
-        self._watch = GuardWatch(self._channels)
+        self._watch = GuardWatch(self._channels, self._cycle_ns)
         return self._description
 
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
@@ -106,10 +106,10 @@ class ReplayRig:
             )
         rows = slice(self._next, min(self._next + cycles, len(self._time_ns)))
         counts, flags = self._counts[rows], self._flags[rows]
-        broken = self._watch.first_break(guard, counts, flags)
+        broken = self._watch.first_break(guard, counts, flags, self._time_ns[rows])
         if broken is not None:
             counts, flags = counts[: broken.row + 1], flags[: broken.row + 1]
-        self._watch.accept(counts, flags)
+        self._watch.accept(counts, flags, self._time_ns[rows][: len(counts)])
         first, self._next = self._next, self._next + len(counts)
         self._clock.wait_until_ns(self._opened_ns + self._next * self._cycle_ns)
         return SampleBlock(

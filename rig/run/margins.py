@@ -91,13 +91,13 @@ class MarginWatch:
     def _speed(
         self, name: str, window: float, tail: NDArray[np.int64], block: SampleBlock
     ) -> tuple[NDArray[np.int64], float | None]:
-        """Counts and stamps to carry on, and the largest speed over the window [rad/s]; what was
+        """Counts and times to carry on, and the largest speed over the window [rad/s]; what was
         not received moves nothing.
 
-        A SYNC that came late has left the shaft more time: the time is that of the stamps, the nominal one at least.
+        A SYNC that came late has left the shaft more time: that between the SYNCs, the nominal one at least.
         """
         lag = max(1, round(window / self.period))
-        moved = np.column_stack([block.counts[:, self.column[name]], block.time_ns])
+        moved = np.column_stack([block.counts[:, self.column[name]], block.interval_ns])
         lost = np.flatnonzero(block.flags & 1)
         moved = moved[lost[-1] + 1 :] if len(lost) else np.concatenate([tail, moved])
         if len(moved) <= lag:

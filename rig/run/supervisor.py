@@ -43,6 +43,7 @@ from rig.run.trips import (
     DRIVE_FAULT,
     FOLLOWING_ERROR,
     GUARD_OPEN,
+    LATE_TURN,
     MISSED_CYCLES,
     OVER_SPEED,
     OVER_SPEED_OUTPUT,
@@ -58,6 +59,9 @@ from rig.run.trips import (
     Trip,
 )
 
+LONGEST_STEP = 100
+"""Periods between two SYNCs above which the computer, or the clock that stamps them, has failed."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class WatchState:
@@ -67,6 +71,8 @@ class WatchState:
     trip: Trip | None = None
     next_cycle: int | None = None
     last_time: int | None = None
+    last_sync: int | None = None
+    mode: Mode = Mode.OFF
     lost: int = 0
     flagged: int = 0
     window_rows: int = 0
@@ -174,7 +180,7 @@ class Supervisor:
         trips: list[Trip] = []
         if block.broken is not None and block.broken.is_trip:
             trips.append(self._trip_of(block, block.broken, start))
-        state, new = self._cycles(state, block)
+        state, new = self._cycles(state, block, turn)
         trips += new
         state, new = self._flags(state, block, start)
         trips += new
@@ -220,6 +226,7 @@ class Supervisor:
             TRAVEL: ("rev", 2.0 * math.pi),
             OVER_TEMPERATURE: ("degC", 1.0),
             STALE_DATA: ("cycles", 1.0),
+            MISSED_CYCLES: ("cycles in a row whose time is not known", 1.0),
         }
         if broken.cause in (DRIVE_FAULT, UNEXPECTED_STATE):
             word = int(block.counts[broken.row, self._column[STATUSWORD]])
@@ -244,8 +251,12 @@ class Supervisor:
             return Trip(broken.cause, row, math.nan, math.nan)
         return Trip(broken.cause, row, broken.value / factor, broken.limit / factor, unit)
 
-    def _cycles(self, state: WatchState, block: SampleBlock) -> tuple[WatchState, list[Trip]]:
-        """Lost, incomplete and late cycles over a window, and time stamps that run backwards."""
+    def _cycles(
+        self, state: WatchState, block: SampleBlock, turn: Turn
+    ) -> tuple[WatchState, list[Trip]]:
+        """Lost, incomplete and late cycles over a window, SYNCs that the computer sent far too late,
+        and stamps that run backwards or away from the SYNCs.
+        """
         lost = 0 if state.next_cycle is None else max(0, block.first_cycle - state.next_cycle)
         bad = int(
             np.count_nonzero(
@@ -263,31 +274,40 @@ class Supervisor:
             )
         if rows >= length:
             rows = missed = 0
-        steps = np.diff(block.time_ns, prepend=block.time_ns[0] - self._cycle_ns)
-        if state.last_time is not None:
-            steps[0] = block.time_ns[0] - state.last_time - lost * self._cycle_ns
-        wrong = np.flatnonzero((steps <= 0) | (steps > 100 * self._cycle_ns))
-        if len(wrong):
-            row = int(wrong[0])
-            trips.append(
-                Trip(
-                    TIME_BASE,
-                    state.rows + row,
-                    float(steps[row]) * 1e-6,
-                    100 * self._cycle_ns * 1e-6,
-                    "ms between SYNCs",
-                )
-            )
+        longest = LONGEST_STEP * self._cycle_ns
+        steps = self._steps(block.time_ns, state.last_time, lost)
+        sent = self._steps(block.interval_ns, state.last_sync, lost)
+        knows_sending = block.sync_ns is not None
+        # Where the computer itself was late, the stamps are right to say so.
+        late = np.maximum(sent - self._cycle_ns, 0) if knows_sending else np.zeros_like(sent)
+        overdue = (sent > longest) & (knows_sending and turn.enabled)
+        # Changing the mode goes by SDO and may take its time.
+        overdue[0] &= state.mode is turn.command.mode
+        for cause, raised, step in (
+            (LATE_TURN, overdue, sent),
+            (TIME_BASE, (steps <= 0) | (steps - late > longest), steps),
+        ):
+            if raised.any():
+                row = int(np.argmax(raised))
+                value, limit = float(step[row]) * 1e-6, longest * 1e-6
+                trips.append(Trip(cause, state.rows + row, value, limit, "ms between SYNCs"))
         state = replace(
             state,
             next_cycle=block.first_cycle + len(block),
             last_time=int(block.time_ns[-1]),
+            last_sync=int(block.interval_ns[-1]),
+            mode=turn.command.mode,
             lost=state.lost + lost,
             flagged=state.flagged + bad,
             window_rows=rows,
             window_missed=missed,
         )
         return state, trips
+
+    def _steps(self, times: NDArray[np.int64], last: int | None, lost: int) -> NDArray[np.int64]:
+        """Times (n,) between a block's cycles and the ones before them [ns], without those of lost cycles."""
+        before = times[0] - self._cycle_ns if last is None else last + lost * self._cycle_ns
+        return np.diff(times, prepend=before)
 
     def _flags(
         self, state: WatchState, block: SampleBlock, start: int
@@ -338,7 +358,7 @@ class Supervisor:
             ), []
         channel = self._channels[INPUT_ANGLE]
         angle = np.concatenate([state.tail_angle, block.counts[:, self._column[INPUT_ANGLE]]])
-        times = np.concatenate([state.tail_time, block.time_ns])
+        times = np.concatenate([state.tail_time, block.interval_ns])
         sent = turn.command.target[: len(block)]
         received = self._si(block, TARGET_SPEED) if TARGET_SPEED in self._column else sent
         target = np.concatenate(
@@ -352,7 +372,7 @@ class Supervisor:
         )
         if len(angle) <= lag:
             return carried, []
-        # A SYNC that came late has left the shaft more time: that of the stamps, the nominal one at least.
+        # A SYNC that came late has left the shaft more time: that between the SYNCs, the nominal one at least.
         elapsed = np.maximum((times[lag:] - times[:-lag]) * 1e-9, lag * self._period)
         measured = (angle[lag:] - angle[:-lag]) * (channel.direction * channel.scale) / elapsed
         total = np.concatenate([[0.0], np.cumsum(target)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from drivers.port import STALE_DATA
+from drivers.port import MISSED_CYCLES, STALE_DATA
 from rig.run.make_safe import Action
 
 OVER_SPEED = "over_speed"
@@ -20,7 +20,6 @@ GUARD_OPEN = "guard_open"
 DRIVE_FAULT = "drive_fault"
 UNEXPECTED_STATE = "unexpected_state"
 FOLLOWING_ERROR = "following_error"
-MISSED_CYCLES = "missed_cycles"
 SIGNAL_ERROR = "signal_error"
 COUNT_JUMP = "count_jump"
 LOST_COUNTS = "lost_counts"
@@ -124,7 +123,8 @@ TRIPS: dict[str, TripRule] = {
     MISSED_CYCLES: TripRule(
         "too large a share of the cycles is incomplete, late or lost",
         Action.QUICK_STOP,
-        "Lower the SYNC rate or the bus load; look for a node that does not answer in time.",
+        "Lower the SYNC rate or the bus load, stop other programs on this computer; look for a node that does not "
+        "answer in time.",
     ),
     SIGNAL_ERROR: TripRule(
         "a device says that its own signal is not valid",

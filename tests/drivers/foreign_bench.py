@@ -49,7 +49,8 @@ def bench(traits: Traits | None = None, config: DriveConfig | None = None) -> It
     wire = Wire(clock)
     drive = ForeignDrive(wire, traits)
     own = CanRigConfig(
-        drive=config or DriveConfig(), motor_encoder=MotorEncoder(lines=8192, multiplication=4)
+        drive=config or DriveConfig(),
+        motor_encoder=MotorEncoder(lines=8192, multiplication=4, largest_speed=900.0),
     )
     rig = CanRig(own, clock, lambda: wire, pump=wire.pump, time_base="virtual", origin="simulated")
     made = Bench(clock, wire, drive, rig)

@@ -55,7 +55,7 @@ def test_any_answers_are_a_pdo_or_a_driver_error(answers: list[tuple[bytes, bool
         device.identity,
         lambda: device.produce_heartbeat(100),
         lambda: device.consume_heartbeat(250),
-        lambda: device.follow_sync(1000),
+        lambda: device.follow_sync(),
         device.listen_to_emergencies,
     ):
         try:

@@ -14,6 +14,7 @@ from drivers.clock import VirtualClock
 from drivers.cyclic import CanRig, CanRigConfig
 from drivers.errors import DriverError
 from drivers.port import Command, Guard, Mode
+from drivers.rig_nodes import MotorEncoder
 from tests.drivers.foreign_bench import LIMITS
 from tests.drivers.foreign_drive import DRIVE_ROWS, ForeignDrive
 from tests.drivers.foreign_slave import (
@@ -90,7 +91,12 @@ def test_any_drive_runs_or_is_refused(traits: Traits) -> None:
     wire = Wire(clock)
     drive = ForeignDrive(wire, traits)
     rig = CanRig(
-        CanRigConfig(), clock, lambda: wire, pump=wire.pump, time_base="virtual", origin="simulated"
+        CanRigConfig(motor_encoder=MotorEncoder(largest_speed=900.0)),
+        clock,
+        lambda: wire,
+        pump=wire.pump,
+        time_base="virtual",
+        origin="simulated",
     )
     try:
         rig.open()

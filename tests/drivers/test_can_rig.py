@@ -22,6 +22,7 @@ from drivers.cia406 import CounterConfig
 from drivers.cyclic import CanRigConfig
 from drivers.errors import DriverError, ReadbackError
 from drivers.port import Command, Guard, Mode
+from drivers.rig_nodes import MotorEncoder
 from drivers.samples import CycleFlag
 from tests.drivers.can_bench import LIMITS, RPM, Setup, close, setup
 from tests.drivers.canopen_peer import Bench, drive_eds
@@ -57,7 +58,7 @@ def test_heartbeats_and_options_are_configured_on_both_sides(bench: Setup) -> No
     assert drive.get(0x1017) == 100
     assert drive.get(0x1016, 1) == 127 << 16 | 250
     assert (drive.get(0x6007), drive.get(0x605A), drive.get(0x605E)) == (3, 2, 2)
-    assert drive.get(0x1006) == 1000
+    assert drive.get(0x1006) == 0
     assert bench.analog.get(0x6423) == 1
     missing = {m.index: m.consequence for m in bench.rig.missing()[1]}
     assert "index mark" in missing[0x60B8]
@@ -231,7 +232,11 @@ def test_a_port_that_is_not_open_says_so() -> None:
 
 
 def test_nodes_must_not_share_a_node_id() -> None:
-    made = setup(config=CanRigConfig(counters=(CounterConfig(node_id=1),)))
+    made = setup(
+        config=CanRigConfig(
+            motor_encoder=MotorEncoder(largest_speed=900.0), counters=(CounterConfig(node_id=1),)
+        )
+    )
     with pytest.raises(DriverError, match="node-ID of its own"):
         made.rig.open()
     close(made)

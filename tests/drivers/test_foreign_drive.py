@@ -14,6 +14,7 @@ from drivers.clock import VirtualClock
 from drivers.cyclic import CanRig, CanRigConfig
 from drivers.errors import DriverError
 from drivers.port import Mode
+from drivers.rig_nodes import MotorEncoder
 from drivers.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
 from tests.drivers.foreign_bench import RPM, bench
 from tests.drivers.foreign_drive import ForeignDrive
@@ -165,7 +166,12 @@ def test_a_fault_reaction_that_does_not_end_is_no_servo_off() -> None:
     clock = VirtualClock()
     wire = Wire(clock)
     ForeignDrive(wire, Traits(state=REACTION))
-    rig = CanRig(CanRigConfig(), clock, lambda: wire, pump=wire.pump)
+    rig = CanRig(
+        CanRigConfig(motor_encoder=MotorEncoder(largest_speed=900.0)),
+        clock,
+        lambda: wire,
+        pump=wire.pump,
+    )
     with pytest.raises(DriverError, match="the end of the fault reaction"):
         rig.open()
 

@@ -31,7 +31,7 @@ def rig_of(
     wire: Wire, counter: CounterConfig | None = None, module: AnalogModuleConfig | None = None
 ) -> Iterator[CanRig]:
     config = CanRigConfig(
-        motor_encoder=MotorEncoder(lines=8192, multiplication=4),
+        motor_encoder=MotorEncoder(lines=8192, multiplication=4, largest_speed=900.0),
         counters=(counter,) if counter else (),
         modules=(module,) if module else (),
     )

@@ -107,8 +107,17 @@ def test_a_consumer_that_rounds_up_is_taken_and_one_that_watches_somebody_else_i
         pass
 
 
+def test_a_sync_period_is_supervised_by_no_slave() -> None:
+    made = setup()
+    made.drive.put(0x1006, 1000, 4)
+    with opened(made):
+        assert made.drive.get(0x1006) == 0
+        assert "own-value" not in made.codes()
+
+
 def test_periods_that_a_slave_keeps_for_itself_are_warnings() -> None:
     made = setup()
+    made.drive.put(0x1006, 2000, 4)
     keeps(made.drive, 0x1006, lambda us: 2000, 4)
     with opened(made):
         assert "own-value" in made.codes()

@@ -57,5 +57,7 @@ def test_a_real_over_speed_breaks_it_late_or_not(late: int) -> None:
     assert found == pytest.approx(250.0)
 
 
-def test_jitter_within_half_a_period_changes_nothing() -> None:
-    assert judged([(0, PERIOD_NS)] + [(1, PERIOD_NS + 1_900_000)] * 3) == pytest.approx(250.0)
+@pytest.mark.parametrize("late_ns", [300_000, 1_200_000, 1_900_000])
+def test_any_lateness_is_taken_into_account(late_ns: int) -> None:
+    found = judged([(0, PERIOD_NS)] + [(1, PERIOD_NS + late_ns)] * 3)
+    assert found == pytest.approx(1e9 / (PERIOD_NS + late_ns))

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from drivers.cia401 import torque_input
-from drivers.cia406 import CounterConfig
 from drivers.errors import DriverError
+from drivers.rig_nodes import MotorEncoder, largest_step
+from tests.drivers.can_bench import close, setup
 
 
 def test_one_volt_is_rated_torque() -> None:
@@ -33,7 +34,19 @@ def test_wrong_scales_are_refused() -> None:
             torque_input(rated, volts_per_rated_torque=volts)
 
 
-def test_the_largest_step_of_a_counter() -> None:
-    config = CounterConfig(lines=18000, multiplication=4, largest_speed=2 * math.pi)
-    assert config.largest_step(1_000_000) == 73
-    assert CounterConfig().largest_step(1_000_000) == 0
+def test_the_largest_step_of_an_encoder_follows_from_its_greatest_speed() -> None:
+    assert largest_step(72_000, 2 * math.pi, 1_000_000) == 73
+    for unknown in (0.0, math.nan, math.inf):
+        with pytest.raises(DriverError, match="greatest speed"):
+            MotorEncoder(largest_speed=unknown)
+
+
+def test_a_counter_without_a_speed_of_its_own_turns_no_faster_than_the_motor() -> None:
+    made = setup()
+    try:
+        made.rig.open()
+        steps = {c.channel.name: c.largest_step for c in made.rig.nodes.columns}
+        assert steps["input_angle"] == largest_step(8192 * 4, 400.0, 1_000_000)
+        assert steps["output_angle"] == largest_step(18000 * 4, 400.0, 1_000_000)
+    finally:
+        close(made)

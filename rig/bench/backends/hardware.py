@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.bus import BusConfig, open_raw_bus
+from drivers.channel import OUTPUT_ANGLE
 from drivers.cia401 import AnalogInput, AnalogModuleConfig
 from drivers.cia402 import DriveConfig
 from drivers.cia402_tables import OperationMode
@@ -27,6 +28,8 @@ from rig.bench.config.load import DEFAULT_PATH, load_configuration
 from rig.bench.config.schema import RigConfiguration
 from rig.errors import ConfigurationError
 
+SPEED_ROOM = 1.5
+"""Times the motor's greatest speed that a count must move within a cycle to have jumped."""
 _MODES = {
     "cyclic velocity": OperationMode.CYCLIC_VELOCITY,
     "profile velocity": OperationMode.PROFILE_VELOCITY,
@@ -40,7 +43,11 @@ def hardware(request: RigRequest) -> AssembledRig:
     path = request.configuration or DEFAULT_PATH
     configuration = load_configuration(path)
     config = can_rig_config(
-        configuration, request.motor, path.parent, round(1e9 / request.sample_rate)
+        configuration,
+        request.motor,
+        path.parent,
+        round(1e9 / request.sample_rate),
+        request.gear.mounted_ratio(request.mounting) if request.gear_mounted else 1.0,
     )
     bus, clock = bus_config(configuration), WallClock()
     port = CanRig(config, clock, lambda: open_raw_bus(bus), time_base=bus.time_base)
@@ -73,21 +80,29 @@ def bus_config(configuration: RigConfiguration) -> BusConfig:
 
 
 def can_rig_config(
-    configuration: RigConfiguration, motor: ServoMotor, folder: Path, cycle_ns: int
+    configuration: RigConfiguration,
+    motor: ServoMotor,
+    folder: Path,
+    cycle_ns: int,
+    ratio: float = 1.0,
 ) -> CanRigConfig:
-    """Drive, counters and modules as the drivers take them; EDS files are looked for in `folder`."""
+    """Drive, counters and modules as the drivers take them; EDS files are looked for in `folder`.
+
+    A counter of the output angle that is given no largest speed turns at most as fast as the motor over `ratio`.
+    """
     real_time, about = configuration.real_time, configuration.rig
     encoder, guard = configuration.motor_encoder, configuration.guard
+    fastest = SPEED_ROOM * motor.maximum_speed
     rated_torque = configuration.drive.rated_torque or motor.rated_torque
     return CanRigConfig(
         cycle_ns=cycle_ns,
         drive=_drive(configuration.drive, folder),
         motor_encoder=MotorEncoder(
             **encoder.settings(),
-            largest_speed=1.5 * motor.maximum_speed,
+            largest_speed=fastest,
             long_name="motor encoder",
         ),
-        counters=tuple(CounterConfig(**_node(c, folder)) for c in configuration.counters),
+        counters=tuple(_counter(c, folder, fastest, ratio) for c in configuration.counters),
         modules=tuple(_module(m, rated_torque, folder) for m in configuration.analog_modules),
         guard=None if guard is None else GuardContact(**guard.settings()),
         patience_cycles=real_time.patience_cycles,
@@ -117,6 +132,15 @@ def _node(
             f"the EDS cannot be used: {error}", where=f"node {node.node_id}", value=name
         ) from error
     return values
+
+
+def _counter(
+    counter: described.Counter, folder: Path, fastest: float, ratio: float
+) -> CounterConfig:
+    values = _node(counter, folder)
+    if not values["largest_speed"]:
+        values["largest_speed"] = fastest / ratio if counter.channel == OUTPUT_ANGLE else fastest
+    return CounterConfig(**values)
 
 
 def _drive(drive: described.Drive, folder: Path) -> DriveConfig:

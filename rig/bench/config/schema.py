@@ -214,7 +214,7 @@ class Counter(Encoder):
     """A counter on the bus (CiA 406, or any whose object, type and range are named here). `modulus`
     0: asked of the device.
 
-    `largest_speed_rpm` of the shaft bounds a count's step per cycle; 0: not bounded.
+    `largest_speed_rpm` of the shaft bounds a count's step per cycle; 0: from the motor's and the ratio.
     """
 
     objects: ClassVar[Mapping[str, str]] = {

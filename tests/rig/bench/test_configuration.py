@@ -258,6 +258,15 @@ def test_the_drivers_get_what_the_file_says(tmp_path: Path) -> None:
     assert torque.scale == pytest.approx(0.3125e-3 * 0.637)
     assert torque.calibration.scale_relative_uncertainty == 0.01
     assert made.motor_encoder.calibration.due == "2027-03-01"
+    silent = configuration.model_copy(
+        update={
+            "counters": [
+                c.model_copy(update={"largest_speed": 0.0}) for c in configuration.counters
+            ]
+        }
+    )
+    fastest = can_rig_config(silent, motor, tmp_path, 4_000_000, 120.0).counters[0].largest_speed
+    assert fastest == pytest.approx(1.5 * motor.maximum_speed / 120.0)
     assert bus_config(configuration).interface == "socketcan"
     readout = readout_config(configuration)
     assert readout is not None
