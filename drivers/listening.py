@@ -46,7 +46,9 @@ NMT_STARTUP: Final = ObjectRef(0x1F80, 0, U32, "NMT startup")
 """Bit 0: this node is the NMT master (CiA 302)."""
 _LSS_REQUEST: Final = 0x7E5
 _RPDOS: Final = (0x200, 0x300, 0x400, 0x500)
-_REMEDY: Final = "Nothing was moved. End the other run, program or controller, or take it off this bus; then start again."
+_REMEDY: Final = (
+    "Nothing was moved. End the other run, program or controller, or unplug it; then start again."
+)
 
 
 class ListeningBus(PumpedBus):
