@@ -173,14 +173,15 @@ def _stops_producing(bus: ListeningBus, node_id: int) -> bool:
     device = RemoteDevice(bus, node_id)
     try:
         value = int(device.read_optional(SYNC_COB) or 0)
-        if not value & SYNC_GENERATE_BIT:
-            return False
-        is_off = device.write_checked(SYNC_COB, value & ~SYNC_GENERATE_BIT)
-    except ReadbackError:
-        is_off = False
     except (SdoTimeoutError, SdoProtocolError):
         # Off, stopped or without an SDO server: bring-up says so, and it is not this node that sends SYNC.
         return False
+    if not value & SYNC_GENERATE_BIT:
+        return False
+    try:
+        is_off = device.write_checked(SYNC_COB, value & ~SYNC_GENERATE_BIT)
+    except ReadbackError:
+        is_off = False
     text = "it produced the SYNC (0x1005 bit 30)"
     if not is_off:
         raise OtherMasterError(
