@@ -189,6 +189,10 @@ class PumpedBus:
         """Hand every frame of `cob_id` to `handler(data, stamp_ns)`; one handler per COB-ID, the latest holds."""
         self._handlers[cob_id] = handler
 
+    def handler_of(self, cob_id: int) -> FrameHandler | None:
+        """Who takes the frames of `cob_id`: for whoever borrows the COB-ID and gives it back."""
+        return self._handlers.get(cob_id)
+
     def send(self, cob_id: int, data: bytes) -> None:
         """Send one frame with an 11-bit identifier. Raises `BusLostError`."""
         self._require_open()

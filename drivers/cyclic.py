@@ -36,6 +36,7 @@ from drivers.drive_state import DriveState, drive_state
 from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.frames import CycleStore
 from drivers.judge import CycleJudge
+from drivers.listening import listen_for_masters, listening_time_ns
 from drivers.port import Command, DriveLimits, Guard, Mode, Origin, RigDescription
 from drivers.rig_nodes import GuardContact, MotorEncoder, RigNodes
 from drivers.samples import Break, CycleFlag, SampleBlock
@@ -91,6 +92,12 @@ class CanRigConfig:
                 value=f"{self.patience_cycles}, {self.settle_factor}",
             )
 
+    @property
+    def node_ids(self) -> tuple[int, ...]:
+        """The nodes that are this rig's, the drive first."""
+        devices = (self.drive, *self.counters, *self.modules)
+        return tuple(device.node_id for device in devices)
+
 
 class CanRig:
     """A rig on a CAN bus. `connect` opens the raw bus; `pump` lets devices of the same process run;
@@ -138,8 +145,9 @@ class CanRig:
         """Bring every node from any state to OPERATIONAL with the servo off, mapped and watched.
         Raises `DriverError`.
         """
+        raw = self._connect()
         bus = PumpedBus(
-            self._connect(),
+            raw,
             self._clock,
             pump=self._pump,
             time_base=self._wanted_base,
@@ -148,6 +156,14 @@ class CanRig:
         self._bus = bus
         config = self._config
         try:
+            self._left_events += listen_for_masters(
+                raw,
+                self._clock,
+                self._pump,
+                node_ids=config.node_ids,
+                own_node_id=config.own_node_id,
+                duration_ns=listening_time_ns(config.drive.computer_heartbeat_ms),
+            )
             nodes = RigNodes(
                 bus=bus,
                 cycle_ns=config.cycle_ns,

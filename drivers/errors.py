@@ -34,6 +34,10 @@ class BusLostError(DriverError):
     """The bus, the hub or the line is gone: nothing can be sent or received any more."""
 
 
+class OtherMasterError(DriverError):
+    """Somebody else commands the bus: a rig has one master. Nothing was moved, nothing of theirs was touched."""
+
+
 class StaleDataError(DriverError):
     """No complete cycle came back within the time allowed."""
 

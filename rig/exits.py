@@ -13,7 +13,7 @@
 
 from __future__ import annotations
 
-from drivers.errors import DriverError
+from drivers.errors import DriverError, OtherMasterError
 from experiments.errors import AnalysisError, PlanError
 from model.errors import ModelError, ParameterError
 from rig.errors import ConfigurationError, LimitError, RigError
@@ -38,6 +38,7 @@ CODE_OF_ERROR: tuple[tuple[type[BaseException], int, str], ...] = (
     (ConfigurationError, USAGE, "The configuration cannot be accepted"),
     (AnalysisError, ERROR, "This recording cannot be analysed"),
     (ModelError, ERROR, "The model cannot do this"),
+    (OtherMasterError, ERROR, "This rig is led by somebody else"),
     (DriverError, ERROR, "The rig's hardware did not do what it must"),
     (RigError, ERROR, "This could not be done"),
     (KeyboardInterrupt, ABORTED, "Stopped by the operator"),

@@ -22,7 +22,7 @@ from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
 from rig.run.arming import Arming, guard_check, refuse_unarmed
 from rig.run.computer import claim_real_time
-from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run
+from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run, vars_of
 from rig.run.engine import Ask
 from rig.run.judge import judge_by
 from rig.run.latch import latch_of
@@ -107,6 +107,7 @@ def rig_for(request: RunRequest, planned: PlannedRun) -> AssembledRig:
         gear_mounted=planned.experiment.gear_mounted,
         serial=request.gear_serial,
         protocol=request.protocol,
+        parameters=vars_of(planned.parameters),
         seed=request.seed,
         sample_rate=request.sample_rate,
         disc_inertia=getattr(planned.parameters, "disc_inertia", 0.0),

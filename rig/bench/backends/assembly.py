@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from drivers.bus import RawBus
@@ -40,8 +40,8 @@ class RigRequest:
 
     `gear` and `motor` are the nominal ones. On a simulated rig `seed` is the laboratory (its motor
     and instruments), seed and `serial` together are the individual gear, seed and `protocol`
-    together are the run (start angle, drift, noise). `configuration` is the file that describes a
-    rig of hardware.
+    together are the run (start angle, drift, noise). `parameters` of the protocol are what a replay
+    must have been recorded with. `configuration` is the file that describes a rig of hardware.
     """
 
     gear: HarmonicDrive
@@ -50,6 +50,7 @@ class RigRequest:
     gear_mounted: bool = True
     serial: str = ""
     protocol: str = ""
+    parameters: Mapping[str, object] = field(default_factory=dict)
     seed: int = 0
     sample_rate: float = 1000.0
     disc_inertia: float = 0.0

@@ -19,7 +19,7 @@ def make_port(name: str, request: RigRequest) -> AssembledRig:
     if name.startswith(REPLAY):
         from rig.bench.backends.replayed import replayed
 
-        return replayed(Path(name.removeprefix(REPLAY)))
+        return replayed(Path(name.removeprefix(REPLAY)), request)
     maker = BACKENDS.get(name)
     if maker is None:
         raise ConfigurationError(

@@ -4,6 +4,7 @@ lacks, what it told.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -13,8 +14,10 @@ from drivers.cia301 import NmtState
 from drivers.cyclic import CanRig
 from drivers.device import Identity, Missing, RemoteDevice
 from drivers.port import DeviceEvent
+from drivers.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
 from rig.trial.doctor.drive import inspect_drive
 from rig.trial.doctor.finding import Finding, Verdict, judged
+from rig.trial.doctor.second_client import SecondClient, read_again
 
 PROFILES = {"servo amplifier": 402, "counter": 406, "analog module": 401}
 """The device profile that belongs to each kind of node."""
@@ -33,12 +36,20 @@ def inspect_bus(port: CanRig, heard: Mapping[int, Sequence[int]]) -> Iterable[Fi
     nodes = port.nodes
     for (name, identity), device in zip(nodes.identities.items(), nodes.devices, strict=True):
         group = f"node {device.node_id}, {name}"
-        yield _identity(group, name, identity)
+        yield _identity(group, name, _told_again(device, identity))
         yield _firmware(group, identity)
         yield _state(group, device)
         yield _heartbeat(group, device.watch, heard.get(device.node_id, ()))
         yield _missing(group, device.missing)
-    yield from inspect_drive(nodes.drive, nodes.drive.device.bus.own_node_id)
+    with read_again(nodes.drive.device):
+        yield from inspect_drive(nodes.drive, nodes.drive.device.bus.own_node_id)
+
+
+def _told_again(device: RemoteDevice, identity: Identity) -> Identity:
+    """Who it says that it is, read by another client than the drivers'; what they read where it is silent."""
+    with contextlib.suppress(SdoTimeoutError), read_again(device):
+        return device.identity()
+    return identity
 
 
 def heartbeat_period_ns(watch: NodeWatch) -> int:
@@ -212,18 +223,23 @@ def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
 
 
 def scan(bus: PumpedBus, patience_ns: int = 300_000_000) -> dict[int, int]:
-    """Who answers on the bus: node-ID to device profile, asked by SDO for object 0x1000 at all 127 node-IDs."""
-    profiles: dict[int, int] = {}
-
-    def hear(node_id: int, data: bytes) -> None:
-        if len(data) == 8:
-            is_number = data[0] & 0xE0 == 0x40
-            profiles[node_id] = int.from_bytes(data[4:6], "little") if is_number else 0
-
+    """Who answers on the bus: node-ID to device profile, asked by SDO for object 0x1000 at all 127
+    node-IDs; 0 where a node does not tell its profile.
+    """
+    answering: set[int] = set()
     for node_id in range(1, 128):
-        bus.subscribe(0x580 + node_id, lambda data, stamp_ns, node_id=node_id: hear(node_id, data))
+        bus.subscribe(
+            0x580 + node_id, lambda data, stamp_ns, node_id=node_id: answering.add(node_id)
+        )
         bus.send(0x600 + node_id, bytes([0x40, 0x00, 0x10, 0x00, 0, 0, 0, 0]))
         # One frame at a time: the send buffer of an adapter is a few frames deep.
         bus.idle(_BETWEEN_NS)
     bus.idle(patience_ns)
-    return dict(sorted(profiles.items()))
+    return {node_id: _profile(bus, node_id) for node_id in sorted(answering)}
+
+
+def _profile(bus: PumpedBus, node_id: int) -> int:
+    try:
+        return int.from_bytes(SecondClient(bus, node_id).upload(0x1000, 0)[:2], "little")
+    except (SdoAbortError, SdoTimeoutError, SdoProtocolError):
+        return 0

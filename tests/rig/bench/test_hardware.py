@@ -5,6 +5,7 @@ The devices are simulated ones in a process of their own, reached over a socketc
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,11 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from experiments.recording import Recording
+from drivers.errors import OtherMasterError
+from experiments.recording import Event, Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.registry import HARDWARE
 from rig.errors import ConfigurationError
+from rig.exits import ERROR, explain
 from rig.run.arming import RULES, WITHOUT_GEAR, Arming, guard_check, refuse_unarmed
 from rig.run.dry_run import PlannedRun, plan_run
 from rig.run.start import RunRequest, run_request
@@ -162,6 +165,34 @@ def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(
     assert not report.safe
     with opened(report.path) as recording:
         assert recording.rows > 0
+
+
+def test_a_second_master_is_refused_and_the_first_goes_on(served: Served, tmp_path: Path) -> None:
+    request = armed_request(tmp_path, served.configuration(tmp_path))
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    # Another bench by its description: no lock and no folder in common, only the bus.
+    second = armed_request(elsewhere, served.configuration(elsewhere))
+    refused: list[OtherMasterError] = []
+
+    def join_in(progress: object) -> None:
+        if not refused:
+            with pytest.raises(OtherMasterError) as error:
+                run_request(second, planned_drill(), judged=False)
+            refused.append(error.value)
+
+    events: list[Event] = []
+    report = run_request(
+        request, planned_drill(), judged=False, on_progress=join_in, on_event=events.append
+    )
+    for words in ("set-points for node 1 (COB-ID 0x201)", "SYNC (COB-ID 0x080)"):
+        assert re.search(rf"{re.escape(words)} \d\d+ times", str(refused[0]))
+    code, sentence = explain(refused[0]) or (0, "")
+    assert (code, sentence[:33]) == (ERROR, "This rig is led by somebody else:")
+    assert not list((elsewhere / "runs").glob("*.h5*"))
+    assert report.outcome == "PASS", report.message
+    assert report.metrics["missed_share"] == 0.0
+    assert not [event for event in events if event.code in ("not-operational", "heartbeat-lost")]
 
 
 def test_stop_in_real_time_is_a_controlled_ramp(served: Served, tmp_path: Path) -> None:
