@@ -23,3 +23,7 @@ class LimitError(RigError):
 
 class ConfigurationError(RigError):
     """A configuration file with a wrong or missing value."""
+
+
+class BenchInUseError(RigError):
+    """A bench that another process has; nothing was connected."""

@@ -9,6 +9,7 @@
 | 4 | ABORTED by the operator |
 | 5 | TRIPPED by the supervisor |
 | 6 | ERROR: a file, a device or the program itself |
+| 7 | BUSY: another process has this bench; nothing was connected |
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from __future__ import annotations
 from drivers.errors import DriverError, OtherMasterError
 from experiments.errors import AnalysisError, PlanError
 from model.errors import ModelError, ParameterError
-from rig.errors import ConfigurationError, LimitError, RigError
+from rig.errors import BenchInUseError, ConfigurationError, LimitError, RigError
 
-DONE, FAIL, USAGE, MARGINAL, ABORTED, TRIPPED, ERROR = range(7)
+DONE, FAIL, USAGE, MARGINAL, ABORTED, TRIPPED, ERROR, BUSY = range(8)
 
 CODE_OF_OUTCOME: dict[str, int] = {
     "PASS": DONE,
@@ -36,6 +37,7 @@ CODE_OF_ERROR: tuple[tuple[type[BaseException], int, str], ...] = (
     (PlanError, USAGE, "This protocol cannot be planned"),
     (LimitError, USAGE, "A limit of the rig or the gear would be broken"),
     (ConfigurationError, USAGE, "The configuration cannot be accepted"),
+    (BenchInUseError, BUSY, "This bench is in use"),
     (AnalysisError, ERROR, "This recording cannot be analysed"),
     (ModelError, ERROR, "The model cannot do this"),
     (OtherMasterError, ERROR, "This rig is led by somebody else"),

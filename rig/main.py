@@ -27,6 +27,7 @@ from rig.commands import (
     simulating,
     window,
 )
+from rig.commands.terminal import outliving_the_terminal
 
 app = typer.Typer(
     name="rig",
@@ -36,7 +37,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Run a harmonic-drive test rig, record it, fit a physical model to it, and say how good model and gear are. "
     "With no hardware at all it runs on a simulated rig: try [bold]rig demo[/bold].",
-    epilog="Exit codes: 0 done or PASS, 1 FAIL, 2 usage, 3 MARGINAL, 4 ABORTED, 5 TRIPPED, 6 ERROR.",
+    epilog="Exit codes: 0 done or PASS, 1 FAIL, 2 usage, 3 MARGINAL, 4 ABORTED, 5 TRIPPED, 6 ERROR, 7 BUSY.",
 )
 
 PANELS = {
@@ -103,7 +104,9 @@ def run(arguments: list[str] | None = None) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(exits.DONE) from None
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  the last line before the user
-        raise SystemExit(_tell(error)) from None
+        with outliving_the_terminal():
+            code = _tell(error)
+        raise SystemExit(code) from None
 
 
 def _tell(error: BaseException) -> int:

@@ -1,10 +1,9 @@
 """The bench: the rig on the table, by the identity that it got once and the folder in which its state lies.
 
-    hardware              `[bench] id` of rig.toml; the state folder of `rig.bench.state`
-    sim, wire, replay     the seed of the simulated instruments; the folder of the runs, so that tests,
-                          demonstrations and two people at one computer never meet each other's latches
-
-A simulated rig behind a hub is reached as hardware is, and is a bench by the rules of hardware.
+hardware              `[bench] id` of rig.toml; the state folder of `rig.bench.state`
+a hub                 its address; the user's state folder. The rules are those of hardware
+sim, wire, replay     the seed of the simulated instruments; the folder of the runs, so that tests,
+                      demonstrations and two people at one computer never meet each other's latches
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rig.bench.backends.registry import HARDWARE, REPLAY
+from rig.bench.hub import hub_of
 from rig.bench.state import Scope, state_places
 from rig.errors import ConfigurationError
 
@@ -26,8 +26,9 @@ ALPHABET = "23456789bcdfghjkmnpqrstvwxz"
 class Bench:
     """One physical rig.
 
-    `state` is the folder where its latch lies, `scope` whose that folder is, `elsewhere` are folders
-    in which version 0.1.0 or another user may have left one. `option` names the bench on the command line.
+    `state` is the folder where its latch, its markers and its lock lie, `scope` whose that folder is,
+    `elsewhere` are folders in which version 0.1.0 or another user may have left a latch. `option`
+    names the bench on the command line.
     """
 
     id: str
@@ -35,6 +36,11 @@ class Bench:
     scope: Scope
     elsewhere: tuple[Path, ...] = ()
     option: str
+
+    @property
+    def has_one_master(self) -> bool:
+        """Whether one process at a time may have it; runs in this process's own simulation never meet."""
+        return self.scope != "runs"
 
 
 def new_bench_id(choose: Callable[[Sequence[str]], str] = secrets.choice) -> str:
@@ -57,7 +63,10 @@ def bench_of(backend: str, runs: Path, description: Path | None = None, seed: in
     from rig.bench.config.load import DEFAULT_PATH, load_configuration
 
     path = description or DEFAULT_PATH
-    identity = load_configuration(path).bench.id
+    configuration = load_configuration(path)
+    bus = configuration.bus
+    hub = hub_of(bus.interface, bus.channel, bus.arguments)
+    identity = hub or configuration.bench.id
     if not identity:
         raise ConfigurationError(
             "this bench has no identity: its trips could not be latched to it",
@@ -66,7 +75,9 @@ def bench_of(backend: str, runs: Path, description: Path | None = None, seed: in
             limit="an id of its own, made once and never used again",
             remedy=f'Add the table [bench] with id = "{new_bench_id()}": drawn now, for this rig only.',
         )
-    (scope, state), *others = state_places(identity)
+    (scope, state), *others = state_places(identity, site=not hub)
+    if hub and scope == "user":
+        scope = "hub"
     # Version 0.1.0 latched in the folder of the runs.
     elsewhere = (*(path for _, path in others), runs)
     return Bench(id=identity, state=state, scope=scope, elsewhere=elsewhere, option=option)

@@ -1,7 +1,8 @@
 """The state folder of a bench of hardware: where the latch of a trip outlives runs, programs and folders of runs.
 
 It lies outside every folder of runs, site-wide, so that everybody at this computer meets the same
-latch; where the site's cannot be written, the user's own. `rig doctor` prints which.
+latch; where the site's cannot be written, the user's own. That of a hub is always the user's.
+`rig doctor` prints which.
 """
 
 from __future__ import annotations
@@ -14,20 +15,26 @@ from typing import Literal
 
 from rig.errors import ConfigurationError
 
-Scope = Literal["site", "user", "named", "runs"]
-"""Whose a state folder is: everybody's at this computer, one user's, one that was named, or that of a simulated rig."""
+Scope = Literal["site", "user", "hub", "named", "runs"]
+"""Whose a state folder is: everybody's at this computer, one user's, one user's for a hub, one that was named,
+or that of a simulated rig.
+"""
 Place = tuple[Scope, Path]
 VARIABLE = "HARMONIC_RIG_STATE"
 """The environment variable that names another place: for containers, and for tests."""
 APPLICATION = "harmonic-rig"
 
 
-def state_places(bench_id: str, environment: Mapping[str, str] = os.environ) -> list[Place]:
+def state_places(
+    bench_id: str, environment: Mapping[str, str] = os.environ, *, site: bool = True
+) -> list[Place]:
     """The folders of a bench's state, the one that can be written first: the others may hold state of earlier days.
 
-    Raises `ConfigurationError` naming all of them where none can be written.
+    `site`: whether a place for everybody at this computer comes first. Raises `ConfigurationError`
+    naming all of them where none can be written.
     """
     places = _places(bench_id, environment)
+    places = [place for place in places if site or place[0] != "site"]
     refusals = []
     for place in places:
         reason = _refusal(place[1])

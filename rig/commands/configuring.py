@@ -88,6 +88,7 @@ def _warnings(configured: ConfiguredRig) -> tuple[str, ...]:
     """What can be accepted and should be known: calibrations, missing channels, a guard that nobody reads."""
     from datetime import UTC, datetime
 
+    from rig.bench.hub import hub_of
     from rig.bench.identity import new_bench_id
 
     configuration = configured.configuration
@@ -114,7 +115,8 @@ def _warnings(configured: ConfiguredRig) -> tuple[str, ...]:
         )
     if configuration.guard is None:
         warnings.append("no guard input: arming cannot look whether the guard is closed")
-    if not configuration.bench.id:
+    bus = configuration.bus
+    if not (configuration.bench.id or hub_of(bus.interface, bus.channel, bus.arguments)):
         warnings.append(
             f'no [bench] id: no run is allowed before it has one, such as "{new_bench_id()}"'
         )

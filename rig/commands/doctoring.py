@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rig.commands.running import MountedHow
-from rig.commands.terminal import console, print_json, table
+from rig.commands.terminal import console, outliving_the_terminal, print_json, table
 
 if TYPE_CHECKING:
+    from rig.run.start import RunRequest
     from rig.trial.doctor.examine import Examination
 
 STYLE = {"ok": "green", "warning": "yellow", "failed": "bold red", "skipped": "dim"}
 MARK = {"ok": "ok", "warning": "WARNING", "failed": "FAILED", "skipped": "not looked at"}
 
 
+@outliving_the_terminal()
 def doctor(
     backend: Annotated[
         str, typer.Option(help="Which rig: sim, wire, or hardware (see --config).")
@@ -73,8 +77,7 @@ def doctor(
     from rig.bench.backends.registry import HARDWARE
     from rig.commands.ordering import confirmed, request_of
     from rig.run.arming import refuse_unarmed
-    from rig.run.latch import latch_of
-    from rig.run.start import arming_of, bench_for, plan_request, rig_for
+    from rig.run.start import arming_of, plan_request, rig_for
     from rig.run.stop import StopRequest, pressed_by_signals
     from rig.trial.doctor.examine import examine, readout_of
     from rig.trial.doctor.motion import EXPERIMENT
@@ -100,9 +103,8 @@ def doctor(
         request = confirmed(request, planned, asks=not json)
         if backend == HARDWARE:
             refuse_unarmed(arming_of(request, planned))
-        latch_of(bench_for(request)).refuse()
     stop = StopRequest()
-    with pressed_by_signals(stop):
+    with _bench_of_its_own(request, moves), pressed_by_signals(stop):
         examination = examine(
             lambda: rig_for(request, planned),
             request,
@@ -123,6 +125,28 @@ def doctor(
         if examination.is_fine
         else exits.ERROR
     )
+
+
+@contextmanager
+def _bench_of_its_own(request: RunRequest, moves: bool) -> Iterator[None]:
+    """The bench for the time of the examination: connecting alone takes the nodes from whoever runs there."""
+    from rig.errors import ConfigurationError
+    from rig.run.bench_lock import bench_lock
+    from rig.run.latch import latch_of
+    from rig.run.start import bench_for
+
+    try:
+        bench = bench_for(request)
+    except ConfigurationError:
+        # A bench that cannot be told from others is a line of the checklist, and must not move.
+        if moves:
+            raise
+        yield
+        return
+    with bench_lock(bench, "rig doctor"):
+        if moves:
+            latch_of(bench).refuse()
+        yield
 
 
 def _refuse_a_replay(backend: str) -> None:

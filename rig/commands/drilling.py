@@ -154,7 +154,10 @@ def acknowledge(
         typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
     ] = False,
 ) -> None:
-    """Acknowledge a latched trip by name, so that the next run may be started. Nothing starts by itself."""
+    """Acknowledge a latched trip, or a run that was cut off in motion, by name, so that the next run may be started.
+
+    Nothing starts by itself.
+    """
     from dataclasses import asdict
     from datetime import UTC, datetime
 
@@ -170,6 +173,10 @@ def acknowledge(
         print_json({"acknowledged": {**asdict(trip), "by": operator.strip(), "at": now}})
         return
     typer.echo(f"acknowledged by {operator.strip()}: {trip.cause} in run {trip.run}, {trip.time}")
+    if trip.part:
+        typer.echo(f"It was cut off: {trip.message}")
+        if Path(trip.part).exists():
+            typer.echo(f"Its rows are made a run by: rig recover {trip.part}")
     if not trip.standstill_verified:
         typer.echo(
             "Standstill was NOT verified in that run: look at the rig before it is switched on.",

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import select
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,14 +15,17 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from rig.commands.terminal import print_json
+from rig.commands.terminal import outliving_the_terminal, print_json
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
     from experiments.steps.vocabulary import Prompt
     from rig.run.dry_run import PlannedRun
+    from rig.run.engine import Ask
     from rig.run.order import RunReport
     from rig.run.start import RunRequest
+
+NOBODY = "(nobody at the terminal: not answered)"
 
 Command = TypeVar("Command", bound=Callable[..., None])
 
@@ -116,6 +120,7 @@ def plan(
 
 
 @with_protocol_flags
+@outliving_the_terminal()
 def run(
     context: typer.Context,
     backend: Annotated[
@@ -170,8 +175,9 @@ def run(
 ) -> None:
     """Execute a protocol on a rig and keep it as one run file.
 
-    Usage: rig run PROTOCOL [flags of the protocol]. Ctrl-C is a STOP (controlled ramp, the file is
-    sealed as ABORTED), a second one an ABORT (quick stop). Whatever happens, the rig is made safe
+    Usage: rig run PROTOCOL [flags of the protocol]. Ctrl-C, a closed terminal and a termination
+    request are a STOP (controlled ramp, the file is sealed as ABORTED), a second Ctrl-C an ABORT
+    (quick stop). Whatever happens, the rig is made safe
     and that is checked. A rig of hardware has to be armed: operator and gear named, the guard
     closed, the serial number typed once more.
     """
@@ -300,7 +306,12 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
         progress_line(title, planned.nominal, quiet) as (on_progress, on_event),
     ):
         return run_request(
-            request, planned, stop=stop, ask=_ask, on_progress=on_progress, on_event=on_event
+            request,
+            planned,
+            stop=stop,
+            ask=_at_terminal(),
+            on_progress=on_progress,
+            on_event=on_event,
         )
 
 
@@ -314,15 +325,9 @@ def _run_for_a_program(
     from rig.run.stop import StopRequest, pressed_by_signals
 
     def write(line: str) -> None:
-        if not events:
-            return
-        try:
+        if events:
             sys.stdout.write(line + "\n")
             sys.stdout.flush()
-        except BrokenPipeError:
-            # Nobody listens any more. The end of standard input says so too: that stops the rig,
-            # and this must not crash it.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
     stop = StopRequest()
     remote = RemoteOperator(stop, write, WallClock())
@@ -333,7 +338,7 @@ def _run_for_a_program(
             request,
             planned,
             stop=stop,
-            ask=remote.ask if stdin_control else _ask,
+            ask=remote.ask if stdin_control else _at_terminal(),
             on_progress=remote.on_progress,
             on_event=remote.on_event,
         )
@@ -341,10 +346,29 @@ def _run_for_a_program(
     return report
 
 
-def _ask(prompt: Prompt) -> str:
-    """Put a prompt to whoever sits at the terminal; without one the run goes on and says so."""
-    if not sys.stdin.isatty():
-        return "(nobody at the terminal: not answered)"
-    sys.stderr.write(f"\n{prompt.text} ")
-    sys.stderr.flush()
-    return sys.stdin.readline().strip()
+def _at_terminal() -> Ask:
+    """Puts prompts to whoever sits at the terminal; without one the run goes on and says so.
+
+    It does not wait for the answer: the rig is held meanwhile, and STOP is heard.
+    """
+    from rig.run.remote import PATIENCE
+
+    asked: list[Prompt] = []
+
+    def ask(prompt: Prompt) -> str | None:
+        if not sys.stdin.isatty():
+            return NOBODY
+        if prompt not in asked[-1:]:
+            asked.append(prompt)
+            sys.stderr.write(f"\n{prompt.text} ")
+            sys.stderr.flush()
+        try:
+            # On Windows a console cannot be waited for so.
+            if os.name != "nt" and not select.select([sys.stdin], [], [], PATIENCE)[0]:
+                return None
+            line = sys.stdin.readline()
+        except OSError:
+            return NOBODY
+        return line.strip() if line else NOBODY
+
+    return ask

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import TYPE_CHECKING, Any
+import contextlib
+import os
+import sys
+from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
@@ -54,3 +57,50 @@ def print_json(value: Any) -> None:
     from rig.analysis.store import json_text
 
     typer.echo(json_text(value))
+
+
+class _LastingStream:
+    """A standard stream that goes silent when nobody is at its other end any more, and raises nothing."""
+
+    def __init__(self, stream: Any) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write a text, or lose it."""
+        try:
+            return int(self._stream.write(text))
+        except (OSError, ValueError):
+            self._let_go()
+            return len(text)
+
+    def flush(self) -> None:
+        """Write what is buffered, or lose it."""
+        try:
+            self._stream.flush()
+        except (OSError, ValueError):
+            self._let_go()
+
+    def _let_go(self) -> None:
+        # What is still buffered would fail again at the exit, and change its code.
+        with contextlib.suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, self._stream.fileno())
+            os.close(nowhere)
+
+
+@contextlib.contextmanager
+def outliving_the_terminal() -> Iterator[None]:
+    """Standard output and error that may end (a closed terminal, a reader that has gone) and raise nothing:
+    what a run has to say must not cost its ramp or its file.
+    """
+    before = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = lasting = cast(Any, tuple(_LastingStream(s) for s in before))
+    try:
+        yield
+    finally:
+        for stream in lasting:
+            stream.flush()
+        sys.stdout, sys.stderr = before

@@ -1,5 +1,6 @@
 """The latch of a trip: a file in the state folder of the bench (for a simulated rig the folder of
-its runs) that refuses the next run until somebody acknowledges it by name.
+its runs) that refuses the next run until somebody acknowledges it by name. The marker of a run that
+was cut off in motion (`rig.run.marker`) is a latch as well: nothing was alive to leave another one.
 
 The first cause stays: a later trip does not replace it. There is no automatic restart, not even of
 the program: the latch outlives the process. Every acknowledgement is appended to
@@ -10,15 +11,19 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from rig.bench.held import synchronise_folder
 from rig.bench.identity import Bench
 from rig.errors import RigError
+from rig.run.marker import Orphan, boot_id, orphans
 
 LATCH_NAME = ".tripped.json"
 HISTORY_NAME = "acknowledged-trips.jsonl"
+CUT_OFF = "cut_off_in_motion"
+"""The cause of a latch that is an orphaned marker."""
 
 
 class LatchedTripError(RigError):
@@ -27,42 +32,58 @@ class LatchedTripError(RigError):
 
 @dataclass(frozen=True, slots=True)
 class LatchedTrip:
-    """What tripped: cause, run, time (ISO 8601 with zone), the message, and whether standstill was verified."""
+    """What tripped: cause, run, time (ISO 8601 with zone), the message, and whether standstill was
+    verified. Of a run that was cut off, `part` is the file that it left.
+    """
 
     cause: str
     run: str
     time: str
     message: str
     standstill_verified: bool
+    part: str = ""
 
 
 class TripLatch:
     """The latch of one bench: written in `folder`, and obeyed as well where it lies `elsewhere`.
 
-    `option` is what names the bench to `rig acknowledge`.
+    `option` is what names the bench to `rig acknowledge`. `one_master`: whoever runs on this bench
+    has it for itself, so that no marker there can be that of a run beside it.
     """
 
-    def __init__(self, folder: Path, elsewhere: Sequence[Path] = (), option: str = "") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        elsewhere: Sequence[Path] = (),
+        option: str = "",
+        *,
+        one_master: bool = False,
+    ) -> None:
         self.folder = folder
         self.path = folder / LATCH_NAME
-        self._elsewhere = tuple(place / LATCH_NAME for place in elsewhere)
+        self._places = (folder, *elsewhere)
         self._option = option or f"--output {folder}"
+        self._one_master = one_master
 
     def read(self) -> LatchedTrip | None:
         """The trip that is latched, None when there is none. A latch that cannot be read still counts as one."""
         return self._latched()[1]
 
-    def _latched(self) -> tuple[Path, LatchedTrip | None]:
+    def _latched(self, alone: bool = False) -> tuple[Path, LatchedTrip | None]:
         """Where a trip is latched, and the trip; the bench's own place first."""
-        for path in (self.path, *self._elsewhere):
-            trip = _trip_in(path)
+        return next(self._all(alone), (self.path, None))
+
+    def _all(self, alone: bool) -> Iterator[tuple[Path, LatchedTrip]]:
+        for place in self._places:
+            trip = _trip_in(place / LATCH_NAME)
             if trip is not None:
-                return path, trip
-        return self.path, None
+                yield place / LATCH_NAME, trip
+            for orphan in orphans(place, alone=alone and place == self.folder):
+                yield orphan.path, _cut_off(orphan)
 
     def refuse(self) -> None:
-        """Raise `LatchedTripError` while a trip is latched."""
-        path, trip = self._latched()
+        """Raise `LatchedTripError` while a trip is latched. Asked by whoever is about to run on the bench."""
+        path, trip = self._latched(alone=self._one_master)
         if trip is None:
             return
         unsafe = (
@@ -87,6 +108,7 @@ class TripLatch:
                 file.write(text)
                 file.flush()
                 os.fsync(file.fileno())
+            synchronise_folder(self.folder)
         except OSError as error:
             if isinstance(error, FileExistsError) and self.path.exists():
                 return
@@ -116,7 +138,10 @@ class TripLatch:
         try:
             with (path.parent / HISTORY_NAME).open("a", encoding="utf-8") as file:
                 file.write(json.dumps(entry) + "\n")
-            path.unlink()
+            for latched, other in [(path, trip), *self._all(alone=False)]:
+                # A run whose standstill was not verified leaves both, trip and marker: one cause, one name.
+                if latched == path or (other.part and other.run == trip.run and not trip.part):
+                    latched.unlink(missing_ok=True)
         except OSError as error:
             raise RigError(
                 f"the latch cannot be released: {error.strerror or error}", where=str(path.parent)
@@ -126,14 +151,28 @@ class TripLatch:
 
 def latch_of(bench: Bench) -> TripLatch:
     """The latch of a bench."""
-    return TripLatch(bench.state, bench.elsewhere, bench.option)
+    return TripLatch(bench.state, bench.elsewhere, bench.option, one_master=bench.has_one_master)
+
+
+def _cut_off(orphan: Orphan) -> LatchedTrip:
+    """What an orphaned marker tells: which run, when, how, and the file that it left."""
+    marked = orphan.run
+    if marked is None:
+        return LatchedTrip(CUT_OFF, "unknown", "", f"{orphan.path} cannot be read", False)
+    restarted = marked.boot != boot_id()
+    how = "the computer was started anew since" if restarted else "it was killed"
+    text = (
+        f"process {marked.process} ({marked.protocol}) ended in motion, "
+        f"before standstill was verified: {how}; what it recorded is in {marked.part}"
+    )
+    return LatchedTrip(CUT_OFF, marked.run, marked.time, text, False, marked.part)
 
 
 def _trip_in(path: Path) -> LatchedTrip | None:
     """The trip that a file tells; None where there is none."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     except (OSError, ValueError):
         return LatchedTrip("unknown", "unknown", "", f"{path} cannot be read", False)

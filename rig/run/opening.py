@@ -10,13 +10,14 @@ from typing import Any, cast
 
 from drivers.port import RigDescription
 from experiments.recording import Origin, RunMetadata
-from rig.library.folder import claim_run
+from rig.library.folder import RunPlace, claim_run
 from rig.run.dry_run import vars_of
 from rig.run.order import RunOrder
 from rig.run.recorder import InlineRecorder, Recorder, ThreadedRecorder
 from rig.run.session import output_sense
 from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column
+from rig.runfile.seal import part_path
 from rig.runfile.write import RunWriter
 
 
@@ -45,7 +46,7 @@ def begin_inline_run(
 
     Raises `RunFileError`.
     """
-    place = claim_run(order.output, order.planned.experiment.name, order.gear_serial)
+    place = claimed(order, start_time)
     writer = RunWriter(
         place.path, header_of(order, description, place.run_id, epoch_ns, start_time)
     )
@@ -56,7 +57,7 @@ def begin_threaded_run(
     order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
 ) -> BegunRun:
     """As `begin_inline_run`, for a rig in real time: the disk never makes the loop late. Raises `RunFileError`."""
-    place = claim_run(order.output, order.planned.experiment.name, order.gear_serial)
+    place = claimed(order, start_time)
     # Rows come a few at a time and each flush is short: chunks are compressed when the run is sealed.
     writer = RunWriter(
         place.path,
@@ -64,6 +65,18 @@ def begin_threaded_run(
         compress=False,
     )
     return BegunRun(place.run_id, writer, ThreadedRecorder(writer, 1e9 / order.port.cycle_ns))
+
+
+def claimed(order: RunOrder, start_time: str) -> RunPlace:
+    """The next number in the order's folder, marked as running before there is a file.
+
+    Raises `RigError`; nothing has moved.
+    """
+    protocol = order.planned.experiment.name
+    place = claim_run(order.output, protocol, order.gear_serial)
+    if order.marker is not None:
+        order.marker.leave(place.run_id, protocol, start_time, part_path(place.path))
+    return place
 
 
 def header_of(

@@ -16,6 +16,7 @@ from rig.run.bounds import Watch
 from rig.run.dry_run import PlannedRun
 from rig.run.latch import TripLatch
 from rig.run.make_safe import MakeSafeReport, Patience
+from rig.run.marker import RunMarker
 from rig.run.preflight import Check
 from rig.run.recorder import Recorder
 from rig.run.trips import Trip
@@ -45,6 +46,8 @@ class RunOrder:
     """The identity of the bench."""
     latch: TripLatch | None = None
     """Where a trip is latched until it is acknowledged by name; None: nowhere (a rig that is thrown away)."""
+    marker: RunMarker | None = None
+    """Says, from before arming until verified standstill, that this run may be in motion."""
     watchdog: Watchdog | None = None
     """Watches in real time that turns happen."""
     arm: Callable[[], tuple[Check, ...]] | None = None

@@ -457,6 +457,8 @@ class Session:
         metrics.update(counted)
         if trip is not None:
             self._latch_trip(trip)
+        if ending is not None and ending.safe and self._order.marker is not None:
+            self._order.marker.remove()
         path, readable = logbook.close(self._outcome, figures)
         if not readable:
             self._outcome = self._outcome if self._outcome in ("TRIPPED", "ABORTED") else "ERROR"

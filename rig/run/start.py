@@ -21,13 +21,15 @@ from rig.bench.backends.registry import HARDWARE, make_port
 from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
 from rig.run.arming import Arming, guard_check, refuse_unarmed
+from rig.run.bench_lock import bench_lock
 from rig.run.computer import claim_real_time
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run, vars_of
 from rig.run.engine import Ask
 from rig.run.judge import judge_by
 from rig.run.latch import latch_of
+from rig.run.marker import RunMarker
 from rig.run.opening import begin_inline_run, begin_threaded_run
-from rig.run.order import Judge, Progress, RunOrder, RunReport
+from rig.run.order import Judge, Judgement, Progress, RunOrder, RunReport
 from rig.run.preflight import Check
 from rig.run.realtime import block_cycles, execute_in_real_time, watchdog_deadline
 from rig.run.session import execute
@@ -133,20 +135,20 @@ def run_request(
     if request.backend == HARDWARE:
         refuse_unarmed(arming_of(request, planned))
     bench = bench_for(request)
-    # Before anything is connected: a rig that tripped is left alone until somebody has looked.
-    latch_of(bench).refuse()
-    rig = rig_for(request, planned)
-    return run_on(
-        rig,
-        request,
-        planned=planned,
-        stop=stop,
-        ask=ask,
-        bench=bench,
-        judge=judge_by(planned) if judged else None,
-        on_progress=on_progress,
-        on_event=on_event,
-    )
+    with bench_lock(bench, f"rig run {request.protocol}"):
+        # Before anything is connected: a rig that tripped is left alone until somebody has looked.
+        latch_of(bench).refuse()
+        return run_on(
+            rig_for(request, planned),
+            request,
+            planned=planned,
+            stop=stop,
+            ask=ask,
+            bench=bench,
+            judge=judge_by(planned) if judged else None,
+            on_progress=on_progress,
+            on_event=on_event,
+        )
 
 
 def run_on(
@@ -162,9 +164,17 @@ def run_on(
 ) -> RunReport:
     """Run what was planned on a rig that is put together and not opened. Whether it may is the caller's business.
 
-    `bench`: where a trip is latched, if that is not the request's own.
+    `bench`: where a trip is latched and the run marked, if that is not the request's own.
     """
     bench = bench or bench_for(request)
+    marker = RunMarker(bench.state, bench.id)
+
+    def judged(path: Path) -> Judgement:
+        # Asked only once standstill is verified: whoever is killed in here leaves a rig that stands.
+        marker.remove()
+        assert judge is not None
+        return judge(path)
+
     cycles = request.block_cycles
     if rig.real_time:
         cycles = block_cycles(request.sample_rate, cycles, rig.reaction)
@@ -182,15 +192,25 @@ def run_on(
         free_space=lambda: shutil.disk_usage(request.output).free,
         bench=bench.id,
         latch=latch_of(bench),
+        marker=marker,
         watchdog=watchdog_of(rig, cycles) if rig.real_time else None,
         arm=(lambda: arm(rig)) if rig.real_time else None,
     )
     run, begin = (
         (execute_in_real_time, begin_threaded_run) if rig.real_time else (execute, begin_inline_run)
     )
-    return run(
-        order, begin, stop=stop, ask=ask, judge=judge, on_progress=on_progress, on_event=on_event
-    )
+    try:
+        return run(
+            order,
+            begin,
+            stop=stop,
+            ask=ask,
+            judge=None if judge is None else judged,
+            on_progress=on_progress,
+            on_event=on_event,
+        )
+    finally:
+        marker.let_go()
 
 
 def arming_of(request: RunRequest, planned: PlannedRun) -> Arming:

@@ -5,10 +5,17 @@ The object is handed in, so that a signal handler, a window or a test can press 
 
 from __future__ import annotations
 
-import sys
+import contextlib
+import os
+import select
+import signal
+import threading
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
+
+from rig.run import console_windows
 
 
 class StopRequest:
@@ -52,21 +59,55 @@ class StopRequest:
         return taken
 
 
+ESCALATING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGBREAK")
+"""Signals that somebody sends: the first is a STOP, the next an ABORT."""
+SAID_TWICE = ("SIGHUP",)
+"""The terminal is gone. The system and the shell both say so: that is one STOP, however often."""
+
+
 @contextmanager
 def pressed_by_signals(stop: StopRequest) -> Iterator[None]:
-    """Ctrl-C presses STOP, then ABORT; a termination request is a STOP. The handlers before are put back."""
-    import signal
+    """Ctrl-C, a termination request and a closed terminal press STOP. The handlers before are put back.
+
+    A signal that this process was started to ignore (`nohup`, a job in the background) stays ignored.
+    On Windows the console says some of it in another way, for as long as the block lasts.
+    """
 
     def press(number: int, frame: object) -> None:
         stop.press()
-        word = "STOP" if stop.level == 1 else "ABORT"
-        sys.stderr.write(
-            f"\n{word}: {'controlled ramp; Ctrl-C again is a quick stop' if stop.level == 1 else 'quick stop'}\n"
-        )
+        _say(WORDS[stop.level])
 
-    before = {number: signal.signal(number, press) for number in (signal.SIGINT, signal.SIGTERM)}
+    def hang_up(number: int, frame: object) -> None:
+        stop.stop()
+
+    handlers = dict.fromkeys(ESCALATING, press) | dict.fromkeys(SAID_TWICE, hang_up)
+    before: dict[int, Any] = {}
+    for name, handler in handlers.items():
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            before[number] = signal.signal(number, handler)
+    over = threading.Event()
+    console = console_windows.aborted_by_console(stop, over.wait) if os.name == "nt" else None
     try:
-        yield
+        with console or contextlib.nullcontext():
+            yield
     finally:
+        over.set()
         for number, handler in before.items():
-            signal.signal(number, handler)
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
+WORDS = {
+    1: "\nSTOP: controlled ramp; Ctrl-C again is a quick stop\n",
+    2: "\nABORT: quick stop\n",
+}
+
+
+def _say(text: str) -> None:
+    """Something on standard error, from within a signal handler: it must neither raise nor wait for a reader.
+
+    Past Python's own stream, which cannot be entered twice.
+    """
+    with contextlib.suppress(OSError, ValueError):
+        if os.name == "nt" or select.select([], [2], [], 0.0)[1]:
+            os.write(2, text.encode())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,7 +15,8 @@ from pathlib import Path
 
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.bench.identity import new_bench_id
+from rig.bench.hub import hub_id
+from rig.bench.state import state_places
 from sim_backend.wire.serve import Addresses, make_bench, serve
 
 TEMPLATE = resources.files("rig.bench.config").joinpath("template.toml").read_text(encoding="utf-8")
@@ -33,8 +35,6 @@ class Served:
         text = text.replace(
             "# arguments = {}", f'arguments = {{ host = "127.0.0.1", port = {self.port} }} #'
         )
-        # Each rig that is served is a bench of its own: the trip of one test is nobody else's.
-        text = text.replace('id = ""', f'id = "{new_bench_id()}"')
         text += f"\n[guard]\nnode_id = 1\nmask = 8\nclosed = {guard_closed}\n"
         path = folder / "rig.toml"
         path.write_text(text, encoding="utf-8")
@@ -48,7 +48,11 @@ def served_rig(rate: float) -> Iterator[Served]:
     root = Path(__file__).parents[2]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=root) as process:
         assert process.stdout is not None
-        yield Served(process, json.loads(process.stdout.readline())["port"])
+        port = json.loads(process.stdout.readline())["port"]
+        # A hub is the bench at its address: the trip of a test that had this port before is nobody's now.
+        for _, state in state_places(hub_id("127.0.0.1", port, "can0"), site=False):
+            shutil.rmtree(state)
+        yield Served(process, port)
         process.terminate()
 
 

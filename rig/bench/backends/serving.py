@@ -11,6 +11,7 @@ from typing import Any
 
 from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.simulated import seeds_of
+from rig.bench.hub import hub_id
 from rig.errors import ConfigurationError
 from sim_backend.faults import Fault
 from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, WireBench
@@ -123,8 +124,8 @@ def description_of(served: Served, request: RigRequest) -> str:
         "host": served.host,
         "port": served.port,
         "channel": served.channel,
-        # The seed of its instruments: served again, it is the same bench.
-        "bench": f"simulated-{request.seed}",
+        # A hub is the bench at its address: served there again, it is the same one.
+        "bench": hub_id(served.host, served.port, served.channel),
         "rate": f"{request.sample_rate:g}",
         "drive": DRIVE_NODE,
         "counter": COUNTER_NODE,

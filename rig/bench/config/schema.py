@@ -114,7 +114,8 @@ class General(Part):
 class BenchName(Part):
     """Which bench this is: drawn once by `rig config new`, never used for another rig.
 
-    It names a folder. Descriptions of version 0.1.0 have none; a run on hardware asks for it.
+    It names a folder. Descriptions of version 0.1.0 have none; a run on hardware asks for it. A hub
+    (`interface = "socketcand"`) goes by its address, whatever stands here.
     """
 
     id: str = Field(default="", pattern=r"^([a-z0-9]+(-[a-z0-9]+)*)?$", max_length=64)

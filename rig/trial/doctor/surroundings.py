@@ -17,6 +17,7 @@ from drivers.nd287 import Readout, ReadoutConfig, open_port
 from drivers.port import DriveLimits, RigPort
 from rig.bench.state import VARIABLE, Scope
 from rig.errors import ConfigurationError, LimitError
+from rig.run.latch import latch_of
 from rig.run.preflight import Check, limits_check
 from rig.run.start import RunRequest, bench_for
 from rig.trial.doctor.finding import Finding, judged
@@ -33,13 +34,14 @@ CALIBRATED = (INPUT_ANGLE, OUTPUT_ANGLE, TORQUE)
 SCOPES: dict[Scope, str] = {
     "site": "for everybody at this computer",
     "user": "of this user only: the site's cannot be written",
+    "hub": "of this user, as of every hub",
     "named": f"named by {VARIABLE}",
     "runs": "that of the runs, as of every simulated rig",
 }
 
 
 def bench_lines(request: RunRequest) -> Iterable[Finding]:
-    """Which bench this is, and the folder in which a trip of it would be latched."""
+    """Which bench this is, the folder in which a trip of it would be latched, and what is latched there."""
     try:
         bench = bench_for(request)
     except ConfigurationError as error:
@@ -62,6 +64,15 @@ def bench_lines(request: RunRequest) -> Iterable[Finding]:
         remedy="Another user would not meet its latch: make the site's writable for all who run it"
         f" ({', '.join(str(place) for place in bench.elsewhere[:1])}).",
     )
+    trip = latch_of(bench).read()
+    if trip is not None:
+        yield Finding(
+            group="bench",
+            name="latch",
+            result="failed",
+            evidence=f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}: {trip.message}",
+            remedy=f"Find and remove the cause, then: rig acknowledge --operator NAME {bench.option}",
+        )
 
 
 def disk(folder: Path) -> Finding:

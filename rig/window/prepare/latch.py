@@ -11,7 +11,7 @@ from PySide6.QtWidgets import (
 
 from rig.errors import RigError
 from rig.gears.card import now_text
-from rig.run.latch import LatchedTrip, TripLatch
+from rig.run.latch import CUT_OFF, LatchedTrip, TripLatch
 from rig.run.trips import rule_of
 from rig.window.prepare.preview_plot import short_name
 from rig.window.shell.stack import in_column, in_row, line_field, push_button, restyled, text_label
@@ -68,6 +68,11 @@ def trip_in_words(trip: LatchedTrip) -> str:
         if trip.standstill_verified
         else "Standstill was NOT verified: look at the rig first."
     )
+    if trip.cause == CUT_OFF:
+        return (
+            f"Run {trip.run}, {trip.time}, was cut off: {trip.message}.\n{safe}\n"
+            "Look at the rig; then acknowledge it. Its rows are made a run by: rig recover."
+        )
     rule = rule_of(trip.cause)
     return (
         f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}. {trip.message}\n{safe}\n"

@@ -120,11 +120,37 @@ def test_a_check_of_a_description_of_before_says_that_the_identity_is_missing(
     assert not any("[bench]" in warning for warning in json.loads(named.stdout)["warnings"])
 
 
-def test_a_served_rig_is_a_bench_named_by_its_seed(tmp_path: Path) -> None:
+def test_a_hub_is_the_bench_at_its_address_whatever_its_description_calls_it(
+    tmp_path: Path, state: Path
+) -> None:
     request = RigRequest(gear=shipped_gear(), motor=shipped_motor(), seed=7)
+    path, runs = tmp_path / "rig.toml", tmp_path / "runs"
+    served = description_of(Served("127.0.0.1", 29536, "can0", "", {}, ""), request)
+    for text in (
+        served,
+        served.replace('id = "hub-127-0-0-1-29536-can0"', 'id = "another-name"'),
+        served.replace("127.0.0.1", "localhost"),
+        re.sub(r"\[bench\]\nid.*\n", "", served),
+    ):
+        path.write_text(text)
+        bench = bench_of(HARDWARE, runs, path)
+        assert bench.id == "hub-127-0-0-1-29536-can0"
+        assert (bench.state, bench.has_one_master) == (state / "benches" / bench.id, True)
+    assert load_configuration(path).bench.id == ""
+    path.write_text(served.replace("29536", "29537"))
+    assert bench_of(HARDWARE, runs, path).id != bench.id
+
+
+def test_the_state_of_a_hub_is_the_user_s(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr(platformdirs, "site_state_path", lambda *_, **__: tmp_path / "site")
+    monkeypatch.setattr(platformdirs, "user_state_path", lambda *_, **__: tmp_path / "user")
+    request = RigRequest(gear=shipped_gear(), motor=shipped_motor())
     path = tmp_path / "rig.toml"
-    path.write_text(description_of(Served("127.0.0.1", 1, "can0", "", {}, ""), request))
-    assert load_configuration(path).bench.id == "simulated-7"
+    path.write_text(description_of(Served("127.0.0.1", 29536, "can0", "", {}, ""), request))
+    bench = bench_of(HARDWARE, tmp_path / "runs", path)
+    assert (bench.scope, bench.state.parts[-3]) == ("hub", "user")
+    assert not (tmp_path / "site").exists()
 
 
 # --- the state folder

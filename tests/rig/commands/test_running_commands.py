@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
-import signal
-import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -249,39 +244,6 @@ def test_the_progress_line_needs_a_terminal(
         on_progress(now)
         on_event(bad)
     assert "warning: beware [of] brackets" in capsys.readouterr().err
-
-
-@pytest.mark.skipif(
-    os.name == "nt", reason="a console process cannot be sent Ctrl-C alone on Windows"
-)
-def test_ctrl_c_is_a_stop_and_the_file_is_sealed_as_aborted(tmp_path: Path) -> None:
-    # Long enough that nobody's computer finishes it before the signal.
-    command = [
-        sys.executable,
-        "-c",
-        "from rig.main import run; run()",
-        "run",
-        "warm-up",
-        "--at-most",
-        "86400",
-    ]
-    command += ["--tolerance", "1e-9", "--window", "60", "--output", str(tmp_path), "--json"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 60.0
-    while (
-        not list(tmp_path.glob("*.part")) and time.monotonic() < deadline and process.poll() is None
-    ):
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(0.05)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    assert process.returncode == exits.ABORTED, err
-    report = json.loads(out)
-    assert report["outcome"] == "ABORTED"
-    assert report["make_safe"]["action"] == "controlled stop"
-    assert report["make_safe"]["safe"]
-    assert Path(report["path"]).suffix == ".h5"
-    assert "STOP: controlled ramp" in err
 
 
 def test_the_card_of_a_gear_tells_a_run_its_mounting_and_its_conditions(

@@ -1,0 +1,126 @@
+"""`rig` as a process of its own with one more rig, `paced`: the simulated one at the speed of the wall clock.
+
+What the plant really does is told on a pipe of its own (the descriptor in the environment), one
+line each: `moving` once its input turns, `stands` once it has come to rest.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import WallClock
+from drivers.samples import SampleBlock
+from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.registry import BACKENDS
+from rig.bench.backends.simulated import seeds_of
+from sim_backend.direct import SimulatedRig
+
+VARIABLE = "RIG_TELLS_ON"
+TURNING = 0.5
+"""rad/s of the input above which the plant is called moving."""
+DEADLINE = 60.0
+"""s that a test waits for a line before it fails."""
+LONG = ("run", "warm-up", "--backend", "paced", "--block", "20", "--at-most", "3600")
+LONG += ("--tolerance", "1e-9", "--window", "60", "--zero-time", "0.5")
+"""A protocol that nobody's computer finishes."""
+
+
+def paced_rig(request: RigRequest, tell: Callable[[str], None]) -> AssembledRig:
+    """The simulated rig in real time; `tell` hears what its plant does."""
+    clock = WallClock()
+    port: Any = SimulatedRig(**seeds_of(request), clock=clock)
+    exchange, plant, moving = port.exchange, port._plant, [False]
+
+    def told(*arguments: Any) -> SampleBlock:
+        block: SampleBlock = exchange(*arguments)
+        if (abs(plant.input_speed) > TURNING) != moving[0]:
+            moving[0] = not moving[0]
+            tell("moving" if moving[0] else "stands")
+        return block
+
+    port.exchange = told
+    return AssembledRig(name="sim", port=port, clock=clock)
+
+
+def _teller() -> Callable[[str], None]:
+    descriptor = int(os.environ[VARIABLE])
+    return lambda line: os.write(descriptor, f"{line}\n".encode()) and None
+
+
+@dataclass
+class PacedProcess:
+    """A `rig` that runs, and what its plant tells."""
+
+    process: subprocess.Popen[str]
+    pipe: int
+    heard: list[str] = field(default_factory=list)
+    _rest: bytes = b""
+
+    def until(self, line: str, times: int = 1) -> None:
+        """Wait for a line of the plant, or of as many plants."""
+        end = time.monotonic() + DEADLINE
+        while self.heard.count(line) < times:
+            ready = select.select([self.pipe], [], [], max(end - time.monotonic(), 0.0))[0]
+            assert ready, f"{line} was not told within {DEADLINE:g} s, only {self.heard}"
+            data = os.read(self.pipe, 4096)
+            assert data, f"ended before {line}: {self.process.communicate()}"
+            *whole, self._rest = (self._rest + data).split(b"\n")
+            self.heard += [text.decode() for text in whole]
+
+
+@contextmanager
+def paced_process(arguments: Sequence[str], **options: Any) -> Iterator[PacedProcess]:
+    """Start `rig ARGUMENTS` with the paced rigs; it is killed at the end of the block if it still runs."""
+    reading, writing = os.pipe()
+    command = [sys.executable, "-m", "tests.rig.paced", *arguments]
+    usual: dict[str, Any] = {
+        "stdin": subprocess.DEVNULL,
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "text": True,
+    }
+    process = subprocess.Popen(
+        command,
+        cwd=Path(__file__).parents[2],
+        env={**os.environ, VARIABLE: str(writing)},
+        pass_fds=[writing],
+        **{**usual, **options},
+    )
+    os.close(writing)
+    try:
+        yield PacedProcess(process, reading)
+    finally:
+        process.kill()
+        process.communicate()
+        os.close(reading)
+
+
+def at_once(times: int) -> None:
+    """Return in as many processes; this one waits for them, and ends with their worst exit code."""
+    import rig.run.start  # noqa: F401  before there are several, what all of them need
+
+    for _ in range(times):
+        if not os.fork():
+            return
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise SystemExit(max(os.waitstatus_to_exitcode(os.wait()[1]) for _ in range(times)))
+
+
+if __name__ == "__main__":
+    from rig.main import run
+
+    teller = _teller()
+    BACKENDS["paced"] = lambda request: paced_rig(request, teller)
+    if sys.argv[1].startswith("--times="):
+        at_once(int(sys.argv.pop(1).removeprefix("--times=")))
+    run()
