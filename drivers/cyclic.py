@@ -12,7 +12,6 @@ frame; with a host's stamps, or with none, the cycle says `HOST_TIME`.
 from __future__ import annotations
 
 import contextlib
-import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -25,7 +24,7 @@ from drivers import cia402_tables as obj
 from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
 from drivers.bus import Event, Pump, PumpedBus, RawBus, TimeBase
 from drivers.channel import Channel
-from drivers.cia301 import SDO_REQUEST_BASE, SYNC_COB_ID, NmtCommand, ObjectRef
+from drivers.cia301 import SYNC_COB_ID, NmtCommand, ObjectRef
 from drivers.cia401 import AnalogModuleConfig
 from drivers.cia402 import DriveConfig
 from drivers.cia406 import CounterConfig
@@ -37,6 +36,7 @@ from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.frames import CycleStore
 from drivers.judge import CycleJudge
 from drivers.port import Command, DriveLimits, Guard, Mode, Origin, RigDescription
+from drivers.request_line import RequestLine
 from drivers.rig_nodes import GuardContact, MotorEncoder, RigNodes
 from drivers.samples import Break, CycleFlag, SampleBlock
 from drivers.set_points import command_frames, set_point_counts
@@ -114,6 +114,7 @@ class CanRig:
         self._truth = truth
         self._bus: PumpedBus | None = None
         self._nodes: RigNodes | None = None
+        self._line: RequestLine | None = None
         self._left_events: list[Event] = []
         self._lost: BusLostError | None = None
 
@@ -133,6 +134,11 @@ class CanRig:
     def time_base(self) -> TimeBase:
         """What the time stamps are: the bus's base, or the host's where neither SYNC nor frames carry a stamp."""
         return self._wanted_base
+
+    @property
+    def line(self) -> RequestLine | None:
+        """The line to each device beside the cyclic data, once the rig is open."""
+        return self._line
 
     def open(self) -> RigDescription:
         """Bring every node from any state to OPERATIONAL with the servo off, mapped and watched.
@@ -179,14 +185,15 @@ class CanRig:
 
     def exchange(self, command: Command, cycles: int, guard: Guard) -> SampleBlock:
         """Run up to `cycles` SYNC cycles with the set-points and return what was latched. Raises `DriverError`."""
-        nodes, bus = self._opened(), self._live_bus()
-        if self._lost is not None:
-            raise self._lost
+        nodes, bus, line = self._opened(), self._live_bus(), self._line
+        if self._lost is not None or line is None:
+            raise self._lost or BusLostError("the rig has been closed", where=self._config.title)
         speeds, torques = set_point_counts(command, cycles, self.channels)
         self._judge.adopt(guard)
         self._enter(command.mode)
         # Before the frames are built: enabling may have gone by SDO, and a fixed RPDO must carry what now holds.
-        if self._held_is_old:
+        # A drive that says nothing is not waited for when it is to be stopped: what it held last goes on.
+        if self._held_is_old and (command.mode in _ACTIVE or not self._silent):
             self._held, self._held_is_old = nodes.held_values(), False
         frames = command_frames(
             nodes.commands,
@@ -203,7 +210,7 @@ class CanRig:
         broken: Break | None = None
         try:
             for row in range(cycles):
-                stamp, latency, flags = self._cycle(bus, [f[row] for f in frames], row)
+                stamp, latency, flags = self._cycle(bus, line, [f[row] for f in frames], row)
                 times.append(stamp)
                 latencies.append(latency)
                 if is_judged:
@@ -237,21 +244,6 @@ class CanRig:
         self._opened().drive.reset_fault()
         self._mode = Mode.OFF
 
-    def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        """Raw counts by SDO of the channels whose devices answer that: where their process data
-        stay away. Never raises.
-        """
-        self._pause()
-        return self._opened().ask(channels) if self._lost is None else {}
-
-    def switch_off(self) -> None:
-        """Servo off by SDO, for a drive that hears no process data. Never raises: what came of it
-        is for `ask` to say.
-        """
-        self._pause()
-        with contextlib.suppress(DriverError):
-            self._opened().drive.switch_off()
-
     def close(self) -> None:
         """Servo off, the drive's watch over the computer off, bus released. Never raises."""
         bus, nodes = self._bus, self._nodes
@@ -275,20 +267,18 @@ class CanRig:
         """The drive does not answer: servo off by process data all the same, then NMT STOP, to
         which it reacts by 0x6007.
         """
-        none = np.zeros(1, dtype=np.int64)
         with contextlib.suppress(DriverError):
             if nodes is not None:
-                frames = command_frames(
-                    nodes.commands,
-                    obj.DISABLE_VOLTAGE,
-                    speeds=none,
-                    torques=none,
-                    held=self._held,
-                )
-                for pdo, (data,) in zip(nodes.commands, frames, strict=True):
-                    bus.send(pdo.cob_id, data)
+                for cob_id, data in self._command_once(obj.DISABLE_VOLTAGE):
+                    bus.send(cob_id, data)
                 bus.send(SYNC_COB_ID, b"")
                 bus.nmt(NmtCommand.STOP, nodes.drive.device.node_id)
+
+    def _command_once(self, controlword: int) -> list[tuple[int, bytes]]:
+        """(COB-ID, data) of every RPDO with a controlword and set-points of zero."""
+        pdos, none = self._opened().commands, np.zeros(1, dtype=np.int64)
+        frames = command_frames(pdos, controlword, speeds=none, torques=none, held=self._held)
+        return [(pdo.cob_id, data) for pdo, (data,) in zip(pdos, frames, strict=True)]
 
     # --- beyond the port
 
@@ -326,10 +316,9 @@ class CanRig:
         """(COB-ID, data) of the frames that quick-stop the drive without this loop: for a watchdog
         with a bus of its own.
 
-        The controlword goes by SDO, so that it acts without SYNC.
+        Process data, and the SYNC with which they act: the drive's SDO channel belongs to this loop.
         """
-        request = struct.pack("<BHBHH", 0x2B, *obj.CONTROLWORD.key, obj.QUICK_STOP, 0)
-        return [(SDO_REQUEST_BASE + self._config.drive.node_id, request)]
+        return [*self._command_once(obj.QUICK_STOP), (SYNC_COB_ID, b"")]
 
     # --- inside
 
@@ -371,6 +360,7 @@ class CanRig:
         self._was_enabled = False
         self._statusword = self._statusword_bytes(nodes)
         self._pause_pending = False
+        self._line = RequestLine(bus, nodes.places(self._store.is_absent))
         self._held: dict[tuple[int, int], int] = {}
         self._held_is_old = True
         self._lost = None
@@ -442,7 +432,9 @@ class CanRig:
         """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
         self._pause_pending = self._held_is_old = True
 
-    def _cycle(self, bus: PumpedBus, commands: list[bytes], row: int) -> tuple[int, int, int]:
+    def _cycle(
+        self, bus: PumpedBus, line: RequestLine, commands: list[bytes], row: int
+    ) -> tuple[int, int, int]:
         """One SYNC cycle: (stamp, latency, flags)."""
         self._wait_for_turn(bus, row)
         # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
@@ -456,6 +448,8 @@ class CanRig:
         calendar = self._clock.calendar_ns()
         self._sent.append(sent)
         bus.send(SYNC_COB_ID, b"")
+        if line.is_busy:
+            line.turn(self._first_cycle + row)
         self._collect(bus, sent, patience)
         latency = self._clock.monotonic_ns() - sent
         flags = self._store.end_cycle()

@@ -17,9 +17,10 @@ from drivers.cia402 import DriveConfig, ServoAmplifier
 from drivers.cia406 import Counter, CounterConfig
 from drivers.columns import Column, Kind, Validity
 from drivers.device import Identity, Missing, RemoteDevice
-from drivers.errors import BusLostError, DriverError
+from drivers.errors import DriverError
 from drivers.frames import Field, FrameLayout
 from drivers.pdo import MappedPdo, map_objects
+from drivers.request_line import Place
 from drivers.set_points import COMMANDED
 
 _ORDER = (
@@ -512,25 +513,23 @@ class RigNodes:
             values[obj.MODE.key] = self.drive.mode
         return {key: int(value) for key, value in values.items() if value is not None}
 
-    def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        """Raw counts of channels by SDO, from the devices that still answer; the others are left out."""
-        counts: dict[str, int] = {}
-        deaf: set[int] = set()
-        for source in self._sources:
-            if (
-                source.channel.name not in channels
-                or source.entry is None
-                or source.node_id in deaf
-            ):
-                continue
-            device = next(d for d in self.devices if d.node_id == source.node_id)
-            try:
-                counts[source.channel.name] = device.read_integer(source.entry)
-            except BusLostError:
-                return {}
-            except DriverError:
-                deaf.add(source.node_id)
-        return counts
+    def places(self, is_absent: Callable[[int], bool]) -> dict[str, Place]:
+        """Device and object of every channel that one device holds; `is_absent` of a slot of the layout."""
+
+        def arrives(name: str) -> Callable[[], bool]:
+            column = next(column for column in self.columns if column.channel.name == name)
+            slot = self.layout.fields[column.field].slot
+            return lambda: not is_absent(slot)
+
+        devices = {device.node_id: device for device in self.devices}
+        present = {column.channel.name for column in self.columns if column.field >= 0}
+        return {
+            source.channel.name: Place(
+                devices[source.node_id], source.entry, arrives(source.channel.name)
+            )
+            for source in self._sources
+            if source.entry is not None and source.channel.name in present
+        }
 
     def describe(self) -> dict[str, dict[str, str]]:
         """Identities, settings and missing objects in words, for the run file."""

@@ -88,6 +88,10 @@ class ReplayRig:
         """Cycles in which something else was commanded than when the run was recorded."""
         return self._deviating
 
+    @property
+    def line(self) -> None:
+        """A recording cannot be asked for more than it holds."""
+
     def open(self) -> RigDescription:
         """Begin at the first recorded cycle."""
         if self._open:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
-from drivers.port import Command, DriveLimits, Guard, RigDescription
+from drivers.port import Command, DirectLine, DriveLimits, Guard, RigDescription
 from drivers.samples import SampleBlock
 from model.gear import HarmonicDrive
 from model.motor import ServoMotor
@@ -82,6 +82,11 @@ class DrilledRig:
         """The time base of the rig behind it."""
         return self.port.time_base
 
+    @property
+    def line(self) -> DirectLine | None:
+        """The line to the devices of the rig behind it."""
+        return self.port.line
+
     def open(self) -> RigDescription:
         """Open the rig behind it; a fault that is to be there from the start happens first."""
         if self.bench is not None and self.happening.prepare is not None:
@@ -141,14 +146,6 @@ class DrilledWireRig(DrilledRig):
     def acquisition(self) -> Any:
         """Figures of the acquisition."""
         return self.port.acquisition()
-
-    def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        """Counts by direct question."""
-        return self.port.ask(channels)
-
-    def switch_off(self) -> None:
-        """Servo off by a command to the drive alone."""
-        self.port.switch_off()
 
 
 def drilled_rig(
