@@ -278,10 +278,6 @@ class ServoAmplifier:
                 return
         self._walk(obj.TO_OFF, DriveState.SWITCH_ON_DISABLED, "servo off")
 
-    def switch_off(self) -> None:
-        """Take the power away at once (transitions 7, 9, 10 and 12), whatever the state; nothing is waited for."""
-        self._control(obj.DISABLE_VOLTAGE)
-
     def enable(self, mode: Mode) -> None:
         """Operation enabled in the drive's speed or torque mode; set-points are zero. Raises `DriverError`."""
         readings, config = self.readings, self.config

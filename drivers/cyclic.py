@@ -12,7 +12,6 @@ frame; with a host's stamps, or with none, the cycle says `HOST_TIME`.
 from __future__ import annotations
 
 import contextlib
-import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -20,12 +19,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers import channel as names
 from drivers import cia402_tables as obj
 from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
 from drivers.bus import Event, Pump, PumpedBus, RawBus, TimeBase
 from drivers.channel import Channel
-from drivers.cia301 import SDO_REQUEST_BASE, SYNC_COB_ID, NmtCommand, ObjectRef
+from drivers.cia301 import SYNC_COB_ID, NmtCommand, ObjectRef
 from drivers.cia401 import AnalogModuleConfig
 from drivers.cia402 import DriveConfig
 from drivers.cia406 import CounterConfig
@@ -38,6 +36,7 @@ from drivers.frames import CycleStore
 from drivers.judge import CycleJudge
 from drivers.listening import listen_for_masters, listening_time_ns
 from drivers.port import Command, DriveLimits, Guard, Mode, Origin, RigDescription
+from drivers.request_line import RequestLine
 from drivers.rig_nodes import GuardContact, MotorEncoder, RigNodes
 from drivers.samples import Break, CycleFlag, SampleBlock
 from drivers.set_points import command_frames, set_point_counts
@@ -50,6 +49,8 @@ _CONTROLWORD: Final = {
     Mode.TORQUE: obj.ENABLE,
 }
 _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
+_MODE_CYCLES: Final = 3
+"""Cycles in a row in which another mode is somebody's work, and no display that lags."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +122,7 @@ class CanRig:
         self._truth = truth
         self._bus: PumpedBus | None = None
         self._nodes: RigNodes | None = None
+        self._line: RequestLine | None = None
         self._left_events: list[Event] = []
         self._lost: BusLostError | None = None
 
@@ -140,6 +142,11 @@ class CanRig:
     def time_base(self) -> TimeBase:
         """What the time stamps are: the bus's base, or the host's where neither SYNC nor frames carry a stamp."""
         return self._wanted_base
+
+    @property
+    def line(self) -> RequestLine | None:
+        """The line to each device beside the cyclic data, once the rig is open."""
+        return self._line
 
     def open(self) -> RigDescription:
         """Bring every node from any state to OPERATIONAL with the servo off, mapped and watched.
@@ -195,14 +202,15 @@ class CanRig:
 
     def exchange(self, command: Command, cycles: int, guard: Guard) -> SampleBlock:
         """Run up to `cycles` SYNC cycles with the set-points and return what was latched. Raises `DriverError`."""
-        nodes, bus = self._opened(), self._live_bus()
-        if self._lost is not None:
-            raise self._lost
+        nodes, bus, line = self._opened(), self._live_bus(), self._line
+        if self._lost is not None or line is None:
+            raise self._lost or BusLostError("the rig has been closed", where=self._config.title)
         speeds, torques = set_point_counts(command, cycles, self.channels)
         self._judge.adopt(guard)
         self._enter(command.mode)
         # Before the frames are built: enabling may have gone by SDO, and a fixed RPDO must carry what now holds.
-        if self._held_is_old:
+        # A drive that says nothing is not waited for when it is to be stopped: what it held last goes on.
+        if self._held_is_old and (command.mode in _ACTIVE or not self._silent):
             self._held, self._held_is_old = nodes.held_values(), False
         frames = command_frames(
             nodes.commands,
@@ -220,7 +228,7 @@ class CanRig:
         broken: Break | None = None
         try:
             for row in range(cycles):
-                stamp, latency, flags = self._cycle(bus, [f[row] for f in frames], row)
+                stamp, latency, flags = self._cycle(bus, line, [f[row] for f in frames], row)
                 sync, doubt = self._sync_time.sync_ns, self._sync_time.doubt(latency)
                 times.append(stamp)
                 latencies.append(latency)
@@ -259,21 +267,6 @@ class CanRig:
         self._opened().drive.reset_fault()
         self._mode = Mode.OFF
 
-    def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        """Raw counts by SDO of the channels whose devices answer that: where their process data
-        stay away. Never raises.
-        """
-        self._pause()
-        return self._opened().ask(channels) if self._lost is None else {}
-
-    def switch_off(self) -> None:
-        """Servo off by SDO, for a drive that hears no process data. Never raises: what came of it
-        is for `ask` to say.
-        """
-        self._pause()
-        with contextlib.suppress(DriverError):
-            self._opened().drive.switch_off()
-
     def close(self) -> None:
         """Servo off, the drive's watch over the computer off, bus released. Never raises."""
         bus, nodes = self._bus, self._nodes
@@ -297,20 +290,18 @@ class CanRig:
         """The drive does not answer: servo off by process data all the same, then NMT STOP, to
         which it reacts by 0x6007.
         """
-        none = np.zeros(1, dtype=np.int64)
         with contextlib.suppress(DriverError):
             if nodes is not None:
-                frames = command_frames(
-                    nodes.commands,
-                    obj.DISABLE_VOLTAGE,
-                    speeds=none,
-                    torques=none,
-                    held=self._held,
-                )
-                for pdo, (data,) in zip(nodes.commands, frames, strict=True):
-                    bus.send(pdo.cob_id, data)
+                for cob_id, data in self._command_once(obj.DISABLE_VOLTAGE):
+                    bus.send(cob_id, data)
                 bus.send(SYNC_COB_ID, b"")
                 bus.nmt(NmtCommand.STOP, nodes.drive.device.node_id)
+
+    def _command_once(self, controlword: int) -> list[tuple[int, bytes]]:
+        """(COB-ID, data) of every RPDO with a controlword and set-points of zero."""
+        pdos, none = self._opened().commands, np.zeros(1, dtype=np.int64)
+        frames = command_frames(pdos, controlword, speeds=none, torques=none, held=self._held)
+        return [(pdo.cob_id, data) for pdo, (data,) in zip(pdos, frames, strict=True)]
 
     # --- beyond the port
 
@@ -348,10 +339,9 @@ class CanRig:
         """(COB-ID, data) of the frames that quick-stop the drive without this loop: for a watchdog
         with a bus of its own.
 
-        The controlword goes by SDO, so that it acts without SYNC.
+        Process data, and the SYNC with which they act: the drive's SDO channel belongs to this loop.
         """
-        request = struct.pack("<BHBHH", 0x2B, *obj.CONTROLWORD.key, obj.QUICK_STOP, 0)
-        return [(SDO_REQUEST_BASE + self._config.drive.node_id, request)]
+        return [*self._command_once(obj.QUICK_STOP), (SYNC_COB_ID, b"")]
 
     # --- inside
 
@@ -391,8 +381,12 @@ class CanRig:
         self._echo_stamp = self._errors_seen = self._silent = 0
         self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
         self._was_enabled = False
-        self._statusword = self._statusword_bytes(nodes)
+        at = nodes.byte_of(obj.STATUSWORD) or 0
+        self._statusword = slice(at, at + 2)
+        self._mode_at = nodes.byte_of(obj.MODE_DISPLAY)
+        self._strange_cycles = 0
         self._pause_pending = False
+        self._line = RequestLine(bus, nodes.places(self._store.is_absent))
         self._held: dict[tuple[int, int], int] = {}
         self._held_is_old = True
         self._lost = None
@@ -404,11 +398,6 @@ class CanRig:
     def _receiver(self, slot: int) -> Callable[[bytes, int], None]:
         put = self._store.put
         return lambda data, stamp_ns: put(slot, data, stamp_ns)
-
-    def _statusword_bytes(self, nodes: RigNodes) -> slice:
-        column = next(c for c in nodes.columns if c.channel.name == names.STATUSWORD)
-        place = nodes.layout.fields[column.field]
-        return slice(place.slot * 8 + place.offset, place.slot * 8 + place.offset + 2)
 
     def _on_sync(self, data: bytes, stamp_ns: int) -> None:
         self._echo_stamp = stamp_ns
@@ -489,7 +478,9 @@ class CanRig:
         """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
         self._pause_pending = self._held_is_old = True
 
-    def _cycle(self, bus: PumpedBus, commands: list[bytes], row: int) -> tuple[int, int, int]:
+    def _cycle(
+        self, bus: PumpedBus, line: RequestLine, commands: list[bytes], row: int
+    ) -> tuple[int, int, int]:
         """One SYNC cycle: (stamp, latency, flags)."""
         self._wait_for_turn(bus, row)
         # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
@@ -502,6 +493,8 @@ class CanRig:
         sent = self._clock.monotonic_ns()
         calendar = self._clock.calendar_ns()
         bus.send(SYNC_COB_ID, b"")
+        if line.is_busy:
+            line.turn(self._first_cycle + row)
         self._collect(bus, sent, patience)
         latency = self._clock.monotonic_ns() - sent
         flags = self._store.end_cycle()
@@ -568,15 +561,26 @@ class CanRig:
                 row, event.code.replace("-", "_") if event else "bus_error", 1.0, 0.0, True
             )
         if mode in _ACTIVE and not flags & CycleFlag.INCOMPLETE and self._was_enabled:
-            word = int.from_bytes(self._store.last_record[self._statusword], "little")
+            record, drive = self._store.last_record, self._opened().drive
+            word = int.from_bytes(record[self._statusword], "little")
             if drive_state(word) is not DriveState.ENABLED:
-                self._was_enabled = False
-                bus.emit(
-                    "error", "drive-state", f"node {self._config.drive.node_id}", _dropped_out(word)
+                return self._left("drive-state", _dropped_out(word), float(word), row)
+            shown = drive.mode if self._mode_at is None else record[self._mode_at]
+            self._strange_cycles = self._strange_cycles + 1 if shown != drive.mode else 0
+            if self._strange_cycles >= _MODE_CYCLES:
+                text = (
+                    f"the drive shows mode of operation {shown} (0x6061), it was given {drive.mode}"
                 )
-                self._errors_seen = bus.errors_seen
-                return Break(row, "drive_state", float(word), 0.0, True)
+                return self._left("drive-mode", text, float(shown or 0), row)
         return None
+
+    def _left(self, code: str, text: str, value: float, row: int) -> Break:
+        """The drive is not any more as it was enabled."""
+        self._was_enabled = False
+        bus = self._live_bus()
+        bus.emit("error", code, f"node {self._config.drive.node_id}", text)
+        self._errors_seen = bus.errors_seen
+        return Break(row, code.replace("-", "_"), value, 0.0, True)
 
     def _finish(
         self,

@@ -129,8 +129,11 @@ class RemoteDevice:
 
     def read(self, entry: ObjectRef) -> int | float:
         """Read an entry that must be there; a device that keeps it in fewer bytes than the standard is understood."""
+        return self.number_of(entry, self.sdo.upload(*entry.key))
+
+    def number_of(self, entry: ObjectRef, data: bytes) -> int | float:
+        """The number that an entry's bytes stand for."""
         typed = self.typed(entry)
-        data = self.sdo.upload(*entry.key)
         if 0 < len(data) < typed.data_type.size and not typed.data_type.is_float:
             return int.from_bytes(data, "little", signed=typed.data_type.signed)
         try:

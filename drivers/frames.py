@@ -164,6 +164,7 @@ class CycleStore:
         self.rows = 0
         self._buffer = bytearray(layout.stride)
         self._last = bytes(layout.stride)
+        self._absent_before = self._absent_now = layout.all_slots
         self._flags: list[int] = []
         self._absent: list[int] = []
         self._received = [0] * count
@@ -273,6 +274,7 @@ class CycleStore:
             self._settle_accounts()
         start = (self.rows - 1) * self.layout.stride
         self._last = bytes(self._buffer[start : start + self.layout.stride])
+        self._absent_before, self._absent_now = self._absent_now, self._absent[-1]
         return self._flags[-1]
 
     def _settle_accounts(self) -> None:
@@ -290,6 +292,10 @@ class CycleStore:
     def last_record(self) -> bytes:
         """The record of the cycle that was closed last."""
         return self._last
+
+    def is_absent(self, slot: int) -> bool:
+        """Whether a slot had no usable frame in the two cycles that were closed last: more than one lost frame."""
+        return bool((self._absent_before & self._absent_now) >> slot & 1)
 
     def missing_slots(self) -> list[int]:
         """The slots whose frame did not come in the cycle that was closed last."""

@@ -2,8 +2,9 @@
 
 target[k] acts from SYNC k on, counts[k] are latched at SYNC k, and the call returns at the first
 cycle that breaks the guard. Every rig implements it: simulated, on the wire, replayed, hardware.
-How a run is cut into blocks (1, 7, 100, 1000 cycles) must not change a single count. What only some rigs offer
-(events of devices, figures of the acquisition, a stop and a line past the loop) has protocols of its own.
+How a run is cut into blocks (1, 7, 100, 1000 cycles) must not change a single count. A rig of devices that can be
+spoken to one by one has a `line` beside the cyclic data. What else only some rigs offer (events of devices, figures of
+the acquisition, a stop past the loop) has protocols of its own.
 """
 
 from __future__ import annotations
@@ -119,6 +120,70 @@ class RigDescription:
     truth: Mapping[str, object] | None = None
 
 
+class Reach(Enum):
+    """How the device of a channel can be reached now."""
+
+    PROCESS_DATA = "process data"
+    """It is OPERATIONAL, and its process data came with the latest SYNC."""
+    SDO = "SDO only"
+    """It is not OPERATIONAL, or no SYNC makes it answer: process data do not act there."""
+    NMT_FIRST = "NMT first"
+    """It is STOPPED, or did not answer the latest SDO."""
+
+
+class Ask(Enum):
+    """What a device can be asked beside the cyclic data. Nothing here can enable a drive."""
+
+    WAKE = "NMT enter pre-operational"
+    """Never START: a node that is started would follow whatever process data are on the bus."""
+    QUICK_STOP = "quick stop"
+    SERVO_OFF = "servo off"
+    READ = "read"
+
+
+@dataclass(frozen=True)
+class Request:
+    """One thing asked of the device that carries `channel`."""
+
+    ask: Ask
+    channel: str
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What came of a request, and in which cycle since the port was opened; `count` None: refused, or not answered."""
+
+    request: Request
+    cycle: int
+    count: int | None
+
+
+class DirectLine(Protocol):
+    """A line to each device beside the cyclic data. It never blocks: `exchange` sends at most one request per device
+    and cycle, and takes answers as frames arrive. Nothing here raises.
+    """
+
+    def reach(self, channel: str) -> Reach:
+        """How the device that carries a channel can be reached now."""
+        ...
+
+    def is_idle(self, channel: str) -> bool:
+        """Whether the device that carries a channel has been asked everything that was handed over."""
+        ...
+
+    def hand(self, requests: Sequence[Request]) -> None:
+        """What is asked next, in this order for each device; what these devices were being asked is withdrawn."""
+        ...
+
+    def withdraw(self) -> None:
+        """Ask nobody anything any more."""
+        ...
+
+    def answers(self) -> list[Answer]:
+        """What has come of the requests since the last call, oldest first."""
+        ...
+
+
 class RigPort(Protocol):
     """A rig: servo amplifier, torque port, both encoders and their acquisition by SYNC."""
 
@@ -135,6 +200,11 @@ class RigPort(Protocol):
     @property
     def time_base(self) -> Literal["hardware", "device", "host", "virtual"]:
         """What the time stamps are."""
+        ...
+
+    @property
+    def line(self) -> DirectLine | None:
+        """The line to each device beside the cyclic data; None: this rig has none. Known once the rig is open."""
         ...
 
     def open(self) -> RigDescription:
@@ -205,19 +275,6 @@ class StopsAlone(Protocol):
 
     def quick_stop_frames(self) -> list[tuple[int, bytes]]:
         """(COB-ID, data) of the frames."""
-        ...
-
-
-@runtime_checkable
-class AnswersDirectly(Protocol):
-    """A port whose devices can be asked and switched off one by one, beside the cyclic data."""
-
-    def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        """Raw counts of those of the channels whose devices answer. Never raises."""
-        ...
-
-    def switch_off(self) -> None:
-        """Servo off by a command to the drive alone. Never raises."""
         ...
 
 

@@ -17,9 +17,10 @@ from drivers.cia402 import DriveConfig, ServoAmplifier
 from drivers.cia406 import Counter, CounterConfig
 from drivers.columns import Column, Kind, Validity
 from drivers.device import Identity, Missing, RemoteDevice
-from drivers.errors import BusLostError, DriverError
-from drivers.frames import Field, FrameLayout
-from drivers.pdo import MappedPdo, map_objects
+from drivers.errors import DriverError
+from drivers.frames import SLOT_BYTES, Field, FrameLayout
+from drivers.pdo import MappedPdo, map_objects, pack
+from drivers.request_line import Place
 from drivers.set_points import COMMANDED
 
 _ORDER = (
@@ -233,6 +234,12 @@ class RigNodes:
                 _Source(channel=channel, kind="plain", node_id=node_id, entry=torque)
             )
         optional += self._guard_of(node_id, [*wanted, *optional])
+        # Watched where it rides along: a frame of its own in every cycle it is not worth.
+        full = [*wanted, *optional, obj.MODE_DISPLAY]
+        if len(pack(full)) == len(pack(full[:-1])) and self._is_offered(
+            obj.MODE_DISPLAY, "another master that changes the mode shows only by the motion"
+        ):
+            optional.append(obj.MODE_DISPLAY)
         mapped = map_objects(
             device,
             sorted([*wanted, *optional], key=_by_importance),
@@ -521,25 +528,31 @@ class RigNodes:
             values[obj.MODE.key] = self.drive.mode
         return {key: int(value) for key, value in values.items() if value is not None}
 
-    def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        """Raw counts of channels by SDO, from the devices that still answer; the others are left out."""
-        counts: dict[str, int] = {}
-        deaf: set[int] = set()
-        for source in self._sources:
-            if (
-                source.channel.name not in channels
-                or source.entry is None
-                or source.node_id in deaf
-            ):
-                continue
-            device = next(d for d in self.devices if d.node_id == source.node_id)
-            try:
-                counts[source.channel.name] = device.read_integer(source.entry)
-            except BusLostError:
-                return {}
-            except DriverError:
-                deaf.add(source.node_id)
-        return counts
+    def byte_of(self, entry: ObjectRef) -> int | None:
+        """Where an entry of the drive begins in the record of a cycle; None: it is not in it."""
+        for slot, pdo in enumerate(self.layout.pdos):
+            offset = pdo.offset_of(entry.key)
+            if pdo.node_id == self.drive.device.node_id and offset is not None:
+                return slot * SLOT_BYTES + offset
+        return None
+
+    def places(self, is_absent: Callable[[int], bool]) -> dict[str, Place]:
+        """Device and object of every channel that one device holds; `is_absent` of a slot of the layout."""
+
+        def arrives(name: str) -> Callable[[], bool]:
+            column = next(column for column in self.columns if column.channel.name == name)
+            slot = self.layout.fields[column.field].slot
+            return lambda: not is_absent(slot)
+
+        devices = {device.node_id: device for device in self.devices}
+        present = {column.channel.name for column in self.columns if column.field >= 0}
+        return {
+            source.channel.name: Place(
+                devices[source.node_id], source.entry, arrives(source.channel.name)
+            )
+            for source in self._sources
+            if source.entry is not None and source.channel.name in present
+        }
 
     def describe(self) -> dict[str, dict[str, str]]:
         """Identities, settings and missing objects in words, for the run file."""

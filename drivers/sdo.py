@@ -1,13 +1,17 @@
 """An SDO client (CiA 301, 7.2.4) for a bus that its owner pumps: expedited and segmented transfer, aborts in words.
 
-No thread and no queue: a request is sent, and the bus is pumped until the answer is there or the clock says that it is
-too late. Answers that belong to another object or an earlier request are dropped, not believed.
+No thread and no queue. A transfer is written once, as a generator of frames; it goes on in one of two ways. Somebody
+waits for it: the bus is pumped until the answer is there or the clock says that it is too late. Or it is posted:
+`PostedTransfer.turn` sends what is due and returns at once, and answers are taken as frames arrive. A node's channel
+has one owner at a time: waiting withdraws what was posted. Answers that belong to another object or an earlier request
+are dropped, not believed.
 """
 
 from __future__ import annotations
 
 import struct
 from collections import deque
+from collections.abc import Generator
 from typing import Protocol
 
 from drivers.cia301 import (
@@ -21,6 +25,8 @@ from drivers.cia301 import (
 )
 from drivers.errors import DriverError
 
+_MOST_ANSWERS = 8
+"""Answers to something else that are dropped before a request is given up."""
 _TOGGLE_ERROR, _TIMED_OUT, _BAD_COMMAND, _LENGTH = 0x05030000, 0x05040000, 0x05040001, 0x06070010
 
 
@@ -69,6 +75,47 @@ class Condition(Protocol):
     def __call__(self) -> bool: ...
 
 
+Transfer = Generator[bytes, bytes | None, bytes]
+"""A transfer as it goes on: it gives the frame to send (empty: wait for another answer), takes the answer (None: none
+came in time), and returns what was read. Raises `SdoAbortError`, `SdoTimeoutError` or `SdoProtocolError`.
+"""
+
+
+class PostedTransfer:
+    """A transfer that nobody waits for. Once `is_over`, `data` is what was read, or `error` says why it was not."""
+
+    def __init__(self, bus: SdoBus, node_id: int, transfer: Transfer, timeout_ns: int) -> None:
+        self._bus, self._node_id, self._transfer = bus, node_id, transfer
+        self._timeout_ns, self._sent_ns = timeout_ns, 0
+        self._frame = next(transfer)
+        self.is_over = False
+        self.data = b""
+        self.error: DriverError | None = None
+
+    def turn(self, now_ns: int) -> None:
+        """Send the frame that is due, or give up an answer that is late. `now_ns` of the bus's clock."""
+        if self._frame:
+            frame, self._frame, self._sent_ns = self._frame, b"", now_ns
+            self._bus.send(SDO_REQUEST_BASE + self._node_id, frame)
+        elif now_ns - self._sent_ns > self._timeout_ns:
+            self.take(None)
+
+    def take(self, answer: bytes | None) -> None:
+        """An answer has arrived; None: none did in time."""
+        if self.is_over or self._frame:
+            return
+        try:
+            self._frame = self._transfer.send(answer)
+        except StopIteration as over:
+            self.is_over, self.data = True, over.value
+        except DriverError as error:
+            self.is_over, self.error = True, error
+
+    def withdraw(self) -> None:
+        """Forget it; an answer that still comes belongs to nobody."""
+        self.is_over = True
+
+
 class SdoClient:
     """The default SDO channel of one node. Transfers are bounded by `timeout_ns` per answer and `longest` bytes."""
 
@@ -78,12 +125,56 @@ class SdoClient:
         self._bus, self.node_id, self._timeout_ns, self._longest = bus, node_id, timeout_ns, longest
         self._answers: deque[bytes] = deque(maxlen=16)
         self._is_waiting = False
+        self._posted: PostedTransfer | None = None
         bus.subscribe(SDO_RESPONSE_BASE + node_id, self._on_answer)
 
     def upload(self, index: int, subindex: int) -> bytes:
         """Read an entry. Raises `SdoAbortError`, `SdoTimeoutError` or `SdoProtocolError`."""
+        return self._wait_for(self._upload(index, subindex))
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """Write an entry. Raises `SdoAbortError`, `SdoTimeoutError` or `SdoProtocolError`."""
+        self._wait_for(self._download(index, subindex, data))
+
+    def post_upload(self, index: int, subindex: int) -> PostedTransfer:
+        """Begin to read an entry without waiting; what was posted before is withdrawn."""
+        return self._post(self._upload(index, subindex))
+
+    def post_download(self, index: int, subindex: int, data: bytes) -> PostedTransfer:
+        """Begin to write an entry without waiting; what was posted before is withdrawn."""
+        return self._post(self._download(index, subindex, data))
+
+    def withdraw(self) -> None:
+        """Forget what was posted."""
+        if self._posted is not None:
+            self._posted.withdraw()
+            self._posted = None
+
+    def _post(self, transfer: Transfer) -> PostedTransfer:
+        self.withdraw()
+        self._posted = PostedTransfer(self._bus, self.node_id, transfer, self._timeout_ns)
+        return self._posted
+
+    def _wait_for(self, transfer: Transfer) -> bytes:
+        """Send what the transfer gives and pump the bus until it is over."""
+        self.withdraw()
+        self._is_waiting = True
+        try:
+            frame = next(transfer)
+            while True:
+                if frame:
+                    self._answers.clear()
+                    self._bus.send(SDO_REQUEST_BASE + self.node_id, frame)
+                arrived = self._bus.wait_for(lambda: bool(self._answers), self._timeout_ns)
+                frame = transfer.send(self._answers.popleft() if arrived else None)
+        except StopIteration as over:
+            return over.value
+        finally:
+            self._is_waiting = False
+
+    def _upload(self, index: int, subindex: int) -> Transfer:
         head = struct.pack("<HB", index, subindex)
-        answer = self._request(b"\x40" + head + bytes(4), index, subindex, expects=2)
+        answer = yield from self._request(b"\x40" + head + bytes(4), index, subindex, expects=2)
         command = answer[0]
         if command & 0x02:
             return answer[4 : 8 - (command >> 2 & 3)] if command & 0x01 else answer[4:8]
@@ -96,32 +187,25 @@ class SdoClient:
                 value=size,
                 limit=f"<= {self._longest} bytes",
             )
-        return self._upload_segments(index, subindex, size)
+        return (yield from self._upload_segments(index, subindex, size))
 
-    def download(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an entry. Raises `SdoAbortError`, `SdoTimeoutError` or `SdoProtocolError`."""
+    def _download(self, index: int, subindex: int, data: bytes) -> Transfer:
         head = struct.pack("<HB", index, subindex)
         if 0 < len(data) <= 4:
-            command = 0x23 | (4 - len(data)) << 2
-            self._request(
-                bytes([command]) + head + data.ljust(4, b"\0"), index, subindex, expects=3
-            )
-            return
-        self._request(b"\x21" + head + len(data).to_bytes(4, "little"), index, subindex, expects=3)
+            frame = bytes([0x23 | (4 - len(data)) << 2]) + head + data.ljust(4, b"\0")
+            return (yield from self._request(frame, index, subindex, expects=3))
+        frame = b"\x21" + head + len(data).to_bytes(4, "little")
+        answer = yield from self._request(frame, index, subindex, expects=3)
         toggle = 0
         pieces = [data[i : i + 7] for i in range(0, len(data), 7)] or [b""]
         for number, piece in enumerate(pieces):
             is_last = number == len(pieces) - 1
             command = toggle << 4 | (7 - len(piece)) << 1 | is_last
-            answer = self._request(
-                bytes([command]) + piece.ljust(7, b"\0"),
-                index,
-                subindex,
-                expects=1,
-                is_segment=True,
-            )
+            frame = bytes([command]) + piece.ljust(7, b"\0")
+            answer = yield from self._request(frame, index, subindex, expects=1, is_segment=True)
             self._check_toggle(answer[0], toggle, index, subindex)
             toggle ^= 1
+        return answer
 
     def read(self, entry: ObjectRef) -> int | float:
         """Read an entry as the number that its data type says."""
@@ -139,13 +223,12 @@ class SdoClient:
         """Write a number as the entry's data type."""
         self.download(entry.index, entry.subindex, entry.data_type.encode(value))
 
-    def _upload_segments(self, index: int, subindex: int, size: int | None) -> bytes:
+    def _upload_segments(self, index: int, subindex: int, size: int | None) -> Transfer:
         data = bytearray()
         toggle = 0
         while True:
-            answer = self._request(
-                bytes([0x60 | toggle << 4]) + bytes(7), index, subindex, expects=0, is_segment=True
-            )
+            frame = bytes([0x60 | toggle << 4]) + bytes(7)
+            answer = yield from self._request(frame, index, subindex, expects=0, is_segment=True)
             self._check_toggle(answer[0], toggle, index, subindex)
             data += answer[1 : 8 - (answer[0] >> 1 & 7)]
             if answer[0] & 0x01:
@@ -167,25 +250,16 @@ class SdoClient:
 
     def _request(
         self, frame: bytes, index: int, subindex: int, *, expects: int, is_segment: bool = False
-    ) -> bytes:
-        """Send a frame and return the answer with the server command specifier `expects`."""
-        answers_left = 8
-        self._answers.clear()
-        self._is_waiting = True
-        try:
-            self._bus.send(SDO_REQUEST_BASE + self.node_id, frame)
-            while answers_left:
-                if not self._bus.wait_for(lambda: bool(self._answers), self._timeout_ns):
-                    break
-                if (
-                    response := self._judge(
-                        self._answers.popleft(), index, subindex, expects, is_segment
-                    )
-                ) is not None:
-                    return response
-                answers_left -= 1
-        finally:
-            self._is_waiting = False
+    ) -> Transfer:
+        """Have a frame sent and return the answer with the server command specifier `expects`."""
+        for _ in range(_MOST_ANSWERS):
+            answer = yield frame
+            if answer is None:
+                break
+            response = self._judge(answer, index, subindex, expects, is_segment)
+            if response is not None:
+                return response
+            frame = b""
         self._abort(index, subindex, _TIMED_OUT)
         raise SdoTimeoutError(
             "no SDO answer",
@@ -244,6 +318,8 @@ class SdoClient:
     def _on_answer(self, data: bytes, stamp_ns: int) -> None:
         if self._is_waiting:
             self._answers.append(data)
+        elif self._posted is not None:
+            self._posted.take(data)
 
     def _where(self, index: int, subindex: int) -> str:
         return f"node {self.node_id}, {object_text(index, subindex)}"

@@ -155,6 +155,10 @@ class SimulatedRig:
         """Each stamp names the true instant of its SYNC, as an adapter with hardware stamps would."""
         return "hardware"
 
+    @property
+    def line(self) -> None:
+        """There are no devices behind this port that could be asked one by one."""
+
     def open(self) -> RigDescription:
         """Servo off, every device in operation; returns what is simulated and the truth."""
         if self._open:

@@ -79,6 +79,10 @@ class ReplayRig:
         """Cycles that have not been played yet."""
         return len(self._time_ns) - self._next
 
+    @property
+    def line(self) -> None:
+        """A recording cannot be asked for more than it holds."""
+
     def open(self) -> RigDescription:
         """Begin at the first recorded cycle."""
         if self._open:

@@ -1,32 +1,32 @@
-"""A line to each device beside the cyclic data: asked and switched off one by one, where the cyclic data stay away."""
+"""What is asked of the devices beside the cyclic data while the rig is made safe, by how each of them can be reached.
+
+The process data carry the same controlword in every cycle, whoever hears them: a SYNC or an NMT START that comes back
+finds the stop there, and enables nothing.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
+from typing import Final
 
-from drivers.port import AnswersDirectly, RigPort
+from drivers.channel import STATUSWORD
+from drivers.port import Ask, DirectLine, Mode, Reach, Request
+
+STOP: Final[Mapping[Mode, Ask]] = {Mode.QUICK_STOP: Ask.QUICK_STOP, Mode.OFF: Ask.SERVO_OFF}
+"""What the drive is told in each mode that stops it; nothing else is ever told it here."""
 
 
-class DirectLine:
-    """A line to each device beside the cyclic data, for making safe a rig whose cyclic data stay away.
+def requests_for(
+    line: DirectLine, observer: str, mode: Mode, *, insists: bool = False
+) -> list[Request]:
+    """What is asked next of the device that carries an observer, the drive being stopped in `mode`.
 
-    `rest` is called before every question: who watches the turns must not take a slow answer for a dead loop.
+    `insists`: its process data are heard, and it was not seen to obey them.
     """
-
-    def __init__(self, port: AnswersDirectly, rest: Callable[[], None] = lambda: None) -> None:
-        self._port, self._rest = port, rest
-
-    def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        """Raw counts of those of the channels whose devices answer."""
-        self._rest()
-        return self._port.ask(channels)
-
-    def switch_off(self) -> None:
-        """Servo off by a command to the drive alone."""
-        self._rest()
-        self._port.switch_off()
-
-
-def direct_line(port: RigPort, rest: Callable[[], None] = lambda: None) -> DirectLine | None:
-    """The direct line of a rig that has one."""
-    return DirectLine(port, rest) if isinstance(port, AnswersDirectly) else None
+    stop = [STOP[mode]] if observer == STATUSWORD and mode in STOP else []
+    asked: Mapping[Reach, Sequence[Ask]] = {
+        Reach.PROCESS_DATA: stop if insists else [],
+        Reach.SDO: [*stop, Ask.READ],
+        Reach.NMT_FIRST: [Ask.WAKE, *stop, Ask.READ],
+    }
+    return [Request(ask, observer) for ask in asked[line.reach(observer)]]

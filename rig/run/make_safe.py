@@ -2,12 +2,16 @@
 
 Standstill is verified by the statusword *and* by both encoders over a window in which each of them
 was heard. Each action is a list of stages; a stage that is not obeyed in time leads to the next
-one, and every list ends with the servo off. Observers whose cyclic data stay away are asked one by
-one in the end, and a drive that hears no process data is switched off by SDO.
+one, and every list ends with the servo off.
 
     controlled stop   ramp down        -> quick stop -> servo off
     quick stop        quick stop       -> servo off
     zero torque       servo off        -> quick stop -> servo off
+    drive is deaf     quick stop       -> servo off       by SDO as well, from the first cycle on
+
+A drive is deaf while it hears no process data: it is not OPERATIONAL, or there is no SYNC. What it and
+the other silent devices are asked beside the cyclic data is the table of `rig.run.direct_line`; nobody
+waits for their answers, the cycles go on meanwhile.
 """
 
 from __future__ import annotations
@@ -18,10 +22,10 @@ from enum import Enum
 
 from drivers.channel import STATUSWORD
 from drivers.drive_state import DriveState
-from drivers.port import Mode
+from drivers.port import DirectLine, Mode, Reach
 from drivers.samples import SampleBlock
 from experiments.steps.profile import cycles_of, ramp
-from rig.run.direct_line import DirectLine
+from rig.run.direct_line import STOP, requests_for
 from rig.run.observers import WORDS, Observers
 from rig.run.phases import Journal, Machine, Phase, PhaseRunner, Phases, Turn
 
@@ -50,6 +54,12 @@ STAGES: dict[Action, tuple[Stage, ...]] = {
 """The stages of each action, each taken when the one before was not obeyed; the servo is off at the
 end of all of them.
 """
+DEAF: tuple[Stage, ...] = (Stage.QUICK_STOP, Stage.SERVO_OFF)
+"""The stages of a drive that hears no process data, whatever the action: a ramp would not be heard, and power is taken
+away only once it stands or its ramp is over.
+"""
+GLANCES = 10
+"""Looks per window at who is heard, and at what the others answer."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +130,8 @@ class MakeSafe:
         self._observers = Observers(
             machine, ratio, self._window, self._patience.input_speed, self._patience.output_speed
         )
+        self._asked_in: Mode | None = None
+        self._asked: dict[str, Reach] = {}
         self._start = machine.rows
         self._runner = PhaseRunner(self._walk(), machine, block_cycles)
 
@@ -132,15 +144,13 @@ class MakeSafe:
         self._finish(False, problem)
 
     def _walk(self) -> Phases:
-        stages = list(STAGES[self.report.action])
+        stages = list(DEAF if self._is_deaf() else STAGES[self.report.action])
         while stages:
             stage = stages.pop(0)
-            self.report.stages.append(stage.value)
-            yield from _STAGES[stage](self)
+            yield from self._take(stage)
             if stage is not Stage.SERVO_OFF and not self._observers.moving():
                 # Obeyed: what is left is to take the power away.
-                self.report.stages.append(Stage.SERVO_OFF.value)
-                yield from self._servo_off()
+                yield from self._take(Stage.SERVO_OFF)
                 # What is left of the list would only repeat the servo off that was just taken.
                 stages = stages if stages != [Stage.SERVO_OFF] else []
             problem = self._observers.problem()
@@ -151,7 +161,6 @@ class MakeSafe:
                 self.report.escalated.append(stage.value)
                 text = f"{stage.value} was not seen to be obeyed ({problem}): going on with {stages[0].value}"
                 self._journal.event("error", "make-safe-escalated", "make-safe", text)
-        # Only now: asking takes SDOs, and nothing may delay what stops the rig.
         yield from self._inquire()
         problem = self._observers.problem()
         self._finish(problem is None, problem or "")
@@ -171,6 +180,25 @@ class MakeSafe:
             text = f"STANDSTILL NOT VERIFIED after {', '.join(report.stages)}: {problem}. Press the emergency stop."
             self._journal.event("error", "make-safe-failed", "make-safe", text)
 
+    def _take(self, stage: Stage) -> Phases:
+        """One stage; the report says whether the drive is told by SDO as well."""
+        by_sdo = self._insists() or self._is_deaf()
+        self.report.stages.append(f"{stage.value} by SDO" if by_sdo else stage.value)
+        yield from _STAGES[stage](self)
+
+    def _is_deaf(self) -> bool:
+        """Whether the drive can be spoken to one by one, and hears no process data."""
+        line, m = self._line, self._machine
+        return (
+            line is not None
+            and m.has(STATUSWORD)
+            and line.reach(STATUSWORD) is not Reach.PROCESS_DATA
+        )
+
+    def _insists(self) -> bool:
+        """Whether the drive hears process data, and was not seen to obey them."""
+        return self._line is not None and bool(self.report.escalated)
+
     def _ramp_down(self) -> Phases:
         m = self._machine
         # Under torque control there is no speed set-point: a ramp from zero would be a jump for the drive.
@@ -182,40 +210,64 @@ class MakeSafe:
             yield from self._wait(Mode.SPEED, self._patience.ramp)
 
     def _quick_stop(self) -> Phases:
-        needed = abs(self._machine.speed(cycles=20)) / self._deceleration
+        m = self._machine
+        # What was commanded counts where nothing is measured any more.
+        speed = max(abs(m.speed(cycles=20)), abs(m.setpoint) if self._is_deaf() else 0.0)
         # Bounded: a speed that a slipped encoder has made up must not keep us from the next stage.
-        yield from self._wait(Mode.QUICK_STOP, self._patience.quick_stop + 2.0 * min(needed, 60.0))
+        needed = min(speed / self._deceleration, 60.0)
+        yield from self._wait(Mode.QUICK_STOP, self._patience.quick_stop + 2.0 * needed)
 
     def _servo_off(self) -> Phases:
         yield from self._wait(Mode.OFF, self._patience.servo_off, unpowered=True)
 
     def _wait(self, mode: Mode, patience: float, unpowered: bool = False) -> Phases:
-        """Windows in `mode` until the rig stands (and has no power), or patience is over."""
+        """In `mode` until the rig stands (and has no power), or patience is over."""
         for _ in range(self._windows(patience)):
-            # The drive leaves operation here on purpose: its state is waited for, not guarded.
-            yield Phase(mode, self._window, enabled=False)
-            if not self._observers.moving() and not (unpowered and self._observers.powered()):
+            for cycles in self._glances():
+                yield from self._look(mode, cycles)
+                # Cyclic data are judged by whole windows, answers as soon as they are a window apart.
+                if self._is_deaf() and self._is_over(unpowered):
+                    return
+            if self._is_over(unpowered):
                 return
 
+    def _is_over(self, unpowered: bool) -> bool:
+        return not self._observers.moving() and not (unpowered and self._observers.powered())
+
     def _inquire(self) -> Phases:
-        """Ask the observers that were not heard, twice with a window between, until they say that the rig stands."""
-        observers, line = self._observers, self._line
-        unheard = observers.unheard()
-        if line is None or not unheard or not self._machine.rows:
-            return
-        if STATUSWORD in unheard:
-            # A drive whose process data stay away may not hear ours either.
-            self.report.stages.append(f"{Stage.SERVO_OFF.value} by SDO")
-            line.switch_off()
+        """Wait for the observers that can still be asked, with the servo off, until they say that the rig stands."""
+        observers = self._observers
         for _ in range(self._windows(self._patience.servo_off)):
-            # Two answers a window apart: one count says where an encoder is, not that it stands.
-            before = line.ask(unheard)
-            if not before:
-                return
-            yield Phase(Mode.OFF, self._window, enabled=False)
-            observers.hear(before, line.ask(unheard))
-            if observers.problem() is None:
-                return
+            for cycles in self._glances():
+                can_tell = set(observers.unheard()) - observers.mute
+                missing = observers.problem() or can_tell & set(observers.silent())
+                if self._line is None or not self._machine.rows or not can_tell or not missing:
+                    return
+                yield from self._look(Mode.OFF, cycles)
+
+    def _glances(self) -> list[int]:
+        """A window, cut into the cycles after which somebody looks at who is heard."""
+        whole, rest = divmod(self._window, GLANCES)
+        return [cycles for i in range(GLANCES) if (cycles := whole + (i < rest))]
+
+    def _look(self, mode: Mode, cycles: int) -> Phases:
+        """Some cycles in `mode`; devices that are silent are asked meanwhile."""
+        line, stage = self._line, f"{mode.value} by SDO"
+        if line is not None:
+            if mode is not self._asked_in:
+                self._asked_in, self._asked = mode, {}
+                line.withdraw()
+            reach = {name: line.reach(name) for name in self._observers.wanted}
+            # Not while it is being asked, unless it must be asked otherwise now.
+            due = [n for n, by in reach.items() if line.is_idle(n) or by is not self._asked.get(n)]
+            insists, self._asked = self._insists(), reach
+            line.hand([r for n in due for r in requests_for(line, n, mode, insists=insists)])
+            if self._is_deaf() and mode in STOP and self.report.stages[-1] != stage:
+                self.report.stages.append(stage)
+        # The drive leaves operation here on purpose: its state is waited for, not guarded.
+        yield Phase(mode, cycles, enabled=False)
+        if line is not None:
+            self._observers.hear(line.answers())
 
     def _windows(self, patience: float) -> int:
         return max(1, math.ceil(patience / self._patience.window))

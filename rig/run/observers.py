@@ -8,14 +8,26 @@ named as missing where it is silent: statusword and input encoder then carry the
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD
 from drivers.drive_state import POWERED_STATES, DriveState, drive_state
+from drivers.port import Answer, Ask
 from rig.run.phases import Machine
 
 WORDS = {STATUSWORD: "statusword", INPUT_ANGLE: "input encoder", OUTPUT_ANGLE: "output encoder"}
+FRESH = 3
+"""Windows after which an answer says nothing any more about now."""
+
+
+@dataclass(frozen=True)
+class _Heard:
+    """One answer: the cycle in which it came and the row up to which the rig had run, and the count."""
+
+    cycle: int
+    row: int
+    count: int
 
 
 @dataclass
@@ -27,8 +39,9 @@ class Observers:
     window: int
     input_speed: float
     output_speed: float
-    asked: dict[str, int] = field(default_factory=dict)
-    """What silent ones said when they were asked: the statusword, and counts moved over at least one window."""
+    mute: set[str] = field(default_factory=set[str])
+    """Those whose device refused or did not answer when it was asked last."""
+    _asked: dict[str, list[_Heard]] = field(default_factory=dict[str, list[_Heard]])
 
     @property
     def wanted(self) -> tuple[str, ...]:
@@ -45,8 +58,8 @@ class Observers:
         return tuple(name for name in self.wanted if not self.machine.is_heard(name, self.window))
 
     def silent(self) -> tuple[str, ...]:
-        """Those that are unheard and did not answer when they were asked, or were not."""
-        return tuple(name for name in self.unheard() if name not in self.asked)
+        """Those that are unheard and have not said enough when they were asked, or were not."""
+        return tuple(name for name in self.unheard() if self._pair(name) is None)
 
     def moving(self) -> str | None:
         """Which encoder shows motion over the latest window, or why that cannot be said; None at standstill."""
@@ -70,13 +83,12 @@ class Observers:
         """Why the drive may still have power, or None."""
         if STATUSWORD not in self.wanted or not self.machine.rows:
             return None
-        if STATUSWORD in self.silent():
+        pair = self._pair(STATUSWORD) if STATUSWORD in self.unheard() else None
+        state = self.machine.state if STATUSWORD not in self.unheard() else None
+        if pair is not None:
+            state = drive_state(pair[1].count)
+        if state is None:
             return "the statusword is silent"
-        state = (
-            self.machine.state
-            if STATUSWORD not in self.unheard()
-            else drive_state(self.asked[STATUSWORD])
-        )
         return (
             f"the drive is in {state.value}"
             if state in POWERED_STATES or state is DriveState.UNKNOWN
@@ -96,13 +108,32 @@ class Observers:
             if name not in silent
         )
 
-    def hear(self, before: Mapping[str, int], after: Mapping[str, int]) -> None:
-        """Take the answers of silent observers, asked twice with a window between."""
-        self.asked = {
-            name: count if name == STATUSWORD else self._moved(name, before[name], count)
-            for name, count in after.items()
-            if name in before
-        }
+    def hear(self, answers: Iterable[Answer]) -> None:
+        """Take what silent observers said when they were asked; counts are unwrapped."""
+        for answer in answers:
+            name = answer.request.channel
+            if answer.count is None:
+                # A controlword is acknowledged without a count: it says nothing of who can be read.
+                if answer.request.ask is Ask.READ:
+                    self.mute.add(name)
+                continue
+            self.mute.discard(name)
+            heard = self._asked.setdefault(name, [])
+            count = answer.count
+            if heard and name != STATUSWORD:
+                count = heard[-1].count + self._moved(name, heard[-1].count, count)
+            heard.append(_Heard(answer.cycle, self.machine.rows, count))
+
+    def _pair(self, name: str) -> tuple[_Heard, _Heard] | None:
+        """The latest answer and, of an encoder, one that is at least a window older; None where that is not enough."""
+        heard = self._asked.get(name, [])
+        if not heard or self.machine.rows - heard[-1].row > FRESH * self.window:
+            return None
+        last = heard[-1]
+        before = [h for h in heard if h.cycle <= last.cycle - self.window]
+        if name == STATUSWORD:
+            return last, last
+        return (before[-1], last) if before else None
 
     def _moved(self, name: str, before: int, after: int) -> int:
         modulus = self.machine.channels[name].modulus
@@ -111,10 +142,9 @@ class Observers:
 
     def _speed(self, name: str) -> float:
         """Mean speed of an angle over the window [rad/s]."""
-        if name not in self.unheard():
+        pair = self._pair(name) if name in self.unheard() else None
+        if pair is None:
             return self.machine.speed(name, self.window)
-        return (
-            self.asked[name]
-            * self.machine.channels[name].scale
-            / (self.window * self.machine.period)
-        )
+        before, last = pair
+        moved = (last.count - before.count) * self.machine.channels[name].scale
+        return moved / ((last.cycle - before.cycle) * self.machine.period)

@@ -35,7 +35,6 @@ from rig.errors import LimitError, RigError
 from rig.run.acquisition import AcquisitionLog
 from rig.run.bounds import Geometry
 from rig.run.devices import DeviceListener
-from rig.run.direct_line import direct_line
 from rig.run.dry_run import PlannedRun
 from rig.run.engine import Ask, Engine, StepFailedError
 from rig.run.latch import LatchedTrip
@@ -292,8 +291,14 @@ class Session:
         """Hand over to make-safe, or to a harder action, when a trip, the recorder or the operator says so."""
         # In the order of rank: a trip takes over from whatever goes on, the operator from the plan or a softer stop.
         trip, error = self._supervisor.state.trip, self._logbook.error
-        if trip is not None and self._outcome not in ("TRIPPED", "ERROR"):
-            self._end(trip.action, "TRIPPED", str(trip), trip.cause)
+        # A ramp is given up for any trip, whatever it was begun for: the drive may not follow it any more.
+        ramps = self._make_safe is not None and (
+            self._make_safe.report.action is Action.CONTROLLED_STOP
+        )
+        if trip is not None and (ramps or self._outcome not in ("TRIPPED", "ERROR")):
+            failed = self._outcome == "ERROR"
+            message = f"{self._message} (While it was stopped: {trip})" if failed else str(trip)
+            self._end(trip.action, "ERROR" if failed else "TRIPPED", message, trip.cause)
             return True
         if error is not None and self._outcome in ("", "ABORTED"):
             self._end(Action.QUICK_STOP, "ERROR", str(error), "recorder")
@@ -337,12 +342,6 @@ class Session:
             deceleration = limits.value(lim.QUICK_STOP_DECELERATION)
         ratio = self._planned.load.ratio if self._planned.experiment.gear_mounted else math.nan
         cycles = min(self._order.make_safe_cycles, self._order.block_cycles)
-        watchdog = self._order.watchdog
-        line = (
-            direct_line(self._port, watchdog.rest)
-            if watchdog is not None
-            else direct_line(self._port)
-        )
         return MakeSafe(
             action=action,
             machine=self._machine,
@@ -351,7 +350,7 @@ class Session:
             ratio=ratio,
             block_cycles=cycles,
             patience=self._order.patience,
-            line=line,
+            line=self._port.line,
         )
 
     def _emergency(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import can
 import numpy as np
 import pytest
 
@@ -129,8 +130,17 @@ def test_quick_stop_acts_in_the_next_cycle(bench: Setup) -> None:
     block = bench.rig.exchange(Command(Mode.QUICK_STOP), 3, Guard())
     assert bench.drive.get(0x6040) == 0x02
     assert block.counts[0, bench.column(STATUSWORD)] != 0x0237
-    cob_id, data = bench.rig.quick_stop_frames()[0]
-    assert (cob_id, data.hex(" ")) == (0x601, "2b 40 60 00 02 00 00 00")
+
+
+def test_a_watchdog_of_its_own_sends_process_data_only(bench: Setup) -> None:
+    bench.speed(300, 5)
+    assert bench.drive.get(0x6040) == 0x0F
+    for cob_id, data in bench.rig.quick_stop_frames():
+        assert cob_id < 0x580
+        bench.raw.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
+    bench.rig.nodes.drive.bus.receive(0)
+    assert bench.drive.get(0x6040) == 0x02
+    assert bench.drive.state != "ENABLED"
 
 
 def test_limits_are_written_to_the_safe_side_and_read_back(bench: Setup) -> None:

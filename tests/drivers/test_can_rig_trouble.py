@@ -18,7 +18,7 @@ from drivers.channel import (
     STATUSWORD,
 )
 from drivers.errors import BusLostError, DriverError, StaleDataError
-from drivers.port import Bound, Command, Guard, Mode
+from drivers.port import Ask, Bound, Command, Guard, Mode, Reach, Request
 from drivers.samples import CycleFlag
 from tests.drivers.can_bench import Setup, close, setup
 
@@ -87,23 +87,43 @@ def test_a_node_that_falls_silent_is_stale_then_lost(bench: Setup) -> None:
 
 def test_a_device_whose_process_data_stay_away_is_asked_by_sdo(bench: Setup) -> None:
     bench.speed(100, 10)
-    witnesses = (STATUSWORD, INPUT_ANGLE, OUTPUT_ANGLE)
-    assert bench.rig.ask(witnesses) == {
-        STATUSWORD: 0x0237,
-        INPUT_ANGLE: 1000,
-        OUTPUT_ANGLE: bench.counter.position,
-    }
+    line = bench.rig.line
+    assert line is not None
+    assert line.reach(STATUSWORD) is Reach.PROCESS_DATA
     bench.drive.node.nmt.state = "PRE-OPERATIONAL"
-    assert (
-        bench.rig.exchange(Command(Mode.OFF), 5, Guard()).counts[-1, bench.column(STATUSWORD)]
-        == 0x0237
+    block = bench.rig.exchange(Command(Mode.OFF), 5, Guard())
+    assert block.counts[-1, bench.column(STATUSWORD)] == 0x0237
+    assert line.reach(STATUSWORD) is Reach.SDO
+    asked = [Request(Ask.READ, name) for name in (STATUSWORD, INPUT_ANGLE, OUTPUT_ANGLE)]
+    line.hand([Request(Ask.SERVO_OFF, STATUSWORD), *asked])
+    bench.rig.exchange(Command(Mode.OFF), 6, Guard())
+    found = {a.request: a.count for a in line.answers()}
+    assert (found[asked[0]], found[asked[1]]) == (0x0250, 1000)
+    assert not line.is_busy
+
+
+def test_a_silent_node_costs_the_others_nothing(bench: Setup) -> None:
+    bench.speed(100, 10)
+    line, drive, counter = (
+        bench.rig.line,
+        *(Request(Ask.READ, n) for n in (STATUSWORD, OUTPUT_ANGLE)),
     )
-    bench.rig.switch_off()
-    assert bench.rig.ask([STATUSWORD]) == {STATUSWORD: 0x0250}
+    assert line is not None
     bench.counter.answers = False
+    line.hand([counter, counter, drive])
     before = bench.clock.monotonic_ns()
-    assert bench.rig.ask([OUTPUT_ANGLE, INPUT_ANGLE]) == {INPUT_ANGLE: 1000}
-    assert 0 < bench.clock.monotonic_ns() - before < 400_000_000
+    block = bench.rig.exchange(Command(Mode.OFF), 5, Guard())
+    assert [(a.request, a.count) for a in line.answers()] == [
+        (drive, block.counts[0, bench.column(STATUSWORD)])
+    ]
+    assert not (block.flags & CycleFlag.STALE_STATUSWORD).any()
+    assert (line.is_idle(STATUSWORD), line.is_idle(OUTPUT_ANGLE)) == (True, False)
+    rows = 0
+    while rows < 350:
+        rows += len(bench.rig.exchange(Command(Mode.OFF), 350 - rows, Guard()))
+    assert [a.count for a in line.answers()] == [None, None]  # it is asked once, and given up
+    assert line.reach(OUTPUT_ANGLE) is Reach.NMT_FIRST
+    assert bench.clock.monotonic_ns() - before < 420_000_000
 
 
 def test_a_node_reset_in_motion_is_seen(bench: Setup) -> None:

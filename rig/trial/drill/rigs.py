@@ -8,7 +8,7 @@ from typing import Any, Literal, Protocol
 
 from drivers.channel import Channel
 from drivers.clock import VirtualClock
-from drivers.port import Command, DriveLimits, Guard, RigDescription
+from drivers.port import Command, DirectLine, DriveLimits, Guard, RigDescription
 from drivers.samples import SampleBlock
 from model.gear import HarmonicDrive
 from model.motor import ServoMotor
@@ -175,6 +175,11 @@ class DrilledRig:
         """The time base of the rig behind it."""
         return self.port.time_base
 
+    @property
+    def line(self) -> DirectLine | None:
+        """The line to the devices of the rig behind it."""
+        return self.port.line
+
     def open(self) -> RigDescription:
         """Open the rig behind it; what is to be there from the start happens first."""
         self.prepare()
@@ -223,14 +228,6 @@ class DrilledWireRig(DrilledRig):
     def acquisition(self) -> Any:
         """Figures of the acquisition."""
         return self.port.acquisition()
-
-    def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        """Counts by direct question."""
-        return self.port.ask(channels)
-
-    def switch_off(self) -> None:
-        """Servo off by a command to the drive alone."""
-        self.port.switch_off()
 
 
 def drilled_rig(

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from drivers.drive_state import DriveState
-from drivers.port import Guard, Mode
+from drivers.port import Answer, Ask, Guard, Mode, Reach, Request
 from drivers.samples import CycleFlag, is_stale
 from experiments.steps.profile import Constant
 from experiments.steps.vocabulary import SegmentLabel
-from rig.run.direct_line import DirectLine
+from rig.run.direct_line import STOP
 from rig.run.make_safe import STAGES, Action, MakeSafe, MakeSafeReport, Stage
 from rig.run.phases import Machine, Phase, PhaseRunner, Phases
 from tests.rig.fake_rig import INCOMPLETE, FakeRig
@@ -48,7 +48,7 @@ def made_safe(
     _exchange(rig, machine, PhaseRunner(approach(), machine, 100))
     rig.exchanged.clear()
     change(rig)
-    direct = None if line is None else DirectLine(line.of(rig))
+    direct = None if line is None else line.of(rig)
     make_safe = MakeSafe(action, machine, notes, 500.0, 120.0, block, line=direct)
     _exchange(rig, machine, make_safe)
     return rig, make_safe.report, notes
@@ -169,28 +169,61 @@ DRIVE_SILENT = (
 
 class Answers:
     """Devices that answer when they are asked, `answering` of them; the input moves by `step`
-    counts between questions.
+    counts per cycle. A drive that `obeys` does what it is told, unless its NMT state is STOPPED.
     """
 
-    def __init__(self, *answering: str, step: int = 0, obeys: bool = True) -> None:
+    def __init__(
+        self,
+        *answering: str,
+        step: int = 0,
+        obeys: bool = True,
+        reach: dict[str, Reach] | None = None,
+    ) -> None:
         self.answering, self.step, self.obeys = answering, step, obeys
-        self.asked: list[tuple[str, ...]] = []
-        self.count = 2**32 - 5
-        self.switched_off = False
+        self.reached = dict.fromkeys(answering, Reach.SDO) | (reach or {})
+        self.asked: list[Request] = []
+        self.told: list[Ask] = []
+        self.waiting: list[Answer] = []
 
     def of(self, rig: FakeRig) -> Answers:
         self.rig = rig
         return self
 
-    def ask(self, channels: Sequence[str]) -> dict[str, int]:
-        self.asked.append(tuple(channels))
-        self.count += self.step
-        word = 0x0250 if self.switched_off and self.obeys else 0x0237
-        counts = {"statusword": word, "input_angle": self.count % 2**32, "output_angle": 7}
-        return {name: counts[name] for name in channels if name in self.answering}
+    def reach(self, channel: str) -> Reach:
+        if not self.rig.physics.flags:
+            return Reach.PROCESS_DATA
+        return self.reached.get(channel, Reach.PROCESS_DATA)
 
-    def switch_off(self) -> None:
-        self.switched_off = True
+    def is_idle(self, channel: str) -> bool:
+        return True
+
+    def withdraw(self) -> None:
+        self.waiting = []
+
+    def hand(self, requests: Sequence[Request]) -> None:
+        self.asked += requests
+        for request in requests:
+            if request.ask is Ask.WAKE:
+                self.reached[request.channel] = Reach.SDO
+            elif self.reached.get(request.channel) is Reach.SDO:
+                self.told += [request.ask] if request.ask in STOP.values() else []
+            answers = request.channel in self.answering and request.ask is Ask.READ
+            self.waiting.append(
+                Answer(request, self.rig.physics.cycle, self.count(request) if answers else None)
+            )
+
+    def count(self, request: Request) -> int:
+        is_off = self.obeys and Ask.SERVO_OFF in self.told
+        moved = self.step * self.rig.physics.cycle
+        return {
+            "statusword": 0x0250 if is_off else 0x0237,
+            "input_angle": (2**32 - 5 + moved) % 2**32,
+            "output_angle": 7,
+        }[request.channel]
+
+    def answers(self) -> list[Answer]:
+        taken, self.waiting = self.waiting, []
+        return taken
 
 
 def flagged(flags: int) -> Callable[[FakeRig], None]:
@@ -217,7 +250,7 @@ def test_a_silent_output_encoder_is_named_and_asked() -> None:
     line = Answers("output_angle")
     _, report, notes = made_safe(Action.QUICK_STOP, flagged(OUTPUT_SILENT), line=line)
     assert report.verified_by == ("statusword", "input_angle", "output_angle (asked by SDO)")
-    assert not line.switched_off
+    assert {request.ask for request in line.asked} == {Ask.READ}
     assert notes.events[-1][0] == "info"
 
 
@@ -233,20 +266,21 @@ def test_a_drive_that_answers_is_switched_off_and_verified_by_sdo() -> None:
     line = Answers("statusword", "input_angle")
     _, report, _ = made_safe(Action.QUICK_STOP, flagged(DRIVE_SILENT), line=line)
     assert report.safe
-    assert line.switched_off
-    assert report.stages == ["quick stop", "servo off", "servo off by SDO"]
+    assert line.asked[0] == Request(Ask.QUICK_STOP, "statusword")
+    assert line.told[-1] is Ask.SERVO_OFF
+    assert report.stages == ["quick stop by SDO", "servo off by SDO"]
     assert report.verified_by == (
         "statusword (asked by SDO)",
         "input_angle (asked by SDO)",
         "output_angle",
     )
-    assert set(line.asked) == {("statusword", "input_angle")}
+    assert {request.channel for request in line.asked} == {"statusword", "input_angle"}
 
 
 @pytest.mark.parametrize(
     ("line", "problem"),
     [
-        (Answers("statusword", "input_angle", step=600), "the input turns at 1.15 rad/s"),
+        (Answers("statusword", "input_angle", step=6), "the input turns at 1.15 rad/s"),
         (Answers("statusword", "input_angle", obeys=False), "the drive is in operation enabled"),
         (Answers("statusword"), "the input encoder is silent"),
         (Answers("input_angle"), "the statusword is silent"),

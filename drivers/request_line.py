@@ -1,0 +1,134 @@
+"""The line to each device beside the cyclic data: requests by SDO and NMT that nobody waits for.
+
+`turn` is called once per SYNC cycle while something is on its way. It sends at most one frame to each node; answers are
+taken as frames arrive. A node that says nothing costs the others nothing: its time runs while the cycles go on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from drivers import cia402_tables as obj
+from drivers.bus import PumpedBus
+from drivers.cia301 import NmtCommand, NmtState, ObjectRef
+from drivers.device import RemoteDevice
+from drivers.errors import DriverError
+from drivers.port import Answer, Ask, Reach, Request
+from drivers.sdo import PostedTransfer, SdoTimeoutError
+
+_CONTROLWORD: Final = {Ask.QUICK_STOP: obj.QUICK_STOP, Ask.SERVO_OFF: obj.DISABLE_VOLTAGE}
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a channel comes from: the device and the object that hold it, and whether its process data come."""
+
+    device: RemoteDevice
+    entry: ObjectRef
+    arrives: Callable[[], bool]
+
+
+@dataclass(kw_only=True)
+class _Conversation:
+    """What one node is being asked: the requests that wait, the first of which may be on its way."""
+
+    device: RemoteDevice
+    waiting: deque[Request] = field(default_factory=deque[Request])
+    posted: PostedTransfer | None = None
+
+
+class RequestLine:
+    """The `DirectLine` of a rig on a bus; `places` of its channels."""
+
+    def __init__(self, bus: PumpedBus, places: dict[str, Place]) -> None:
+        self._bus, self._places = bus, places
+        self._conversations: dict[int, _Conversation] = {}
+        self._answers: list[Answer] = []
+        self._unanswered: set[int] = set()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether `turn` has something to do."""
+        return bool(self._conversations)
+
+    def is_idle(self, channel: str) -> bool:
+        """Whether the device that carries a channel is being asked nothing."""
+        return self._places[channel].device.node_id not in self._conversations
+
+    def reach(self, channel: str) -> Reach:
+        """How the device that carries a channel can be reached: by its heartbeat, its frames and its latest answer."""
+        place = self._places[channel]
+        state = place.device.watch.state
+        if state is NmtState.OPERATIONAL and place.arrives():
+            return Reach.PROCESS_DATA
+        is_deaf = state is NmtState.STOPPED or place.device.node_id in self._unanswered
+        return Reach.NMT_FIRST if is_deaf else Reach.SDO
+
+    def hand(self, requests: Sequence[Request]) -> None:
+        """Ask this from the next cycle on; what is on its way to the same devices is withdrawn."""
+        begun: dict[int, _Conversation] = {}
+        for request in requests:
+            device = self._places[request.channel].device
+            conversation = begun.setdefault(device.node_id, _Conversation(device=device))
+            # A node has several channels and is woken once.
+            if request.ask is not Ask.WAKE or not conversation.waiting:
+                conversation.waiting.append(request)
+        for conversation in begun.values():
+            conversation.device.sdo.withdraw()
+        self._conversations |= begun
+
+    def withdraw(self) -> None:
+        """Ask nobody anything any more; what still comes belongs to nobody."""
+        for conversation in self._conversations.values():
+            conversation.device.sdo.withdraw()
+        self._conversations = {}
+
+    def answers(self) -> list[Answer]:
+        """What has come of the requests since the last call."""
+        taken, self._answers = self._answers, []
+        return taken
+
+    def turn(self, cycle: int) -> None:
+        """One cycle: settle what has arrived, send at most one frame to each node. Raises `BusLostError`."""
+        now = self._bus.clock.monotonic_ns()
+        for node_id, conversation in list(self._conversations.items()):
+            posted = conversation.posted
+            if posted is not None and posted.is_over:
+                self._settle(conversation, posted, cycle)
+                conversation.posted = posted = None
+            if posted is not None:
+                posted.turn(now)
+            elif not conversation.waiting:
+                del self._conversations[node_id]
+            elif conversation.waiting[0].ask is Ask.WAKE:
+                conversation.waiting.popleft()
+                self._bus.nmt(NmtCommand.PRE_OPERATIONAL, node_id)
+            else:
+                conversation.posted = posted = self._post(conversation.waiting[0])
+                posted.turn(now)
+
+    def _post(self, request: Request) -> PostedTransfer:
+        place = self._places[request.channel]
+        if request.ask is Ask.READ:
+            return place.device.sdo.post_upload(*place.entry.key)
+        word = place.device.typed(obj.CONTROLWORD).data_type.encode(_CONTROLWORD[request.ask])
+        return place.device.sdo.post_download(*obj.CONTROLWORD.key, word)
+
+    def _settle(self, conversation: _Conversation, posted: PostedTransfer, cycle: int) -> None:
+        """Note what came of the first request; a node that said nothing is not asked the rest."""
+        request, count = conversation.waiting.popleft(), None
+        if isinstance(posted.error, SdoTimeoutError):
+            self._unanswered.add(conversation.device.node_id)
+            self._answers += [Answer(left, cycle, None) for left in conversation.waiting]
+            conversation.waiting.clear()
+        else:
+            self._unanswered.discard(conversation.device.node_id)
+        if posted.error is None and request.ask is Ask.READ:
+            with contextlib.suppress(DriverError):
+                entry = self._places[request.channel].entry
+                count = int(conversation.device.number_of(entry, posted.data))
+        self._answers.append(Answer(request, cycle, count))
