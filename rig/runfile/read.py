@@ -164,7 +164,11 @@ def glance(path: Path) -> Glance:
 
     Raises `RunFileError` as `open_run` does, but for damage in what it does not look at.
     """
-    with open_for_reading(path) as held, refusing_damage(path), held.use() as file:
+    with (
+        open_for_reading(path, leave_out=layout.INSTRUMENT) as held,
+        refusing_damage(path),
+        held.use() as file,
+    ):
         check_format(file)
         metadata, events = read_metadata(file), _events(held)
         _require_column(held, TIME)
