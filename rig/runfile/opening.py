@@ -114,7 +114,7 @@ def open_for_reading(path: Path, *, leave_out: str = "") -> OpenFile:
     that will not be looked into, so that it need not be examined.
     """
     with refusing_damage(path):
-        _require_hdf5(path)
+        require_hdf5(path)
         if path.name.endswith(PART_SUFFIX):
             return _open_growing(path)
         # Another driver than that of a growing file: where one process holds a run open as growing
@@ -134,7 +134,8 @@ def _examine(file: h5py.File, *, grows: bool, leave_out: str = "") -> None:
         raise
 
 
-def _require_hdf5(path: Path) -> None:
+def require_hdf5(path: Path) -> None:
+    """Raise `RunFileError` for a folder, and for a file that does not begin as HDF5 does."""
     if path.is_dir():
         raise RunFileError("is a folder, not a run file", where=str(path))
     with path.open("rb") as stream:
