@@ -98,9 +98,9 @@ def check_seal(run: Path, *, anew: bool = False, now_ns: Callable[[], int] = tim
     if noted and noted != computed:
         changed, sealed = (_moment(path.stat().st_mtime) for path in (run, hash_path(run)))
         raise ChangedRunError(
-            "is not the file that was sealed: its SHA-256 differs",
+            "was changed since it was sealed",
             where=str(run),
-            value=f"{computed} ({before[2]} bytes, last changed {changed})",
+            value=f"SHA-256 {computed} ({before[2]} bytes, last changed {changed})",
             limit=f"{noted} (noted {sealed})",
             remedy="Take the original, or the backup.",
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rig.errors import RigError
+from rig.errors import ChangedRunError, RigError
 from rig.runfile import layout
 from rig.runfile.checks import Finding, findings_of
 from rig.runfile.read import open_run
@@ -43,6 +43,9 @@ def _check_hash(path: Path) -> Finding:
         )
     try:
         seal = check_seal(path, anew=True)
+    except ChangedRunError as error:
+        text = f"{error.what}: it is {error.value}, sealed with {error.limit}"
+        return Finding("hash", "error", text if error.limit else str(error))
     except RigError as error:
         return Finding("hash", "error", str(error))
     if not seal.is_whole:
