@@ -25,7 +25,7 @@ except ImportError:  # not a POSIX system
 from drivers.clock import Clock
 from drivers.errors import BusLostError, DecodeError, DriverError, StaleDataError
 
-STX, ENQ, ACK, NAK, ESC = b"\x02", b"\x05", b"\x06", b"\x15", b"\x1b"
+STX, ACK, NAK, ESC = b"\x02", b"\x06", b"\x15", b"\x1b"
 LINE_LENGTH: Final = 17
 _MS: Final = 1_000_000
 _LINE_ERRORS: Final = (serial.SerialException, OSError, _termios_error)
@@ -245,15 +245,6 @@ class Readout:
     def identification(self) -> list[str]:
         """What the readout calls itself (A0000): name, part number, software version."""
         return self.screen("A0000", lines=3)
-
-    def error_message(self) -> str:
-        """The readout's error message (ENQ); empty if it has none to tell."""
-        self._flush()
-        self._send(ENQ)
-        try:
-            return _text(self._line(self._deadline(self._config.answer_ms)))
-        except StaleDataError:
-            return ""
 
     def screen(self, command: str, lines: int = 1) -> list[str]:
         """Ask for screen contents (ESC Axxxx CR): STX, text, CR LF. Raises `DriverError` when it answers NAK."""

@@ -6,8 +6,7 @@ from collections.abc import Iterable
 
 from experiments.recording import Recording
 from experiments.result import Table
-from model.identify.cause import Cause
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Cause, Estimate
 
 ASSUMED_SCALE = 0.03
 """Relative standard uncertainty of a torque port without a certificate: torque constant by

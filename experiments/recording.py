@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.errors import AnalysisError
+from model.arrays import FloatArray, IntArray
 from model.channel import Channel
 from model.gear import HarmonicDrive, Mounting
 
 Origin = Literal["simulated", "replay", "imported", "hardware"]
 TimeBase = Literal["hardware", "device", "virtual", "host", "nominal", "none"]
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,7 @@ class SignalSource(Protocol):
         """Stored numbers of a channel, rows [start, stop): unwrapped counts, or floats of an imported recording."""
         ...
 
-    def time_ns(self, start: int, stop: int) -> NDArray[np.int64]: ...
+    def time_ns(self, start: int, stop: int) -> IntArray: ...
 
     def flags(self, start: int, stop: int) -> NDArray[np.uint16]: ...
 
@@ -100,7 +100,7 @@ class ArraySource:
     """A recording that lies in memory: stored arrays by channel, all of one length."""
 
     arrays: Mapping[str, NDArray[Any]]
-    times: NDArray[np.int64]
+    times: IntArray
     cycle_flags: NDArray[np.uint16] | None = None
 
     @property
@@ -110,7 +110,7 @@ class ArraySource:
     def stored(self, name: str, start: int, stop: int) -> NDArray[Any]:
         return self.arrays[name][start:stop]
 
-    def time_ns(self, start: int, stop: int) -> NDArray[np.int64]:
+    def time_ns(self, start: int, stop: int) -> IntArray:
         return self.times[start:stop]
 
     def flags(self, start: int, stop: int) -> NDArray[np.uint16]:

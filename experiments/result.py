@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from experiments.errors import AnalysisError
 from experiments.quantity import Quantity, quantity_of
+from model.arrays import FloatArray
 from model.gear import Provenance
 from model.identify.estimate import Estimate
 
@@ -28,13 +26,38 @@ class Series:
     """One curve: x and y (n,) in the units of the plot's axes; `low`, `high` (n,) draw error bars or a band."""
 
     label: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
+    x: FloatArray
+    y: FloatArray
     style: SeriesStyle = "line"
-    low: NDArray[np.float64] | None = None
-    high: NDArray[np.float64] | None = None
+    low: FloatArray | None = None
+    high: FloatArray | None = None
     group: int = 0
     """Series of one group share a colour."""
+
+
+def way_of(direction: float) -> str:
+    """The word for a direction of turning, by its sign."""
+    return "forward" if direction > 0 else "reverse"
+
+
+def both_ways(
+    direction: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    **bars: FloatArray,
+) -> list[Series]:
+    """Points (n,) as a series for each direction (n,) that has any, forward first; `bars`: their `low` and `high`."""
+    series: list[Series] = []
+    for group, sign in enumerate((1.0, -1.0)):
+        rows = direction * sign > 0.0
+        if rows.any():
+            ends = {name: values[rows] for name, values in bars.items()}
+            series.append(
+                Series(
+                    label=way_of(sign), x=x[rows], y=y[rows], style="points", group=group, **ends
+                )
+            )
+    return series
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +132,7 @@ class Covariance:
     """Covariance (p, p) of the statistical part (type A) of a fit's parameters, in SI; `names` are in its order."""
 
     names: tuple[str, ...]
-    matrix: NDArray[np.float64]
+    matrix: FloatArray
 
     def as_json(self) -> dict[str, Any]:
         """Names and matrix, row by row."""

@@ -16,19 +16,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.errors import AnalysisError
 from experiments.protocols.friction.plots import FIT_TABLE
 from experiments.result import Result
+from model.arrays import FloatArray
 from model.friction import bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
 from model.identify.stribeck import NAMES, fit_stribeck
 from model.kinematic_error import basis_orders
 from model.units import RPM
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -25,16 +25,14 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from model import friction, loop_tables
+from model.arrays import FloatArray
 from model.gear import Harmonic, HarmonicDrive, Mounting
 from model.kernels import closed_loop as kernel
 from model.kinematic_error import series_slope, series_value
 from model.linear import DynamicParameters, dynamic_parameters
 from model.motor import ServoMotor
-
-Array = NDArray[np.float64]
 
 OFF, SPEED, TORQUE, QUICK_STOP = kernel.OFF, kernel.SPEED, kernel.TORQUE, kernel.QUICK_STOP
 """What the servo is told: power stage off, speed set-points [rad/s], torque set-points [N m], ramp down and hold."""
@@ -180,7 +178,7 @@ class ClosedLoop:
         self._servo = np.zeros(kernel.SERVO_SIZE)
         self.set_limits(ServoLimits(motor.peak_torque, motor.maximum_speed))
 
-    def rest(self, angle: float = 0.0) -> Array:
+    def rest(self, angle: float = 0.0) -> FloatArray:
         """The state of standstill at an input angle [rad], unwound, servo off, cold."""
         state = np.zeros(kernel.STATE_SIZE)
         state[kernel.THETA] = angle
@@ -214,7 +212,9 @@ class ClosedLoop:
         values[kernel.RATE_QUICK_STOP] = limits.quick_stop_deceleration * period
         values[kernel.GUARD_GAIN] = values[kernel.GAIN]
 
-    def advance(self, state: Array, mode: int, targets: Array, rows: Array | None = None) -> Array:
+    def advance(
+        self, state: FloatArray, mode: int, targets: FloatArray, rows: FloatArray | None = None
+    ) -> FloatArray:
         """Advance the state over one SYNC cycle per target; row k is what is true at SYNC k, before target[k] acts.
 
         `rows` (n, ROW_SIZE) is filled and returned; its columns are the ROW_ names of `model.kernels.closed_loop`.
@@ -244,26 +244,26 @@ class ClosedLoop:
         )
         return self.parameters.combined_stiffness * (1.0 + share) / self.parameters.output_inertia
 
-    def _make_physics(self) -> Array:
+    def _make_physics(self) -> FloatArray:
         """The scalar constants of the kernel."""
         p = np.zeros(kernel.PHYSICS_SIZE)
-        motor, extra, found = self.motor, self.deviations, self.parameters
-        p[kernel.H], p[kernel.RADIUS] = self.time_step, found.neutral_radius
-        p[kernel.TANGENT] = math.tan(found.tooth_angle)
-        p[kernel.K_B], p[kernel.C_B] = found.bearing_stiffness, found.bearing_damping
-        p[kernel.CUP] = found.cup_stiffness
+        motor, extra, parameters = self.motor, self.deviations, self.parameters
+        p[kernel.H], p[kernel.RADIUS] = self.time_step, parameters.neutral_radius
+        p[kernel.TANGENT] = math.tan(parameters.tooth_angle)
+        p[kernel.K_B], p[kernel.C_B] = parameters.bearing_stiffness, parameters.bearing_damping
+        p[kernel.CUP] = parameters.cup_stiffness
         p[kernel.ERROR_TURNS] = 1.0 / (2.0 * math.pi * self._period)
         p[kernel.ERROR_POINTS] = len(self._error) - 1
         if self.settings.gear_mounted:
             p[kernel.INVERSE_RATIO], p[kernel.LAMBDA] = (
                 1.0 / self.ratio,
-                found.radial_lever / self.ratio,
+                parameters.radial_lever / self.ratio,
             )
             still = loop_tables.bearing_drag(self.gear, np.zeros(1))
             p[kernel.BEARING_LOW] = friction.bearing_lever(self.gear) * float(still[0])
             p[kernel.DEPTH] = extra.mesh_depth / max(self._largest_error(), 1e-12)
             p[kernel.OUTPUT_COULOMB] = extra.output_coulomb
-            p[kernel.OUTPUT_VISCOUS] = extra.output_viscous / found.neutral_radius
+            p[kernel.OUTPUT_VISCOUS] = extra.output_viscous / parameters.neutral_radius
             self._fill_elastic(p)
         if extra.motor_friction:
             p[kernel.MOTOR_COULOMB], p[kernel.MOTOR_VISCOUS] = (
@@ -280,7 +280,7 @@ class ClosedLoop:
         self._fill_thermal(p)
         return p
 
-    def _fill_elastic(self, p: Array) -> None:
+    def _fill_elastic(self, p: FloatArray) -> None:
         """Hardening and hysteresis, parallel to the gear between rotor and output."""
         ratings, extra, stiffness = (
             self.gear.ratings,
@@ -298,7 +298,7 @@ class ClosedLoop:
         p[kernel.HYSTERESIS_STIFFNESS] = extra.hysteresis_stiffness * stiffness
         p[kernel.ELASTIC] = float(extra.hardening or extra.hysteresis_torque > 0.0)
 
-    def _fill_thermal(self, p: Array) -> None:
+    def _fill_thermal(self, p: FloatArray) -> None:
         """Heat stores and sensitivities; without `thermal` the stores are infinite."""
         heat = self.deviations.thermal
         if heat is None:

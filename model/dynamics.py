@@ -20,8 +20,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from model.arrays import FloatArray
 from model.errors import ModelError
 from model.friction import BRANCH_LIMIT, bearing_magnitude
 from model.gear import HarmonicDrive
@@ -30,7 +31,6 @@ from model.linear import DynamicParameters, ParameterTable, common_ratio, dynami
 from model.propagator import OUTPUTS, propagators
 from model.units import ARCSEC, RPM
 
-Array = NDArray[np.float64]
 Start = Literal["rest", "steady"]
 
 LONGEST_STEP = 2.5e-4
@@ -52,23 +52,19 @@ class PrescribedResponse:
     """
 
     sample_interval: float
-    input_angle: Array
-    input_speed: Array
-    output_angle: Array
-    output_speed: Array
-    torsion_torque: Array
-    wave_generator_torque: Array
-    final_state: Array = field(repr=False)
+    input_angle: FloatArray
+    input_speed: FloatArray
+    output_angle: FloatArray
+    output_speed: FloatArray
+    torsion_torque: FloatArray
+    wave_generator_torque: FloatArray
+    final_state: FloatArray = field(repr=False)
     substeps: int = 1
 
     @property
-    def time(self) -> Array:
+    def time(self) -> FloatArray:
         """Time from the first sample [s]."""
         return np.arange(self.input_angle.size, dtype=np.float64) * self.sample_interval
-
-    def transmission_error(self, ratio: float) -> Array:
-        """theta_o - theta_i/N [rad]."""
-        return self.output_angle - self.input_angle / ratio
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +72,8 @@ class BatchResponse:
     """Answers of several parameter sets to one input: `output_angle` and `output_speed` of shape (sets, n)."""
 
     sample_interval: float
-    output_angle: Array
-    output_speed: Array
+    output_angle: FloatArray
+    output_speed: FloatArray
     substeps: int = 1
 
 
@@ -178,9 +174,9 @@ class _Inputs:
         self,
         gear: HarmonicDrive,
         ratio: float,
-        angle: Array,
-        speed: Array,
-        load: Array,
+        angle: FloatArray,
+        speed: FloatArray,
+        load: FloatArray,
         interval: float,
         steps: int,
         smoothing: float,
@@ -213,7 +209,7 @@ class _Inputs:
             bearing_magnitude(bearing, 0.0, low_speed_branch=gear.options.low_speed_branch)
         )
 
-    def at_sample(self, index: int) -> Array:
+    def at_sample(self, index: int) -> FloatArray:
         """The inputs u- (5,) at a sample, friction by the compiled law that the loops use (none at zero speed)."""
         from model.kernels.propagation import friction_signals
 
@@ -265,8 +261,8 @@ class _Inputs:
         yield self.angle[last:], self.speed[last:], self.load[last:], before, 0.0, last
 
     def propagate(
-        self, sets: Sequence[DynamicParameters], start: Start | ArrayLike, result: Array
-    ) -> Array:
+        self, sets: Sequence[DynamicParameters], start: Start | ArrayLike, result: FloatArray
+    ) -> FloatArray:
         """Fill `result` (sets, outputs, n) with the first outputs of every set; returns q and q'
         (sets, 6) at the end.
         """
@@ -317,8 +313,8 @@ class _Inputs:
 
 
 def _start_states(
-    sets: Sequence[DynamicParameters], start: Start | ArrayLike, inputs: Array
-) -> Array:
+    sets: Sequence[DynamicParameters], start: Start | ArrayLike, inputs: FloatArray
+) -> FloatArray:
     """q and q' (S, 6) at the first sample: given, at rest without friction, or turning steadily and wound up by it."""
     if not isinstance(start, str):
         state = np.asarray(start, dtype=np.float64).ravel()
@@ -350,7 +346,7 @@ def _checked_input(
     interval: float,
     input_speed: ArrayLike | None,
     load_torque: ArrayLike | None,
-) -> tuple[Array, Array, Array]:
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Angle, speed and load (empty for none) as contiguous arrays of one length; refused where they do not fit."""
     angle = _loose(input_angle)
     if angle.ndim != 1 or angle.size < 2:
@@ -384,12 +380,12 @@ def _checked_input(
     return angle, speed, load
 
 
-def _loose(values: ArrayLike) -> Array:
+def _loose(values: ArrayLike) -> FloatArray:
     """A contiguous array that may be written: the compiled loops know one kind of array only."""
     return np.require(values, np.float64, ["C_CONTIGUOUS", "WRITEABLE"])
 
 
-def derived_speed(angle: Array, interval: float) -> Array:
+def derived_speed(angle: FloatArray, interval: float) -> FloatArray:
     """theta_i' (n,) by central differences of fourth order, of lower order next to the ends [rad/s].
 
     The first and the last are differences of two angles, so that a start from rest has the sign of the motion.
@@ -402,7 +398,7 @@ def derived_speed(angle: Array, interval: float) -> Array:
     return speed
 
 
-def _substeps(gear: HarmonicDrive, speed: Array, interval: float, given: int | None) -> int:
+def _substeps(gear: HarmonicDrive, speed: FloatArray, interval: float, given: int | None) -> int:
     """Fine samples per interval: so many that the interpolation of the kinematic error stays within `SERIES_ERROR`.
 
     The cubic through values and rates of a sinusoid of amplitude A and frequency w is wrong by A (w h)^4/384.

@@ -10,31 +10,29 @@
 Equation 20 does not conserve energy in equation 2: it keeps only the tangential part of the mesh
 friction. At 30 degrees the two balances differ by a factor of 3.9 in the mesh, so the numbers F_c,
 F_s, c_v mean nothing without the balance they belong to (`ModelOptions.torque_balance`);
-`convert_mesh_friction` carries them over. Equations 18-20 as printed in Zou et al. 2015 with the
+`conversion_factor` is between them. Equations 18-20 as printed in Zou et al. 2015 with the
 absolute values restored; units and the low-speed branch after Palmgren (Harris and Kotzalas).
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from model.arrays import FloatArray
 from model.gear import Bearing, HarmonicDrive, MeshFriction
 from model.units import RPM
 
-Array = NDArray[np.float64]
 TorqueBalance = Literal["energy", "published"]
 
 BRANCH_LIMIT = 2000.0
 """nu n [mm2/s x r/min] below which the no-load torque of a bearing no longer falls with speed."""
 
 
-def speed_sign(speed: ArrayLike, smoothing: float = 0.0) -> Array:
+def speed_sign(speed: ArrayLike, smoothing: float = 0.0) -> FloatArray:
     """sgn(theta_i'), or tanh(theta_i'/smoothing) where a smoothing speed [rad/s] is given; odd in the speed."""
     omega = np.asarray(speed, dtype=np.float64)
     return np.tanh(omega / smoothing) if smoothing > 0.0 else np.sign(omega)
@@ -42,7 +40,7 @@ def speed_sign(speed: ArrayLike, smoothing: float = 0.0) -> Array:
 
 def bearing_magnitude(
     bearing: Bearing, speed: ArrayLike, *, low_speed_branch: bool = True
-) -> Array:
+) -> FloatArray:
     """|M_0| of equation 18 at input speeds [rad/s] of either sign [N m]; continuous where the branches meet."""
     product = bearing.viscosity * 1e6 * np.abs(np.asarray(speed, dtype=np.float64)) / RPM
     if low_speed_branch:
@@ -50,7 +48,9 @@ def bearing_magnitude(
     return 0.1 * bearing.friction_factor * bearing.pitch_diameter**3 * np.cbrt(product) ** 2
 
 
-def bearing_friction_torque(gear: HarmonicDrive, speed: ArrayLike, smoothing: float = 0.0) -> Array:
+def bearing_friction_torque(
+    gear: HarmonicDrive, speed: ArrayLike, smoothing: float = 0.0
+) -> FloatArray:
     """M_0, signed friction torque of the bearing on the wave generator (equation 18) [N m]; F_fb = M_0/r_g."""
     magnitude = bearing_magnitude(
         gear.bearing, speed, low_speed_branch=gear.options.low_speed_branch
@@ -58,14 +58,16 @@ def bearing_friction_torque(gear: HarmonicDrive, speed: ArrayLike, smoothing: fl
     return magnitude * speed_sign(speed, smoothing)
 
 
-def stribeck_magnitude(mesh: MeshFriction, speed: ArrayLike) -> Array:
+def stribeck_magnitude(mesh: MeshFriction, speed: ArrayLike) -> FloatArray:
     """|F_fm| of equation 19 at input speeds [rad/s] of either sign [N]."""
     omega = np.abs(np.asarray(speed, dtype=np.float64))
     decay = np.exp(-((omega / mesh.stribeck_velocity) ** mesh.shape))
     return mesh.coulomb + (mesh.static - mesh.coulomb) * decay + mesh.viscous * omega
 
 
-def mesh_friction_force(gear: HarmonicDrive, speed: ArrayLike, smoothing: float = 0.0) -> Array:
+def mesh_friction_force(
+    gear: HarmonicDrive, speed: ArrayLike, smoothing: float = 0.0
+) -> FloatArray:
     """F_fm, signed friction along the flank (equation 19) [N]."""
     return stribeck_magnitude(gear.mesh_friction, speed) * speed_sign(speed, smoothing)
 
@@ -89,11 +91,11 @@ def bearing_lever(gear: HarmonicDrive, balance: TorqueBalance | None = None) -> 
 
 def friction_torque(
     gear: HarmonicDrive, speed: ArrayLike, balance: TorqueBalance | None = None
-) -> Array:
+) -> FloatArray:
     """T_f, the no-load running torque at the input in the gear's own balance, or in the one named (equation 20) [N m].
 
     Odd in the speed [rad/s]. The parameters are taken as they stand: naming another balance than the one that they were
-    identified with gives another torque (see `convert_mesh_friction`).
+    identified with gives another torque (see `conversion_factor`).
     """
     drag = bearing_lever(gear, balance) * bearing_friction_torque(gear, speed)
     return drag + mesh_lever(gear, balance) * mesh_friction_force(gear, speed)
@@ -102,26 +104,3 @@ def friction_torque(
 def conversion_factor(gear: HarmonicDrive) -> float:
     """Mesh friction in the published balance over that in the energy balance for the same torque: 2 r_g/(d_f sin^2)."""
     return mesh_lever(gear, "energy") / mesh_lever(gear, "published")
-
-
-def convert_mesh_friction(gear: HarmonicDrive, balance: TorqueBalance) -> HarmonicDrive:
-    """The same gear in the other torque balance, with F_c, F_s and c_v that make the same mesh torque.
-
-    Uncertainties are carried over by the same factor. The bearing's part differs by M_0/N (below 1 % of it).
-    """
-    if gear.options.torque_balance == balance:
-        return gear
-    factor = mesh_lever(gear) / mesh_lever(gear, balance)
-    mesh = gear.mesh_friction
-    changes = {
-        f"mesh_friction.{name}": factor * getattr(mesh, name)
-        for name in ("coulomb", "static", "viscous")
-    }
-    origins = dict(gear.origins)
-    for path in changes:
-        if path in origins and origins[path].standard_uncertainty is not None:
-            scaled = factor * origins[path].standard_uncertainty  # type: ignore[operator]
-            origins[path] = dataclasses.replace(origins[path], standard_uncertainty=scaled)
-    converted = gear.with_values(changes)
-    options = dataclasses.replace(gear.options, torque_balance=balance)
-    return dataclasses.replace(converted, options=options, origins=MappingProxyType(origins))

@@ -84,12 +84,12 @@ def allowed_range(meta: Mapping[str, Any]) -> str:
     return f"{sign} {lower:g} and <= {meta['high']:g}{unit}"
 
 
-def is_finite_number(found: object) -> bool:
+def is_finite_number(value: object) -> bool:
     """Whether this is a number that a float can hold: no text, no truth value, not NaN, not infinite."""
-    if isinstance(found, bool) or not isinstance(found, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
     try:
-        return math.isfinite(found)
+        return math.isfinite(value)
     except OverflowError:
         return False
 
@@ -103,29 +103,29 @@ class Section:
         for f in dataclasses.fields(self):  # type: ignore[arg-type]
             if "unit" not in f.metadata:
                 continue
-            found = getattr(self, f.name)
+            value = getattr(self, f.name)
             meta = f.metadata
-            if not is_finite_number(found):
-                refuse(self.section, f.name, found, allowed_range(meta), "is not a finite number")
-            if f.type in ("int", int) and int(found) != found:
+            if not is_finite_number(value):
+                refuse(self.section, f.name, value, allowed_range(meta), "is not a finite number")
+            if f.type in ("int", int) and int(value) != value:
                 refuse(
                     self.section,
                     f.name,
-                    found,
+                    value,
                     f"a whole number {allowed_range(meta)}",
                     "is not a whole number",
                 )
-            if found <= meta["above"] or found < meta["low"] or found > meta["high"]:
-                refuse(self.section, f.name, found, allowed_range(meta), "is out of range")
+            if value <= meta["above"] or value < meta["low"] or value > meta["high"]:
+                refuse(self.section, f.name, value, allowed_range(meta), "is out of range")
 
 
-def refuse(section: str, name: str, found: object, limit: str, what: str) -> None:
+def refuse(section: str, name: str, value: object, limit: str, what: str) -> None:
     """Raise the one `ParameterError` wording for a refused value."""
     where = f"{section}.{name}" if section else name
     raise ParameterError(
         what,
         where=where,
-        value=found,
+        value=value,
         limit=limit,
         remedy="Correct the value in the parameter file.",
     )
@@ -564,9 +564,9 @@ class HarmonicDrive:
 
     def value(self, path: str) -> Value:
         """The number at "section.field" with its unit and origin."""
-        for found in self.values():
-            if found.path == path:
-                return found
+        for entry in self.values():
+            if entry.path == path:
+                return entry
         raise ParameterError(
             "no such parameter", where=path, remedy="See `rig model` for the names."
         )

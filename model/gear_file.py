@@ -153,20 +153,20 @@ def _gear(mapping: Mapping[str, Any]) -> HarmonicDrive:
         raise ParameterError("is not a parameter set", value=quantities.shorten(mapping))
     if mapping.get("format") != FORMAT:
         remedy = "Is this the parameter file of a gear?"
-        found = quantities.shorten(mapping.get("format"))
+        marker = quantities.shorten(mapping.get("format"))
         raise ParameterError(
             "is not the format of a gear",
             where="format",
-            value=found,
+            value=marker,
             limit=f'"{FORMAT}"',
             remedy=remedy,
         )
     quantities.check_keys(mapping, _TOP, "")
     name = mapping.get("name")
     if not isinstance(name, str) or not name.strip():
-        found = quantities.shorten(name)
+        text = quantities.shorten(name)
         raise ParameterError(
-            "is not a name", where="name", value=found, limit="text", remedy="Give the part number."
+            "is not a name", where="name", value=text, limit="text", remedy="Give the part number."
         )
     parts: dict[str, Any] = {}
     origins: dict[str, Origin] = {}
@@ -249,15 +249,15 @@ def _harmonic(row: Mapping[str, Any], path: str) -> tuple[Harmonic, Origin]:
         if key not in row:
             continue
         limit = f"within {LARGEST_HARMONIC:.3g} rad (1 degree)"
-        found = quantities.number(row[key], f"{path}.{key}", limit)
-        amplitudes[key] = quantities.to_si(found, row["unit"], "rad", f"{path}.unit")
+        amplitude = quantities.number(row[key], f"{path}.{key}", limit)
+        amplitudes[key] = quantities.to_si(amplitude, row["unit"], "rad", f"{path}.unit")
         if abs(amplitudes[key]) > LARGEST_HARMONIC or (
-            key == "standard_uncertainty" and found < 0.0
+            key == "standard_uncertainty" and amplitude < 0.0
         ):
             raise ParameterError(
                 "is out of range",
                 where=f"{path}.{key}",
-                value=f"{found:g} {row['unit']}",
+                value=f"{amplitude:g} {row['unit']}",
                 limit=limit,
             )
     provenance, source = quantities.read_origin(row, path)
@@ -300,9 +300,9 @@ def _options(table: object) -> ModelOptions:
                 str(choice).lower() if isinstance(choice, bool) else f'"{choice}"'
                 for choice in allowed
             )
-            found = quantities.shorten(chosen)
+            text = quantities.shorten(chosen)
             raise ParameterError(
-                "is no known choice", where=f"options.{option}", value=found, limit=limit
+                "is no known choice", where=f"options.{option}", value=text, limit=limit
             )
     return ModelOptions(**table)
 

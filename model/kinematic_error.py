@@ -21,13 +21,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from model.arrays import FloatArray
 from model.errors import ModelError
 from model.gear import Harmonic, HarmonicDrive, Mounting
 from model.geometry import radial_lever
 
-Array = NDArray[np.float64]
 OrderKind = Literal["input", "output", "wave-sideband", "output-sideband"]
 
 
@@ -47,7 +47,7 @@ def kinematic_error(
     mounting: Mounting = "circular-spline-fixed",
     *,
     encoders_alike: bool = True,
-) -> Array:
+) -> FloatArray:
     """ke = theta_o - theta_i/N from two encoder angles (equation 15) [rad].
 
     `ratio` is N of the unit (teeth only); with the flexspline fixed N + 1 is used. `encoders_alike` says that both
@@ -68,7 +68,7 @@ def output_sign(mounting: Mounting, *, encoders_alike: bool = True) -> float:
     return -1.0 if opposite == encoders_alike else 1.0
 
 
-def series_value(series: Iterable[Harmonic], angle: ArrayLike) -> Array:
+def series_value(series: Iterable[Harmonic], angle: ArrayLike) -> FloatArray:
     """ke_sim(theta) of equation 16 without its constant, for angles of any shape [rad]."""
     theta = np.asarray(angle, dtype=np.float64)
     total = np.zeros_like(theta)
@@ -78,7 +78,7 @@ def series_value(series: Iterable[Harmonic], angle: ArrayLike) -> Array:
     return total
 
 
-def series_slope(series: Iterable[Harmonic], angle: ArrayLike) -> Array:
+def series_slope(series: Iterable[Harmonic], angle: ArrayLike) -> FloatArray:
     """d ke_sim/d theta_i, of the same shape as the angles [rad/rad]."""
     theta = np.asarray(angle, dtype=np.float64)
     total = np.zeros_like(theta)
@@ -105,7 +105,7 @@ def peak_to_peak(series: Sequence[Harmonic], ratio: float | None = None, points:
     return _extreme(value) + _extreme(-value)
 
 
-def _extreme(value: Array) -> float:
+def _extreme(value: FloatArray) -> float:
     """Largest value of a periodic, densely sampled curve, refined by a parabola through its neighbours."""
     top = int(np.argmax(value))
     before, at, after = value[top - 1], value[top], value[(top + 1) % value.size]
@@ -113,7 +113,7 @@ def _extreme(value: Array) -> float:
     return float(at if curvature >= 0.0 else at - 0.125 * (after - before) ** 2 / curvature)
 
 
-def equivalent_eccentric_error(gear: HarmonicDrive, error: ArrayLike) -> Array:
+def equivalent_eccentric_error(gear: HarmonicDrive, error: ArrayLike) -> FloatArray:
     """e = ke r_g/tan(alpha_t), the radial error of the wedge that makes this kinematic error (equation 17) [m]."""
     return np.asarray(error, dtype=np.float64) * radial_lever(gear.geometry)
 
@@ -139,14 +139,16 @@ def basis_orders(
     """
     if ratio <= 0.0 or not math.isfinite(ratio):
         raise ModelError("needs the ratio of the gear", where="ratio", value=ratio, limit="> 0")
-    found = [Order(float(n), "input", str(n)) for n in input_orders]
-    found += [Order(k / ratio, "output", f"{k}/N") for k in output_orders]
-    found += [Order(n * (1.0 + 1.0 / ratio), "wave-sideband", f"{n}+{n}/N") for n in wave_sidebands]
+    orders = [Order(float(n), "input", str(n)) for n in input_orders]
+    orders += [Order(k / ratio, "output", f"{k}/N") for k in output_orders]
+    orders += [
+        Order(n * (1.0 + 1.0 / ratio), "wave-sideband", f"{n}+{n}/N") for n in wave_sidebands
+    ]
     for n, k in output_sidebands:
-        found.append(Order(n - k / ratio, "output-sideband", f"{n}-{k}/N"))
-        found.append(Order(n + k / ratio, "output-sideband", f"{n}+{k}/N"))
+        orders.append(Order(n - k / ratio, "output-sideband", f"{n}-{k}/N"))
+        orders.append(Order(n + k / ratio, "output-sideband", f"{n}+{k}/N"))
     unique: dict[int, Order] = {}
-    for order in found:
+    for order in orders:
         if order.order <= 0.0:
             raise ModelError(
                 "an order must be positive",
@@ -164,7 +166,7 @@ def design_matrix(
     *,
     constant: bool = True,
     trend: bool = True,
-) -> Array:
+) -> FloatArray:
     """The regressors of ke at these input angles: 1, theta_i, then cos and sin of each order; shape (n, columns)."""
     theta = np.asarray(input_angle, dtype=np.float64).ravel()
     numbers = [order.order if isinstance(order, Order) else float(order) for order in orders]
@@ -192,11 +194,11 @@ def normalised_mse(measured: ArrayLike, fitted: ArrayLike) -> float:
         np.asarray(fitted, dtype=np.float64).ravel(),
     )
     if truth.size != model.size or truth.size < 2:
-        found = f"{truth.size} and {model.size} points"
+        sizes = f"{truth.size} and {model.size} points"
         raise ModelError(
             "needs two curves of the same length",
             where="MSE",
-            value=found,
+            value=sizes,
             limit="at least 2 points",
         )
     variance = float(np.var(truth))
@@ -215,9 +217,9 @@ class OrderSpectrum:
     amplitude x cos(order theta - phase), `revolutions` used (whole).
     """
 
-    orders: Array
-    amplitude: Array
-    phase: Array
+    orders: FloatArray
+    amplitude: FloatArray
+    phase: FloatArray
     revolutions: int
 
 
@@ -235,11 +237,11 @@ def order_spectrum(
         np.asarray(values, dtype=np.float64).ravel(),
     )
     if theta.size != channel.size or theta.size < 16:
-        found = f"{theta.size} angles, {channel.size} values"
+        sizes = f"{theta.size} angles, {channel.size} values"
         raise ModelError(
             "needs an angle for every value",
             where="order spectrum",
-            value=found,
+            value=sizes,
             limit="at least 16",
         )
     if not (np.isfinite(theta).all() and np.isfinite(channel).all()):
@@ -270,7 +272,9 @@ def order_spectrum(
     return OrderSpectrum(orders, amplitude, np.angle(np.exp(1j * phase)), revolutions)
 
 
-def _bin_means(travelled: Array, channel: Array, revolutions: int, per_revolution: int) -> Array:
+def _bin_means(
+    travelled: FloatArray, channel: FloatArray, revolutions: int, per_revolution: int
+) -> FloatArray:
     """Means of the channel over bins of equal angle; bins without a sample are interpolated between
     their neighbours.
     """

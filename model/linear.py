@@ -18,13 +18,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.arrays import FloatArray
 from model.errors import ParameterError
 from model.gear import HarmonicDrive
 from model.stiffness import drive_stiffness
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,12 +47,12 @@ class DynamicParameters:
 
     def __post_init__(self) -> None:
         for f in dataclasses.fields(self):
-            found = getattr(self, f.name)
+            value = getattr(self, f.name)
             may_vanish = f.name in ("bearing_damping", "structural_damping")
-            if not math.isfinite(found) or found < 0.0 or (found == 0.0 and not may_vanish):
+            if not math.isfinite(value) or value < 0.0 or (value == 0.0 and not may_vanish):
                 limit = "finite and >= 0" if may_vanish else "finite and > 0"
                 raise ParameterError(
-                    "cannot be simulated", where=f"dynamics.{f.name}", value=found, limit=limit
+                    "cannot be simulated", where=f"dynamics.{f.name}", value=value, limit=limit
                 )
         if self.tooth_angle >= 0.5 * math.pi:
             raise ParameterError(
@@ -99,23 +97,23 @@ def dynamic_parameters(gear: HarmonicDrive, **changes: float) -> DynamicParamete
     return parameters.replaced(**changes) if changes else parameters
 
 
-def mass_matrix(p: DynamicParameters) -> Array:
+def mass_matrix(p: DynamicParameters) -> FloatArray:
     """M = diag(m_g, m_g, m_o), masses referred to r_g [kg]."""
     flexspline = p.flexspline_inertia / p.neutral_radius**2
     return np.diag([flexspline, flexspline, p.output_inertia / p.neutral_radius**2])
 
 
-def damping_matrix(p: DynamicParameters) -> Array:
+def damping_matrix(p: DynamicParameters) -> FloatArray:
     """C of equation 2 with the structural damping between y1 and y2 [N s/m]."""
     return ParameterTable.of([p]).damping()[0]
 
 
-def stiffness_matrix(p: DynamicParameters) -> Array:
+def stiffness_matrix(p: DynamicParameters) -> FloatArray:
     """K of equation 2 [N/m]."""
     return ParameterTable.of([p]).stiffness()[0]
 
 
-def input_matrix(p: DynamicParameters) -> Array:
+def input_matrix(p: DynamicParameters) -> FloatArray:
     """f = B u: forces on (x2, y1, y2) per input of `INPUTS`, shape (3, 5)."""
     return ParameterTable.of([p]).inputs()[0]
 
@@ -134,7 +132,7 @@ INPUTS = (
 class ParameterTable:
     """Parameter sets as columns, one row per set, so that all their matrices are made at once (first axis S)."""
 
-    columns: dict[str, Array]
+    columns: dict[str, FloatArray]
 
     @staticmethod
     def of(sets: Sequence[DynamicParameters]) -> ParameterTable:
@@ -146,7 +144,7 @@ class ParameterTable:
             }
         )
 
-    def __getitem__(self, name: str) -> Array:
+    def __getitem__(self, name: str) -> FloatArray:
         """One number of all sets, by its name in `DynamicParameters`."""
         return self.columns[name]
 
@@ -154,11 +152,11 @@ class ParameterTable:
         return len(self["ratio"])
 
     @property
-    def radial_lever(self) -> Array:
+    def radial_lever(self) -> FloatArray:
         """r_g/tan(alpha_t) [m/rad]."""
         return self["neutral_radius"] / np.tan(self["tooth_angle"])
 
-    def stiffness(self) -> Array:
+    def stiffness(self) -> FloatArray:
         """K of equation 2, shape (S, 3, 3) [N/m]."""
         s, c = np.sin(self["tooth_angle"]), np.cos(self["tooth_angle"])
         mesh, cup = self["mesh_stiffness"], self["cup_stiffness"] / self["neutral_radius"] ** 2
@@ -170,7 +168,7 @@ class ParameterTable:
         matrix[:, 2, 2] = cup
         return matrix
 
-    def damping(self) -> Array:
+    def damping(self) -> FloatArray:
         """C of equation 2 with C_t, shape (S, 3, 3) [N s/m]."""
         cup = self["structural_damping"] / self["neutral_radius"] ** 2
         matrix = np.zeros((len(self), 3, 3))
@@ -179,7 +177,7 @@ class ParameterTable:
         matrix[:, 1, 2] = matrix[:, 2, 1] = -cup
         return matrix
 
-    def inputs(self) -> Array:
+    def inputs(self) -> FloatArray:
         """Forces on (x2, y1, y2) per input of `INPUTS`, shape (S, 3, 5).
 
         K_b (x1 + e) = K_b (r_g/tan alpha_t)(theta_i/N + ke), by equations 1 and 17.
@@ -195,7 +193,9 @@ class ParameterTable:
         return matrix
 
 
-def energy_forms(sets: Sequence[DynamicParameters]) -> tuple[Array, Array, Array, Array]:
+def energy_forms(
+    sets: Sequence[DynamicParameters],
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """A, B and the maps back to q and q' of x' = A x + B u, in the state whose squared length is twice the energy.
 
     x = (R M^(1/2) q, M^(1/2) q') with R^2 = M^(-1/2) K M^(-1/2); then A = [[0, R], [-R, -C']] is
@@ -237,14 +237,14 @@ class Mode:
 
 def modes(p: DynamicParameters) -> tuple[Mode, ...]:
     """The modes in ascending frequency: complex pairs once, real poles each (see `torsional_mode`)."""
-    found: list[Mode] = []
+    eigenmodes: list[Mode] = []
     for pole in np.linalg.eigvals(energy_forms([p])[0][0]):
         if pole.imag < 0.0:
             continue
         size = abs(pole)
         decay = -pole.real if -pole.real > 1e-13 * size else 0.0
         ratio = 1.0 if pole.imag == 0.0 else decay / size
-        found.append(
+        eigenmodes.append(
             Mode(
                 float(size),
                 float(ratio),
@@ -252,7 +252,7 @@ def modes(p: DynamicParameters) -> tuple[Mode, ...]:
                 float(1.0 / decay) if decay > 0.0 else math.inf,
             )
         )
-    return tuple(sorted(found, key=lambda mode: mode.natural_frequency))
+    return tuple(sorted(eigenmodes, key=lambda mode: mode.natural_frequency))
 
 
 def torsional_mode(p: DynamicParameters) -> Mode | None:
@@ -263,7 +263,7 @@ def torsional_mode(p: DynamicParameters) -> Mode | None:
     return next((mode for mode in modes(p) if mode.damped_frequency > 0.0), None)
 
 
-def undamped_frequencies(p: DynamicParameters) -> Array:
+def undamped_frequencies(p: DynamicParameters) -> FloatArray:
     """The three natural frequencies of equation 2 without damping, ascending [rad/s]."""
     scale = 1.0 / np.sqrt(np.diag(mass_matrix(p)))
     return np.sqrt(np.linalg.eigvalsh(stiffness_matrix(p) * np.outer(scale, scale)))

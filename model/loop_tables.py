@@ -14,15 +14,13 @@ from fractions import Fraction
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from model import friction
+from model.arrays import FloatArray
 from model.errors import ModelError
 from model.gear import Harmonic, HarmonicDrive
 from model.kinematic_error import series_slope, series_value
 from model.linear import DynamicParameters, damping_matrix, mass_matrix, stiffness_matrix
-
-Array = NDArray[np.float64]
 
 FRICTION_POINTS = 4096
 COGGING_POINTS = 2048
@@ -30,7 +28,9 @@ LONGEST_PERIOD = 2000
 """Input revolutions after which the orders of a simulated gear must repeat."""
 
 
-def linear_system(p: DynamicParameters, rotor_inertia: float, *, coupled: bool = True) -> Array:
+def linear_system(
+    p: DynamicParameters, rotor_inertia: float, *, coupled: bool = True
+) -> FloatArray:
     """d/dt of [w, r1, x2', r2, y1', r3, y2', dtheta, T, e, e', T_o] (12, 12), the inputs as constant states.
 
     `coupled` False takes the wedge away: the rotor turns alone.
@@ -57,7 +57,7 @@ def linear_system(p: DynamicParameters, rotor_inertia: float, *, coupled: bool =
     return a
 
 
-def step_matrix(system: Array, step: float) -> Array:
+def step_matrix(system: FloatArray, step: float) -> FloatArray:
     """The exact step, flat (88,), eight numbers per cause: seven states, T, e at the start and end of the step, T_o.
 
     The error is linear in between (first-order hold), the torques are constant.
@@ -74,7 +74,7 @@ def step_matrix(system: Array, step: float) -> Array:
     return np.concatenate(columns)
 
 
-def error_table(series: tuple[Harmonic, ...], ratio: float, lever: float) -> tuple[Array, int]:
+def error_table(series: tuple[Harmonic, ...], ratio: float, lever: float) -> tuple[FloatArray, int]:
     """Cubic pieces of e = lever ke(theta_i) over one period (points + 1, 4), and the period in input revolutions."""
     turns = common_period(tuple(h.order for h in series), ratio)
     highest = max((h.order for h in series), default=1.0)
@@ -121,7 +121,7 @@ def common_period(orders: tuple[float, ...], ratio: float) -> int:
 
 def friction_table(
     gear: HarmonicDrive, p: DynamicParameters, highest_speed: float, *, windup: bool
-) -> Array:
+) -> FloatArray:
     """Mesh dry, mesh viscous, bearing above its low-speed value [N m], wind-up [rad], over sqrt|w| (points + 1, 4).
 
     Linear interpolation over the root of the speed follows the Stribeck curve where it is steep;
@@ -141,14 +141,16 @@ def friction_table(
     return table
 
 
-def bearing_drag(gear: HarmonicDrive, speed: Array) -> Array:
+def bearing_drag(gear: HarmonicDrive, speed: FloatArray) -> FloatArray:
     """|M_0| of equation 18 in the gear's own branches [N m]."""
     return friction.bearing_magnitude(
         gear.bearing, speed, low_speed_branch=gear.options.low_speed_branch
     )
 
 
-def friction_lag(p: DynamicParameters, bearing_force: Array, mesh_force: Array) -> Array:
+def friction_lag(
+    p: DynamicParameters, bearing_force: FloatArray, mesh_force: FloatArray
+) -> FloatArray:
     """theta_f, the angle by which friction winds the gear up (reduced form of equation 2) [rad].
 
     theta_f = [(t^2/K_b + 1/(K_m c^2)) (F_fb + F_fm s) + s F_fm/K_b]/r_g
@@ -159,6 +161,6 @@ def friction_lag(p: DynamicParameters, bearing_force: Array, mesh_force: Array) 
     return lag / p.neutral_radius
 
 
-def cogging_table(cogging: tuple[Harmonic, ...]) -> Array:
+def cogging_table(cogging: tuple[Harmonic, ...]) -> FloatArray:
     """Cogging torque over one input revolution [N m] (points + 2,)."""
     return series_value(cogging, np.arange(COGGING_POINTS + 2) * (2.0 * math.pi / COGGING_POINTS))

@@ -32,10 +32,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import ComplexArray, FloatArray
 from model.linear import INPUTS, DynamicParameters, ParameterTable, energy_forms
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 LARGEST_CONDITION = 1e5
 """Condition number of the eigenvectors (in the energy norm) above which the dense exponential is used."""
@@ -58,28 +56,28 @@ class Propagator:
     """
 
     dense: bool
-    decay: Array
-    transition: Array
-    gain: Array
-    start: Array
-    lead: Array
-    output: Array
-    through: Array
+    decay: FloatArray
+    transition: FloatArray
+    gain: FloatArray
+    start: FloatArray
+    lead: FloatArray
+    output: FloatArray
+    through: FloatArray
     encode: ComplexArray
     decode: ComplexArray
-    lever: Array
+    lever: FloatArray
 
-    def carried(self, coordinates: Array, inputs: Array) -> Array:
+    def carried(self, coordinates: FloatArray, inputs: FloatArray) -> FloatArray:
         """zeta (S, 2, m) that the loops carry, from q and q' (S, 6) and the inputs u- (5,) at the same sample."""
         modes = (self.encode @ coordinates[..., None])[..., 0]
         return _parts(modes, self.decay.shape[2], 1) - self.lead @ inputs
 
-    def coordinates(self, carried: Array, inputs: Array) -> Array:
+    def coordinates(self, carried: FloatArray, inputs: FloatArray) -> FloatArray:
         """q and q' (S, 6) from the carried zeta (S, 2, m) and the inputs u- (5,) at the same sample."""
         modes = (carried + self.lead @ inputs)[:, :, : self.decode.shape[2]]
         return np.real((self.decode @ (modes[:, 0] + 1j * modes[:, 1])[..., None])[..., 0])
 
-    def kick(self, static_force: float, static_torque: float) -> Array:
+    def kick(self, static_force: float, static_torque: float) -> FloatArray:
         """What a unit step of the sign of motion adds to zeta (S, 2, m), with F_fm and M_0 at zero speed."""
         return static_force * self.start[..., 2] + static_torque * self.start[..., 3]
 
@@ -135,11 +133,11 @@ class _Form:
     to (q, q') (6, 6).
     """
 
-    drive: Array
-    observed: Array
-    through: Array
-    coordinates: Array
-    lever: Array
+    drive: FloatArray
+    observed: FloatArray
+    through: FloatArray
+    coordinates: FloatArray
+    lever: FloatArray
     interval: float
 
 
@@ -163,10 +161,10 @@ def _modal(
     """The diagonal form; poles of the lower half plane are dropped and their partners counted twice."""
     sets = len(poles)
     rank = np.argsort(np.where(np.imag(poles) >= 0.0, np.abs(poles), np.inf), axis=1)
-    kept = int(np.max(np.sum(np.imag(poles) >= 0.0, axis=1)))
-    rank = rank[:, :kept]
+    upper = int(np.max(np.sum(np.imag(poles) >= 0.0, axis=1)))
+    rank = rank[:, :upper]
     row = np.arange(sets)[:, None]
-    modes = -(-kept // QUAD) * QUAD
+    modes = -(-upper // QUAD) * QUAD
     poles = poles[row, rank].astype(np.complex128)
     weight = np.where(np.imag(poles) > 0.0, 2.0, np.where(np.imag(poles) == 0.0, 1.0, 0.0))
     inverse = inverse[row, rank] * (weight > 0.0)[:, :, None]
@@ -191,7 +189,7 @@ def _modal(
     )
 
 
-def _dense(systems: Array, form: _Form) -> Propagator:
+def _dense(systems: FloatArray, form: _Form) -> Propagator:
     """The same with matrix exponentials, six real "modes" padded to eight.
 
     The moments are blocks of the exponential of a chain of integrators behind A h (Van Loan).
@@ -266,8 +264,8 @@ def _hold(moments: Sequence[NDArray[Any]], interval: float) -> tuple[NDArray[Any
 
 
 def _outputs(
-    sets: Sequence[DynamicParameters], position: Array, velocity: Array
-) -> tuple[Array, Array]:
+    sets: Sequence[DynamicParameters], position: FloatArray, velocity: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """C (S, 4, 6) and D (S, 4, 5) of the outputs named in `OUTPUTS`."""
     table = ParameterTable.of(sets)
     radius = table["neutral_radius"][:, None]
@@ -286,7 +284,7 @@ def _outputs(
     return observed, through
 
 
-def _parts(values: NDArray[Any], modes: int, axis: int) -> Array:
+def _parts(values: NDArray[Any], modes: int, axis: int) -> FloatArray:
     """Real and imaginary parts along a new axis before `axis` (1 or 2), which is padded with zeros to `modes`."""
     parts = np.zeros((*values.shape[:axis], 2, modes, *values.shape[axis + 1 :]))
     used = values.shape[axis]

@@ -69,44 +69,44 @@ def to_si(value: float, unit: str, si_unit: str, where: str) -> float:
     """The value in `si_unit` of a number given in `unit`; a unit of another dimension is refused."""
     if unit == si_unit or (si_unit == "1" and unit == ""):
         return value
-    found = UNITS.get(unit)
-    if found is None or found[0] != si_unit:
+    conversion = UNITS.get(unit)
+    if conversion is None or conversion[0] != si_unit:
         allowed = ", ".join(
             [si_unit, *(name for name, (base, _) in UNITS.items() if base == si_unit)]
         )
         raise ParameterError(
             "has a unit of another dimension", where=where, value=f'"{unit}"', limit=allowed
         )
-    factor = found[1]
+    factor = conversion[1]
     return float(Fraction(repr(value)) * factor) if isinstance(factor, Fraction) else value * factor
 
 
-def number(found: object, where: str, limit: str) -> float:
+def number(value: object, where: str, limit: str) -> float:
     """A finite number as float; text, booleans, dates, NaN and infinities are refused."""
     try:
-        if isinstance(found, (int, float)) and not isinstance(found, bool) and math.isfinite(found):
-            return float(found)
+        if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
+            return float(value)
     except OverflowError:
         pass
     text = (
-        found if isinstance(found, (int, float)) and not isinstance(found, int) else shorten(found)
+        value if isinstance(value, (int, float)) and not isinstance(value, int) else shorten(value)
     )
     raise ParameterError("is not a finite number", where=where, value=text, limit=limit)
 
 
-def shorten(found: object) -> str:
+def shorten(value: object) -> str:
     """A value as it may appear in a one-line message."""
     try:
-        text = json.dumps(found, ensure_ascii=False, default=str)
+        text = json.dumps(value, ensure_ascii=False, default=str)
     except (ValueError, RecursionError):
-        text = f"({type(found).__name__})"
+        text = f"({type(value).__name__})"
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def check_keys(found: Iterable[str], known: Iterable[str], where: str, remedy: str = "") -> None:
-    """Refuse the first key that is not known, naming its path and the nearest known one."""
-    names = list(known)
-    for key in found:
+def check_keys(keys: Iterable[str], allowed: Iterable[str], where: str, remedy: str = "") -> None:
+    """Refuse the first key that is not allowed, naming its path and the nearest allowed one."""
+    names = list(allowed)
+    for key in keys:
         if key not in names:
             near = difflib.get_close_matches(str(key), names, n=1)
             path = f"{where}.{key}" if where else str(key)
@@ -220,10 +220,10 @@ def readable(values: Iterable[float], si_unit: str) -> tuple[list[str], str]:
     for unit in READABLE.get(si_unit, ()):
         factor = float(UNITS[unit][1])
         texts = [_exact_text(v, v / factor, unit, si_unit) for v in numbers]
-        kept = [text for text in texts if text is not None]
-        length = sum(map(len, kept))
-        if len(kept) == len(numbers) and length < shortest:
-            best, shortest = (kept, unit), length
+        exact = [text for text in texts if text is not None]
+        length = sum(map(len, exact))
+        if len(exact) == len(numbers) and length < shortest:
+            best, shortest = (exact, unit), length
     return best
 
 

@@ -161,7 +161,7 @@ def derived_quantities(gear: HarmonicDrive) -> Summary:
     Raises `ParameterError` where the parameter set allows no stiffness (see `model.tooth.pair_compliance`).
     """
     stiffness, parameters = drive_stiffness(gear), dynamic_parameters(gear)
-    found = [
+    quantities = [
         *_geometry(gear),
         *_stiffness(gear, stiffness),
         *_dynamics(parameters),
@@ -177,7 +177,7 @@ def derived_quantities(gear: HarmonicDrive) -> Summary:
     return Summary(
         gear=gear.name,
         options=dataclasses.asdict(gear.options),
-        quantities=tuple(found),
+        quantities=tuple(quantities),
         shares=stiffness.shares(),
         pair_shares=pair_compliance(gear).shares(),
         catalogue=tuple(_catalogue(gear, stiffness)),

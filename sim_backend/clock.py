@@ -8,8 +8,8 @@ period. The jitter is bounded by a quarter of the period, so that stamps never r
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.arrays import IntArray
 from sim_backend.streams import CycleNoise
 
 NANOSECOND = 1e-9
@@ -25,7 +25,7 @@ class SyncTimer:
         self._jitter = jitter
         self._noise = CycleNoise(seed, "sync jitter")
 
-    def lateness_ns(self, first_cycle: int, cycles: int) -> NDArray[np.int64]:
+    def lateness_ns(self, first_cycle: int, cycles: int) -> IntArray:
         """How much later than nominal each SYNC comes [ns] (cycles,)."""
         if self._jitter <= 0.0:
             return np.zeros(cycles, dtype=np.int64)
@@ -33,7 +33,7 @@ class SyncTimer:
         late = self._noise.at(first_cycle, cycles) * (self._jitter / NANOSECOND)
         return np.rint(np.clip(late, -limit, limit)).astype(np.int64)
 
-    def stamps_ns(self, first_cycle: int, lateness_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    def stamps_ns(self, first_cycle: int, lateness_ns: IntArray) -> IntArray:
         """The hardware stamp of each SYNC [ns] (cycles,)."""
         nominal = (
             np.arange(first_cycle, first_cycle + len(lateness_ns), dtype=np.int64) * self.cycle_ns

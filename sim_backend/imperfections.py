@@ -15,6 +15,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from drivers.errors import DriverError
 from model.closed_loop import Deviations, Thermal
 from model.gear import Harmonic, HarmonicDrive
@@ -131,12 +133,6 @@ class Imperfections:
         """The same with these switched off."""
         off: dict[str, Any] = dict.fromkeys(self._checked(names), False)
         return dataclasses.replace(self, **off)
-
-    def with_only(self, *names: str) -> Imperfections:
-        """None but these, at the same sizes."""
-        chosen = set(self._checked(names))
-        switches: dict[str, Any] = {name: name in chosen for name in self.names()}
-        return dataclasses.replace(self, **switches)
 
     def _checked(self, names: Iterable[str]) -> tuple[str, ...]:
         wanted, allowed = tuple(names), self.names()
@@ -255,33 +251,31 @@ def _deviations(on: Imperfections, ratio: float, bench_seed: int, gear_seed: int
 
 def _added_orders(on: Imperfections, ratio: float, gear_seed: int) -> tuple[Harmonic, ...]:
     """Output orders k/N, and the sidebands n(1 + 1/N) and n + k/N, with drawn amplitudes and phases."""
-    harmonics: list[Harmonic] = []
-    random = stream(gear_seed, "output orders")
-    for k, size in enumerate(on.sizes.output_orders, start=1):
-        harmonics.append(
-            _harmonic(k / ratio, size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION))
-        )
-    if not on.output_orders:
-        harmonics.clear()
-    random = stream(gear_seed, "sidebands")
-    bands = [(n * (1.0 + 1.0 / ratio), size) for n, size in on.sizes.wave_sidebands]
-    bands += [(n + k / ratio, size) for n, k, size in on.sizes.output_sidebands]
+    harmonics: tuple[Harmonic, ...] = ()
+    if on.output_orders:
+        orders = ((k / ratio, size) for k, size in enumerate(on.sizes.output_orders, start=1))
+        harmonics += _drawn(stream(gear_seed, "output orders"), orders)
     if on.sidebands:
-        for order, size in bands:
-            harmonics.append(
-                _harmonic(order, size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION))
-            )
-    return tuple(harmonics)
+        bands = [(n * (1.0 + 1.0 / ratio), size) for n, size in on.sizes.wave_sidebands]
+        bands += [(n + k / ratio, size) for n, k, size in on.sizes.output_sidebands]
+        harmonics += _drawn(stream(gear_seed, "sidebands"), bands)
+    return harmonics
 
 
 def _cogging(on: Imperfections, bench_seed: int) -> tuple[Harmonic, ...]:
     """Cogging torque of the motor over its angle [N m]."""
     if not on.motor_cogging:
         return ()
-    random = stream(bench_seed, "cogging")
+    return _drawn(stream(bench_seed, "cogging"), on.sizes.motor_cogging)
+
+
+def _drawn(
+    random: np.random.Generator, sizes: Iterable[tuple[float, float]]
+) -> tuple[Harmonic, ...]:
+    """A harmonic for each order and size, its amplitude drawn about the size, at any phase."""
     return tuple(
         _harmonic(float(n), size * random.uniform(0.7, 1.3), random.uniform(0.0, REVOLUTION))
-        for n, size in on.sizes.motor_cogging
+        for n, size in sizes
     )
 
 
@@ -321,10 +315,10 @@ def _harmonic(order: float, amplitude: float, phase: float) -> Harmonic:
     return Harmonic(order, float(amplitude * math.cos(phase)), float(amplitude * math.sin(phase)))
 
 
-def _bounded(random: object) -> float:
+def _bounded(random: np.random.Generator) -> float:
     """A standard normal number, drawn again beyond three sigma."""
     while True:
-        drawn = float(random.standard_normal())  # type: ignore[attr-defined]
+        drawn = float(random.standard_normal())
         if abs(drawn) <= 3.0:
             return drawn
 

@@ -6,17 +6,13 @@ set-points that the drive received, and gets the truth of every SYNC back.
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from drivers.port import DriveLimits
+from model.arrays import FloatArray
 from model.closed_loop import ClosedLoop, LoopSettings, ServoLimits
 from model.gear import HarmonicDrive, Mounting
 from model.kernels import closed_loop as kernel
 from model.motor import ServoMotor
 from sim_backend.imperfections import Condition
-
-Array = NDArray[np.float64]
 
 SUBSTEP = 125e-6
 """Longest step of the simulation [s]; the servo loop runs at twice that."""
@@ -40,7 +36,7 @@ class Plant:
         self.loop = ClosedLoop(gear, motor, condition.deviations, settings)
         self._state = self.loop.rest(condition.start_angle)
 
-    def advance(self, loop_mode: int, targets: Array) -> Array:
+    def advance(self, loop_mode: int, targets: FloatArray) -> FloatArray:
         """Run one cycle per target [rad/s or N m]; row k is the truth at SYNC k, before target[k] acts."""
         return self.loop.advance(self._state, loop_mode, targets)
 
@@ -80,10 +76,10 @@ class Plant:
         """Input speed now [rad/s]."""
         return float(self._state[kernel.W])
 
-    def snapshot(self) -> Array:
+    def snapshot(self) -> FloatArray:
         """Everything that changes, as one array."""
         return self._state.copy()
 
-    def restore(self, snapshot: Array) -> None:
+    def restore(self, snapshot: FloatArray) -> None:
         """Go back to a snapshot."""
         self._state[:] = snapshot

@@ -12,9 +12,8 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from drivers import channel as names
 from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
 from drivers.errors import DriverError, StaleDataError
@@ -22,7 +21,6 @@ from drivers.port import Command, DriveLimits, Guard, GuardWatch, Mode, RigDescr
 from drivers.samples import SampleBlock
 
 TimeBase = Literal["hardware", "device", "host", "virtual"]
-_TARGET = {Mode.SPEED: names.TARGET_SPEED, Mode.TORQUE: names.TARGET_TORQUE}
 
 
 class ReplayRig:
@@ -57,11 +55,9 @@ class ReplayRig:
         self._clock: Clock = VirtualClock() if clock is None else clock
         self._title = title
         self._check()
-        self._column = {c.name: i for i, c in enumerate(self._channels)}
         self._next = 0
         self._open = False
         self._opened_ns = 0
-        self._deviating = 0
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -83,16 +79,11 @@ class ReplayRig:
         """Cycles that have not been played yet."""
         return len(self._time_ns) - self._next
 
-    @property
-    def deviating_cycles(self) -> int:
-        """Cycles in which something else was commanded than when the run was recorded."""
-        return self._deviating
-
     def open(self) -> RigDescription:
         """Begin at the first recorded cycle."""
         if self._open:
             raise DriverError("is already open", where=self._title, remedy="Close it first.")
-        self._open, self._next, self._deviating = True, 0, 0
+        self._open, self._next = True, 0
         self._opened_ns = self._clock.monotonic_ns()
         self._watch = GuardWatch(self._channels)
         return self._description
@@ -120,7 +111,6 @@ class ReplayRig:
             counts, flags = counts[: broken.row + 1], flags[: broken.row + 1]
         self._watch.accept(counts, flags)
         first, self._next = self._next, self._next + len(counts)
-        self._compare(command, counts)
         self._clock.wait_until_ns(self._opened_ns + self._next * self._cycle_ns)
         return SampleBlock(
             first, self._time_ns[first : self._next].copy(), counts.copy(), flags.copy(), broken
@@ -161,7 +151,7 @@ class ReplayRig:
             raise DriverError("is not open", where=self._title, remedy="Open it first.")
         if cycles < 1:
             raise DriverError("a block needs cycles", where=self._title, value=cycles, limit=">= 1")
-        expected = cycles if command.mode in _TARGET else 0
+        expected = cycles if command.mode in (Mode.SPEED, Mode.TORQUE) else 0
         if len(command.target) != expected:
             raise DriverError(
                 f"{command.mode.value} takes one set-point per cycle, or none",
@@ -169,22 +159,3 @@ class ReplayRig:
                 value=len(command.target),
                 limit=str(expected),
             )
-
-    def _compare(self, command: Command, counts: NDArray[np.int64]) -> None:
-        """Count the cycles in which the set-points are not the recorded ones (a mode without
-        set-points wants zeros).
-        """
-        differs = np.zeros(len(counts), dtype=bool)
-        for mode, name in _TARGET.items():
-            if name not in self._column:
-                continue
-            channel, recorded = self._channels[self._column[name]], counts[:, self._column[name]]
-            wanted = (
-                command.target[: len(counts)] if mode is command.mode else np.zeros(len(counts))
-            )
-            whole = np.rint(
-                (np.asarray(wanted, dtype=np.float64) - channel.offset)
-                / (channel.direction * channel.scale)
-            )
-            differs |= recorded != whole
-        self._deviating += int(differs.sum())

@@ -18,12 +18,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.drive_state import STATUSWORD_OF, DriveState
 from drivers.errors import DriverError
 from drivers.port import DriveLimits, Mode
 from model import closed_loop
+from model.arrays import FloatArray, IntArray
 from model.motor import ServoMotor
 from model.units import RPM
 
@@ -82,7 +82,7 @@ class ServoDrive:
             quick_stop_deceleration=_down(limits.quick_stop_deceleration, RPM),
         )
 
-    def quantised(self, mode: Mode, target: NDArray[np.float64]) -> NDArray[np.int64]:
+    def quantised(self, mode: Mode, target: FloatArray) -> IntArray:
         """Set-points [SI] as the drive receives them, in counts of the mode's object."""
         count = SPEED_COUNT if mode is Mode.SPEED else self.torque_count
         limit = 2**31 - 1 if mode is Mode.SPEED else 2**15 - 1

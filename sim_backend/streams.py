@@ -10,9 +10,8 @@ from __future__ import annotations
 import zlib
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from model.arrays import FloatArray
 
 CHUNK = 1024
 """Cycles that are drawn together."""
@@ -31,9 +30,9 @@ class CycleNoise:
         self._key = np.array(
             [seed & 0xFFFFFFFFFFFFFFFF, zlib.crc32(name.encode()) | 1 << 40], dtype=np.uint64
         )
-        self._drawn: dict[int, Array] = {}
+        self._drawn: dict[int, FloatArray] = {}
 
-    def at(self, first_cycle: int, cycles: int) -> Array:
+    def at(self, first_cycle: int, cycles: int) -> FloatArray:
         """The numbers of `cycles` cycles from `first_cycle` on (cycles,)."""
         out = np.empty(cycles)
         done = 0
@@ -44,7 +43,7 @@ class CycleNoise:
             done += take
         return out
 
-    def _of_chunk(self, chunk: int) -> Array:
+    def _of_chunk(self, chunk: int) -> FloatArray:
         """The chunk's numbers; the latest two are kept, because blocks seldom end where chunks do."""
         if chunk not in self._drawn:
             while len(self._drawn) > 1:

@@ -23,7 +23,7 @@ from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRa
 from experiments.protocols.friction import protocol as friction
 from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
-from experiments.result import Covariance, Plot, Result, Series
+from experiments.result import Covariance, Plot, Result, Series, both_ways
 from experiments.steps.vocabulary import Prompt, Step
 from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
@@ -315,27 +315,13 @@ def _acceleration(
 
 
 def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
-    series = []
-    for direction, label in ((1.0, "forward"), (-1.0, "reverse")):
-        chosen = [h.torque for h in holds if h.torque.direction == direction]
-        if not chosen:
-            continue
-        x = np.array([abs(p.speed) / RPM for p in chosen])
-        y = np.array([direction * p.torque * 1e3 for p in chosen])
-        spread = np.array([1.96e3 * p.standard_error for p in chosen])
-        series.append(
-            Series(
-                label=label,
-                x=x,
-                y=y,
-                style="points",
-                low=y - spread,
-                high=y + spread,
-                group=0 if direction > 0 else 1,
-            )
-        )
-    every = [abs(h.torque.speed) for h in holds]
-    speed = np.geomspace(min(every), max(every), 200)
+    points = [h.torque for h in holds]
+    direction, every, torque, error = np.array(
+        [(p.direction, abs(p.speed), p.torque, p.standard_error) for p in points]
+    ).T
+    y, spread = direction * torque * 1e3, 1.96e3 * error
+    series = both_ways(direction, every / RPM, y, low=y - spread, high=y + spread)
+    speed = np.geomspace(every.min(), every.max(), 200)
     line = estimates["motor_coulomb"].value + estimates["motor_viscous"].value * speed
     series.append(Series(label="Coulomb + viscous", x=speed / RPM, y=line * 1e3, group=2))
     return Plot(

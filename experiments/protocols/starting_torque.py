@@ -22,7 +22,7 @@ from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSp
 from experiments.planning.speeds import refuse_speed
 from experiments.quantity import Counterpart, Quantity
 from experiments.recording import Recording, Segment
-from experiments.result import Plot, Result, Series, Table, judge_upper
+from experiments.result import Plot, Result, Table, both_ways, judge_upper
 from experiments.steps.vocabulary import HoldTime, MoveToAngle, SegmentLabel, Step, TorqueRamp
 from experiments.terms import MOTOR_AND_GEAR, Term
 from experiments.torque.zero import TorqueZero, torque_zero
@@ -300,24 +300,11 @@ def _metrics(ramps: list[Breakaway]) -> dict[str, float]:
 
 
 def _plot(ramps: list[Breakaway]) -> Plot:
-    series = []
-    for direction, label in ((1, "forward"), (-1, "reverse")):
-        chosen = [b for b in ramps if b.direction == direction]
-        if chosen:
-            x = np.array([b.position / DEGREE for b in chosen])
-            y = np.array([abs(b.torque) * 1e3 for b in chosen])
-            spread = np.array([1.96e3 * b.standard_error for b in chosen])
-            series.append(
-                Series(
-                    label=label,
-                    x=x,
-                    y=y,
-                    style="points",
-                    low=y - spread,
-                    high=y + spread,
-                    group=0 if direction > 0 else 1,
-                )
-            )
+    direction, position, torque, error = np.array(
+        [(b.direction, b.position, abs(b.torque), b.standard_error) for b in ramps]
+    ).T
+    y, spread = torque * 1e3, 1.96e3 * error
+    series = both_ways(direction, position / DEGREE, y, low=y - spread, high=y + spread)
     return Plot(
         name="starting-torque",
         title="No-load starting torque over wave-generator position",

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
@@ -24,6 +23,7 @@ from experiments.recording import Recording
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
 from experiments.result import Covariance, Plot, Result, Series
 from experiments.torque.zero import torque_zero
+from model.arrays import FloatArray
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.motion import (
     MotionFilter,
@@ -52,9 +52,6 @@ QUANTITIES = (
     Quantity(name="residual_norm", title="residual norm", unit=""),
     Quantity(name="samples", title="samples", unit="1"),
 )
-
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

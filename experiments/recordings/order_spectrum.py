@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.angle.traverses import traverses_of
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
@@ -12,7 +11,8 @@ from experiments.evidence import check_recording, check_settings, rotary_ratio, 
 from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
-from experiments.result import Plot, Result, Series, Table
+from experiments.result import Plot, Result, Series, Table, way_of
+from model.arrays import FloatArray
 from model.errors import ModelError
 from model.identify.estimate import Estimate
 from model.identify.revolution import OrderPeaks, order_peaks
@@ -33,9 +33,6 @@ QUANTITIES = (
 )
 
 
-FloatArray = NDArray[np.float64]
-
-
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """The strongest orders of a channel over an angle, and the whole spectrum of each direction as a plot.
 
@@ -52,12 +49,12 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     )
     ratio = rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
     spectra: dict[int, OrderPeaks] = {}
-    for segment in _longest_each_way(recording, angle_name):
+    for segment in _longest_eachway(recording, angle_name):
         angle, value = _channels(recording, segment, angle_name, channel, ratio)
         try:
             spectra[segment.direction] = order_peaks(angle, value, highest_order=highest)
         except ModelError as error:
-            warnings.append(f"{'forward' if segment.direction > 0 else 'reverse'}: {error.what}.")
+            warnings.append(f"{way_of(segment.direction)}: {error.what}.")
     if not spectra:
         raise AnalysisError(
             "there is no stretch of a whole revolution in one direction",
@@ -69,16 +66,12 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         kind=NAME,
         quantities=QUANTITIES,
         estimates=_strongest(spectra, unit),
-        metrics={f"revolutions_{_way(d)}": float(s.revolutions) for d, s in spectra.items()},
+        metrics={f"revolutions_{way_of(d)}": float(s.revolutions) for d, s in spectra.items()},
         warnings=tuple(warnings),
         plots=(_plot(spectra, channel, unit, angle_name),),
         tables=(_table(spectra, unit),),
         options={"channel": channel, "angle": angle_name},
     )
-
-
-def _way(direction: int) -> str:
-    return "forward" if direction > 0 else "reverse"
 
 
 def _channel(recording: Recording, settings: dict[str, object]) -> tuple[str, str]:
@@ -92,7 +85,7 @@ def _channel(recording: Recording, settings: dict[str, object]) -> tuple[str, st
     return name, recording.signals[name].unit
 
 
-def _longest_each_way(recording: Recording, angle_name: str) -> list[Segment]:
+def _longest_eachway(recording: Recording, angle_name: str) -> list[Segment]:
     """The longest stretch of each direction: of the run's segments, else of what the angle shows."""
     candidates = recording.labelled(*LABELS)
     if not candidates and angle_name == "input_angle":
@@ -161,9 +154,11 @@ def _plot(spectra: dict[int, OrderPeaks], channel: str, unit: str, angle_name: s
         series
         for d, s in spectra.items()
         for series in (
-            Series(label=_way(d), x=s.orders, y=s.amplitude, style="line", group=0 if d > 0 else 1),
             Series(
-                label=f"noise floor, {_way(d)}",
+                label=way_of(d), x=s.orders, y=s.amplitude, style="line", group=0 if d > 0 else 1
+            ),
+            Series(
+                label=f"noise floor, {way_of(d)}",
                 x=s.orders,
                 y=s.noise_floor,
                 style="line",
@@ -187,7 +182,7 @@ def _table(spectra: dict[int, OrderPeaks], unit: str) -> Table:
     for d, s in spectra.items():
         strongest = sorted(range(len(s.orders)), key=lambda k: -s.amplitude[k])[:40]
         rows += [
-            (_way(d), float(s.orders[k]), float(s.amplitude[k]), float(s.phase[k]) / DEGREE)
+            (way_of(d), float(s.orders[k]), float(s.amplitude[k]), float(s.phase[k]) / DEGREE)
             for k in strongest
         ]
     columns = ("direction", "order", f"amplitude [{unit}]", "phase [deg]")

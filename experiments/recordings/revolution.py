@@ -8,7 +8,6 @@ Orders are chosen by significance; half the difference of the directions' consta
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.angle.phase_reference import phase_reference
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
@@ -20,6 +19,7 @@ from experiments.recording import Recording
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
 from experiments.result import Plot, Result, Series, Table
 from experiments.torque.zero import torque_zero
+from model.arrays import FloatArray
 from model.identify.revolution import (
     HIGHEST_ORDER,
     RevolutionFit,
@@ -59,9 +59,6 @@ QUANTITIES = (
     Quantity(name="candidates", title="candidates", unit="1"),
     Quantity(name="revolutions", title="revolutions", unit="1"),
 )
-
-
-FloatArray = NDArray[np.float64]
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:

@@ -12,17 +12,16 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.evidence import BAD_CYCLE, SATURATED, TRUE_TIME, rotary_ratio
 from experiments.recording import Recording
+from model.arrays import FloatArray, IntArray
 from model.friction import friction_torque
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
 from model.identify.skew import WINDOW, RevolutionMeans, encoder_skew, torque_skew
 from model.units import REVOLUTION
 
-FloatArray = NDArray[np.float64]
 SLOWEST_SHARE = 0.1
 """Revolutions slower than this share of the fastest are left out: there friction does not grow with
 speed (Stribeck).
@@ -118,8 +117,8 @@ class _Revolutions:
         self,
         time: FloatArray,
         inner: FloatArray,
-        turn: NDArray[np.int64],
-        begins: NDArray[np.int64],
+        turn: IntArray,
+        begins: IntArray,
     ) -> FloatArray:
         """When each revolution was entered, between the samples: a fast one has few of them."""
         after, before = begins[1:], begins[1:] - 1

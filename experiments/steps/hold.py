@@ -5,9 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from experiments.steps.course import Course, Goal, Leg, Note, RigView, Turned
-from experiments.steps.forecast import Situation, StepForecast
-from experiments.steps.kind import Motion, SegmentLabel
+from experiments.steps.kind import (
+    Course,
+    Goal,
+    Leg,
+    Motion,
+    Note,
+    RigView,
+    SegmentLabel,
+    Situation,
+    StepForecast,
+    Turned,
+)
 from experiments.steps.profile import Constant, cycles_of
 from model.units import REVOLUTION, RPM
 

@@ -7,9 +7,20 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from experiments.steps.course import Course, Goal, Leg, Note, RigView, Turned
-from experiments.steps.forecast import Drive, Piece, Situation, StepForecast
-from experiments.steps.kind import Motion, SegmentLabel
+from experiments.steps.kind import (
+    Course,
+    Drive,
+    Goal,
+    Leg,
+    Motion,
+    Note,
+    Piece,
+    RigView,
+    SegmentLabel,
+    Situation,
+    StepForecast,
+    Turned,
+)
 from experiments.steps.profile import cruise_speed, cycles_of, ramp, stopping_distance
 from model.units import REVOLUTION
 

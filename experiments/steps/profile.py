@@ -13,11 +13,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.arrays import FloatArray
 from model.units import REVOLUTION
-
-FloatArray = NDArray[np.float64]
 
 
 class Profile(Protocol):

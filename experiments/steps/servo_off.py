@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from experiments.steps.course import Course, Leg, Note, RigView, Servo
-from experiments.steps.forecast import Situation, StepForecast
-from experiments.steps.kind import Motion, SegmentLabel
+from experiments.steps.kind import (
+    Course,
+    Leg,
+    Motion,
+    Note,
+    RigView,
+    SegmentLabel,
+    Servo,
+    Situation,
+    StepForecast,
+)
 from experiments.steps.profile import cycles_of
 
 

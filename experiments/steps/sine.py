@@ -16,9 +16,19 @@ from itertools import pairwise
 
 import numpy as np
 
-from experiments.steps.course import Course, Leg, Note, RigView
-from experiments.steps.forecast import Drive, OperatingPoint, Piece, Situation, StepForecast
-from experiments.steps.kind import Motion, SegmentLabel
+from experiments.steps.kind import (
+    Course,
+    Drive,
+    Leg,
+    Motion,
+    Note,
+    OperatingPoint,
+    Piece,
+    RigView,
+    SegmentLabel,
+    Situation,
+    StepForecast,
+)
 from experiments.steps.profile import Sinusoid, cycles_of
 from model.units import DEGREE, REVOLUTION, RPM
 

@@ -6,9 +6,20 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from experiments.steps.course import Course, Displaced, Leg, Note, RigView, Servo
-from experiments.steps.forecast import Drive, Piece, Situation, StepForecast
-from experiments.steps.kind import Motion, SegmentLabel
+from experiments.steps.kind import (
+    Course,
+    Displaced,
+    Drive,
+    Leg,
+    Motion,
+    Note,
+    Piece,
+    RigView,
+    SegmentLabel,
+    Servo,
+    Situation,
+    StepForecast,
+)
 from experiments.steps.profile import ramp
 from model.units import REVOLUTION
 

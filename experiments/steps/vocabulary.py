@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from experiments.steps.find_index import FindIndex
 from experiments.steps.hold import HoldRevolutions, HoldTime, Settle
 from experiments.steps.kind import SegmentLabel as SegmentLabel
 from experiments.steps.move import MoveRevolutions, MoveToAngle
 from experiments.steps.note import Mark, Prompt
 from experiments.steps.servo_off import ServoOff
 from experiments.steps.sine import Sine
-from experiments.steps.speed import Ramp, SpeedStep
+from experiments.steps.speed import FindIndex, Ramp, SpeedStep
 from experiments.steps.torque_ramp import TorqueRamp
 
 Step = (

@@ -13,16 +13,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.evidence import usable
 from experiments.recording import Recording, Segment
 from experiments.torque.zero import TorqueZero
+from model.arrays import ComplexArray, FloatArray
 from model.identify.least_squares import student_quantile
 from model.units import REVOLUTION
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 BINS = 512
 HIGHEST_ORDER = 128
 

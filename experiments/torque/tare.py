@@ -16,7 +16,6 @@ COLUMNS = ("speed [r/min]", "friction [N m]", "standard error [N m]")
 """Columns of the table that carries a tare from its result to those who subtract it."""
 REACH = 1.25
 """A tare may be used up to this factor beyond its slowest and its fastest speed."""
-NO_TARE = "There is no motor tare: every torque is that of motor + gear and says nothing about the gear alone."
 
 
 def tare_table(tare: Tare) -> Table:

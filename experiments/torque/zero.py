@@ -11,11 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.evidence import usable
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.recording import Recording, Segment
+from model.arrays import FloatArray
 from model.identify.estimate import BudgetLine
 
 SETTLED_SHARE = 0.25
@@ -54,7 +54,7 @@ class TorqueZero:
             return math.nan
         return self.after.value - self.before.value
 
-    def at(self, time: NDArray[np.float64] | float) -> NDArray[np.float64]:
+    def at(self, time: FloatArray | float) -> FloatArray:
         """The reading that stands for zero torque at these times [s since the first row]."""
         zeros = [z for z in (self.before, self.after) if z is not None]
         if not zeros:

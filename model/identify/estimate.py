@@ -1,20 +1,59 @@
 """What every fit returns: numbers with intervals, a budget, and the verdict whether the data can
 identify them at all.
+
+A line of a budget may name what its error comes from. An error that is the same in two results
+cancels in their difference (correlation one; GUM, F.1.2.3). Scatter of the data never does; it has
+no cause.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Literal
-
-from model.identify.cause import Cause
 
 Identifiable = Literal["yes", "weakly", "no"]
 
 COVERAGE_FACTOR = 2.0
 """k of the expanded uncertainty U = k u that verdicts use."""
+
+
+class Ground(StrEnum):
+    """Something that a result rests on and that another result may rest on too."""
+
+    TORQUE_CHANNEL = "torque channel"
+    TARE = "tare"
+    PARAMETER_SET = "parameter set"
+    OUTPUT_ENCODER = "output encoder as mounted"
+    MOTOR_ENCODER = "motor encoder as mounted"
+
+
+class Cause(StrEnum):
+    """Where an error comes from that two results may share."""
+
+    TORQUE_SCALE = "torque scale"
+    TARE = "tare"
+    BEARING_TORQUE = "bearing torque"
+    OUTPUT_ENCODER = "output encoder"
+    MOTOR_ENCODER = "motor encoder"
+    BOTH_ENCODERS = "both encoders"
+
+    @property
+    def grounds(self) -> frozenset[Ground]:
+        """What must be the same for the error to be the same."""
+        return _GROUNDS[self]
+
+
+_GROUNDS: Mapping[Cause, frozenset[Ground]] = {
+    Cause.TORQUE_SCALE: frozenset({Ground.TORQUE_CHANNEL}),
+    Cause.TARE: frozenset({Ground.TORQUE_CHANNEL, Ground.TARE}),
+    Cause.BEARING_TORQUE: frozenset({Ground.PARAMETER_SET}),
+    Cause.OUTPUT_ENCODER: frozenset({Ground.OUTPUT_ENCODER}),
+    Cause.MOTOR_ENCODER: frozenset({Ground.MOTOR_ENCODER}),
+    Cause.BOTH_ENCODERS: frozenset({Ground.OUTPUT_ENCODER, Ground.MOTOR_ENCODER}),
+}
 
 
 @dataclass(frozen=True, slots=True)

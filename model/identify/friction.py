@@ -20,9 +20,8 @@ import numpy as np
 from model.errors import IdentificationError
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive
-from model.identify.cause import Cause
 from model.identify.checks import Array
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.identify.running_torque import (
     FrictionPoints,
     RunningTorque,

@@ -29,7 +29,6 @@ from model.identify.angle_regression import (
     solve_angle,
     standard_basis,
 )
-from model.identify.cause import Cause
 from model.identify.checks import Array, channels, positive
 from model.identify.counting import (
     WHOLE_TURN,
@@ -40,7 +39,7 @@ from model.identify.counting import (
     refuse_wrong_ratio,
     slope_sentence,
 )
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.identify.transmission import measured_curve, repeatability, transmission_accuracy
 from model.kinematic_error import normalised_mse
 from model.units import ARCSEC, REVOLUTION

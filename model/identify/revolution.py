@@ -18,8 +18,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from model.arrays import ComplexArray
 from model.errors import IdentificationError
 from model.identify.checks import Array, channels, positive
 from model.identify.estimate import Estimate
@@ -36,7 +37,7 @@ NEIGHBOURS = 20
 MEDIAN_EFFICIENCY = 0.48
 """Of the median of exponentially distributed numbers against their mean."""
 CHUNK = 4096
-Solved = tuple[float, NDArray[np.complex128], Array]
+Solved = tuple[float, ComplexArray, Array]
 """Constant, complex amplitudes a - ib of the orders (ascending), residual."""
 
 
@@ -143,8 +144,8 @@ def _coefficients(angle: Array, value: Array, orders: np.ndarray) -> Solved:
 def _design(angle: Array, orders: np.ndarray) -> Array:
     design = np.empty((len(angle), 1 + 2 * len(orders)))
     design[:, 0] = 1.0
-    turn: NDArray[np.complex128] = np.exp(1j * angle)
-    power: NDArray[np.complex128] = np.ones_like(turn)
+    turn: ComplexArray = np.exp(1j * angle)
+    power: ComplexArray = np.ones_like(turn)
     reached = 0
     for k, order in enumerate(orders.tolist()):
         power = power * (turn if order == reached + 1 else turn ** (order - reached))

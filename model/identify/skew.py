@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from model.arrays import IntArray
 from model.errors import IdentificationError
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Estimate, Identifiable
@@ -48,7 +48,7 @@ class RevolutionMeans:
     speed: Array
     offset: Array
     output_angle: Array
-    plateau: NDArray[np.int64]
+    plateau: IntArray
 
 
 def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 0.0) -> Estimate:
@@ -118,7 +118,7 @@ def torque_skew(
     second: Array,
     interval: float,
     needed: float,
-    starts: NDArray[np.int64],
+    starts: IntArray,
     quantum: float = 0.0,
 ) -> Estimate:
     """How much later `second` (n,) shows a torque than `first` (n,) [s], both sampled every `interval` [s].
@@ -170,7 +170,7 @@ def _delay(
     first: Array,
     second: Array,
     interval: float,
-    starts: NDArray[np.int64],
+    starts: IntArray,
     quantum: float,
     width: int,
 ) -> tuple[float, float, float] | str:
@@ -250,8 +250,8 @@ def _window(width: int) -> Array:
 
 
 def _smoothed(
-    first: Array, second: Array, interval: float, starts: NDArray[np.int64], width: int
-) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+    first: Array, second: Array, interval: float, starts: IntArray, width: int
+) -> tuple[Array, Array, Array, IntArray]:
     """Smoothed first torque, its slope, smoothed second torque, and where the pieces begin in them."""
     window = _window(width)
     rows: list[tuple[Array, Array, Array]] = []

@@ -220,7 +220,7 @@ def profile_intervals(
         ]
     )
     profile = _Profile(v, f, 1.0 / u, limits, optimum, fit.chi_square)
-    found = np.array(
+    intervals = np.array(
         [
             [
                 profile.end(k, float(start[k]), sign * float(steps[k]), float(ends[k, i]), rise)
@@ -229,8 +229,8 @@ def profile_intervals(
             for k in range(5)
         ]
     )
-    found[2:4] = np.exp(found[2:4])
-    return found
+    intervals[2:4] = np.exp(intervals[2:4])
+    return intervals
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,6 @@ ROW_SIZE = 14
 # Rows of the step matrix: the seven linear states, then the inputs; eight columns: the states and
 # the increment of theta.
 STEP_TORQUE, STEP_ERROR_START, STEP_ERROR_END, STEP_OUTPUT = 7, 8, 9, 10
-STEP_ROWS = 11
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})

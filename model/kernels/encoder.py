@@ -32,7 +32,7 @@ def read_encoder(
     """
     turn = latch[TURN]
     latched = int(latch[LATCHED])
-    known = latch[SEEN] > 0.0
+    passed = latch[SEEN] > 0.0
     for k in range(rows.shape[0]):
         wait = late[k] + delay
         angle = sense * (
@@ -44,8 +44,8 @@ def read_encoder(
             latched = count_at(mark + 2.0 * math.pi * max(now, turn), waves, quantum, offset)
             if now < turn:
                 latched += 1
-            known = True
+            passed = True
             turn = now
         indices[k] = latched
-        seen[k] = known
-    latch[TURN], latch[LATCHED], latch[SEEN] = turn, latched, 1.0 if known else 0.0
+        seen[k] = passed
+    latch[TURN], latch[LATCHED], latch[SEEN] = turn, latched, 1.0 if passed else 0.0

@@ -251,7 +251,7 @@ def propagate(
             jump,
         )
         begin = -start % stride
-        kept = (n - begin + stride - 1) // stride if n > begin else 0
+        samples = (n - begin + stride - 1) // stride if n > begin else 0
         for k in range(sets):
             for m in range(modes):
                 _drive(n, gain, k, m, signals, loaded, track)
@@ -265,10 +265,10 @@ def propagate(
                 if o == 3:
                     for i in range(n):
                         row[i] = row[i] * lever[k] * slope[i] + signals[3, i]
-                target = result[k, o, written : written + kept]
-                for i in range(kept):
+                target = result[k, o, written : written + samples]
+                for i in range(samples):
                     target[i] = row[begin + i * stride]
-        written += kept
+        written += samples
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")

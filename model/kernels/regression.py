@@ -292,7 +292,7 @@ def stribeck_descend(
     chi, damping, h = np.inf, 1e-3, 1e-5
     phase, rounds, tries = 0, 0, 0
     while rounds < iterations:
-        found = stribeck_inner(
+        trial_chi = stribeck_inner(
             speed,
             force,
             weight,
@@ -304,16 +304,16 @@ def stribeck_descend(
             moved,
         )
         if phase == 0:
-            chi = found
+            chi = trial_chi
             copy_into(residual, moved)
             copy_into(parameters, trial_parameters)
         elif phase <= 2:
             for i in range(n):
                 slopes[phase - 1, i] = (moved[i] - residual[i]) / h
         else:
-            gain = chi - found
+            gain = chi - trial_chi
             if gain > 0.0:
-                chi = found
+                chi = trial_chi
                 copy_into(start, trial)
                 copy_into(residual, moved)
                 copy_into(parameters, trial_parameters)

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from experiments.recording import Recording, RunMetadata
-from model.identify.cause import Cause, Ground
-from model.identify.estimate import COVERAGE_FACTOR
+from model.identify.estimate import COVERAGE_FACTOR, Cause, Ground
 from rig.analysis.store import Analysis
 from rig.runfile.read import FileSource
 

@@ -19,8 +19,7 @@ from typing import Any
 
 from experiments.quantity import Quantity, bare_quantity
 from experiments.recording import Recording, RunMetadata
-from model.identify.cause import Ground
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Estimate, Ground
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.wording import show
@@ -234,8 +233,8 @@ def _gear(m: RunMetadata) -> dict[str, str]:
         "serial number": m.gear_serial,
         "mounted": "yes" if m.gear_mounted else "no",
         "mounting": m.mounting,
+        "ratio": _number(m.ratio),
     }
-    facts["ratio"] = _number(m.ratio)
     if m.gear is not None:
         facts["part"] = m.gear.name
         facts |= {

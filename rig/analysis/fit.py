@@ -152,9 +152,9 @@ def fit_files(
     """Open and analyse run files, all with the same tare and parameter set."""
     from rig.runfile.read import open_run
 
-    taken = None
+    tare_fit = None
     if tare is not None:
-        taken = fit_recording(
+        tare_fit = fit_recording(
             open_run(Path(tare)),
             tare_kind(),
             gear=gear,
@@ -166,7 +166,7 @@ def fit_files(
             open_run(Path(p)),
             kind,
             gear=gear,
-            tare=taken,
+            tare=tare_fit,
             settings=settings,
             path=Path(p),
             largest_missed_share=largest_missed_share,
@@ -183,8 +183,8 @@ def store(fit: Fit, created: str) -> Fit:
         return fit
     tare = {}
     if fit.tare is not None:
-        there = fit.tare.recording.metadata
-        tare = {"run": there.run_id, "sha256": there.sha256}
+        tare_metadata = fit.tare.recording.metadata
+        tare = {"run": tare_metadata.run_id, "sha256": tare_metadata.sha256}
     basis = Basis(
         fit.recording.metadata.sha256,
         created,

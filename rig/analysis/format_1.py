@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from model.identify.cause import Cause
+from model.identify.estimate import Cause
 
 FORMAT = "harmonic-rig-analysis-1"
 ANALYSIS_VERSION = 1

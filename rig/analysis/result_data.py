@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from experiments import catalogue
 from experiments.quantity import Quantity, with_bare
 from experiments.result import Plot, Result, Series, Table, Verdict
-from model.identify.cause import Cause
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Cause, Estimate
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
 _ARRAYS = ("x", "y", "low", "high")

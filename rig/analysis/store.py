@@ -83,24 +83,24 @@ def program_version() -> str:
         return "not installed"
 
 
-def json_ready(found: Any) -> Any:
+def json_ready(content: Any) -> Any:
     """The same object with everything that JSON cannot hold made plain: numpy numbers, tuples; NaN
     and infinity are null.
     """
-    if isinstance(found, Mapping):
-        return {str(key): json_ready(value) for key, value in found.items()}
-    if isinstance(found, (list, tuple, set, frozenset)):
-        return [json_ready(value) for value in found]
-    if isinstance(found, (str, bool)) or found is None:
-        return found
-    if isinstance(found, int):
-        return int(found)
-    if isinstance(found, float):
-        return float(found) if math.isfinite(found) else None
+    if isinstance(content, Mapping):
+        return {str(key): json_ready(value) for key, value in content.items()}
+    if isinstance(content, (list, tuple, set, frozenset)):
+        return [json_ready(value) for value in content]
+    if isinstance(content, (str, bool)) or content is None:
+        return content
+    if isinstance(content, int):
+        return int(content)
+    if isinstance(content, float):
+        return float(content) if math.isfinite(content) else None
     for convert in ("tolist", "as_json"):
-        if hasattr(found, convert):
-            return json_ready(getattr(found, convert)())
-    return str(found)
+        if hasattr(content, convert):
+            return json_ready(getattr(content, convert)())
+    return str(content)
 
 
 def json_text(value: Any) -> str:

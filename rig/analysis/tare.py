@@ -26,13 +26,13 @@ def check_tare(recording: Recording, tare: Recording, result: Result) -> None:
     """Raise `RigError` unless the result of `tare` is one of the same kind of rig as the recording."""
     here, there = recording.metadata, tare.metadata
     if not catalogue.load(result.kind).gives_tare:
-        wanted = tare_kind()
+        protocol = tare_kind()
         raise RigError(
-            f"only a {wanted} run (gear removed) can be subtracted as a tare",
+            f"only a {protocol} run (gear removed) can be subtracted as a tare",
             where=there.run_id,
             value=result.kind,
-            limit=wanted,
-            remedy=f"Run `rig run {wanted}` on this rig and give that run.",
+            limit=protocol,
+            remedy=f"Run `rig run {protocol}` on this rig and give that run.",
         )
     if there.gear_mounted:
         raise RigError(

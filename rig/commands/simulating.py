@@ -146,29 +146,23 @@ def _faults(texts: list[str]) -> list[Any]:
     from rig.errors import ConfigurationError
     from rig.trial.drill.catalogue import DRILLS
 
+    on_the_wire = {
+        drill.name: drill.fault
+        for drill in DRILLS.values()
+        if drill.fault is not None and "wire" in drill.carriers
+    }
     faults = []
     for text in texts:
         name, _, cycle = text.rpartition("@")
-        drill = DRILLS.get(name)
-        if (
-            drill is None
-            or drill.fault is None
-            or "wire" not in drill.carriers
-            or not cycle.isdecimal()
-        ):
-            names = [
-                each.name
-                for each in DRILLS.values()
-                if each.fault is not None and "wire" in each.carriers
-            ]
+        if name not in on_the_wire or not cycle.isdecimal():
             raise ConfigurationError(
                 "no such fault on the wire",
                 where="--fault",
                 value=repr(text),
-                limit=", ".join(names),
+                limit=", ".join(on_the_wire),
                 remedy="Give the name, an @ and the number of the SYNC.",
             )
-        faults.append(drill.fault(int(cycle)))
+        faults.append(on_the_wire[name](int(cycle)))
     return faults
 
 

@@ -93,13 +93,15 @@ def read_listed(path: Path) -> ListedRun:
     from rig.runfile.read import glance
 
     try:
-        seen = glance(path)
+        summary = glance(path)
     except RigError as error:
         return ListedRun(path, None, problem=str(error))
     notes = "; ".join(
-        event.text for event in seen.events if event.source == "operator" and event.code == "note"
+        event.text
+        for event in summary.events
+        if event.source == "operator" and event.code == "note"
     )
-    return ListedRun(path, seen.metadata, seen.rows, seen.duration, notes=notes)
+    return ListedRun(path, summary.metadata, summary.rows, summary.duration, notes=notes)
 
 
 def _highest_number(folder: Path) -> int:

@@ -146,12 +146,10 @@ class LibraryIndex:
         with self._lock:
             self._refresh()
             runs = [self._run(name, row) for name, (_, row) in (self._rows or {}).items()]
-        wanted = {"gear_serial": gear, "protocol": protocol, "origin": origin}
+        exact = {"gear_serial": gear, "protocol": protocol, "origin": origin}
         words = text.casefold().split()
         matches = [
-            run
-            for run in runs
-            if _fits(run, words, wanted, outcome) and _within(run.start, *bounds)
+            run for run in runs if _fits(run, words, exact, outcome) and _within(run.start, *bounds)
         ]
         return sorted(matches, key=lambda run: (run.number, run.path.name))
 
@@ -167,12 +165,12 @@ class LibraryIndex:
             if name not in rows or rows[name][0] != fingerprint
         ]
         for first in range(0, max(len(changed), 1 if gone else 0), WRITTEN_AT_ONCE):
-            some = changed[first : first + WRITTEN_AT_ONCE]
-            for place, name in enumerate(some, first):
+            batch = changed[first : first + WRITTEN_AT_ONCE]
+            for place, name in enumerate(batch, first):
                 self._on_progress(place, len(changed))
                 path, fingerprint = files[name]
                 rows[name] = fingerprint, _row_of(read_listed(path))
-            self._keep([] if first else gone, [(name, *rows[name]) for name in some])
+            self._keep([] if first else gone, [(name, *rows[name]) for name in batch])
         self._rows = rows
         return len(changed)
 
@@ -303,13 +301,10 @@ def _deleted(path: Path) -> bool:
 def _row_of(run: ListedRun) -> Row:
     """What a file says of itself, by column."""
     m = run.metadata
-    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "")
-    row |= {
+    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "") | {
         "run_id": run.path.name.split(".h5")[0],
         "number": run_number(run.path.name),
         "rows": run.rows,
-    }
-    row |= {
         "duration": None if run.duration != run.duration else run.duration,
         "problem": run.problem,
     }
@@ -338,10 +333,9 @@ def _state_of(path: Path, problem: str) -> State:
     return "left behind" if unfinished else "sealed"
 
 
-def _fits(run: IndexedRun, words: Sequence[str], wanted: dict[str, str], outcome: str) -> bool:
+def _fits(run: IndexedRun, words: Sequence[str], exact: dict[str, str], outcome: str) -> bool:
     if any(
-        value and getattr(run, name).casefold() != value.casefold()
-        for name, value in wanted.items()
+        value and getattr(run, name).casefold() != value.casefold() for name, value in exact.items()
     ):
         return False
     if outcome and outcome.casefold() not in (run.outcome.casefold(), run.state):

@@ -25,11 +25,11 @@ def is_being_written(part: Path) -> bool:
 def _is_listed(part: Path) -> bool:
     try:
         status = os.stat(part)
-        listed = LOCKS.read_text(encoding="ascii", errors="replace")
+        locks = LOCKS.read_text(encoding="ascii", errors="replace")
     except OSError:
         return False
     number = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
-    return any("FLOCK" in line and number in line.split() for line in listed.splitlines())
+    return any("FLOCK" in line and number in line.split() for line in locks.splitlines())
 
 
 def _is_held(part: Path) -> bool:

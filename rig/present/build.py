@@ -64,16 +64,16 @@ def report_on_files(
         if r.metadata.experiment == tare_kind()
     ]
     if tare is not None:
-        used = fit_recording(open_run(tare), tare_kind(), gear=gear, path=tare)
+        tare_fit = fit_recording(open_run(tare), tare_kind(), gear=gear, path=tare)
     else:
-        used = max(tares, key=lambda f: f.recording.metadata.start_time, default=None)
+        tare_fit = max(tares, key=lambda f: f.recording.metadata.start_time, default=None)
     fits = list(tares)
     # What an analysis builds on has to be identified before it.
     for path, recording in sorted(opened, key=lambda pair: bool(_basis(pair[1]))):
         if recording.metadata.experiment != tare_kind():
             fits.append(
                 fit_recording(
-                    recording, gear=_gear_for(recording, gear, fits), tare=used, path=path
+                    recording, gear=_gear_for(recording, gear, fits), tare=tare_fit, path=path
                 )
             )
     lines = []
@@ -118,7 +118,7 @@ def _written(context: dict[str, Any], outputs: Sequence[Path], what: str) -> lis
 
 
 def _gear_for(
-    recording: Recording, given: HarmonicDrive | None, fits: Sequence[Fit]
+    recording: Recording, gear: HarmonicDrive | None, fits: Sequence[Fit]
 ) -> HarmonicDrive | None:
     """The parameter set for a run: the one given or the run's own (None), with what runs of the
     same gear identified that its analysis builds on.
@@ -126,7 +126,7 @@ def _gear_for(
     from rig.analysis.adopt import adopt
 
     metadata = recording.metadata
-    base = given or metadata.gear
+    base = gear or metadata.gear
     same = [
         f
         for f in fits
@@ -135,7 +135,7 @@ def _gear_for(
         and f.recording.metadata.mounting == metadata.mounting
     ]
     if base is None or not same:
-        return given
+        return gear
     return adopt(base, [same[-1].result]).gear
 
 

@@ -424,21 +424,21 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
 
 def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
     """The parameter sets that the analyses leaned on: the first one whole, of the others what differs from it."""
-    used: list[tuple[HarmonicDrive, list[str]]] = []
+    parameter_sets: list[tuple[HarmonicDrive, list[str]]] = []
     for fit in fits:
-        same = next((kinds for gear, kinds in used if gear == fit.gear), None)
+        same = next((kinds for gear, kinds in parameter_sets if gear == fit.gear), None)
         if same is None:
-            used.append((fit.gear, [fit.result.kind]))
+            parameter_sets.append((fit.gear, [fit.result.kind]))
         else:
             same.append(fit.result.kind)
     grids: list[Grid] = []
     whole: Grid | None = None
-    for gear, kinds in used:
+    for gear, kinds in parameter_sets:
         grid = parameter_grid(gear)
         whole = whole or grid
         title = (
             f"{grid.title}, used for {', '.join(dict.fromkeys(kinds))}"
-            if len(used) > 1
+            if len(parameter_sets) > 1
             else grid.title
         )
         if grid is not whole:

@@ -99,16 +99,11 @@ def draw_svg(
     style: Any = {**_STYLE, "svg.hashsalt": identifier}
     with matplotlib.rc_context(style):
         figure = _draw(plot, origin, size, "")
-        buffer = io.StringIO()
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Glyph .* missing from")
-            figure.savefig(buffer, format="svg", dpi=220, metadata={"Date": None, "Creator": None})
+        svg = _saved(figure, format="svg", dpi=220, metadata={"Date": None, "Creator": None})
     label = " ".join(
         part for part in (plot.title, f"({plot.x_label}; {plot.y_label})", plot.note) if part
     )
-    return Drawing(
-        _inline(buffer.getvalue(), identifier, label), size[0] * 96, size[1] * 96, remarks
-    )
+    return Drawing(_inline(svg.decode(), identifier, label), size[0] * 96, size[1] * 96, remarks)
 
 
 def draw_png(
@@ -120,15 +115,30 @@ def draw_png(
     plot, _ = _drawable(plot)
     with matplotlib.rc_context(_STYLE):
         figure = _draw(plot, origin, (size[0], size[1] + 0.3), plot.title)
-        buffer = io.BytesIO()
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Glyph .* missing from")
-            figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+        return _saved(figure, format="png", dpi=dpi, metadata={"Software": None})
+
+
+def _saved(figure: Figure, **output: Any) -> bytes:
+    """A figure in a format of a file; a letter that the face does not have stands as a box."""
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        figure.savefig(buffer, **output)
     return buffer.getvalue()
 
 
 def _drawable(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
     """The plot without what a logarithmic axis or a page cannot show, and the sentences that say so."""
+    plot, remarks = without_what_logs_lose(plot)
+    series = tuple(replace(one, label=printable(one.label)) for one in plot.series)
+    words = {
+        name: printable(getattr(plot, name)) for name in ("title", "x_label", "y_label", "note")
+    }
+    return replace(plot, series=series, **words), remarks
+
+
+def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
+    """The figure without values that a logarithmic axis has no place for, and the sentences that say so."""
     drawable, remarks = [], []
     for series in plot.series:
         x, y = np.asarray(series.x, dtype=float).ravel(), np.asarray(series.y, dtype=float).ravel()
@@ -147,12 +157,8 @@ def _drawable(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
                 f"{lost} values of “{series.label}” are not positive and have no place on a logarithmic axis."
             )
         low, high = (None if a is None else a[good] for a in (low, high))
-        label = printable(series.label)
-        drawable.append(replace(series, label=label, x=x[good], y=y[good], low=low, high=high))
-    words = {
-        name: printable(getattr(plot, name)) for name in ("title", "x_label", "y_label", "note")
-    }
-    return replace(plot, series=tuple(drawable), **words), tuple(remarks)
+        drawable.append(replace(series, x=x[good], y=y[good], low=low, high=high))
+    return replace(plot, series=tuple(drawable)), tuple(remarks)
 
 
 def _draw(plot: Plot, origin: str, size: tuple[float, float], title: str) -> Figure:
@@ -212,11 +218,12 @@ def _look(all_series: Sequence[Series], number: int, logarithmic: bool) -> _Look
         marker=MARKERS[groups.index(series.group) % len(MARKERS)],
         dash=DASHES[earlier % len(DASHES)],
         shift=shift,
-        foot=_foot(all_series) if logarithmic else 0.0,
+        foot=foot_of(all_series) if logarithmic else 0.0,
     )
 
 
-def _foot(all_series: Sequence[Series]) -> float:
+def foot_of(all_series: Sequence[Series]) -> float:
+    """Where bars on a logarithmic axis begin: below the smallest of them."""
     heights = np.concatenate([s.y for s in all_series if s.style == "bars"] or [np.ones(1)])
     heights = heights[np.isfinite(heights) & (heights > 0)]
     return 0.4 * float(heights.min()) if len(heights) else 1.0

@@ -206,7 +206,7 @@ def _parts(passport: Passport) -> list[Part]:
 def _part(
     index: int,
     title: str,
-    drawn: tuple[Figure, ...],
+    figures: tuple[Figure, ...],
     grid: Grid | None = None,
     warnings: tuple[str, ...] = (),
     run: str = "all",
@@ -224,7 +224,7 @@ def _part(
         annex=(),
         warnings=warnings,
         provenance=Provenance(),
-        figures=drawn,
+        figures=figures,
     )
 
 

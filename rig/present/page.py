@@ -272,11 +272,12 @@ def _truth_note(truth: Sequence[tuple[str, TruthRow]]) -> str:
 def _parts(fits: Sequence[Fit]) -> tuple[tuple[content.Part, ...], list[tuple[Figure, Plot]]]:
     parts, all_figures = [], []
     for index, fit in enumerate(fits):
-        drawn = _figures(fit, len(all_figures))
-        all_figures += drawn
+        figures_and_plots = _figures(fit, len(all_figures))
+        all_figures += figures_and_plots
         parts.append(
             replace(
-                content.part_of(fit, index, _title(fit, fits)), figures=tuple(f for f, _ in drawn)
+                content.part_of(fit, index, _title(fit, fits)),
+                figures=tuple(f for f, _ in figures_and_plots),
             )
         )
     return tuple(parts), all_figures
@@ -296,7 +297,7 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
     siblings: dict[str, int] = defaultdict(int)
     for plot in fit.result.plots:
         siblings[plot.figure] += bool(plot.figure)
-    drawn = []
+    figures_and_plots = []
     begun: set[str] = set()
     for number, plot in enumerate(fit.result.plots, before + 1):
         half = siblings[plot.figure] >= 3 and not (
@@ -307,7 +308,7 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
         drawing = figures.draw_svg(plot, origin, f"f{number}", size)
         after = f"cf. figure {plot.figure} of the paper" if plot.figure else ""
         note = " ".join(part for part in (plot.note, *drawing.remarks) if part)
-        drawn.append(
+        figures_and_plots.append(
             (
                 Figure(
                     number=number,
@@ -321,17 +322,17 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
                 plot,
             )
         )
-    return drawn
+    return figures_and_plots
 
 
 def _paper_figures(
-    drawn: Sequence[tuple[Figure, Plot]],
+    figures_and_plots: Sequence[tuple[Figure, Plot]],
 ) -> list[tuple[str, str, list[Figure], str]]:
     """Each of the paper's figures: its number, what it shows, the figures here, and what is missing."""
     rows = []
     for figure, kind in definitions.paper_figures():
         number = str(figure.number)
-        here = [f for f, plot in drawn if number in _figure_numbers(plot.figure)]
+        here = [f for f, plot in figures_and_plots if number in _figure_numbers(plot.figure)]
         rows.append((number, figure.shows, here, "" if here else f"needs a {kind} run"))
     return rows
 

@@ -7,9 +7,8 @@ Everything that comes from files is handed over as data and shown letter for let
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -17,16 +16,13 @@ from typing import Any
 from rig.analysis.wording import printable, unbroken
 from rig.errors import RigError
 from rig.present.content import Grid, VerdictLine
-from rig.present.layout import KEPT_LINES, PORTRAIT, SIZES, Layout, laid_out, width_of
 
 TEMPLATE = "page.typ"
 LONGEST_WORD = 26
 """Letters after which a word without a break may be broken: hashes, file names, hostile serial numbers."""
 HEADING_LENGTH = 80
-MATRIX_SIZE = 7.5
-"""Size of the text of facts side by side [pt]."""
-WIDEST_NAME = 14.0
-"""Room for the names of facts [em]; longer ones are broken."""
+TEXT_SIZE, SMALL_TEXT_SIZE = 8.0, 7.5
+"""Largest sizes of a table's text [pt]."""
 
 
 def render_pdf(context: Mapping[str, Any]) -> bytes:
@@ -36,8 +32,8 @@ def render_pdf(context: Mapping[str, Any]) -> bytes:
     return document
 
 
-def typeset(context: Mapping[str, Any], **wanted: Any) -> Any:
-    """What typst makes of a report, in the format that is `wanted`. Raises `RigError`."""
+def typeset(context: Mapping[str, Any], **output: Any) -> Any:
+    """What typst makes of a report, in the format that `output` names. Raises `RigError`."""
     import typst
 
     content = json.dumps(paper_content(context), ensure_ascii=False, allow_nan=False)
@@ -48,7 +44,7 @@ def typeset(context: Mapping[str, Any], **wanted: Any) -> Any:
             sys_inputs={"content": content},
             ignore_system_fonts=True,
             font_paths=[_fonts()],  # type: ignore[arg-type]  the stubs leave paths out
-            **wanted,
+            **output,
         )
     except (RuntimeError, ValueError, OSError) as error:
         raise RigError(
@@ -84,22 +80,18 @@ def paper_content(context: Mapping[str, Any]) -> dict[str, Any]:
         "truth_note": context["truth_note"],
         "alarms": list(context["alarms"]),
         "run_line": context["run_line"],
-        "catalogue": _laid_out(context["catalogue"], SIZES[1]) if context["catalogue"] else [],
-        "verdicts": _laid_out(verdict_grid(context["verdicts"]), SIZES[1]),
-        "key_results": _laid_out(_key_grid(context["key_results"])),
+        "catalogue": _grids(context["catalogue"], size=SMALL_TEXT_SIZE),
+        "verdicts": _grids(verdict_grid(context["verdicts"]), size=SMALL_TEXT_SIZE),
+        "key_results": _grids(_key_grid(context["key_results"])),
         "warnings": [f"{title}: {text}" for title, _, _, text in context["warnings"]],
         "parts": [_part(part) for part in context["parts"]],
-        "truth": _laid_out(context["truth"]) if context["truth"] else [],
-        "paper_figures": _laid_out(_paper_grid(context["paper_figures"]))
-        if context["paper_figures"]
-        else [],
+        "truth": _grids(context["truth"]),
+        "paper_figures": _grids(_paper_grid(context["paper_figures"])),
         "sections": [
             {
                 "title": title,
-                "grids": _laid_out(context["files"])
-                if context["files"] and "identities" in keys
-                else [],
-                "matrices": [_matrix(m) for key in keys for m in context[key]],
+                "grids": _grids(context["files"]) if "identities" in keys else [],
+                "matrices": [asdict(m) for key in keys for m in context[key]],
             }
             for title, keys in SECTIONS
             if any(context[key] for key in keys) or ("identities" in keys and context["files"])
@@ -108,15 +100,10 @@ def paper_content(context: Mapping[str, Any]) -> dict[str, Any]:
         "paper": context["paper"],
         "not_measured": list(context["not_measured"]),
         "signature": asdict(context["signature"]),
+        "annex": _grids(
+            *context["parameter_sets"], *(g for p in context["parts"] for g in p.annex)
+        ),
     }
-    annex = [
-        t
-        for g in (*context["parameter_sets"], *(g for p in context["parts"] for g in p.annex))
-        for t in _laid_out(g)
-    ]
-    content["annex"] = [grid for grid in annex if not grid["landscape"]]
-    content["wide"] = [grid for part in content["parts"] for grid in part.pop("wide")]
-    content["wide"] += [grid for grid in annex if grid["landscape"]]
     return _clean(content)
 
 
@@ -128,31 +115,21 @@ SECTIONS = (
 """Tables of facts side by side: heading, and what stands under it."""
 
 
-def _laid_out(grid: Grid, largest: float = SIZES[0]) -> list[dict[str, Any]]:
-    """A table with the size of its text and the widths of its columns: one, or several where it fits no page."""
-    plain = Grid(
-        grid.title,
-        tuple(_clean(unbroken(c)) for c in grid.columns),
-        tuple(map(tuple, _clean(grid.rows))),
-        grid.numeric,
-        hashes=tuple(_clean(unbroken(c)) for c in grid.hashes),
-    )
-    tables = laid_out(plain, largest)
-    placed = []
-    for number, (part, layout) in enumerate(tables, 1):
-        title = (
-            f"{grid.title}, columns part {number} of {len(tables)}"
-            if len(tables) > 1
-            else grid.title
-        )
-        note = grid.note if number == len(tables) else ""
-        placed.append(_table(replace(part, title=title, note=note), layout))
-    return placed
-
-
-def _table(grid: Grid, layout: Layout) -> dict[str, Any]:
-    faces = [FACES.get(column, "hash" if column in grid.hashes else "") for column in grid.columns]
-    return {**asdict(grid), "faces": faces, **asdict(layout), "kept": layout.fits_one_page}
+def _grids(*grids: Grid | None, size: float = TEXT_SIZE) -> list[dict[str, Any]]:
+    """Tables with the faces of their columns and the largest size of their text [pt]; the template lays them out."""
+    return [
+        {
+            **asdict(grid),
+            "columns": [unbroken(column) for column in grid.columns],
+            "faces": [
+                FACES.get(column, "hash" if column in grid.hashes else "")
+                for column in grid.columns
+            ],
+            "largest": size,
+        }
+        for grid in grids
+        if grid is not None
+    ]
 
 
 FACES = {"Verdict": "verdict", "Identifiable": "verdict", "Symbol": "symbol", "Quantity": "words"}
@@ -194,42 +171,12 @@ def _paper_grid(rows: Sequence[tuple[str, str, Sequence[Any], str]]) -> Grid:
 
 
 def _part(part: Any) -> dict[str, Any]:
-    grids = (part.estimates, part.orders, part.metrics, *part.tables, part.budget)
-    tables = [table for grid in grids if grid is not None for table in _laid_out(grid)]
-    wide = [
-        {**table, "title": f"{part.title}: {_lowered(table['title'])}"}
-        for table in tables
-        if table["landscape"]
-    ]
     return {
         "title": part.title,
         "run": part.run,
         "warnings": list(part.warnings),
         "figures": [{**asdict(f), "svg": str(f.svg)} for f in part.figures],
-        "grids": [table for table in tables if not table["landscape"]],
-        "wide": wide,
-        "elsewhere": [_lowered(table["title"]) for table in tables if table["landscape"]],
-    }
-
-
-def _lowered(title: str) -> str:
-    return title[:1].lower() + title[1:]
-
-
-def _matrix(matrix: Any) -> dict[str, Any]:
-    names = min(max((width_of(name) for name, _ in matrix.rows), default=0.0), WIDEST_NAME)
-    rows = [[name, list(texts)] for name, texts in matrix.rows]
-    room = (PORTRAIT / MATRIX_SIZE - names) / len(matrix.columns) - 1.0
-    lines = sum(
-        max(math.ceil(1.08 * width_of(text) / room) for text in texts) for _, texts in matrix.rows
-    )
-    return {
-        "caption": matrix.caption,
-        "columns": list(matrix.columns),
-        "rows": rows,
-        "names": names,
-        "size": MATRIX_SIZE,
-        "kept": lines <= KEPT_LINES,
+        "grids": _grids(part.estimates, part.orders, part.metrics, *part.tables, part.budget),
     }
 
 

@@ -49,15 +49,16 @@ def side_by_side(
     """Facts of several runs (heading, names and texts) side by side, at most four to a table; empty
     ones are left out.
     """
-    given = [(heading, dict(rows)) for heading, rows in facts if rows]
+    facts_by_run = [(heading, dict(rows)) for heading, rows in facts if rows]
     tables = []
-    for first in range(0, len(given), MATRIX_COLUMNS):
-        some = given[first : first + MATRIX_COLUMNS]
-        names = list(dict.fromkeys(name for _, facts_of_run in some for name in facts_of_run))
+    for first in range(0, len(facts_by_run), MATRIX_COLUMNS):
+        columns = facts_by_run[first : first + MATRIX_COLUMNS]
+        names = list(dict.fromkeys(name for _, facts_of_run in columns for name in facts_of_run))
         rows = tuple(
-            (name, tuple(facts_of_run.get(name, "–") for _, facts_of_run in some)) for name in names
+            (name, tuple(facts_of_run.get(name, "–") for _, facts_of_run in columns))
+            for name in names
         )
-        tables.append(Matrix(caption, tuple(heading for heading, _ in some), rows))
+        tables.append(Matrix(caption, tuple(heading for heading, _ in columns), rows))
     return tuple(tables)
 
 

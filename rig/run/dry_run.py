@@ -13,9 +13,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from experiments.contract import Experiment
-from experiments.steps.course import Servo
-from experiments.steps.forecast import OperatingPoint, Situation, StepForecast
-from experiments.steps.kind import SWITCHING_TIME, Motion
+from experiments.steps.kind import (
+    SWITCHING_TIME,
+    Motion,
+    OperatingPoint,
+    Servo,
+    Situation,
+    StepForecast,
+)
 from experiments.steps.vocabulary import Step
 from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor

@@ -18,8 +18,18 @@ from drivers.channel import DRIVE_TORQUE, INDEX_SEEN, INPUT_ANGLE, TORQUE
 from drivers.drive_state import POWERED_STATES, DriveState
 from drivers.port import Bound, Mode
 from drivers.samples import SampleBlock
-from experiments.steps.course import Displaced, Goal, IndexPassed, LegEnd, Servo, Turned, Until
-from experiments.steps.kind import SWITCHING_TIME, Motion, SegmentLabel
+from experiments.steps.kind import (
+    SWITCHING_TIME,
+    Displaced,
+    Goal,
+    IndexPassed,
+    LegEnd,
+    Motion,
+    SegmentLabel,
+    Servo,
+    Turned,
+    Until,
+)
 from experiments.steps.note import Mark, Prompt
 from experiments.steps.profile import Constant, cycles_of
 from experiments.steps.vocabulary import Step

@@ -103,7 +103,7 @@ def test_the_printed_fit_takes_any_recording(capsys: pytest.CaptureFixture[str])
 
 
 def test_the_printed_step_turns_what_it_forecasts(tmp_path: Path) -> None:
-    from experiments.steps.forecast import Situation
+    from experiments.steps.kind import Situation
 
     page = printed_module("add-a-step", tmp_path)
     step = page.SmoothRamp(speed=30.0, acceleration=50.0)

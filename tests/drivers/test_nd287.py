@@ -152,7 +152,6 @@ def test_commands() -> None:
         (b"\x1bF0000\r", b"\x06"),
         (b"\x1bT0105\r", b"\x15"),
         (b"\x1bA0100\r", b"\x15"),
-        (b"\x05", b"\x02OK\r\n"),
         (b"\x1bS0001\r", b"?"),
         (b"\x1bS0002\r", b""),
     )
@@ -162,7 +161,6 @@ def test_commands() -> None:
         device.key("T0105")
     with pytest.raises(DriverError, match="NAK"):
         device.screen("A0100")
-    assert "OK" in device.error_message()
     with pytest.raises(DecodeError, match="neither ACK nor NAK"):
         device.key("S0001")
     with pytest.raises(StaleDataError):
@@ -176,7 +174,6 @@ def test_any_answer_is_a_reading_or_a_driver_error(answer: bytes) -> None:
     for ask in (
         Readout.read,
         Readout.identification,
-        Readout.error_message,
         lambda r: r.key("T0000"),
     ):
         port, _, device = readout()

@@ -13,8 +13,7 @@ from experiments.recording import ArraySource, Origin, Recording, RunMetadata, S
 from experiments.result import Plot, Result, Series, Table, judge_upper
 from model.channel import Channel
 from model.gear_file import shipped_gear
-from model.identify.cause import Cause
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.units import ARCMIN, RPM
 from rig.analysis.fit import Fit
 from rig.analysis.result_data import quantities_for

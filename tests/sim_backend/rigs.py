@@ -26,9 +26,14 @@ def rig(
     return made
 
 
+def with_only(*names: str) -> Imperfections:
+    """None of the imperfections but these."""
+    return Imperfections().without(*(set(Imperfections.names()) - set(names)))
+
+
 def clean(*names: str, seed: int = 7, **options: object) -> SimulatedRig:
     """An opened rig with only these imperfections."""
-    return rig(Imperfections().with_only(*names), seed, **options)
+    return rig(with_only(*names), seed, **options)
 
 
 def turn(port: SimulatedRig, speed_rpm: float, cycles: int, guard: Guard = NO_GUARD) -> SampleBlock:

@@ -58,7 +58,6 @@ def test_the_recorded_counts_come_back(recorded: tuple[tuple, tuple], block_leng
     for found, wanted in zip(joined(play(port, block_length)), recorded[1], strict=True):
         assert np.array_equal(found, wanted)
     assert clock.monotonic_ns() == 300 * 1_000_000
-    assert port.deviating_cycles == 40, "the servo was off then"
 
 
 def test_a_block_over_the_end_is_shorter_and_the_next_one_is_stale(
@@ -94,16 +93,14 @@ def test_guards_break_at_the_same_cycle(recorded: tuple[tuple, tuple], block_len
     assert blocks[-1].flags[-1] & CycleFlag.INCOMPLETE
 
 
-def test_what_was_commanded_is_compared_with_what_was_recorded(
+def test_what_is_commanded_does_not_replace_the_recorded_set_points(
     recorded: tuple[tuple, tuple],
 ) -> None:
     port = replay(recorded)
     port.open()
     port.exchange(Command(Mode.OFF), 40, NO_GUARD)
     port.exchange(Command(Mode.SPEED, np.full(100, SPEED * RPM)), 100, NO_GUARD)
-    assert port.deviating_cycles == 0
     block = port.exchange(Command(Mode.TORQUE, np.full(100, 0.1)), 100, NO_GUARD)
-    assert port.deviating_cycles == 100
     target = [c.name for c in port.channels].index(names.TARGET_SPEED)
     assert (block.counts[:, target] == round(SPEED * 1000)).all(), (
         "the recorded set-points stand there"

@@ -12,7 +12,7 @@ from model.units import ARCSEC, RPM
 from sim_backend.direct import SimulatedRig
 from sim_backend.faults import OutputLoad
 from sim_backend.imperfections import Imperfections, individual_gear
-from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD, off, si, turn
+from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD, off, si, turn, with_only
 
 
 def opened(on: Imperfections, seed: int = 5, **options: object) -> tuple[SimulatedRig, dict]:
@@ -81,7 +81,7 @@ def test_friction_parameters_are_those_of_the_gear() -> None:
 
 def test_stiffness_over_inertia_is_the_ringing_of_the_output() -> None:
     """A load taken off the output: the rotor is held by friction, and the output rings at sqrt(K/J_o)."""
-    on = Imperfections().with_only("hysteresis", "hardening")
+    on = with_only("hysteresis", "hardening")
     port, truth = opened(on, faults=[OutputLoad(100, 2.0, cycles=2900)])
     port.exchange(Command(Mode.SPEED, np.zeros(3000)), 3000, NO_GUARD)
     ringing = si(port, turn(port, 0.0, 300), names.OUTPUT_ANGLE)

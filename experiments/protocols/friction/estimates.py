@@ -17,8 +17,7 @@ from experiments.torque.running_torque import TEMPERATURE
 from experiments.torque.zero import TorqueZero
 from model.friction import bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive, Origin
-from model.identify.cause import Cause
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.identify.friction import FrictionFit, TorqueUncertainty
 from model.identify.stribeck import NAMES, fit_stribeck_genetic
 from model.units import RPM

@@ -5,17 +5,16 @@ fitted, both directions.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.result import Plot, Series, Table
+from experiments.result import Plot, Series, Table, both_ways, way_of
 from experiments.torque.running_torque import Hold
+from model.arrays import FloatArray
 from model.friction import friction_torque
 from model.gear import HarmonicDrive
 from model.identify.friction import FrictionFit
 from model.identify.running_torque import FrictionPoints, Tare
 from model.units import RPM
 
-FloatArray = NDArray[np.float64]
 ENLARGED_BELOW_RPM = 100.0
 MILLI = 1e-3
 
@@ -83,7 +82,7 @@ def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Pl
 def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
     """Measured and fitted torque, forward and reverse, over signed speed."""
     series = []
-    for direction, name in ((1.0, "forward"), (-1.0, "reverse")):
+    for group, direction in enumerate((1.0, -1.0)):
         chosen = sorted(
             (h.torque for h in holds if h.torque.direction == direction), key=lambda t: t.speed
         )
@@ -94,11 +93,10 @@ def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
         if tare is not None:
             torque = torque - direction * tare.at(np.abs(speed))[0]
         u = np.array([1.96 * t.standard_error for t in chosen])
-        group = 0 if direction > 0 else 1
         y = torque / MILLI
         series.append(
             Series(
-                label=f"measured, {name}",
+                label=f"measured, {way_of(direction)}",
                 x=speed / RPM,
                 y=y,
                 style="points",
@@ -109,7 +107,13 @@ def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
         )
         x, curve = direction * fit.curve_speed, direction * fit.curve_torque
         series.append(
-            Series(label=f"fitted, {name}", x=x / RPM, y=curve / MILLI, style="line", group=group)
+            Series(
+                label=f"fitted, {way_of(direction)}",
+                x=x / RPM,
+                y=curve / MILLI,
+                style="line",
+                group=group,
+            )
         )
     return Plot(
         name="friction-directions",
@@ -145,15 +149,10 @@ def _residuals(fit: FrictionFit) -> Plot:
 
 def _bracket(bracket: list[Hold]) -> Plot:
     """The reference speed over the run: what heat did to the torque in between."""
-    series = []
-    for direction, name in ((1.0, "forward"), (-1.0, "reverse")):
-        chosen = [h.torque for h in bracket if h.torque.direction == direction]
-        if chosen:
-            x = np.array([t.time / 60.0 for t in chosen])
-            y = np.array([direction * t.torque / MILLI for t in chosen])
-            series.append(
-                Series(label=name, x=x, y=y, style="points", group=0 if direction > 0 else 1)
-            )
+    direction, time, torque = np.array(
+        [(h.torque.direction, h.torque.time, h.torque.torque) for h in bracket]
+    ).T
+    series = both_ways(direction, time / 60.0, direction * torque / MILLI)
     speed = abs(bracket[0].torque.speed) / RPM
     return Plot(
         name="friction-bracket",

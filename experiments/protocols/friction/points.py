@@ -20,7 +20,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
@@ -30,10 +29,10 @@ from experiments.recording import Recording
 from experiments.torque.running_torque import Hold, foreign_holds, measured_holds
 from experiments.torque.tare import read_tare
 from experiments.torque.zero import TorqueZero, torque_zero
+from model.arrays import FloatArray
 from model.gear import HarmonicDrive
 from model.identify.running_torque import RunningTorque, Tare, pair_directions
 
-FloatArray = NDArray[np.float64]
 PLACE_ORDERS = (1, 2, 3, 4)
 """Orders of the output revolution that are looked at, as many from the first on as there are points for."""
 POINTS_PER_TERM = 2.5

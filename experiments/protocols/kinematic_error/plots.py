@@ -7,19 +7,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.angle.phase_reference import PhaseReference
 from experiments.evidence import usable
 from experiments.recording import Recording
-from experiments.result import Plot, Series, Table
+from experiments.result import Plot, Series, Table, way_of
+from model.arrays import FloatArray, IntArray
 from model.gear import HarmonicDrive
 from model.identify.directions import CombinedKinematicError, PhaseRelation
 from model.identify.kinematic_error import KinematicErrorFit
 from model.kinematic_error import series_value
 from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
 
-FloatArray = NDArray[np.float64]
 RAW_REVOLUTIONS = 4.0
 """Input revolutions of raw samples that figure 12 shows."""
 RAW_POINTS = 4000
@@ -47,20 +46,20 @@ def kinematic_error_plots(
 def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseReference) -> Plot:
     """Figure 12: some input revolutions of raw samples and the fitted curve through them."""
     start = fit.regression.sums.first_angle
-    way = fit.direction
+    sign = fit.direction
     angles, values = [], []
-    segment_rows = _rows_from(recording, start + reference.input_angle, way)
+    segment_rows = _rows_from(recording, start + reference.input_angle, sign)
     for rows in recording.blocks(segment_rows, size=1 << 15):
         good = usable(recording, rows)
         angle = recording.si("input_angle", rows)[good] - reference.input_angle
-        inside = way * (angle - start) <= RAW_REVOLUTIONS * REVOLUTION
+        inside = sign * (angle - start) <= RAW_REVOLUTIONS * REVOLUTION
         angles.append(angle[inside])
         values.append(recording.output_angle(rows)[good][inside] - angle[inside] / fit.ratio)
         if not inside.all():
             break
     angle, raw = np.concatenate(angles), np.concatenate(values)
     pick = slice(None, None, max(1, len(angle) // RAW_POINTS))
-    fitted_at = np.linspace(start, start + way * RAW_REVOLUTIONS * REVOLUTION, 1500)
+    fitted_at = np.linspace(start, start + sign * RAW_REVOLUTIONS * REVOLUTION, 1500)
     fitted = _value(fit, fitted_at)
     middle = float(np.mean(raw - _value(fit, angle))) if len(angle) else 0.0
     series = (
@@ -89,17 +88,17 @@ def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseRe
     )
 
 
-def _rows_from(recording: Recording, angle: float, way: float) -> slice:
+def _rows_from(recording: Recording, angle: float, sign: float) -> slice:
     """Rows from where a traverse that begins at `angle` was entered: found by the segments, else by
     the angle itself.
     """
     for segment in recording.labelled("traverse", "traverse (cut)"):
         first = float(recording.si("input_angle", slice(segment.start, segment.start + 1))[0])
-        if segment.direction * way > 0 and abs(first - angle) < 0.1 * REVOLUTION:
+        if segment.direction * sign > 0 and abs(first - angle) < 0.1 * REVOLUTION:
             return slice(segment.start, segment.stop)
     for rows in recording.blocks():
         here = recording.si("input_angle", rows)
-        hit = np.flatnonzero(way * (here - angle) >= 0.0)
+        hit = np.flatnonzero(sign * (here - angle) >= 0.0)
         if len(hit):
             return slice(rows.start + int(hit[0]), recording.rows)
     return slice(0, recording.rows)
@@ -119,11 +118,10 @@ def _averaged(fits: list[KinematicErrorFit]) -> Plot:
     """Figure 13: the error averaged over all revolutions per input angle, and the fit, each direction."""
     series = []
     for k, fit in enumerate(_one_each_way(fits)):
-        way = "forward" if fit.direction > 0 else "reverse"
         x = fit.input_angle / DEGREE
         series.append(
             Series(
-                label=f"measured, {way}",
+                label=f"measured, {way_of(fit.direction)}",
                 x=x,
                 y=fit.measured_curve / ARCMIN,
                 style="points",
@@ -131,11 +129,16 @@ def _averaged(fits: list[KinematicErrorFit]) -> Plot:
             )
         )
         series.append(
-            Series(label=f"fitted, {way}", x=x, y=fit.fitted_curve / ARCMIN, style="line", group=k)
+            Series(
+                label=f"fitted, {way_of(fit.direction)}",
+                x=x,
+                y=fit.fitted_curve / ARCMIN,
+                style="line",
+                group=k,
+            )
         )
     note = ", ".join(
-        f"MSE (22) {'forward' if f.direction > 0 else 'reverse'} {f.metrics['mse_curve']:.2g}"
-        for f in _one_each_way(fits)
+        f"MSE (22) {way_of(f.direction)} {f.metrics['mse_curve']:.2g}" for f in _one_each_way(fits)
     )
     return Plot(
         name="kinematic-error-fit",
@@ -176,8 +179,11 @@ def _over_output(fits: list[KinematicErrorFit]) -> Plot:
     for k, fit in enumerate(_one_each_way(fits)):
         x = fit.output_curve_angle / (REVOLUTION * fit.ratio) * 360.0
         pick = slice(None, None, max(1, len(x) // 12000))
-        way = "forward" if fit.direction > 0 else "reverse"
-        series.append(Series(label=way, x=x[pick], y=fit.output_curve[pick] / ARCMIN, group=k))
+        series.append(
+            Series(
+                label=way_of(fit.direction), x=x[pick], y=fit.output_curve[pick] / ARCMIN, group=k
+            )
+        )
     return Plot(
         name="transmission-accuracy",
         title="Fitted error over one output revolution",
@@ -253,7 +259,7 @@ def _figure_16(relation: PhaseRelation) -> list[Plot]:
     return [overlay, *plots]
 
 
-def _extremes(curve: FloatArray) -> NDArray[np.int64]:
+def _extremes(curve: FloatArray) -> IntArray:
     """Rows of the local extremes of a periodic curve that reach half way to its largest or smallest value."""
     centred = curve - 0.5 * (curve.max() + curve.min())
     before, after = np.roll(centred, 1), np.roll(centred, -1)
@@ -269,7 +275,6 @@ def _one_each_way(fits: list[KinematicErrorFit]) -> list[KinematicErrorFit]:
 
 def prediction_plot(gear: HarmonicDrive, fit: KinematicErrorFit) -> Plot:
     """A given parameter set against the averaged curve of one direction, and what is left."""
-    way = "forward" if fit.direction > 0 else "reverse"
     whole = [h for h in gear.kinematic_error if abs(h.order - round(h.order)) < 1e-9]
     predicted = series_value(whole, fit.input_angle)
     predicted = predicted - predicted.mean() + fit.measured_curve.mean()
@@ -286,8 +291,8 @@ def prediction_plot(gear: HarmonicDrive, fit: KinematicErrorFit) -> Plot:
         ),
     )
     return Plot(
-        name=f"kinematic-error-prediction-{way}",
-        title=f"Kinematic error of {gear.name} against the run, {way}",
+        name=f"kinematic-error-prediction-{way_of(fit.direction)}",
+        title=f"Kinematic error of {gear.name} against the run, {way_of(fit.direction)}",
         x_label="input angle [deg]",
         y_label="kinematic error [arcmin]",
         series=series,

@@ -42,7 +42,7 @@ from experiments.protocols.kinematic_error.plots import (
 from experiments.protocols.kinematic_error.quantities import QUANTITIES
 from experiments.quantity import quantity_of
 from experiments.recording import Recording, Segment
-from experiments.result import Covariance, Result, Verdict, judge_upper
+from experiments.result import Covariance, Result, Verdict, judge_upper, way_of
 from experiments.steps.vocabulary import HoldRevolutions, Mark, SegmentLabel, Step
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import TorqueZero, torque_zero
@@ -445,7 +445,7 @@ def _metrics(
 ) -> dict[str, float]:
     metrics: dict[str, float] = {}
     for t in traverses[:2]:
-        way = "forward" if t.fit.direction > 0 else "reverse"
+        way = way_of(t.fit.direction)
         metrics |= {f"{name}_{way}": value for name, value in t.fit.metrics.items()}
     if combined:
         metrics["agreement_of_directions"] = combined[0].metrics["agreement"]
@@ -507,7 +507,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
         )
     metrics: dict[str, float] = {}
     for t in traverses:
-        way = f"{'forward' if t.fit.direction > 0 else 'reverse'}_{t.segment.repeat}"
+        way = f"{way_of(t.fit.direction)}_{t.segment.repeat}"
         metrics[f"mse_{way}"] = _mse_of(gear, t.fit, 0.0)
         if not context.reference.carries:
             shifts = np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)

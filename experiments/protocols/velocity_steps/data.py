@@ -12,12 +12,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.angle.phase_reference import PhaseReference
 from experiments.evidence import usable
 from experiments.recording import Recording, Segment
 from experiments.torque.zero import TorqueZero
+from model.arrays import FloatArray
 from model.dynamics import simulate_prescribed
 from model.errors import IdentificationError
 from model.gear import Harmonic, HarmonicDrive
@@ -27,7 +27,6 @@ from model.identify.step_data import SPEED_SMOOTHING, StepData, step_data
 from model.kinematic_error import design_matrix
 from model.units import RPM
 
-FloatArray = NDArray[np.float64]
 REST_SHOWN = 0.1
 """s of standstill before the step that belong to it."""
 SLOW = 300.0 * RPM

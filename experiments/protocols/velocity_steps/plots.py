@@ -7,10 +7,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.protocols.velocity_steps.data import RecordedStep
-from experiments.result import Plot, Series, Table
+from experiments.result import Plot, Series, Table, both_ways, way_of
 from model.errors import ModelError
 from model.identify.dynamics import CombinedSteps, StepFit
 from model.identify.sensitivity import Identifiability
@@ -18,7 +17,6 @@ from model.identify.step_data import StepScore
 from model.kinematic_error import order_spectrum
 from model.units import ARCSEC, RPM
 
-FloatArray = NDArray[np.float64]
 SHOWN = 0.6
 """s of a step that figure 19 shows: the rise and the ring-down."""
 HIGHEST_ORDER = 16.0
@@ -82,27 +80,11 @@ def _figure_19(steps: list[RecordedStep], scores: list[StepScore], label: str) -
 
 
 def _resonance(combined: CombinedSteps) -> Plot:
-    series = []
-    for sign, name in ((1.0, "forward"), (-1.0, "reverse")):
-        chosen = combined.speed * sign > 0.0
-        if chosen.any():
-            x = np.abs(combined.speed[chosen]) / RPM
-            low, high = (
-                np.sqrt(np.maximum(v[chosen], 0.0)) / (2.0 * math.pi)
-                for v in (combined.low, combined.high)
-            )
-            y = np.sqrt(combined.stiffness_over_inertia[chosen]) / (2.0 * math.pi)
-            series.append(
-                Series(
-                    label=name,
-                    x=x,
-                    y=y,
-                    style="points",
-                    low=low,
-                    high=high,
-                    group=0 if sign > 0 else 1,
-                )
-            )
+    low, high = (
+        np.sqrt(np.maximum(v, 0.0)) / (2.0 * math.pi) for v in (combined.low, combined.high)
+    )
+    y = np.sqrt(combined.stiffness_over_inertia) / (2.0 * math.pi)
+    series = both_ways(combined.speed, np.abs(combined.speed) / RPM, y, low=low, high=high)
     mean = combined.estimates["frequency"].value
     ends = np.array([np.abs(combined.speed).min(), np.abs(combined.speed).max()]) / RPM
     series.append(
@@ -253,8 +235,8 @@ _SCORE_HEADS = (
 
 
 def _which(step: RecordedStep) -> tuple[float, str, int]:
-    way = "forward" if step.segment.direction > 0 else "reverse"
-    return abs(step.segment.setpoint) / RPM, way, step.segment.repeat
+    segment = step.segment
+    return abs(segment.setpoint) / RPM, way_of(segment.direction), segment.repeat
 
 
 def _scores(metrics: dict[str, float]) -> tuple[float, ...]:

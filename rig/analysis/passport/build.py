@@ -98,9 +98,9 @@ def _missing(gathered: Gathered, series: Sequence[PassportSeries]) -> list[Missi
     """What a whole passport would have besides: quantities without a run, numbers that the data
     could not tell, tares.
     """
-    drawn = {(one.kind, one.quantity) for one in series}
+    charted = {(one.kind, one.quantity) for one in series}
     expected = [one for kind, quantity in watched() for one in followed(kind, quantity)]
-    missing = [_nothing_of(one, gathered) for one in expected if (one.kind, one.key) not in drawn]
+    missing = [_nothing_of(one, gathered) for one in expected if (one.kind, one.key) not in charted]
     for one in gathered.analysed:
         for quantity in expected:
             estimate = one.estimates.get(quantity.key)

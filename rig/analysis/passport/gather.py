@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.recording import Origin, Recording
-from model.identify.cause import Ground
+from model.identify.estimate import Ground
 from rig.analysis.causes import Grounds, grounds_of, simulated_bench
 from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
@@ -60,19 +60,21 @@ def runs_of(where: str | Path | Iterable[str | Path], serial: str) -> tuple[Inde
     Raises `RunFileError` for what is neither.
     """
     places = [where] if isinstance(where, (str, Path)) else list(where)
-    seen: dict[Path, IndexedRun] = {}
-    wanted: dict[Path, set[str]] = {}
+    runs_by_file: dict[Path, IndexedRun] = {}
+    names_by_folder: dict[Path, set[str]] = {}
     for place in map(Path, places):
         if place.is_dir():
-            wanted.setdefault(place, set()).add("")
+            names_by_folder.setdefault(place, set()).add("")
         else:
-            wanted.setdefault(place.parent, set()).add(place.name)
-    for folder, names in wanted.items():
+            names_by_folder.setdefault(place.parent, set()).add(place.name)
+    for folder, names in names_by_folder.items():
         for run in LibraryIndex(folder).search():
             if run.gear_serial == serial and ("" in names or run.path.name in names):
-                seen.setdefault(run.path.resolve(), run)
+                runs_by_file.setdefault(run.path.resolve(), run)
     return tuple(
-        sorted(seen.values(), key=lambda run: (moment(run.start), run.number, run.path.name))
+        sorted(
+            runs_by_file.values(), key=lambda run: (moment(run.start), run.number, run.path.name)
+        )
     )
 
 
@@ -92,9 +94,9 @@ def gather(runs: Sequence[IndexedRun], origin: str = "") -> Gathered:
     only = counted_origin(runs, origin)
     counted: list[IndexedRun] = []
     left_out: list[Missing] = []
-    seen: dict[str, IndexedRun] = {}
+    runs_by_hash: dict[str, IndexedRun] = {}
     for run in runs:
-        reason = _does_not_count(run, only) or _copy_of(run, seen)
+        reason = _does_not_count(run, only) or _copy_of(run, runs_by_hash)
         if reason:
             left_out.append(Missing(reason, run.run_id))
         else:
@@ -125,10 +127,10 @@ def _does_not_count(run: IndexedRun, origin: str) -> str:
     return ""
 
 
-def _copy_of(run: IndexedRun, seen: dict[str, IndexedRun]) -> str:
+def _copy_of(run: IndexedRun, runs_by_hash: dict[str, IndexedRun]) -> str:
     """Whether the same bytes were met before under another name."""
     sha256 = recorded_sha256(run.path)
-    first = seen.setdefault(sha256, run) if sha256 else run
+    first = runs_by_hash.setdefault(sha256, run) if sha256 else run
     return "" if first is run else f"is a copy of {first.path}"
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.steps.course import Servo
+from experiments.steps.kind import Servo
 from model.units import RPM
 from rig.bench import limits as lim
 from rig.present.preview.output import OutputModel, PredictedError

@@ -13,9 +13,7 @@ from typing import Literal, assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.steps.course import Servo
-from experiments.steps.forecast import Drive, Piece
-from experiments.steps.kind import SWITCHING_TIME, Motion
+from experiments.steps.kind import SWITCHING_TIME, Drive, Motion, Piece, Servo
 from experiments.steps.note import Mark, Prompt
 from rig.bench import limits as lim
 from rig.run.dry_run import PlannedRun

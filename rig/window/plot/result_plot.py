@@ -19,6 +19,7 @@ from PySide6.QtWidgets import QListWidgetItem, QWidget
 
 from experiments.result import Plot, Series
 from rig.present.decimate import scatter_rows
+from rig.present.figure import foot_of, without_what_logs_lose
 from rig.window.plot.plots import Curve, CurveStyle, LabPlot, upright
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
@@ -50,6 +51,7 @@ class ResultPlot(LabPlot):
         self.shown = plot
         logs = plot.x_scale == "log", plot.y_scale == "log"
         drawable, self.remarks = without_what_logs_lose(plot)
+        drawable = _with_edges_on_the_axis(drawable)
         self.set_labels(plot.title, plot.x_label, plot.y_label)
         self.item.setLogMode(x=logs[0], y=logs[1])
         for number, series in enumerate(drawable.series):
@@ -134,25 +136,14 @@ class ResultPlot(LabPlot):
         self.item.setRange(xRange=(0, 1), yRange=(0, 1), disableAutoRange=False)
 
 
-def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
-    """The figure without values that a logarithmic axis has no place for, and the sentences that say so."""
-    drawable, remarks = [], []
+def _with_edges_on_the_axis(plot: Plot) -> Plot:
+    """The figure whose lower edges of bands and arms end where a logarithmic axis has no place for them."""
+    drawable = []
     for series in plot.series:
-        good = np.ones(len(series.x), dtype=bool)
-        if plot.x_scale == "log":
-            good &= ~(series.x <= 0)
-        if plot.y_scale == "log":
-            good &= ~(series.y <= 0)
-        lost = int(len(good) - good.sum())
-        if lost:
-            remarks.append(
-                f"{lost} values of “{series.label}” are not positive and have no place on a logarithmic axis."
-            )
-        low, high = (None if edge is None else edge[good] for edge in (series.low, series.high))
-        if low is not None and plot.y_scale == "log":
-            low = np.where(low > 0, low, np.nan)
-        drawable.append(replace(series, x=series.x[good], y=series.y[good], low=low, high=high))
-    return replace(plot, series=tuple(drawable)), tuple(remarks)
+        if series.low is not None and plot.y_scale == "log":
+            series = replace(series, low=np.where(series.low > 0, series.low, np.nan))
+        drawable.append(series)
+    return replace(plot, series=tuple(drawable))
 
 
 def dash_of(all_series: Sequence[Series], number: int) -> CurveStyle:
@@ -162,13 +153,6 @@ def dash_of(all_series: Sequence[Series], number: int) -> CurveStyle:
         s.group == group and s.style in ("line", "steps", "band") for s in all_series[:number]
     )
     return _DASHES[earlier % len(_DASHES)]
-
-
-def foot_of(all_series: Sequence[Series]) -> float:
-    """Where bars on a logarithmic axis begin: below the smallest of them."""
-    heights = np.concatenate([s.y for s in all_series if s.style == "bars"])
-    heights = heights[np.isfinite(heights) & (heights > 0)]
-    return 0.4 * float(heights.min()) if len(heights) else 1.0
 
 
 def shift_of(all_series: Sequence[Series], number: int) -> float:

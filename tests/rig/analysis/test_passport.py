@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.result import Plot
-from model.identify.cause import Cause
+from model.identify.estimate import Cause
 from model.units import ARCMIN, ARCSEC
 from rig.analysis.passport.build import passport
 from rig.analysis.passport.content import Passport, PassportSeries

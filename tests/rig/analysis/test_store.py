@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from experiments.result import Covariance
-from model.identify.cause import Cause
+from model.identify.estimate import Cause
 from rig.analysis.format_1 import from_format_1
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import (

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.result import Result
-from model.identify.cause import Cause
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Cause, Estimate
 from rig.analysis.result_data import quantities_for
 from rig.analysis.store import Analysis, Basis, append_analysis
 from rig.runfile.layout import Column

@@ -4,64 +4,108 @@ unit and decimals.
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
 import pytest
+import typst
 
 from rig.analysis.wording import order_label, printed_symbol, unbroken
 from rig.present.columns import column
 from rig.present.content import Grid, without_empty
-from rig.present.layout import INSET, LANDSCAPE, PORTRAIT, SIZES, laid_out, layout_of, width_of
+from rig.present.page import report_context
+from rig.present.paper import typeset
+from tests.rig import handmade
+
+INSET, PORTRAIT, LANDSCAPE = 7.0, 174.0 / 25.4 * 72.0, 261.0 / 25.4 * 72.0
+"""Space beside the text of a column, and the width of the text on A4 upright and crosswise [pt]."""
+LONG_WORD = "error-of-one-revolution,"
 
 
-@pytest.mark.parametrize("columns", [1, 2, 5, 9, 14, 20, 40])
-@pytest.mark.parametrize(
-    "cell", ["1.5", "a longer text that may be broken into lines", "x" * 200, ""]
-)
-@pytest.mark.parametrize("numeric", [False, True])
-def test_a_table_is_no_wider_than_its_page_and_can_be_read(
-    columns: int, cell: str, numeric: bool
-) -> None:
-    heads = tuple(f"heading of column {k}" for k in range(columns))
-    shown: list[str] = []
-    for part, layout in laid_out(Grid("t", heads, ((cell,) * columns,), (numeric,) * columns)):
-        room = LANDSCAPE if layout.landscape else PORTRAIT
-        assert sum(width * layout.size + INSET for width in layout.widths) <= room + 1.0
-        assert layout.size >= SIZES[-1] == 6.5
-        assert len(layout.widths) == len(part.columns)
-        assert part.columns[0] == heads[0]
-        shown += part.columns
-    assert set(shown) == set(heads)
+@cache
+def plain_context() -> dict[str, Any]:
+    """A report without figures and without an annex of its own."""
+    result = replace(handmade.friction_result(), plots=())
+    return report_context([handmade.fit(result=result)], created="2026-11-21 08:00:00+00:00") | {
+        "parameter_sets": ()
+    }
 
 
-def test_a_column_is_as_wide_as_its_longest_word() -> None:
-    cell = "kinematic error-of-one-output-revolution, and more of it, and still more, and so on to the end of the line"
-    grid = Grid("t", ("Quantity", "Value"), ((cell, "1.25 ± 0.13 mN m"),), (False, True))
-    layout = layout_of(
-        Grid(grid.title, grid.columns * 3, tuple(row * 3 for row in grid.rows), grid.numeric * 3)
-    )
-    assert layout is not None
-    assert layout.widths[0] >= width_of("error-of-one-output-revolution,")
-    assert layout.widths[1] >= width_of("1.25 ± 0.13 mN m")
+def layouts(monkeypatch: pytest.MonkeyPatch, grids: Sequence[Grid]) -> list[dict[str, Any]]:
+    """How typst laid out the tables of an annex: columns, size [pt], widths [em], crosswise or not, in one piece."""
+
+    def asked(source: bytes, *, format: str, **more: Any) -> str:
+        return typst.query(source, "<table-layout>", field="value", **more)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(typst, "compile", asked)
+        found = typeset(plain_context() | {"parameter_sets": tuple(grids)}, format="pdf")
+    return [one for one in json.loads(found) if one["title"].startswith("T:")]
 
 
-def test_a_short_table_is_kept_together_and_a_long_one_is_not() -> None:
-    layouts = [
-        layout_of(Grid("t", ("a", "b"), (("1", "2"),) * rows, (True, True))) for rows in (5, 60)
-    ]
-    assert [layout.fits_one_page for layout in layouts if layout] == [True, False]
-
-
-def test_hashes_stand_in_one_line() -> None:
-    layout = layout_of(
-        Grid(
-            "t",
-            ("Run", "SHA-256 of the run file"),
-            (("00001-friction-" + "x" * 60, "ab" * 32),),
-            (False,) * 2,
-            hashes=("SHA-256 of the run file",),
+def test_a_table_is_no_wider_than_its_page_and_can_be_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    cells = ("1.5", "a longer text that may be broken into lines", "x" * 200, "")
+    wanted = {
+        f"T:{count}/{place}/{numeric}": Grid(
+            f"T:{count}/{place}/{numeric}",
+            tuple(f"heading of column {k}" for k in range(count)),
+            ((cell,) * count,),
+            (numeric,) * count,
         )
+        for count in (1, 2, 5, 14, 40)
+        for place, cell in enumerate(cells)
+        for numeric in (False, True)
+    }
+    shown: dict[str, list[str]] = {title: [] for title in wanted}
+    for one in layouts(monkeypatch, tuple(wanted.values())):
+        room = LANDSCAPE if one["landscape"] else PORTRAIT
+        assert sum(width * one["size"] + INSET for width in one["widths"]) <= room + 1.0
+        assert one["size"] >= 6.5
+        assert len(one["widths"]) == len(one["columns"])
+        title = one["title"].split(",")[0]
+        assert one["columns"][0] == wanted[title].columns[0]
+        shown[title] += one["columns"]
+    assert {title: set(heads) for title, heads in shown.items()} == {
+        title: set(grid.columns) for title, grid in wanted.items()
+    }
+
+
+def test_a_column_is_as_wide_as_its_longest_word_and_its_numbers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    number, words = "1.25 ± 0.13 mN m", "and more of it, and still more, " * 9
+    alone = Grid("T:alone", ("Word", "Value"), ((LONG_WORD, number),), (True, True))
+    crowded = Grid(
+        "T:crowded",
+        ("Word", "Value", *("text",) * 4),
+        ((f"{LONG_WORD} and what is said of it here and everywhere", number, *(words,) * 4),),
+        (False, True, *(False,) * 4),
     )
-    assert layout is not None
-    assert layout.widths[1] >= 0.85 * 0.602 * 64
+    whole, broken = sorted(layouts(monkeypatch, (alone, crowded)), key=lambda one: one["title"])
+    assert broken["widths"][0] >= whole["widths"][0]
+    assert broken["widths"][1] >= whole["widths"][1]
+    # By the letters themselves: sixteen of them are no narrower than six em, and no wider than ten.
+    assert 6.0 < whole["widths"][1] < 10.0
+
+
+def test_a_short_table_is_kept_together_and_a_long_one_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    grids = [Grid(f"T:{rows}", ("a", "b"), (("1", "2"),) * rows, (True, True)) for rows in (5, 60)]
+    found = {one["title"]: one["kept"] for one in layouts(monkeypatch, grids)}
+    assert found == {"T:5": True, "T:60": False}
+
+
+def test_hashes_stand_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    head = "SHA-256 of the run file"
+    rows = (("00001-friction-" + "x" * 60, "ab" * 32),)
+    (found,) = layouts(
+        monkeypatch, [Grid("T:files", ("Run", head), rows, (False,) * 2, hashes=(head,))]
+    )
+    assert found["widths"][1] >= 0.85 * 0.602 * 64
 
 
 def test_numbers_of_one_size_share_their_decimals() -> None:

@@ -186,7 +186,7 @@ def test_the_same_content_gives_the_same_plain_values() -> None:
     assert first == second
     tables = paper_content(paper("simulated").context)["annex"]
     assert tables
-    assert all(len(table["widths"]) == len(table["columns"]) for table in tables)
+    assert all(len(table["faces"]) == len(table["columns"]) for table in tables)
 
 
 def test_nothing_stands_in_the_margins() -> None:

@@ -15,8 +15,7 @@ import pytest
 from drivers.clock import VirtualClock
 from experiments import steps
 from experiments.errors import PlanError
-from experiments.steps.course import Servo
-from experiments.steps.kind import Instant, Motion
+from experiments.steps.kind import Instant, Motion, Servo
 from experiments.steps.vocabulary import (
     FindIndex,
     HoldRevolutions,

@@ -22,7 +22,7 @@ from sim_backend.faults import (
 )
 from sim_backend.imperfections import Imperfections
 from sim_backend.wire.bench import FIRST_STAMP_NS
-from tests.sim_backend.rigs import NO_GUARD, rig
+from tests.sim_backend.rigs import NO_GUARD, rig, with_only
 from tests.sim_backend.wire.rigs import turn, wire_rig
 
 # Mode, set-point, cycles.
@@ -139,7 +139,7 @@ def test_faults_of_plant_and_signals_give_the_same_counts() -> None:
 
 
 def test_an_ideal_rig_agrees_too() -> None:
-    quiet = Imperfections().with_only("adc_steps", "drive_torque_steps", "quantisation")
+    quiet = with_only("adc_steps", "drive_torque_steps", "quantisation")
     sim, columns = direct(quiet)
     with wire_rig(quiet) as made:
         wire = told(made.port)
@@ -164,7 +164,7 @@ def test_two_runs_of_one_seed_are_one_and_another_seed_is_another() -> None:
 def test_a_converter_without_steps_is_refused() -> None:
     with (
         pytest.raises(DriverError, match="without steps"),
-        wire_rig(Imperfections().with_only("quantisation")),
+        wire_rig(with_only("quantisation")),
     ):
         pass
 

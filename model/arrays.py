@@ -1,0 +1,10 @@
+"""Arrays by the numbers that they hold, named once for physics, experiments and the simulated rig."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
