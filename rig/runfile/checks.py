@@ -24,8 +24,8 @@ from rig.runfile.source import FileSource
 
 Level = Literal["ok", "warning", "error"]
 BLOCK_ROWS = 65536
-LARGEST_RATE = 1e9
-"""Hz; the time stamps count nanoseconds."""
+LARGEST_RATE, SMALLEST_RATE = 1e9, 1e-9
+"""Hz; the time stamps count nanoseconds, and end after centuries."""
 ORIGINS_OF_BACKEND: Final[dict[str, tuple[str, ...]]] = {
     "sim": ("simulated",),
     "wire": ("simulated",),
@@ -97,7 +97,7 @@ def _check_numbers(recording: Recording, _: FileSource) -> Iterator[Finding]:
         math.isnan(m.ratio) and may_be_unknown["ratio"]
     ):
         wrong.append(f"the ratio of the gear is {m.ratio:g}")
-    if not 0.0 < m.sample_rate <= LARGEST_RATE and not (
+    if not SMALLEST_RATE <= m.sample_rate <= LARGEST_RATE and not (
         math.isnan(m.sample_rate) and may_be_unknown["rate"]
     ):
         wrong.append(f"the sample rate is {m.sample_rate:g} Hz")
