@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.terminal import console, print_json, table
+from rig.commands.terminal import console, echo, print_json, table
 
 if TYPE_CHECKING:
     from rig.trial.drill.suite import DrillRow
@@ -112,9 +112,9 @@ def acknowledge(
     if json:
         print_json({"acknowledged": {**asdict(trip), "by": operator.strip(), "at": now}})
         return
-    typer.echo(f"acknowledged by {operator.strip()}: {trip.cause} in run {trip.run}, {trip.time}")
+    echo(f"acknowledged by {operator.strip()}: {trip.cause} in run {trip.run}, {trip.time}")
     if not trip.standstill_verified:
-        typer.echo(
+        echo(
             "Standstill was NOT verified in that run: look at the rig before it is switched on.",
             err=True,
         )

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from rich.table import Table
-from rich.text import Text
 
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
 from rig.commands.terminal import console, table
+from rig.commands.visible import Text
 from rig.library.index import IndexedRun
 from rig.present.run_words import acquisition_facts, duration_text
 from rig.runfile.header import ORIGIN_WORDS
