@@ -69,6 +69,15 @@ class RunMetadata:
     conditions: Mapping[str, Any] = field(default_factory=dict)
     process: Mapping[str, Any] = field(default_factory=dict)
     sha256: str = ""
+    """Of the bytes of the file; "" for one that is being written, and for a recording that is no file."""
+    is_sealed: bool = False
+    """Whether this SHA-256 is the one that was noted when the run was sealed."""
+
+    @property
+    def seal(self) -> str:
+        """The hash as a page states it."""
+        mark = "" if self.is_sealed else "not sealed"
+        return ", ".join(part for part in (self.sha256, mark) if part)
 
 
 class SignalSource(Protocol):

@@ -13,6 +13,10 @@ class RunFileError(RigError):
     """A run file that cannot be read, written, trusted or recovered."""
 
 
+class ChangedRunError(RunFileError):
+    """A run file whose bytes are not those that were sealed."""
+
+
 class RecorderOverflowError(RigError):
     """The recorder's ring is full: the run stops rather than lose rows in silence."""
 

@@ -114,16 +114,18 @@ def _tell(error: BaseException) -> int:
     if os.environ.get("HARMONIC_RIG_DEBUG"):
         traceback.print_exception(error)
     known = exits.explain(error)
+    from rig.analysis.wording import visible
+
     if known is not None:
         code, sentence = known
-        sys.stderr.write(f"{sentence}\n")
+        sys.stderr.write(f"{visible(sentence)}\n")
         return code
     with tempfile.NamedTemporaryFile(
         "w", prefix="harmonic-rig-", suffix=".log", delete=False
     ) as log:
         traceback.print_exception(error, file=log)
     sys.stderr.write(
-        f"The program met something it was not built for: {type(error).__name__}: {error}\n"
+        f"The program met something it was not built for: {type(error).__name__}: {visible(str(error))}\n"
         f"This is a defect; the details for its report are in {log.name}\n"
     )
     return exits.ERROR

@@ -180,7 +180,7 @@ def _groups(recording: Recording) -> dict[str, dict[str, str]]:
             "start": m.start_time,
             "outcome": m.outcome,
             "rows": str(recording.rows),
-            "file": m.sha256,
+            "file": m.seal,
         },
         "parameters": _flat({"protocol": m.experiment, **m.parameters}),
         "limits": _flat(_limits(recording)),

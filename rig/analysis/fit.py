@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
 
 
+NOT_SEALED = "The run file is not sealed: nothing beside it says that it is what was recorded."
+
+
 @dataclass(frozen=True, kw_only=True)
 class Fit:
     """One analysed run: the recording, the gear it was compared with, the tare that was subtracted, the result.
@@ -92,6 +95,8 @@ def fit_recording(
             f"The run carries no parameter set; the shipped {parameters.name} was used where the analysis needs one. "
             "Give yours with --parameters."
         )
+    if path is not None and not recording.metadata.is_sealed:
+        remarks.append(NOT_SEALED)
     if tare is not None:
         check_tare(recording, tare.recording, tare.result)
     evidence = _evidence(parameters, tare, settings or {}, largest_missed_share)

@@ -227,4 +227,19 @@ def printable(text: str) -> str:
     ).translate(_UNPRINTABLE)
 
 
-_UNPRINTABLE = dict.fromkeys([*range(0x7F, 0xA0), *range(0xD800, 0xE000), 0xFFFE, 0xFFFF])
+_REORDERING = (*range(0x202A, 0x202F), *range(0x2066, 0x206A))
+"""Characters that turn the direction of what follows: what is read is not what stands there."""
+_UNPRINTABLE = dict.fromkeys(
+    [*range(0x7F, 0xA0), *range(0xD800, 0xE000), *_REORDERING, 0xFFFE, 0xFFFF]
+)
+_UNSEEN = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]"
+)
+
+
+def visible(text: str) -> str:
+    """A text from a file for a terminal: what would steer it, or turn the direction of the letters, as its number.
+
+    JSON text says the same before and after.
+    """
+    return _UNSEEN.sub(lambda match: f"\\u{ord(match[0]):04x}", text)

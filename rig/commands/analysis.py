@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.terminal import console, print_json, ruled_table
+from rig.commands.terminal import console, echo, print_json, ruled_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -225,7 +225,7 @@ def _keep(fits: tuple[Fit, ...]) -> list[str]:
         try:
             stored = store(one, datetime.now().astimezone().isoformat(timespec="seconds"))
         except RunFileError as error:
-            typer.echo(f"Not stored: {error}", err=True)
+            echo(f"Not stored: {error}", errors=True)
         else:
             if stored.stored and one.path is not None:
                 notes.append(
@@ -260,11 +260,10 @@ def _with_drawings(result: Result, *, wanted: bool) -> dict[str, Any]:
 
 
 def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
-    from rich.text import Text
-
     from experiments.quantity import quantity_of
     from rig.analysis.wording import number
     from rig.commands.result_tables import print_result
+    from rig.commands.visible import Text
     from rig.present.figure import WATERMARKS
 
     out = console()
@@ -298,10 +297,9 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
 def _print_comparison(
     fitted: Fit, scored: Result, gear: HarmonicDrive, rows: Sequence[Comparison]
 ) -> None:
-    from rich.text import Text
-
     from rig.analysis.wording import laboratory_unit, number
     from rig.commands.result_tables import print_metrics, print_warnings
+    from rig.commands.visible import Text
 
     out = console()
     out.print()

@@ -7,11 +7,11 @@ import sys
 from collections.abc import Callable, Iterator
 
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.text import Text
 
 from rig.analysis.wording import number, show
 from rig.commands.result_tables import VERDICT_STYLE, print_warnings, verdict_sentence
 from rig.commands.terminal import console, ruled_table
+from rig.commands.visible import Text
 from rig.trial.demo.chain import Demonstration
 from rig.trial.demo.work import ORDER, Finished, Step
 

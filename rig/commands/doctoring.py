@@ -164,7 +164,7 @@ def _refuse_a_replay(backend: str) -> None:
 
 
 def _print(examination: Examination) -> None:
-    from rich.text import Text
+    from rig.commands.visible import Text
 
     out = console()
     title = f"rig doctor: {examination.backend}"

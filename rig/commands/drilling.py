@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.terminal import console, print_json, table
+from rig.commands.terminal import console, echo, print_json, table
 
 if TYPE_CHECKING:
     from rig.trial.drill.suite import DrillRow
@@ -172,13 +172,13 @@ def acknowledge(
     if json:
         print_json({"acknowledged": {**asdict(trip), "by": operator.strip(), "at": now}})
         return
-    typer.echo(f"acknowledged by {operator.strip()}: {trip.cause} in run {trip.run}, {trip.time}")
+    echo(f"acknowledged by {operator.strip()}: {trip.cause} in run {trip.run}, {trip.time}")
     if trip.part:
-        typer.echo(f"It was cut off: {trip.message}")
+        echo(f"It was cut off: {trip.message}")
         if Path(trip.part).exists():
-            typer.echo(f"Its rows are made a run by: rig recover {trip.part}")
+            echo(f"Its rows are made a run by: rig recover {trip.part}")
     if not trip.standstill_verified:
-        typer.echo(
+        echo(
             "Standstill was NOT verified in that run: look at the rig before it is switched on.",
             err=True,
         )

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from rich.table import Table
-from rich.text import Text
 
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
 from rig.commands.terminal import console, table
+from rig.commands.visible import Text
 from rig.library.index import IndexedRun
 from rig.present.run_words import acquisition_facts, duration_text
 from rig.runfile.header import ORIGIN_WORDS
@@ -68,6 +68,7 @@ def print_recording(recording: Recording, path: Path) -> None:
     out.print(
         Text(f"{m.run_id or path.name}", style="bold")
         + Text(f"  {mark}" if mark else "", style="bold magenta")
+        + Text("" if m.is_sealed else "  NOT SEALED", style="bold red")
     )
     facts = Table(box=None, show_header=False, pad_edge=False)
     facts.add_column(style="dim")
@@ -106,6 +107,7 @@ def recording_as_json(recording: Recording, path: Path) -> dict[str, Any]:
         "sample_rate": m.sample_rate,
         "time_base": m.time_base,
         "sha256": m.sha256,
+        "sealed": m.is_sealed,
         "parameters": m.parameters,
         "conditions": m.conditions,
         "process": {k: v for k, v in m.process.items() if k != "truth"},
@@ -225,7 +227,7 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
         *acquisition_facts(m.process.get("acquisition")),
         ("parameters", ", ".join(f"{name} = {value}" for name, value in m.parameters.items())),
         ("conditions", ", ".join(f"{name} = {value}" for name, value in m.conditions.items())),
-        ("SHA-256", m.sha256 or "not sealed"),
+        ("SHA-256", m.seal),
     ]
     return [(name, text) for name, text in facts if text]
 

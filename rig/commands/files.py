@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from rig.commands.terminal import print_json
+from rig.commands.terminal import echo, print_json
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 RunArgument = Annotated[
@@ -155,7 +155,7 @@ def export(
             }
         )
     else:
-        typer.echo(f"{rows} rows written to {target}")
+        echo(f"{rows} rows written to {target}")
 
 
 def import_(
@@ -298,9 +298,9 @@ def import_(
             }
         )
         return
-    typer.echo(f"{recording.rows} rows imported into {recording.path} (IMPORTED)")
+    echo(f"{recording.rows} rows imported into {recording.path} (IMPORTED)")
     for note in recording.notes:
-        typer.echo(f"  {note}")
+        echo(f"  {note}")
 
 
 def recover(
@@ -321,9 +321,9 @@ def recover(
         print_json({"recovered": paths})
         return
     for run in recovered:
-        typer.echo(f"{run.rows} rows recovered into {run.path}, outcome {run.outcome or '-'}")
+        echo(f"{run.rows} rows recovered into {run.path}, outcome {run.outcome or '-'}")
         for note in run.notes:
-            typer.echo(f"  {note}")
+            echo(f"  {note}")
 
 
 def verify(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.terminal import print_json
+from rig.commands.terminal import echo, print_json
 
 if TYPE_CHECKING:
     from rig.analysis.passport.analyse import Analysed
@@ -116,7 +116,7 @@ def _analyse(
 
     def tell(run: IndexedRun) -> None:
         if not quiet:
-            typer.echo(f"fitting {run.run_id} ...", err=True)
+            echo(f"fitting {run.run_id} ...", errors=True)
 
     now = datetime.now().astimezone().isoformat(timespec="seconds")
     return analyse_runs(where, serial, now, tare=tare, origin=origin, tell=tell)

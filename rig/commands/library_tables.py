@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rich.table import Table
-from rich.text import Text
 
 from rig.analysis.difference import Change, Difference
 from rig.analysis.passport.analyse import Analysed
 from rig.analysis.passport.content import Passport, PassportSeries
 from rig.analysis.wording import number
 from rig.commands.terminal import console, table
+from rig.commands.visible import Text
 
 _STATE_COLOURS = {"in control": "green", "to be watched": "yellow", "out of control": "bold red"}
 

@@ -6,13 +6,13 @@ import math
 
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from model.gear import HarmonicDrive
 from model.summary import Summary
 from model.units import ARCMIN, RPM
 from rig.analysis.wording import number
 from rig.commands.terminal import console, ruled_table
+from rig.commands.visible import Text
 
 DIGITS = 5
 

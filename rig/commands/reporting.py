@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rig.commands.terminal import print_json
+from rig.commands.terminal import echo, print_json
 
 
 class ReportFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
@@ -96,7 +96,7 @@ def report(
         reports = []
         for number, (run, paths) in enumerate(named, 1):
             if not json and len(named) > 1:
-                typer.echo(f"{number}/{len(named)} {run}", err=True)
+                echo(f"{number}/{len(named)} {run}", errors=True)
             reports.append(report_on_files([run], paths, tare=tare, parameters=parameters))
     else:
         paths = [output.with_suffix(suffix) for suffix in suffixes]
@@ -108,7 +108,7 @@ def report(
         print_json({"files": [str(path) for path in written], "lines": lines})
         return
     for line in lines:
-        typer.echo(line)
+        echo(line)
 
 
 def _suffixes(output: Path, format_: ReportFormat | None, per_run: bool) -> tuple[str, ...]:
@@ -156,7 +156,7 @@ def demo(
     except KeyboardInterrupt as stopped:
         # Caught here because the command-line library would make an exit code of its own out of it.
         code, sentence = explain(stopped) or (ABORTED, "")
-        typer.echo(sentence, err=True)
+        echo(sentence, errors=True)
         raise typer.Exit(code) from None
     if json:
         print_json(demonstration.as_json())

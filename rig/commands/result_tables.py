@@ -6,11 +6,11 @@ from __future__ import annotations
 
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from experiments.result import Result, Verdict
 from rig.analysis.wording import metric_text, show
 from rig.commands.terminal import ruled_table
+from rig.commands.visible import Text
 from rig.present.content import held_against
 
 VERDICT_STYLE = {

@@ -19,9 +19,16 @@ if TYPE_CHECKING:
 
 def console(*, errors: bool = False, highlight: bool = False) -> Console:
     """A terminal that does not guess at links and marks inside our text, nor at colours unless asked to."""
-    from rich.console import Console
+    from rig.commands.visible import VisibleConsole
 
-    return Console(stderr=errors, highlight=highlight, markup=False)
+    return VisibleConsole(stderr=errors, highlight=highlight)
+
+
+def echo(text: str, *, errors: bool = False) -> None:
+    """A line on standard output, or on that of the errors, with nothing in it that a terminal obeys."""
+    from rig.analysis.wording import visible
+
+    typer.echo(visible(text), err=errors)
 
 
 def table(
@@ -55,8 +62,9 @@ def ruled_table(*headings: str, **look: Any) -> Table:
 def print_json(value: Any) -> None:
     """The one object that `--json` promises on standard output."""
     from rig.analysis.store import json_text
+    from rig.analysis.wording import visible
 
-    typer.echo(json_text(value))
+    typer.echo(visible(json_text(value)))
 
 
 class _LastingStream:

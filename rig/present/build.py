@@ -52,9 +52,11 @@ def report_on_files(
     from rig.analysis.tare import tare_kind
     from rig.present.page import report_context
     from rig.runfile.read import open_run
+    from rig.runfile.seal import forget_hashes
 
     if not runs:
         raise RigError("there is nothing to report", remedy="Name at least one run.")
+    forget_hashes()
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
     gear = load_gear(parameters) if parameters else None
     opened = [(Path(p), open_run(Path(p))) for p in dict.fromkeys(runs)]
@@ -96,7 +98,9 @@ def report_on_gear(
     """Write the report of a gear over its life, from the analyses that lie beside its runs in a folder."""
     from rig.analysis.passport.build import passport
     from rig.present.gear import gear_context
+    from rig.runfile.seal import forget_hashes
 
+    forget_hashes()
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
     record = passport(folder, serial)
     context = gear_context(record, created=_readable(created))

@@ -288,16 +288,21 @@ def file_grid(fits: Sequence[Fit]) -> Grid:
     ]
     files = {r.metadata.run_id: r.metadata for r in recordings}
     rows = tuple(
-        (m.run_id, m.outcome or "not stated", m.sha256 or "not sealed")
+        (m.run_id, m.outcome or "not stated", seal_words(m.is_sealed), m.sha256)
         for _, m in sorted(files.items())
     )
     return run_files(rows)
 
 
-def run_files(rows: Sequence[tuple[str, str, str]]) -> Grid:
-    """The table of run files: run, outcome, hash."""
-    columns = ("Run", "Outcome", "SHA-256 of the run file")
-    return Grid("Run files", columns, tuple(rows), (False, False, False), hashes=columns[2:])
+def run_files(rows: Sequence[tuple[str, str, str, str]]) -> Grid:
+    """The table of run files: run, outcome, seal, hash."""
+    columns = ("Run", "Outcome", "Seal", "SHA-256 of the run file")
+    return Grid("Run files", columns, tuple(rows), (False,) * len(columns), hashes=columns[3:])
+
+
+def seal_words(is_sealed: bool) -> str:
+    """Whether the hash of a file is the one that was noted when it was sealed."""
+    return "sealed" if is_sealed else "NOT SEALED"
 
 
 def without_empty(grid: Grid) -> Grid:

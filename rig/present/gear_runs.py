@@ -11,9 +11,10 @@ from rig.analysis.fit import Fit
 from rig.analysis.passport.content import Passport, PassportPoint
 from rig.analysis.store import Analysis, read_analyses
 from rig.errors import RigError
-from rig.present.content import Grid, run_files
+from rig.present.content import Grid, run_files, seal_words
 from rig.present.provenance import alarms_of
 from rig.runfile.read import close_recording, open_run
+from rig.runfile.seal import check_seal
 
 
 @contextmanager
@@ -82,18 +83,17 @@ def _analysis(point: PassportPoint) -> Analysis:
 
 def gear_files(passport: Passport, fits: Sequence[Fit]) -> Grid:
     """Every run that counts with the hash of its file, and the tares that the newest analyses lean on."""
-    from rig.runfile.seal import recorded_sha256
-
+    seals = [(run, check_seal(run.path)) for run in passport.runs]
     rows = [
-        (run.run_id, run.outcome or "not stated", recorded_sha256(run.path) or "not sealed")
-        for run in passport.runs
+        (run.run_id, run.outcome or "not stated", seal_words(seal.is_whole), seal.sha256)
+        for run, seal in seals
     ]
     listed = {row[0] for row in rows}
     for fit in fits:
         tare = _analysis_tare(fit)
         if tare and tare[0] not in listed:
             listed.add(tare[0])
-            rows.append((tare[0], "motor tare", tare[1] or "not stated"))
+            rows.append((tare[0], "motor tare", "as analysed", tare[1] or "not stated"))
     return run_files(rows)
 
 
@@ -111,7 +111,7 @@ def gear_alarms(passport: Passport) -> tuple[str, ...]:
     """What makes the scales of these runs doubtful, each alarm once with the runs that it concerns."""
     alarms: dict[str, list[str]] = {}
     for run in passport.runs:
-        recording = open_run(run.path, digest=False)
+        recording = open_run(run.path)
         try:
             for alarm in alarms_of(recording):
                 alarms.setdefault(alarm, []).append(run.run_id)

@@ -369,7 +369,7 @@ def _signature(origins: Sequence[str], fits: Sequence[Fit]) -> Signature:
         return Signature(
             False, f"This report holds runs marked {words}. There is no room for a signature on it."
         )
-    unsealed = [f.recording.metadata.run_id for f in fits if not f.recording.metadata.sha256]
+    unsealed = [f.recording.metadata.run_id for f in fits if not f.recording.metadata.is_sealed]
     if unsealed:
         return Signature(
             False,

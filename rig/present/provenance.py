@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
+from rig.analysis.fit import NOT_SEALED
 from rig.analysis.wording import number, pretty, readable
 
 if TYPE_CHECKING:
@@ -240,8 +241,10 @@ def calibrations_of(recording: Recording) -> tuple[tuple[str, str], ...]:
 
 
 def alarms_of(recording: Recording) -> tuple[str, ...]:
-    """Sentences for the top of the report: expired calibrations, and channels of hardware without a certificate."""
-    sentences = []
+    """Sentences for the top of the report: a file without a seal, expired calibrations, and
+    channels of hardware without a certificate.
+    """
+    sentences = [] if recording.metadata.is_sealed else [NOT_SEALED]
     for name, c in _calibrated(recording):
         if _expired(recording, c):
             sentences.append(

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 from experiments.recording import Event
 from model.units import RPM
+from rig.analysis.wording import visible
 from rig.run.order import Progress
 
 REDRAW_INTERVAL = 0.1
@@ -35,7 +36,7 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
         BarColumn(),
         TextColumn("{task.fields[left]} left"),
         TextColumn("{task.fields[speed]:>8.1f} r/min"),
-        TextColumn("step {task.fields[step]}: {task.fields[what]}"),
+        TextColumn("step {task.fields[step]}: {task.fields[what]}", markup=False),
         TextColumn("margin {task.fields[margin]}"),
     )
     with Bar(*columns, console=console, transient=True) as bar:
@@ -70,7 +71,11 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
             if event.level in ("warning", "error"):
                 style = "red" if event.level == "error" else "yellow"
                 console.print(
-                    f"{event.level}: {event.text}", style=style, markup=False, highlight=False
+                    f"{event.level}: {visible(event.text)}",
+                    style=style,
+                    markup=False,
+                    highlight=False,
+                    emoji=False,
                 )
 
         yield on_progress, on_event

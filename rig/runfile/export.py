@@ -92,6 +92,7 @@ def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -
         "output_sense": float(m.output_sense),
         "sample_rate": m.sample_rate,
         "sha256": m.sha256,
+        "sealed": m.is_sealed,
     }
     # MATLAB counts rows from 1 and its ranges include the end.
     content["segments"] = {
@@ -127,7 +128,7 @@ def _description(recording: Recording) -> Iterator[str]:
     yield f"started: {m.start_time or '-'}, ended: {m.end_time or '-'}"
     ratio = "" if math.isnan(m.ratio) else f", ratio {m.ratio:g}"
     yield f"gear: {m.gear.name if m.gear else '-'}, serial {m.gear_serial or '-'}{ratio}, {m.mounting}"
-    yield f"sample rate: {m.sample_rate:g} Hz, time base: {m.time_base}, SHA-256 of the run: {m.sha256 or '-'}"
+    yield f"sample rate: {m.sample_rate:g} Hz, time base: {m.time_base}, SHA-256 of the run: {m.seal}"
     yield "SI units; angles as each encoder counts them; flags: 0 is a complete cycle on time; segment: -1 is none"
 
 

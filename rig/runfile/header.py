@@ -22,6 +22,7 @@ from rig.errors import RunFileError
 from rig.runfile import layout
 from rig.runfile.closing import ACQUISITION, Closing, create_closing, read_closing
 from rig.runfile.layout import Column
+from rig.runfile.seal import Seal
 
 ORIGIN_WORDS = {
     "simulated": "SIMULATED",
@@ -162,7 +163,7 @@ def read_columns(file: h5py.File) -> tuple[Column, ...]:
     return tuple(_read_column(file, data, name) for name in names)
 
 
-def read_metadata(file: h5py.File, sha256: str = "") -> RunMetadata:
+def read_metadata(file: h5py.File, seal: Seal = Seal()) -> RunMetadata:
     """Who, what, when and on what; the truth of a simulated rig, if there is one, stands in
     `process["truth"]`, the figures of
     the acquisition, known at the end of a run, in `process["acquisition"]`."""
@@ -204,7 +205,8 @@ def read_metadata(file: h5py.File, sha256: str = "") -> RunMetadata:
         parameters=_mapping(process, "parameters"),
         conditions=_mapping(sample, "conditions"),
         process=details,
-        sha256=sha256,
+        sha256=seal.sha256,
+        is_sealed=seal.is_whole,
     )
 
 

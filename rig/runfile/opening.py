@@ -22,6 +22,7 @@ from h5py._objects import phil
 from rig.errors import RunFileError
 from rig.runfile.damage import refusing_damage
 from rig.runfile.layout import PART_SUFFIX
+from rig.runfile.structure import refuse_foreign_structure
 
 READ_ATTEMPTS = 22
 """Reads of a block of metadata before it counts as damaged: the last wait is 2 ms."""
@@ -106,19 +107,35 @@ class OpenFile:
         self.close()
 
 
-def open_for_reading(path: Path) -> OpenFile:
-    """A run file opened as a SWMR reader where a writer is at work or was killed, plainly otherwise."""
+def open_for_reading(path: Path, *, leave_out: str = "") -> OpenFile:
+    """A run file opened as a SWMR reader where a writer is at work or was killed, plainly otherwise.
+
+    Raises `RunFileError` for a file that is built as no run is; `leave_out` is the path of a group
+    that will not be looked into, so that it need not be examined.
+    """
     with refusing_damage(path):
-        _require_hdf5(path)
+        require_hdf5(path)
         if path.name.endswith(PART_SUFFIX):
             return _open_growing(path)
         # Another driver than that of a growing file: where one process holds a run open as growing
         # and opens it again sealed, the library would take both for one file.
-        return OpenFile(_Shared(h5py.File(path, "r", driver="stdio")))
+        file = h5py.File(path, "r", driver="stdio")
+        _examine(file, grows=False, leave_out=leave_out)
+        return OpenFile(_Shared(file))
     raise AssertionError
 
 
-def _require_hdf5(path: Path) -> None:
+def _examine(file: h5py.File, *, grows: bool, leave_out: str = "") -> None:
+    """Close a file again that is built as no run is."""
+    try:
+        refuse_foreign_structure(file, grows=grows, leave_out=leave_out)
+    except BaseException:
+        file.close()
+        raise
+
+
+def require_hdf5(path: Path) -> None:
+    """Raise `RunFileError` for a folder, and for a file that does not begin as HDF5 does."""
     if path.is_dir():
         raise RunFileError("is a folder, not a run file", where=str(path))
     with path.open("rb") as stream:
@@ -140,7 +157,9 @@ def _open_growing(path: Path) -> OpenFile:
             shared.readers += 1
             if shared.file:
                 return OpenFile(shared)
-        shared = _Shared(_open_as_swmr_reader(path), number)
+        file = _open_as_swmr_reader(path)
+        _examine(file, grows=True)
+        shared = _Shared(file, number)
         _growing[number] = shared
         return OpenFile(shared)
 

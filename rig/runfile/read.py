@@ -3,140 +3,56 @@
 from __future__ import annotations
 
 import dataclasses
-import weakref
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-import h5py
-import numpy as np
-from numpy.typing import NDArray
-
-from experiments.recording import Event, Recording, RunMetadata, Segment
+from experiments.recording import Event, Recording, RunMetadata
 from rig.errors import RunFileError
 from rig.runfile import layout
+from rig.runfile.checks import require_sound
 from rig.runfile.damage import refusing_damage
-from rig.runfile.header import (
-    RunHeader,
-    check_format,
-    read_columns,
-    read_header,
-    read_metadata,
-    rows_flushed,
-)
-from rig.runfile.layout import BOOKKEEPING, FLAGS, TIME
-from rig.runfile.opening import OpenFile, open_for_reading
-from rig.runfile.seal import file_sha256, recorded_sha256
+from rig.runfile.header import RunHeader, check_format, read_header, read_metadata, rows_flushed
+from rig.runfile.layout import TIME
+from rig.runfile.opening import open_for_reading, require_hdf5
+from rig.runfile.seal import Seal, check_seal, hash_path
+from rig.runfile.source import FileSource, read_events, require_column
 
 
-class FileSource:
-    """The stored numbers of a run file. Only the rows asked for are loaded; the file is closed with this object.
-
-    `rows` stands still until `refresh` looks for rows that a writer has added.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._open = open_for_reading(path)
-        self._closer = weakref.finalize(self, self._open.close)
-        self._rows = 0
-        with self.file() as file:
-            check_format(file)
-            self.columns = read_columns(file)
-            self._names = (*BOOKKEEPING, *(column.name for column in self.columns))
-            for name in self._names:
-                _require_column(self._open, name)
-            self._rows = self._count_rows(file)
-
-    @property
-    def grows(self) -> bool:
-        """Whether the file is not sealed, so that rows may still be added."""
-        return self._open.grows
-
-    @contextmanager
-    def file(self, what: str = "is not a readable run file") -> Iterator[h5py.File]:
-        """The opened file, for looking at what is no row; damage found within is a `RunFileError` that says `what`."""
-        with refusing_damage(self.path, what), self._open.use() as file:
-            yield file
-
-    @property
-    def rows(self) -> int:
-        """Rows that every column has."""
-        return self._rows
-
-    def refresh(self) -> int:
-        """Look for rows added since; returns how many there are now."""
-        with self.file() as file:
-            self._rows = self._count_rows(file)
-        return self._rows
-
-    def stored(self, name: str, start: int, stop: int) -> NDArray[Any]:
-        """Stored numbers of a channel, rows [start, stop)."""
-        return self._read(name, start, stop)
-
-    def time_ns(self, start: int, stop: int) -> NDArray[np.int64]:
-        """Time stamps [ns since 1970-01-01 UTC]."""
-        return self._read(TIME, start, stop)
-
-    def flags(self, start: int, stop: int) -> NDArray[np.uint16]:
-        """Cycle flags."""
-        return self._read(FLAGS, start, stop)
-
-    def cycles(self, start: int, stop: int) -> NDArray[np.int64]:
-        """Index of the SYNC cycle of each row."""
-        return self._read(layout.CYCLE, start, stop)
-
-    def close(self) -> None:
-        """Let go of the file; nothing can be read any more."""
-        self._closer()
-
-    def __enter__(self) -> FileSource:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def tables(self) -> tuple[tuple[Segment, ...], tuple[Event, ...]]:
-        """Segments and events as they are by now."""
-        with self.file():
-            return _segments(self._open, self.rows), _events(self._open)
-
-    def _read(self, name: str, start: int, stop: int) -> NDArray[Any]:
-        with self.file(f"the rows of {name} cannot be read"):
-            return self._open.dataset(f"{layout.DATA}/{name}")[start : min(stop, self._rows)]
-
-    def _count_rows(self, file: h5py.File) -> int:
-        """Rows that every column has; of a file that is not sealed no more than the latest complete flush brought."""
-        flushed = rows_flushed(file)
-        if self.grows and flushed <= self._rows:
-            # Most looks find nothing new, and looking at every column costs a window a tenth of its frame.
-            return self._rows
-        return min(
-            flushed,
-            *(int(self._open.refresh(f"{layout.DATA}/{name}").shape[0]) for name in self._names),
-        )
-
-
-def open_run(path: str | Path, *, verify: bool = False, digest: bool = True) -> Recording:
+def open_run(
+    path: str | Path, *, verify: bool = False, digest: bool = True, rows: bool = True
+) -> Recording:
     """The recording of a run file; rows are read when they are asked for.
 
-    `verify` compares the SHA-256 of the whole file with the one noted when it was sealed; without
-    `digest` the hash is neither compared nor looked up. Raises `RunFileError` for a file that is
-    missing, foreign, damaged, cut off, or of another format version.
+    The file is held against its seal, and its content to the checks that `rig verify` makes; without
+    `rows` to those alone that read no row, and without `digest` to neither seal nor checks. `verify`
+    reads the whole file for its hash even where an earlier look would do, and requires a seal.
+    Raises `RunFileError` for a file that is missing, foreign, damaged, changed, cut off, or of
+    another format version.
     """
     path = Path(path)
+    # The seal comes first: of a changed file that, and not what the change made of it, is the thing to say.
+    with refusing_damage(path):
+        require_hdf5(path)
+    seal = check_seal(path, anew=verify) if digest or verify else Seal()
+    if verify and not seal.is_whole:
+        raise RunFileError(
+            "has no note of its SHA-256",
+            where=str(path),
+            limit=f"a file {hash_path(path).name} beside it",
+            remedy="Take the original, or the backup.",
+        )
     source = FileSource(path)
     try:
-        sha256 = _digest(path, verify=verify) if verify or digest else ""
         with source.file() as file:
-            metadata = read_metadata(file, sha256)
+            metadata = read_metadata(file, seal)
         segments, events = source.tables()
+        signals = {column.name: column.channel for column in source.columns}
+        recording = Recording(metadata, signals, segments, events, source)
+        if digest or verify:
+            require_sound(recording, source, rows=rows)
     except BaseException:
         source.close()
         raise
-    signals = {column.name: column.channel for column in source.columns}
-    return Recording(metadata, signals, segments, events, source)
+    return recording
 
 
 def follow(recording: Recording) -> Recording:
@@ -164,10 +80,14 @@ def glance(path: Path) -> Glance:
 
     Raises `RunFileError` as `open_run` does, but for damage in what it does not look at.
     """
-    with open_for_reading(path) as held, refusing_damage(path), held.use() as file:
+    with (
+        open_for_reading(path, leave_out=layout.INSTRUMENT) as held,
+        refusing_damage(path),
+        held.use() as file,
+    ):
         check_format(file)
-        metadata, events = read_metadata(file), _events(held)
-        _require_column(held, TIME)
+        metadata, events = read_metadata(file), read_events(held)
+        require_column(held, TIME)
         stamps = held.refresh(f"{layout.DATA}/{TIME}")
         rows = min(rows_flushed(file), int(stamps.shape[0]))
         duration = (int(stamps[rows - 1]) - int(stamps[0])) * 1e-9 if rows else 0.0
@@ -184,77 +104,3 @@ def read_run_header(path: Path) -> RunHeader:
     """The header that a run was begun with: metadata, channels, limits, devices, truth."""
     with FileSource(path) as source, source.file() as file:
         return read_header(file)
-
-
-def _digest(path: Path, *, verify: bool) -> str:
-    if path.name.endswith(layout.PART_SUFFIX):
-        return ""
-    noted = recorded_sha256(path)
-    if noted and not verify:
-        return noted
-    with refusing_damage(path):
-        computed = file_sha256(path)
-    if verify and noted != computed:
-        raise RunFileError(
-            "is not the file that was sealed: its SHA-256 differs"
-            if noted
-            else "has no note of its SHA-256",
-            where=str(path),
-            value=computed,
-            limit=noted or f"a file {path.name}{layout.HASH_SUFFIX} beside it",
-            remedy="Take the original, or the backup.",
-        )
-    return computed
-
-
-def _require_column(file: OpenFile, name: str) -> None:
-    path = f"{layout.DATA}/{name}"
-    dataset = file.dataset(path)
-    if dataset.ndim != 1:
-        raise RunFileError(
-            "is not a column of rows", where=path, value=f"{dataset.ndim} dimensions", limit="1"
-        )
-    expected = {TIME: "i8", layout.CYCLE: "i8", FLAGS: "u2"}.get(name)
-    if expected and dataset.dtype.str[1:] != expected:
-        raise RunFileError(
-            "has the wrong type", where=path, value=str(dataset.dtype), limit=expected
-        )
-
-
-def _table(file: OpenFile, path: str, dtype: np.dtype[Any]) -> Any:
-    table = file.refresh(path)
-    if table.dtype != dtype:
-        raise RunFileError("a table of the run has another form", where=path)
-    return table[:]
-
-
-def _segments(file: OpenFile, rows: int) -> tuple[Segment, ...]:
-    segments = []
-    for row in _table(file, layout.SEGMENTS, layout.SEGMENT_TYPE):
-        start, stop = int(row["start"]), int(row["stop"])
-        stop = rows if stop == layout.OPEN_STOP else stop
-        if not 0 <= start <= stop:
-            raise RunFileError(
-                "a segment ends before it begins", where=layout.SEGMENTS, value=f"[{start}, {stop})"
-            )
-        segments.append(
-            Segment(
-                index=int(row["index"]),
-                label=row["label"].decode(),
-                start=start,
-                stop=stop,
-                setpoint=float(row["setpoint"]),
-                direction=int(row["direction"]),
-                repeat=int(row["repeat"]),
-            )
-        )
-    return tuple(segments)
-
-
-def _events(file: OpenFile) -> tuple[Event, ...]:
-    return tuple(
-        Event(
-            int(row["time"]), *(row[name].decode() for name in ("level", "code", "source", "text"))
-        )
-        for row in _table(file, layout.EVENTS, layout.EVENT_TYPE)
-    )

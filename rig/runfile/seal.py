@@ -6,11 +6,30 @@ import contextlib
 import hashlib
 import os
 import stat
+import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
-from rig.errors import RunFileError
+from rig.errors import ChangedRunError, RunFileError
+from rig.runfile.damage import refusing_damage
 from rig.runfile.layout import HASH_SUFFIX, PART_SUFFIX
+
+SETTLED_NS = 2_000_000_000
+"""ns after its last change from which on a further one shows in a file's times, on every file system."""
+_LONGEST_NOTE = 4096
+_Fingerprint = tuple[int, int, int, int, int]
+_hashes: dict[_Fingerprint, str] = {}
+"""The hashes that this process took, by what changes when a file does."""
+
+
+@dataclass(frozen=True)
+class Seal:
+    """The SHA-256 of a run's bytes ("" while it is written), and whether it is the one noted when it was sealed."""
+
+    sha256: str = ""
+    is_whole: bool = False
 
 
 def part_path(final: Path) -> Path:
@@ -38,12 +57,71 @@ def file_sha256(path: Path) -> str:
 
 
 def recorded_sha256(run: Path) -> str:
-    """The SHA-256 that was noted when the run was sealed; "" where there is no note."""
+    """The SHA-256 that was noted when the run was sealed; "" where there is no note. Raises
+    `ChangedRunError` for a note that cannot be read or holds nothing.
+    """
+    note, reason = hash_path(run), "it is empty"
     try:
-        words = hash_path(run).read_text(encoding="ascii", errors="replace").split()
-    except OSError:
+        with note.open(encoding="ascii", errors="replace") as stream:
+            words = stream.read(_LONGEST_NOTE).split()
+        if words:
+            return words[0]
+    except FileNotFoundError:
         return ""
-    return words[0] if words else ""
+    except OSError as error:
+        reason = error.strerror or str(error)
+    raise ChangedRunError(
+        f"the note of the run's SHA-256 cannot be used: {reason}",
+        where=str(note),
+        remedy="Take the original, or the backup.",
+    )
+
+
+def check_seal(run: Path, *, anew: bool = False, now_ns: Callable[[], int] = time.time_ns) -> Seal:
+    """The seal of a run file: the hash of its bytes, held against the note beside it.
+
+    A file whose size, times and file number are those of an earlier look is not read again, unless
+    `anew`. A run without a note is not sealed, and nothing says that it is what was recorded.
+    Raises `ChangedRunError` for a file that is not the one that was sealed.
+    """
+    if run.name.endswith(PART_SUFFIX):
+        return Seal()
+    before = _fingerprint(run)
+    computed = "" if anew else _hashes.get(before, "")
+    if not computed:
+        computed = file_sha256(run)
+        if _fingerprint(run) != before:
+            raise ChangedRunError("was changed while it was read", where=str(run))
+        if now_ns() - max(before[-2:]) > SETTLED_NS:
+            _hashes[before] = computed
+    noted = recorded_sha256(run)
+    if noted and noted != computed:
+        changed, sealed = (_moment(path.stat().st_mtime) for path in (run, hash_path(run)))
+        raise ChangedRunError(
+            "was changed since it was sealed",
+            where=str(run),
+            value=f"SHA-256 {computed} ({before[2]} bytes, last changed {changed})",
+            limit=f"{noted} (noted {sealed})",
+            remedy="Take the original, or the backup.",
+        )
+    return Seal(computed, bool(noted))
+
+
+def forget_hashes() -> None:
+    """From here on every file is read again: for what must not lean on an earlier look."""
+    _hashes.clear()
+
+
+def _fingerprint(run: Path) -> _Fingerprint:
+    """What changes when a file does: device, file number, size, and the times of its content and of itself [ns]."""
+    with refusing_damage(run):
+        status = run.stat()
+        return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
+    raise AssertionError
+
+
+def _moment(seconds: float) -> str:
+    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds")
 
 
 def seal_file(part: Path, final: Path) -> Path:

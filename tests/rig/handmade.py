@@ -58,6 +58,7 @@ def recording(
         conditions={"lubricant": "Harmonic Grease SK-1A"},
         process={"backend": "sim", "seed": 4},
         sha256="ab" * 32,
+        is_sealed=True,
     )
     arrays = {
         "input_angle": np.arange(rows) * 100,

@@ -13,13 +13,14 @@ from typing import Any
 from experiments.recording import Origin, Recording
 from model.identify.estimate import Ground
 from rig.analysis.causes import Grounds, grounds_of, simulated_bench
+from rig.analysis.fit import NOT_SEALED
 from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
 from rig.analysis.store import Analysis, read_analyses
 from rig.errors import RigError, RunFileError
 from rig.library.index import IndexedRun, LibraryIndex
 from rig.runfile.read import close_recording, open_run
-from rig.runfile.seal import recorded_sha256
+from rig.runfile.seal import check_seal
 
 COUNTED_OUTCOMES = ("PASS", "MARGINAL", "FAIL", "")
 """Outcomes of runs that were brought to their end ("" is an imported recording's)."""
@@ -89,20 +90,26 @@ def moment(text: str) -> datetime:
 
 def gather(runs: Sequence[IndexedRun], origin: str = "") -> Gathered:
     """Read what was found of each run. Without `origin`: hardware alone where there is any, else
-    every origin for itself.
+    every origin for itself. Raises `ChangedRunError` for a run that is not the one that was sealed.
     """
     only = counted_origin(runs, origin)
     counted: list[IndexedRun] = []
     left_out: list[Missing] = []
+    missing: list[Missing] = []
     runs_by_hash: dict[str, IndexedRun] = {}
     for run in runs:
-        reason = _does_not_count(run, only) or _copy_of(run, runs_by_hash)
+        reason = _does_not_count(run, only)
+        if not reason:
+            seal = check_seal(run.path)
+            if not seal.is_whole:
+                missing.append(Missing(NOT_SEALED, run.run_id))
+            first = runs_by_hash.setdefault(seal.sha256, run)
+            reason = "" if first is run else f"is a copy of {first.path}"
         if reason:
             left_out.append(Missing(reason, run.run_id))
         else:
             counted.append(run)
     analysed: list[AnalysedRun] = []
-    missing: list[Missing] = []
     for run in counted:
         of_run, lacks = _read(run)
         analysed += of_run
@@ -125,13 +132,6 @@ def _does_not_count(run: IndexedRun, origin: str) -> str:
     if run.outcome not in COUNTED_OUTCOMES:
         return f"ended {run.outcome}: it was not brought to its end"
     return ""
-
-
-def _copy_of(run: IndexedRun, runs_by_hash: dict[str, IndexedRun]) -> str:
-    """Whether the same bytes were met before under another name."""
-    sha256 = recorded_sha256(run.path)
-    first = runs_by_hash.setdefault(sha256, run) if sha256 else run
-    return "" if first is run else f"is a copy of {first.path}"
 
 
 def _read(run: IndexedRun) -> tuple[list[AnalysedRun], list[Missing]]:

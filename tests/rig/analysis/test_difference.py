@@ -113,6 +113,7 @@ def calibrated(certificate: str, scale: float) -> tuple[Column, ...]:
             {"process": SIMULATED | {"seed": 4}, "origin": "imported", "sample_rate": 500.0},
             {
                 "seed": ("3", "4"),
+                "backend": ("sim", "import"),
                 "origin": ("simulated", "imported"),
                 "sample rate": ("1000", "500"),
             },

@@ -19,6 +19,7 @@ from tests.rig.runfile.making import CHANNELS, block, header
 RUNNING = "running_torque_1000_rpm"
 TORQUE = Column.of(CHANNELS[2])
 """The only channel of these runs: more would only take longer to read."""
+BACKENDS = {"imported": "import", "hardware": "hardware", "replay": "replay:run.h5"}
 
 
 def write(
@@ -38,6 +39,12 @@ def write(
     made = header(run_id)
     told = {"experiment": protocol, "gear_serial": serial, **metadata}
     given = {"columns": (TORQUE,), **(changes or {})}
+    if told.get("origin") in BACKENDS:
+        told["process"] = {
+            **told.get("process", made.metadata.process),
+            "backend": BACKENDS[told["origin"]],
+        }
+        given |= {"truth": None}
     made = dataclasses.replace(made, metadata=dataclasses.replace(made.metadata, **told), **given)
     writer = RunWriter(folder / f"{run_id}.h5", made, chunk_rows=64)
     # The counts of no two runs are the same, and neither are their files.

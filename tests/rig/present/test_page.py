@@ -333,7 +333,7 @@ def test_an_expired_calibration_is_said_at_the_top_and_a_missing_one_of_hardware
 
 
 def test_a_file_that_could_still_change_is_not_signed() -> None:
-    shown = Page(render_report([bare("hardware", sha256="")], created=CREATED)).text
+    shown = Page(render_report([bare("hardware", is_sealed=False)], created=CREATED)).text
     assert "Approved by" not in shown
     assert "Not sealed, so that it could still change: R-000042" in shown
 

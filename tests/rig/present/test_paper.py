@@ -130,7 +130,7 @@ def test_every_page_is_numbered_and_names_its_runs() -> None:
 
 
 def test_an_expired_calibration_is_loud_and_an_unsealed_file_is_not_signed() -> None:
-    fit = handmade.fit("hardware", replace(handmade.friction_result(), plots=()), sha256="")
+    fit = handmade.fit("hardware", replace(handmade.friction_result(), plots=()), is_sealed=False)
     torque = Channel(
         name="torque",
         unit="N m",

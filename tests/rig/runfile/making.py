@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 from drivers.channel import Calibration, Channel, encoder_channel
@@ -10,6 +11,7 @@ from experiments.recording import Event, RunMetadata, Segment
 from model.gear_file import shipped_gear
 from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column
+from rig.runfile.seal import file_sha256, hash_path
 from rig.runfile.write import RunWriter
 
 EPOCH_NS = 1_763_700_000_000_000_000
@@ -117,3 +119,16 @@ def write_run(
     writer.event(Event(EPOCH_NS + 5, "info", "NOTE", "operator", "Öl nachgefüllt"))
     writer.event(Event(EPOCH_NS + 9, "warning", "DRIFT", "engine", "x" * 600))
     return writer.seal(outcome, "2025-11-21T04:41:00.000+00:00")
+
+
+def edit(path: Path) -> h5py.File:
+    """A sealed run opened to be changed, by somebody who lets the note beside it be."""
+    path.chmod(0o644)
+    return h5py.File(path, "r+")
+
+
+def reseal(path: Path) -> None:
+    """Note the hash of what the file is by now, as somebody does who wants the change to be believed."""
+    note = hash_path(path)
+    note.chmod(0o644)
+    note.write_text(f"{file_sha256(path)}  {path.name}\n")

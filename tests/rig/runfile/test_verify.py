@@ -3,7 +3,6 @@
 from dataclasses import replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
@@ -11,26 +10,14 @@ from drivers.channel import Calibration
 from drivers.samples import SampleBlock
 from experiments.recording import Segment
 from rig.runfile.layout import Column
-from rig.runfile.seal import file_sha256, hash_path
+from rig.runfile.seal import hash_path
 from rig.runfile.verify import verify_run
 from rig.runfile.write import RunWriter
-from tests.rig.runfile.making import block, header, write_run
+from tests.rig.runfile.making import block, edit, header, reseal, write_run
 
 
 def levels(path: Path) -> dict[str, str]:
     return {finding.check: finding.level for finding in verify_run(path)}
-
-
-def edit(path: Path) -> h5py.File:
-    path.chmod(0o644)
-    return h5py.File(path, "r+")
-
-
-def reseal(path: Path) -> None:
-    """A forger who fixes the hash as well."""
-    note = hash_path(path)
-    note.chmod(0o644)
-    note.write_text(f"{file_sha256(path)}  {path.name}\n")
 
 
 def test_a_good_run(tmp_path: Path) -> None:
@@ -44,6 +31,9 @@ def test_a_good_run(tmp_path: Path) -> None:
         "flags": "warning",
         "segments": "ok",
         "calibration": "ok",
+        "numbers": "ok",
+        "origin": "ok",
+        "channels": "ok",
     }
     (flags,) = [f.text for f in verify_run(tmp_path / "00001-friction-A1.h5") if f.check == "flags"]
     assert flags == "26 of 2500 cycles flagged (incomplete 26)"

@@ -9,7 +9,6 @@ from PySide6.QtCore import QUrl, Signal
 from PySide6.QtWidgets import QWidget
 
 from rig.analysis.store import Analysis, analysis_folder
-from rig.runfile.seal import recorded_sha256
 from rig.runfile.verify import Finding, verify_run
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
@@ -51,19 +50,16 @@ class RunFilesView(QWidget):
             in_column(head, self.findings, (self.table, 1), self.says, margins=(8, 8, 8, 4))
         )
 
-    def show_run(self, path: Path, analyses: Sequence[Analysis], problem: str = "") -> None:
-        """The files of a run; `problem` says why its analyses cannot be read."""
+    def show_run(
+        self, path: Path, seal: str, analyses: Sequence[Analysis], problem: str = ""
+    ) -> None:
+        """The files of a run and its seal in words; `problem` says why its analyses cannot be read."""
         if path != self._path:
             self.findings.clear()
             self.findings.hide()
             self._verifying.forget()
         self._path, self._analyses = path, tuple(analyses)
-        sha = recorded_sha256(path)
-        self.file.setText(
-            f"{path}\nSHA-256 {sha}"
-            if sha
-            else f"{path}\nno SHA-256: not sealed yet, or its note is missing"
-        )
+        self.file.setText(f"{path}\nSHA-256: {seal}")
         rows = []
         for a in self._analyses:
             tare = str(a.content.get("tare", {}).get("run", "")) or "none"

@@ -7,11 +7,10 @@ from pathlib import Path
 
 from PySide6.QtWidgets import QFrame, QSizePolicy
 
-from experiments.recording import Recording
+from experiments.recording import Recording, RunMetadata
 from rig.analysis.wording import fixed
 from rig.present.run_words import duration_text
 from rig.runfile.header import ORIGIN_WORDS
-from rig.runfile.seal import recorded_sha256
 from rig.window.review.signals_data import duration_of
 from rig.window.review.table_model import COLOURS, local_time, with_sign
 from rig.window.shell.session import WindowSession
@@ -28,10 +27,10 @@ class RunHeaderView(QFrame):
         super().__init__()
         self._session = session
         self.setProperty("part", "card")
-        self.title = text_label("", "title", selectable=True)
-        self.outcome, self.mark = text_label(), text_label("", "mark")
-        self.facts = text_label(wraps=True, selectable=True)
-        self.file = text_label("", "muted", wraps=True, selectable=True)
+        self.title = text_label("", "title", plain=True, selectable=True)
+        self.outcome, self.mark = text_label(plain=True), text_label("", "mark")
+        self.facts = text_label(wraps=True, plain=True, selectable=True)
+        self.file = text_label("", "muted", wraps=True, plain=True, selectable=True)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.report = push_button(
             "Open &report", tip="Write the report of this run as a web page (HTML) and open it"
@@ -65,9 +64,9 @@ class RunHeaderView(QFrame):
         self.facts.setText(" · ".join(facts))
         rate = "" if math.isnan(m.sample_rate) else f" at {m.sample_rate:g} Hz"
         backend = ", ".join(f"{k} {m.process[k]}" for k in ("backend", "seed") if k in m.process)
-        parts = [f"{fixed(recording.rows, 0)} rows{rate}", backend, _hash_words(path)]
+        parts = [f"{fixed(recording.rows, 0)} rows{rate}", backend, _hash_words(m)]
         self.file.setText(" · ".join(part for part in parts if part))
-        self.file.setToolTip(recorded_sha256(path))
+        self.file.setToolTip(m.seal)
 
     def allow_report(self, allowed: bool) -> None:
         """Whether a report can be asked for."""
@@ -89,8 +88,6 @@ class RunHeaderView(QFrame):
         restyled(self.outcome, "heading" if part == "accent" else part)
 
 
-def _hash_words(path: Path) -> str:
-    if path.name.endswith(".part"):
-        return "not sealed"
-    recorded = recorded_sha256(path)
-    return f"SHA-256 {recorded[:SHOWN_HASH]}…" if recorded else "no SHA-256 noted"
+def _hash_words(metadata: RunMetadata) -> str:
+    shown = f"SHA-256 {metadata.sha256[:SHOWN_HASH]}…" if metadata.sha256 else ""
+    return " · ".join(part for part in ("" if metadata.is_sealed else "NOT SEALED", shown) if part)

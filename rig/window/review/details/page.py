@@ -132,7 +132,7 @@ class RunDetails(QWidget):
         self._facts = None
         self.path, self._state = path, state
         try:
-            self.recording = open_run(path, digest=False)
+            self.recording = open_run(path, rows=False)
         except RigError as error:
             self._show_problem(path, str(error))
             return
@@ -249,7 +249,7 @@ class RunDetails(QWidget):
             self._analyses = read_analyses(self.path)
         except RigError as error:
             self._analyses, problem = (), str(error)
-        self.files.show_run(self.path, self._analyses, problem)
+        self.files.show_run(self.path, self.recording.metadata.seal, self._analyses, problem)
 
     @property
     def _gear(self) -> HarmonicDrive | None:
