@@ -19,7 +19,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers import channel as names
 from drivers import cia402_tables as obj
 from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
 from drivers.bus import Event, Pump, PumpedBus, RawBus, TimeBase
@@ -49,6 +48,8 @@ _CONTROLWORD: Final = {
     Mode.TORQUE: obj.ENABLE,
 }
 _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
+_MODE_CYCLES: Final = 3
+"""Cycles in a row in which another mode is somebody's work, and no display that lags."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -358,7 +359,10 @@ class CanRig:
         self._echo_stamp = self._errors_seen = self._silent = 0
         self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
         self._was_enabled = False
-        self._statusword = self._statusword_bytes(nodes)
+        at = nodes.byte_of(obj.STATUSWORD) or 0
+        self._statusword = slice(at, at + 2)
+        self._mode_at = nodes.byte_of(obj.MODE_DISPLAY)
+        self._strange_cycles = 0
         self._pause_pending = False
         self._line = RequestLine(bus, nodes.places(self._store.is_absent))
         self._held: dict[tuple[int, int], int] = {}
@@ -372,11 +376,6 @@ class CanRig:
     def _receiver(self, slot: int) -> Callable[[bytes, int], None]:
         put = self._store.put
         return lambda data, stamp_ns: put(slot, data, stamp_ns)
-
-    def _statusword_bytes(self, nodes: RigNodes) -> slice:
-        column = next(c for c in nodes.columns if c.channel.name == names.STATUSWORD)
-        place = nodes.layout.fields[column.field]
-        return slice(place.slot * 8 + place.offset, place.slot * 8 + place.offset + 2)
 
     def _on_sync(self, data: bytes, stamp_ns: int) -> None:
         self._echo_stamp = stamp_ns
@@ -516,15 +515,26 @@ class CanRig:
                 row, event.code.replace("-", "_") if event else "bus_error", 1.0, 0.0, True
             )
         if mode in _ACTIVE and not flags & CycleFlag.INCOMPLETE and self._was_enabled:
-            word = int.from_bytes(self._store.last_record[self._statusword], "little")
+            record, drive = self._store.last_record, self._opened().drive
+            word = int.from_bytes(record[self._statusword], "little")
             if drive_state(word) is not DriveState.ENABLED:
-                self._was_enabled = False
-                bus.emit(
-                    "error", "drive-state", f"node {self._config.drive.node_id}", _dropped_out(word)
+                return self._left("drive-state", _dropped_out(word), float(word), row)
+            shown = drive.mode if self._mode_at is None else record[self._mode_at]
+            self._strange_cycles = self._strange_cycles + 1 if shown != drive.mode else 0
+            if self._strange_cycles >= _MODE_CYCLES:
+                text = (
+                    f"the drive shows mode of operation {shown} (0x6061), it was given {drive.mode}"
                 )
-                self._errors_seen = bus.errors_seen
-                return Break(row, "drive_state", float(word), 0.0, True)
+                return self._left("drive-mode", text, float(shown or 0), row)
         return None
+
+    def _left(self, code: str, text: str, value: float, row: int) -> Break:
+        """The drive is not any more as it was enabled."""
+        self._was_enabled = False
+        bus = self._live_bus()
+        bus.emit("error", code, f"node {self._config.drive.node_id}", text)
+        self._errors_seen = bus.errors_seen
+        return Break(row, code.replace("-", "_"), value, 0.0, True)
 
     def _finish(
         self,

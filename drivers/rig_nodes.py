@@ -18,8 +18,8 @@ from drivers.cia406 import Counter, CounterConfig
 from drivers.columns import Column, Kind, Validity
 from drivers.device import Identity, Missing, RemoteDevice
 from drivers.errors import DriverError
-from drivers.frames import Field, FrameLayout
-from drivers.pdo import MappedPdo, map_objects
+from drivers.frames import SLOT_BYTES, Field, FrameLayout
+from drivers.pdo import MappedPdo, map_objects, pack
 from drivers.request_line import Place
 from drivers.set_points import COMMANDED
 
@@ -230,6 +230,12 @@ class RigNodes:
                 _Source(channel=channel, kind="plain", node_id=node_id, entry=torque)
             )
         optional += self._guard_of(node_id, [*wanted, *optional])
+        # Watched where it rides along: a frame of its own in every cycle it is not worth.
+        full = [*wanted, *optional, obj.MODE_DISPLAY]
+        if len(pack(full)) == len(pack(full[:-1])) and self._is_offered(
+            obj.MODE_DISPLAY, "another master that changes the mode shows only by the motion"
+        ):
+            optional.append(obj.MODE_DISPLAY)
         mapped = map_objects(
             device,
             sorted([*wanted, *optional], key=_by_importance),
@@ -512,6 +518,14 @@ class RigNodes:
             # Older drives let 0x6060 be written only; what they were given is known here.
             values[obj.MODE.key] = self.drive.mode
         return {key: int(value) for key, value in values.items() if value is not None}
+
+    def byte_of(self, entry: ObjectRef) -> int | None:
+        """Where an entry of the drive begins in the record of a cycle; None: it is not in it."""
+        for slot, pdo in enumerate(self.layout.pdos):
+            offset = pdo.offset_of(entry.key)
+            if pdo.node_id == self.drive.device.node_id and offset is not None:
+                return slot * SLOT_BYTES + offset
+        return None
 
     def places(self, is_absent: Callable[[int], bool]) -> dict[str, Place]:
         """Device and object of every channel that one device holds; `is_absent` of a slot of the layout."""

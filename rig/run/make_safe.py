@@ -131,6 +131,7 @@ class MakeSafe:
             machine, ratio, self._window, self._patience.input_speed, self._patience.output_speed
         )
         self._asked_in: Mode | None = None
+        self._asked: dict[str, Reach] = {}
         self._start = machine.rows
         self._runner = PhaseRunner(self._walk(), machine, block_cycles)
 
@@ -254,11 +255,13 @@ class MakeSafe:
         line, stage = self._line, f"{mode.value} by SDO"
         if line is not None:
             if mode is not self._asked_in:
-                self._asked_in = mode
+                self._asked_in, self._asked = mode, {}
                 line.withdraw()
-            idle = [name for name in self._observers.wanted if line.is_idle(name)]
-            insists = self._insists()
-            line.hand([r for n in idle for r in requests_for(line, n, mode, insists=insists)])
+            reach = {name: line.reach(name) for name in self._observers.wanted}
+            # Not while it is being asked, unless it must be asked otherwise now.
+            due = [n for n, by in reach.items() if line.is_idle(n) or by is not self._asked.get(n)]
+            insists, self._asked = self._insists(), reach
+            line.hand([r for n in due for r in requests_for(line, n, mode, insists=insists)])
             if self._is_deaf() and mode in STOP and self.report.stages[-1] != stage:
                 self.report.stages.append(stage)
         # The drive leaves operation here on purpose: its state is waited for, not guarded.

@@ -35,6 +35,7 @@ HEARTBEAT_LOST = "heartbeat_lost"
 BOOT_UP = "boot_up"
 NOT_OPERATIONAL = "not_operational"
 DRIVE_STATE = "drive_state"
+DRIVE_MODE = "drive_mode"
 FAULT = "fault"
 LATE_TURN = "late_turn"
 MAKE_SAFE_FAILED = "make_safe_failed"
@@ -43,7 +44,16 @@ SESSION_ERRORS = frozenset({"preflight", "step-failed", "recorder", "exception",
 """Codes with which a session says that the program or the run failed; its other errors are causes of trips."""
 
 DEVICE_CAUSES = frozenset(
-    {EMERGENCY, HEARTBEAT_LOST, BOOT_UP, NOT_OPERATIONAL, DRIVE_STATE, FAULT, BUS_LOST}
+    {
+        EMERGENCY,
+        HEARTBEAT_LOST,
+        BOOT_UP,
+        NOT_OPERATIONAL,
+        DRIVE_STATE,
+        DRIVE_MODE,
+        FAULT,
+        BUS_LOST,
+    }
 )
 """Causes that a port reports by itself, with an event that says what happened."""
 
@@ -110,6 +120,11 @@ TRIPS: dict[str, TripRule] = {
         "the drive has left operation enabled by itself",
         Action.QUICK_STOP,
         "Check enable input, emergency stop and bus; the drive may have seen its safe torque off.",
+    ),
+    DRIVE_MODE: TripRule(
+        "somebody else has changed the drive's mode of operation",
+        Action.QUICK_STOP,
+        "Find the other master or the tool on the bus and take it off.",
     ),
     FOLLOWING_ERROR: TripRule(
         "the speed does not follow its set-point",

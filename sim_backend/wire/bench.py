@@ -4,7 +4,8 @@ At SYNC k: synchronous set-points received before it take effect, every channel 
 then the plant goes on by one cycle; target[k] acts from SYNC k. Plant, instruments and noise
 streams are those of `sim_backend.direct`, so that the same commands give the same counts. Time: the
 plant goes on with the SYNC; when the SYNC stays away for longer than `silence_cycles` of the clock,
-it goes on alone, as a real motor would (None: it never does).
+it goes on alone, as a real motor would, by the set-points that the drive holds, whoever wrote them
+(None: it never does).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from drivers import channel as names
 from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
+from drivers.drive_state import POWERED_STATES
 from drivers.errors import DriverError
 from drivers.port import Mode
 from drivers.samples import CycleFlag
@@ -78,9 +80,10 @@ _LOOP_MODE = {
 POWER_STAGE_ERROR = 0x2310
 
 
-def _synchronise(slaves: Sequence[Slave]) -> None:
+def _synchronise(slaves: Sequence[Slave], now_ns: int) -> None:
     """What a SYNC does to slaves while the plant stands: latch, act, send."""
     for slave in slaves:
+        slave.hear_sync(now_ns)
         slave.latch()
         slave.apply_synchronous()
         slave.send_synchronous()
@@ -317,7 +320,7 @@ class WireBench:
             for slave in self.slaves:
                 if cob == slave.sync_cob_id:
                     # A SYNC of its own, which the plant does not run with.
-                    _synchronise([slave])
+                    _synchronise([slave], now)
                 else:
                     slave.receive(cob, payload, now)
 
@@ -415,6 +418,7 @@ class WireBench:
             [slave for slave in self.slaves if slave.sync_cob_id == cob_id] if reached else []
         )
         for slave in following:
+            slave.hear_sync(self.clock.monotonic_ns())
             slave.latch()
             slave.apply_synchronous()
         for frame in [frame for until, frame in self._held if until <= self._cycle]:
@@ -430,6 +434,9 @@ class WireBench:
 
     def _follow_clock(self, now: int) -> None:
         """The SYNC stayed away: the plant runs the cycles of the clock that nobody latched."""
+        if self._last_sync_ns is None and self.drive.drive_state in POWERED_STATES:
+            # Nobody has ever sent a SYNC, and the drive has power all the same.
+            self._last_sync_ns = now
         if self._last_sync_ns is None or self._silence_cycles is None:
             return
         missed = (now - self._last_sync_ns) // self.cycle_ns - 1

@@ -71,6 +71,8 @@ PROBE_ON, PROBE_CONTINUOUS, PROBE_ZERO_IMPULSE, PROBE_POSITIVE = 0x0001, 0x0002,
 PROBE_STORED = 0x0002
 INTERLOCK = 0x0000_0008
 """Bit 3 of the digital inputs: the guard is closed."""
+SYNC_CONTROLLER = 0x8700
+"""Error code of a drive that faults because its SYNC stayed away."""
 DRIVE_ERROR = 0x20
 """Bit 5 of the error register: device profile specific."""
 
@@ -269,6 +271,9 @@ class Drive(Slave):
     def on_heartbeat_lost(self, producer: int) -> None:
         self._connection_lost()
 
+    def on_sync_lost(self) -> None:
+        self._connection_lost(SYNC_CONTROLLER)
+
     def on_nmt(self, state: NmtState) -> None:
         if state is NmtState.STOPPED:
             self._connection_lost()
@@ -287,13 +292,13 @@ class Drive(Slave):
         stays = self.ignores_quick_stop or self.dictionary.number(0x605A) >= STAY_SLOW_DOWN
         return abs(speed) < STANDSTILL and not stays
 
-    def _connection_lost(self) -> None:
+    def _connection_lost(self, code: int = HEARTBEAT_ERROR) -> None:
         """0x6007: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop."""
         option = self.dictionary.number(0x6007)
         if self.drive_state not in (DriveState.ENABLED, DriveState.QUICK_STOP) or option == 0:
             return
         if option == 1:
-            self.fault(HEARTBEAT_ERROR, COMMUNICATION)
+            self.fault(code, COMMUNICATION)
         elif option == 2:
             self._go(DriveState.SWITCH_ON_DISABLED)
         else:

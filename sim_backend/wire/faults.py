@@ -380,6 +380,60 @@ class ReadoutEncoderFault(WireFault):
         bench.readout.has_fault = False
 
 
+# Another master, and the SYNC ---------------------------------------------------------------------------------------
+
+
+def _write_as_master(bench: WireBench, index: int, value: int, size: int) -> None:
+    """Another master writes an object of the drive by SDO; its answer is on the bus."""
+    head = bytes([0x23 | (4 - size) << 2]) + struct.pack("<HB", index, 0)
+    request = head + value.to_bytes(size, "little").ljust(4, b"\0")
+    bench.drive.receive(0x600 + DRIVE_NODE, request, bench.clock.monotonic_ns())
+
+
+@dataclass(frozen=True)
+class NmtFromOutside(WireFault):
+    """Another master sends NMT commands to a node (0: all of them): `commands` as (cycles after the onset, command).
+
+    `reacts`: whether the drive does by itself what its 0x6007 says; many do nothing.
+    """
+
+    commands: tuple[tuple[int, int], ...] = ((0, 0x80),)
+    node_id: int = DRIVE_NODE
+    reacts: bool = True
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        if not self.reacts:
+            bench.drive.dictionary.store(0x6007, 0, 0)
+        for after, command in self.commands:
+            if cycle == self.at_cycle + after:
+                frame = bytes([command, self.node_id])
+                bench.answer(0x000, frame)
+                for slave in bench.slaves:
+                    slave.receive(0x000, frame, bench.clock.monotonic_ns())
+
+
+@dataclass(frozen=True)
+class ModeFromOutside(WireFault):
+    """Another master writes the drive's mode of operation (4: profile torque), whose set-point acts then."""
+
+    mode: int = 4
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        if cycle == self.at_cycle:
+            _write_as_master(bench, 0x6060, self.mode, 1)
+
+
+@dataclass(frozen=True)
+class SupervisedSyncLost(SyncLost):
+    """The drive supervises the SYNC by a period of its own (0x1006) when the SYNC stays away."""
+
+    period_us: int = 1000
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        if cycle == self.at_cycle:
+            _write_as_master(bench, 0x1006, self.period_us, 4)
+
+
 DRILLS: Mapping[str, Callable[[int], Fault]] = {
     "heartbeat of the drive lost": lambda at: HeartbeatLost(at, DRIVE_NODE),
     "heartbeat of the counter lost": lambda at: HeartbeatLost(at, COUNTER_NODE),
@@ -422,5 +476,9 @@ DRILLS: Mapping[str, Callable[[int], Fault]] = {
     "readout half lines": ReadoutHalfLine,
     "readout silent": ReadoutSilent,
     "readout encoder fault": ReadoutEncoderFault,
+    "NMT PRE-OPERATIONAL from outside": NmtFromOutside,
+    "NMT STOPPED from outside": lambda at: NmtFromOutside(at, ((0, 0x02),)),
+    "mode changed from outside": ModeFromOutside,
+    "supervised SYNC lost": SupervisedSyncLost,
 }
 """One of every fault that the rig is drilled with: its name, and what makes it begin at a cycle."""

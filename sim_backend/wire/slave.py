@@ -1,7 +1,7 @@
 """A CANopen slave by CiA 301: boot-up, NMT, heartbeat both ways, SDO server, process data, emergency messages.
 
 It is driven from outside: `receive` for each frame, `tick` when time has passed (at the latest at
-`next_due_ns`), and at a SYNC `latch`, `apply_synchronous`, `send_synchronous` in this order. What
+`next_due_ns`), and at a SYNC `hear_sync`, `latch`, `apply_synchronous`, `send_synchronous` in this order. What
 it sends goes to the function it was given. Nothing here knows what the device is for; drive,
 counter and analogue input add their objects and their behaviour.
 """
@@ -41,6 +41,9 @@ HISTORY = 8
 MILLISECOND = 1_000_000
 GENERIC, COMMUNICATION = 0x01, 0x10
 """Bits of the error register 0x1001."""
+SYNC_ERROR = 0x8100
+"""Emergency of a SYNC that stayed away for longer than `SYNC_TOLERANCE` periods of 0x1006."""
+SYNC_TOLERANCE = 1.5
 HEARTBEAT_ERROR, SHORT_PDO, LONG_PDO, REFUSED_VALUE = 0x8130, 0x8210, 0x8220, 0x6320
 NEVER = 2**63
 
@@ -197,7 +200,8 @@ class Slave:
         ]
         self._send = send
         self._now_ns = 0
-        self._next_heartbeat_ns = NEVER
+        self._next_heartbeat_ns = self._sync_due_ns = NEVER
+        self._synced_ns: int | None = None
         self._watched: dict[int, int] = {}
         self._heard: dict[int, int] = {}
         self._lost: set[int] = set()
@@ -211,6 +215,7 @@ class Slave:
         for sub in range(1, HISTORY + 1):
             d.on_read(0x1003, sub, lambda sub=sub: self._past_error(sub))
         d.on_write(0x1005, 0, self._write_sync_cob_id)
+        d.on_write(0x1006, 0, self._watch_sync)
         d.on_write(0x1014, 0, self._write_emcy_cob_id)
         for sub in range(1, CONSUMERS + 1):
             d.on_write(0x1016, sub, lambda value, sub=sub: self._watch(sub, int(value)))
@@ -221,6 +226,9 @@ class Slave:
 
     def on_heartbeat_lost(self, producer: int) -> None:
         """A consumed heartbeat stayed away."""
+
+    def on_sync_lost(self) -> None:
+        """The SYNC that is supervised (0x1006) stayed away."""
 
     def on_nmt(self, state: NmtState) -> None:
         """The NMT state has changed."""
@@ -276,9 +284,20 @@ class Slave:
         elif 0x700 < cob_id < 0x780 and len(data) == 1:
             self._hear(cob_id - 0x700, now_ns)
 
+    def hear_sync(self, now_ns: int) -> None:
+        """At a SYNC, before all else: its supervision goes on from here."""
+        if now_ns > self._sync_due_ns:
+            self._lose_sync()
+        if self.state is not NmtState.OPERATIONAL:
+            return
+        self._synced_ns = now_ns
+        self._watch_sync(self.dictionary.value(0x1006))
+        if SYNC_ERROR in self._errors:
+            self.recover(SYNC_ERROR)
+
     def next_due_ns(self) -> int:
         """The next instant at which `tick` has something to do."""
-        due = self._next_heartbeat_ns
+        due = min(self._next_heartbeat_ns, self._sync_due_ns)
         for producer, limit_ns in self._watched.items():
             if producer in self._heard and producer not in self._lost:
                 due = min(due, self._heard[producer] + limit_ns + 1)
@@ -302,6 +321,8 @@ class Slave:
             if self._next_heartbeat_ns <= now_ns:
                 self._next_heartbeat_ns = now_ns + period_ns
             self._send(0x700 + self.node_id, bytes([self.state]))
+        if now_ns >= self._sync_due_ns:
+            self._lose_sync()
         for producer, limit_ns in self._watched.items():
             heard = self._heard.get(producer)
             if heard is not None and producer not in self._lost and now_ns - heard > limit_ns:
@@ -397,6 +418,7 @@ class Slave:
         if state is self.state:
             return
         self.state = state
+        self._synced_ns, self._sync_due_ns = None, NEVER
         for pdo in (*self.rpdos, *self.tpdos):
             pdo.rest()
         self.on_nmt(state)
@@ -458,10 +480,27 @@ class Slave:
                 if not self._lost:
                     self.recover(HEARTBEAT_ERROR)
 
+    def _watch_sync(self, period_us: Number) -> None:
+        """0x1006 supervises from the latest SYNC heard while OPERATIONAL; 0 does not."""
+        supervises = period_us and self._synced_ns is not None
+        limit_ns = round(SYNC_TOLERANCE * period_us * 1000)
+        self._sync_due_ns = (self._synced_ns or 0) + limit_ns if supervises else NEVER
+
+    def _lose_sync(self) -> None:
+        """The SYNC is overdue: the same as a lost heartbeat; the supervision begins anew with the next SYNC."""
+        self._synced_ns, self._sync_due_ns = None, NEVER
+        self.emergency(SYNC_ERROR, COMMUNICATION)
+        self.on_sync_lost()
+        self._leave_operational()
+
     def _lose(self, producer: int) -> None:
         """A consumed heartbeat is lost: emergency, the device's own reaction, then the error behaviour 0x1029."""
         self.emergency(HEARTBEAT_ERROR, COMMUNICATION, bytes([producer]))
         self.on_heartbeat_lost(producer)
+        self._leave_operational()
+
+    def _leave_operational(self) -> None:
+        """The error behaviour 0x1029 after an error of the communication."""
         behaviour = self.dictionary.number(0x1029, 1)
         if self.state is NmtState.OPERATIONAL and behaviour != 1:
             self._enter(NmtState.PRE_OPERATIONAL if behaviour == 0 else NmtState.STOPPED)

@@ -58,7 +58,7 @@ def test_heartbeats_and_options_are_configured_on_both_sides(bench: Setup) -> No
     assert drive.get(0x1017) == 100
     assert drive.get(0x1016, 1) == 127 << 16 | 250
     assert (drive.get(0x6007), drive.get(0x605A), drive.get(0x605E)) == (3, 2, 2)
-    assert drive.get(0x1006) == 1000
+    assert drive.get(0x1006) == 0
     assert bench.analog.get(0x6423) == 1
     missing = {m.index: m.consequence for m in bench.rig.missing()[1]}
     assert "index mark" in missing[0x60B8]

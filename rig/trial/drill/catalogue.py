@@ -411,7 +411,62 @@ _OPERATOR = tuple(
     if moment in ("ramp", "hold", "torque-ramp")
 )
 
+_PRE_OPERATIONAL, _STOPPED, _START = 0x80, 0x02, 0x01
+_BUS = (
+    Drill(
+        name="NMT PRE-OPERATIONAL from outside",
+        what="another master takes the drive out of OPERATIONAL; it turns on",
+        fault=lambda at: wire.NmtFromOutside(at, ((0, _PRE_OPERATIONAL),)),
+    ),
+    Drill(
+        name="NMT PRE-OPERATIONAL from outside, all nodes",
+        what="another master takes every node out of OPERATIONAL; the drive turns on",
+        fault=lambda at: wire.NmtFromOutside(at, ((0, _PRE_OPERATIONAL),), 0),
+    ),
+    Drill(
+        name="NMT STOPPED from outside",
+        what="another master stops the drive's communication; it quick-stops by itself",
+        fault=lambda at: wire.NmtFromOutside(at, ((0, _STOPPED),)),
+    ),
+    Drill(
+        name="NMT STOPPED from outside, drive goes on",
+        what="another master stops the drive's communication; it turns on and answers no SDO",
+        fault=lambda at: wire.NmtFromOutside(at, ((0, _STOPPED),), reacts=False),
+    ),
+    Drill(
+        name="NMT START while made safe",
+        what="another master starts the drive again 60 ms after it took it out of OPERATIONAL",
+        fault=lambda at: wire.NmtFromOutside(at, ((0, _PRE_OPERATIONAL), (60, _START))),
+    ),
+    Drill(
+        name="SYNC gone for good",
+        what="the SYNC reaches no device any more; the drive holds its last set-point",
+        fault=wire.SyncLost,
+    ),
+    Drill(
+        name="SYNC gone for good, drive minds",
+        what="the SYNC reaches no device any more; the drive supervises it (0x1006)",
+        fault=wire.SupervisedSyncLost,
+    ),
+    Drill(
+        name="SYNC supervision trips",
+        what="three SYNCs are lost; the drive supervises them (0x1006)",
+        fault=lambda at: wire.SupervisedSyncLost(at, cycles=3),
+    ),
+    Drill(
+        name="SYNC comes back while made safe",
+        what="the SYNC reaches no device for 60 ms; the drive holds its last set-point meanwhile",
+        fault=lambda at: wire.SyncLost(at, cycles=60),
+    ),
+    Drill(
+        name="mode changed by another master",
+        what="another master puts the drive into profile torque",
+        fault=wire.ModeFromOutside,
+    ),
+)
+
 DRILLS: Mapping[str, Drill] = {
-    drill.name: drill for drill in (*_DEVICES, *_FRAMES, *_SIGNALS, *_LINES_AND_DISK, *_OPERATOR)
+    drill.name: drill
+    for drill in (*_DEVICES, *_FRAMES, *_SIGNALS, *_LINES_AND_DISK, *_OPERATOR, *_BUS)
 }
 """Every drill by name, in the order of the table."""
