@@ -197,7 +197,7 @@ class Answers:
     def is_idle(self, channel: str) -> bool:
         return True
 
-    def withdraw(self) -> None:
+    def withdraw(self, channel: str) -> None:
         self.waiting = []
 
     def hand(self, requests: Sequence[Request]) -> None:
