@@ -207,7 +207,7 @@ class CanRig:
             raise self._lost or BusLostError("the rig has been closed", where=self._config.title)
         speeds, torques = set_point_counts(command, cycles, self.channels)
         self._judge.adopt(guard)
-        self._enter(command.mode)
+        self._enter(command.mode, line)
         # Before the frames are built: enabling may have gone by SDO, and a fixed RPDO must carry what now holds.
         # A drive that says nothing is not waited for when it is to be stopped: what it held last goes on.
         if self._held_is_old and (command.mode in _ACTIVE or not self._silent):
@@ -409,7 +409,7 @@ class CanRig:
         """Now, in the base of the samples: the latest stamp and what has passed since."""
         return self._sync_time.now(self._clock.monotonic_ns(), self._clock.calendar_ns())
 
-    def _enter(self, mode: Mode) -> None:
+    def _enter(self, mode: Mode, line: RequestLine) -> None:
         """Bring the drive into the mode, or make sure that it is still in it. No automatic restart."""
         if mode not in _ACTIVE:
             self._mode = mode
@@ -420,7 +420,7 @@ class CanRig:
             self._pause()
             self._mode, self._was_enabled = Mode.OFF, False
             # An `enable` that raises half-way leaves OFF behind: the next call begins anew and never trusts the drive.
-            with self._sync_goes_on(self._live_bus()):
+            with self._sync_goes_on(self._live_bus(), line):
                 drive.enable(mode)
             self._mode, self._was_enabled = mode, True
         elif not self._was_enabled:
@@ -441,7 +441,7 @@ class CanRig:
             )
 
     @contextlib.contextmanager
-    def _sync_goes_on(self, bus: PumpedBus) -> Iterator[None]:
+    def _sync_goes_on(self, bus: PumpedBus, line: RequestLine) -> Iterator[None]:
         """While something goes by SDO every SYNC that is due goes out; its answers are paired, not kept."""
 
         def turn() -> int:
@@ -450,7 +450,7 @@ class CanRig:
             bus.while_waiting = None
             try:
                 self._store.begin_block(1)
-                self._cycle(bus, [], 0)
+                self._cycle(bus, line, [], 0)
             finally:
                 bus.while_waiting = turn
             return 0

@@ -175,8 +175,8 @@ class DirectLine(Protocol):
         """What is asked next, in this order for each device; what these devices were being asked is withdrawn."""
         ...
 
-    def withdraw(self) -> None:
-        """Ask nobody anything any more."""
+    def withdraw(self, channel: str) -> None:
+        """Ask the device that carries a channel nothing any more."""
         ...
 
     def answers(self) -> list[Answer]:

@@ -77,15 +77,18 @@ class RequestLine:
             # A node has several channels and is woken once.
             if request.ask is not Ask.WAKE or not conversation.waiting:
                 conversation.waiting.append(request)
-        for conversation in begun.values():
-            conversation.device.sdo.withdraw()
+        for node_id in begun:
+            self._forget(node_id)
         self._conversations |= begun
 
-    def withdraw(self) -> None:
-        """Ask nobody anything any more; what still comes belongs to nobody."""
-        for conversation in self._conversations.values():
+    def withdraw(self, channel: str) -> None:
+        """Ask the device that carries a channel nothing any more; what still comes belongs to nobody."""
+        self._forget(self._places[channel].device.node_id)
+
+    def _forget(self, node_id: int) -> None:
+        conversation = self._conversations.pop(node_id, None)
+        if conversation is not None:
             conversation.device.sdo.withdraw()
-        self._conversations = {}
 
     def answers(self) -> list[Answer]:
         """What has come of the requests since the last call."""

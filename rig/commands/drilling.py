@@ -180,7 +180,7 @@ def acknowledge(
     if not trip.standstill_verified:
         echo(
             "Standstill was NOT verified in that run: look at the rig before it is switched on.",
-            err=True,
+            errors=True,
         )
 
 

@@ -255,8 +255,8 @@ class MakeSafe:
         line, stage = self._line, f"{mode.value} by SDO"
         if line is not None:
             if mode is not self._asked_in:
-                self._asked_in, self._asked = mode, {}
-                line.withdraw()
+                self._asked_in = mode
+                line.withdraw(STATUSWORD)
             reach = {name: line.reach(name) for name in self._observers.wanted}
             # Not while it is being asked, unless it must be asked otherwise now.
             due = [n for n, by in reach.items() if line.is_idle(n) or by is not self._asked.get(n)]

@@ -35,6 +35,7 @@ from rig.errors import LimitError, RigError
 from rig.run.acquisition import AcquisitionLog
 from rig.run.bounds import Geometry
 from rig.run.devices import DeviceListener
+from rig.run.direct_line import STOP
 from rig.run.dry_run import PlannedRun
 from rig.run.engine import Ask, Engine, StepFailedError
 from rig.run.latch import LatchedTrip
@@ -238,9 +239,10 @@ class Session:
     def _exchange(self, turn: Turn) -> SampleBlock | None:
         """One exchange; None when the rig did not answer (which latches a trip)."""
         row = self._machine.rows
-        if self._order.watchdog is not None and turn.command.mode is not self._machine.mode:
+        mode, watchdog = turn.command.mode, self._order.watchdog
+        if watchdog is not None and mode is not self._machine.mode and mode not in STOP:
             # The drive is switched on or over by SDO within this exchange, which may take its time at standstill.
-            self._order.watchdog.rest()
+            watchdog.rest()
         try:
             block = self._port.exchange(turn.command, turn.cycles, self._supervisor.guard(turn))
         except DriverError as error:

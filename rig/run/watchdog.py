@@ -2,8 +2,9 @@
 
 It takes no part in the loop: the loop tells it "I have turned", it compares the clock with a
 deadline, and when the loop is late it sends the drive's quick stop over a bus handle of its own,
-once. Below it the drive misses the computer's heartbeat, which the loop itself sends, and stops by
-its own reaction; below that is the hardwired stop.
+once, as process data: the SDO channel of the drive belongs to the loop. Below it the drive misses
+the computer's heartbeat, which the loop itself sends, and stops by its own reaction; below that is
+the hardwired stop.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class Watchdog:
         self._last = now
 
     def rest(self) -> None:
-        """No turn is expected for a while: the rig is safe, or somebody is being asked with the servo off."""
+        """No turn is expected for a while: the rig is safe, or the drive is being switched on."""
         self._last = None
 
     def check(self) -> bool:

@@ -9,14 +9,14 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from drivers.channel import OUTPUT_ANGLE, TORQUE
+from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE
 from drivers.cia301 import I16, I32, REAL32, U16, U32, ObjectRef
 from drivers.cia401 import AnalogModuleConfig, torque_input
 from drivers.cia406 import CounterConfig
 from drivers.clock import VirtualClock
 from drivers.cyclic import CanRig, CanRigConfig
 from drivers.errors import DriverError
-from drivers.port import Command, Guard, Mode
+from drivers.port import Ask, Command, Guard, Mode, Reach, Request
 from drivers.rig_nodes import MotorEncoder
 from drivers.samples import CycleFlag, SampleBlock
 from tests.drivers.foreign_drive import ForeignCounter, ForeignDrive, ForeignInputs
@@ -203,3 +203,25 @@ def test_an_input_that_cannot_be_used_is_named(traits: Traits, words: str) -> No
         pytest.raises(DriverError, match=words),
     ):
         rig.open()
+
+
+@pytest.mark.parametrize("traits", [Traits(segmented=True), Traits(unsized=True, answer_ms=7.0)])
+def test_whoever_answers_in_his_own_way_is_asked_between_two_cycles(traits: Traits) -> None:
+    wire = Wire(VirtualClock())
+    drive = ForeignDrive(wire, traits)
+    ForeignCounter(wire, traits, step=3)
+    with rig_of(wire, CounterConfig(node_id=2)) as rig:
+        rig.open()
+        off(rig, 5)
+        drive.nmt = 0x7F
+        block = off(rig, 5)
+        assert rig.line is not None
+        assert rig.line.reach(STATUSWORD) is Reach.SDO
+        asked = [Request(Ask.READ, name) for name in (STATUSWORD, INPUT_ANGLE, OUTPUT_ANGLE)]
+        rig.line.hand([Request(Ask.SERVO_OFF, STATUSWORD), *asked])
+        off(rig, 60)
+        found = {answer.request: answer.count for answer in rig.line.answers()}
+        assert found[asked[0]] == 0x0250
+        assert found[asked[1]] == drive.position
+        assert found[asked[2]] is not None
+        assert not (block.flags & CycleFlag.STALE_OUTPUT).any()

@@ -154,6 +154,73 @@ def test_any_answer_is_bytes_or_a_driver_error(answers: list[bytes]) -> None:
         assert result is None or isinstance(result, bytes | str)
 
 
+@given(ANSWERS)
+@settings(max_examples=300, deadline=None)
+def test_any_answer_to_a_posted_transfer_ends_it_and_raises_nothing(answers: list[bytes]) -> None:
+    bus = PumpedBus(Babbler(answers), VirtualClock())
+    sdo = SdoClient(bus, 1)
+    for posted in (sdo.post_upload(0x1008, 0), sdo.post_download(0x1008, 0, b"0123456789")):
+        for now in range(0, 40_000_000_000, 350_000_000):
+            posted.turn(now)
+            bus.drain()
+        assert posted.is_over
+
+
+def posted_bus() -> tuple[ScriptedBus, PumpedBus, SdoClient]:
+    raw = ScriptedBus()
+    bus = PumpedBus(raw, VirtualClock())
+    return raw, bus, SdoClient(bus, 1)
+
+
+def test_a_posted_transfer_sends_one_frame_a_turn_and_never_waits() -> None:
+    raw, bus, sdo = posted_bus()
+    posted = sdo.post_upload(0x1008, 0)
+    assert raw.sent == []
+    answers = ("41 08 10 00 0A 00 00 00", "00 53 47 44 56 2D 4F 43", "19 42 30 31 00 00 00 00")
+    for number, answer in enumerate(answers, 1):
+        posted.turn(0)
+        posted.turn(0)
+        assert len(raw.sent) == number
+        raw.feed(0x581, bytes.fromhex(answer))
+        bus.drain()
+        assert len(raw.sent) == number
+    assert posted.is_over
+    assert posted.data == b"SGDV-OCB01"
+    assert bus.clock.monotonic_ns() == 0
+
+
+def test_a_posted_transfer_that_is_not_answered_is_given_up_by_the_clock() -> None:
+    raw, _, sdo = posted_bus()
+    posted = sdo.post_download(0x6040, 0, b"\2\0")
+    posted.turn(0)
+    posted.turn(300_000_000)
+    assert not posted.is_over
+    posted.turn(300_000_001)
+    assert posted.is_over
+    assert isinstance(posted.error, SdoTimeoutError)
+    assert [data[0] for _, data in raw.sent] == [0x2B, 0x80]
+
+
+def test_the_channel_has_one_owner_at_a_time() -> None:
+    raw, bus, sdo = posted_bus()
+    first = sdo.post_upload(0x6041, 0)
+    first.turn(0)
+    second = sdo.post_upload(0x6041, 0)
+    assert first.is_over
+    second.turn(0)
+    raw.feed(0x581, bytes.fromhex("4B 41 60 00 37 02 00 00"))
+    bus.drain()
+    assert (first.data, second.data) == (b"", b"\x37\x02")
+    third = sdo.post_upload(0x6041, 0)
+    third.turn(0)
+    with pytest.raises(SdoTimeoutError):
+        sdo.upload(0x1000, 0)
+    assert third.is_over
+    raw.feed(0x581, bytes.fromhex("4B 41 60 00 37 02 00 00"))
+    bus.drain()
+    assert third.data == b""
+
+
 @given(st.binary(max_size=10))
 def test_numbers_of_any_bytes(data: bytes) -> None:
     for kind in (U8, U16, U32, I32, REAL32):

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.errors import ConfigurationError
 
-__all__ = ["BACKENDS", "HARDWARE", "AssembledRig", "RigRequest", "make_port"]
-
+if TYPE_CHECKING:
+    # The names of the rigs are asked for where no rig is made: a list of runs needs no bus.
+    from rig.bench.backends.assembly import AssembledRig, RigRequest
 
 def make_port(name: str, request: RigRequest) -> AssembledRig:
     """The rig of this name. Raises `ConfigurationError` for one that does not exist, listing those that do."""

@@ -19,7 +19,8 @@ in front of simulated CANopen devices; `sim` is the direct rig. Hardware is refu
 - *made safe*: the stages that were taken. *stands*: whether the motor of the simulated rig really stood without power in the
   end; *verified*: whether the program could verify that by statusword and encoders, each of them by itself: a node that is
   silent says nothing against the others, a device whose process data stay away is asked by SDO, and a drive that hears no
-  process data is switched off by SDO. Statusword and input encoder must answer; an output encoder that does not is named.
+  process data is quick-stopped by SDO from the first cycle on and switched off by SDO once it stands. Statusword and input
+  encoder must answer; an output encoder that does not is named.
   Where nobody can be heard (the bus is gone) nothing can be verified by software: the drive stops by itself because the
   computer's heartbeat stays away (0x1016, 0x6007), and the run says STANDSTILL NOT VERIFIED as loudly as it can.
 - *file*: whether the run file, after `rig recover` where it was cut off, can be read and has its rows.

@@ -13,7 +13,7 @@ from drivers.port import Answer, Ask, Guard, Mode, Reach, Request
 from drivers.samples import CycleFlag, is_stale
 from experiments.steps.profile import Constant
 from experiments.steps.vocabulary import SegmentLabel
-from rig.run.direct_line import STOP
+from rig.run.direct_line import STOP, requests_for
 from rig.run.make_safe import STAGES, Action, MakeSafe, MakeSafeReport, Stage
 from rig.run.phases import Machine, Phase, PhaseRunner, Phases
 from tests.rig.fake_rig import INCOMPLETE, FakeRig
@@ -178,8 +178,10 @@ class Answers:
         step: int = 0,
         obeys: bool = True,
         reach: dict[str, Reach] | None = None,
+        rounds: float = math.inf,
     ) -> None:
         self.answering, self.step, self.obeys = answering, step, obeys
+        self.rounds = rounds
         self.reached = dict.fromkeys(answering, Reach.SDO) | (reach or {})
         self.asked: list[Request] = []
         self.told: list[Ask] = []
@@ -197,17 +199,19 @@ class Answers:
     def is_idle(self, channel: str) -> bool:
         return True
 
-    def withdraw(self) -> None:
+    def withdraw(self, channel: str) -> None:
         self.waiting = []
 
     def hand(self, requests: Sequence[Request]) -> None:
         self.asked += requests
+        self.rounds -= 1
         for request in requests:
             if request.ask is Ask.WAKE:
                 self.reached[request.channel] = Reach.SDO
             elif self.reached.get(request.channel) is Reach.SDO:
                 self.told += [request.ask] if request.ask in STOP.values() else []
             answers = request.channel in self.answering and request.ask is Ask.READ
+            answers = answers and self.rounds >= 0
             self.waiting.append(
                 Answer(request, self.rig.physics.cycle, self.count(request) if answers else None)
             )
@@ -293,6 +297,44 @@ def test_what_a_silent_drive_answers_is_not_believed_beyond_what_it_says(
     _, report, _ = made_safe(Action.QUICK_STOP, flagged(DRIVE_SILENT), line=line)
     assert not report.safe
     assert report.problem == problem
+
+
+@pytest.mark.parametrize("rounds", [1, 5, 11])
+def test_a_drive_that_falls_silent_half_way_proves_nothing(rounds: int) -> None:
+    """What it said before it fell silent is not what it does now."""
+    line = Answers("statusword", "input_angle", rounds=rounds)
+    _, report, _ = made_safe(Action.QUICK_STOP, flagged(DRIVE_SILENT), line=line)
+    assert not report.safe
+    assert report.silent == ("statusword", "input_angle")
+
+
+def test_a_stopped_drive_is_woken_before_it_is_told() -> None:
+    stopped = {"statusword": Reach.NMT_FIRST}
+    line = Answers("statusword", "input_angle", reach=stopped)
+    _, report, _ = made_safe(Action.QUICK_STOP, flagged(DRIVE_SILENT), line=line)
+    assert report.safe
+    assert [r.ask for r in line.asked[:2]] == [Ask.WAKE, Ask.QUICK_STOP]
+
+
+def test_what_is_asked_by_how_a_device_can_be_reached() -> None:
+    line = Answers("statusword", "input_angle").of(FakeRig())
+    line.rig.physics.flags = INCOMPLETE
+    table = {
+        Reach.PROCESS_DATA: [],
+        Reach.SDO: [Ask.QUICK_STOP, Ask.READ],
+        Reach.NMT_FIRST: [Ask.WAKE, Ask.QUICK_STOP, Ask.READ],
+    }
+    for reach, asks in table.items():
+        line.reached = dict.fromkeys(line.reached, reach)
+        found = [r.ask for r in requests_for(line, "statusword", Mode.QUICK_STOP)]
+        assert found == asks
+        # Only the drive is told anything, and nobody is ever told to turn.
+        others = [r.ask for r in requests_for(line, "input_angle", Mode.QUICK_STOP)]
+        assert others == [ask for ask in asks if ask is not Ask.QUICK_STOP]
+        for mode in (Mode.SPEED, Mode.TORQUE):
+            turning = requests_for(line, "statusword", mode, insists=True)
+            assert {r.ask for r in turning} <= {Ask.WAKE, Ask.READ}
+    assert Ask.SERVO_OFF in [r.ask for r in requests_for(line, "statusword", Mode.OFF)]
 
 
 def test_which_channels_of_a_cycle_are_old() -> None:

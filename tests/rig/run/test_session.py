@@ -14,7 +14,7 @@ from drivers.drive_state import DriveState
 from drivers.port import DriveLimits, Mode
 from experiments.errors import AnalysisError
 from experiments.recording import Event
-from experiments.steps.vocabulary import HoldTime, Ramp, SegmentLabel, Step
+from experiments.steps.vocabulary import FindIndex, HoldTime, Ramp, SegmentLabel, Step
 from rig.errors import RigError
 from rig.run.engine import CUT
 from rig.run.make_safe import Action
@@ -24,7 +24,7 @@ from rig.run.preflight import channel_checks, static_checks
 from rig.run.session import execute, output_sense
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import INCOMPLETE, FakeRig, ListRun, order_of, planned_of
 from tests.rig.run.test_engine import EVERYTHING
 
 SHORT: tuple[Step, ...] = (
@@ -91,6 +91,36 @@ def test_a_second_press_turns_the_ramp_into_a_quick_stop() -> None:
     assert report.make_safe is not None
     assert report.make_safe.action is Action.QUICK_STOP
     assert Mode.QUICK_STOP in {mode for mode, _ in rig.exchanged}
+    assert report.safe
+
+
+@pytest.mark.parametrize("outcome", ["ABORTED", "ERROR"])
+@pytest.mark.parametrize("block", [1, 20])
+def test_a_ramp_that_the_drive_does_not_hear_becomes_a_quick_stop(outcome: str, block: int) -> None:
+    """Whatever the ramp was begun for: a word of the operator, or a step that failed."""
+    stop, run, rig = StopRequest(), ListRun(), FakeRig()
+    steps = SHORT if outcome == "ABORTED" else (*SHORT[:1], FindIndex("output", 20.0, 0.3))
+
+    def ramps(step: str, text: str) -> None:
+        if step in ("STOP", "step-failed"):
+            at = rig.physics.cycle + 3
+            rig.script[at] = lambda _: setattr(rig.physics, "flags", INCOMPLETE)
+            rig.script[at + 60] = lambda _: setattr(rig.physics, "flags", 0)
+
+    if outcome == "ABORTED":
+        rig.script[450] = lambda _: stop.stop()
+    report = execute(
+        order_of(planned_of(*steps), rig, Path(), block),
+        lambda *_: run,
+        stop=stop,
+        on_event=lambda event: ramps(event.code, event.text),
+    )
+    assert report.make_safe is not None
+    assert report.make_safe.action is Action.QUICK_STOP
+    assert report.outcome == ("TRIPPED" if outcome == "ABORTED" else "ERROR")
+    assert report.trip is not None
+    assert report.trip.cause == "stale_data"
+    assert "stale_data" in report.message
     assert report.safe
 
 

@@ -60,8 +60,9 @@ def start(slave: Slave, now_ns: int = 0) -> None:
     slave.receive(0x000, bytes([0x01, slave.node_id]), now_ns)
 
 
-def sync(slave: Slave) -> None:
+def sync(slave: Slave, now_ns: int = 0) -> None:
     """What a SYNC does to a slave."""
+    slave.hear_sync(now_ns)
     slave.latch()
     slave.apply_synchronous()
     slave.send_synchronous()

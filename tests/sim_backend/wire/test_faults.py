@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from drivers import channel as names
+from drivers.clock import VirtualClock
 from drivers.drive_state import DriveState, drive_state
 from drivers.errors import BusLostError, DriverError, ReadbackError
 from drivers.port import Command, DriveLimits, Guard, Mode
 from drivers.samples import CycleFlag, SampleBlock
 from model.units import RPM
+from rig.bench.backends.simulated import wire_config as shipped_config
+from rig.bench.backends.simulated import wire_port
 from sim_backend.faults import Fault, Stall
-from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE
+from sim_backend.imperfections import individual_gear
+from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, WireBench
 from sim_backend.wire.faults import (
     DRILLS,
     ClockJump,
@@ -22,6 +27,7 @@ from sim_backend.wire.faults import (
     EncoderReversed,
     EncoderWrapped,
     HeartbeatLost,
+    ModeFromOutside,
     NodeReset,
     OutputSlips,
     QuickStopNotObeyed,
@@ -29,12 +35,15 @@ from sim_backend.wire.faults import (
     SafeTorqueOff,
     SdoAborted,
     SdoSilent,
+    SupervisedSyncLost,
     SyncLost,
     TpdoDoubled,
     TpdoLate,
     TpdoLost,
     TpdoShort,
 )
+from sim_backend.wire.slave import NmtState
+from tests.sim_backend.rigs import GEAR, MOTOR
 from tests.sim_backend.wire.rigs import WireRig, turn, wire_rig
 
 AT = 30
@@ -257,3 +266,79 @@ def test_bus_lost_and_hub_gone_are_told() -> None:
             with pytest.raises(BusLostError):
                 turn(made.port, 300.0, 100)
             assert made.bench.cycle <= AT + 1
+
+
+def test_the_drive_turns_on_what_was_written_by_sdo_and_needs_no_sync() -> None:
+    clock = VirtualClock()
+    bench = WireBench(individual_gear(GEAR, 3), MOTOR, None, 7, clock=clock)
+
+    def write(index: int, value: int, size: int) -> None:
+        head = bytes([0x23 | (4 - size) << 2]) + index.to_bytes(2, "little") + b"\0"
+        bench.send(0x601, head + value.to_bytes(4, "little"))
+
+    def pass_time(seconds: float) -> None:
+        for _ in range(round(seconds * 100)):
+            clock.advance_ns(10_000_000)
+            bench.elapse()
+
+    for index, value, size in (
+        (0x6060, 9, 1),
+        (0x60FF, 300_000, 4),
+        (0x6040, 6, 2),
+        (0x6040, 7, 2),
+        (0x6040, 15, 2),
+    ):
+        write(index, value, size)
+    began = bench.drive.dictionary.number(0x6064)
+    pass_time(0.5)
+    assert bench.plant.input_speed == pytest.approx(300.0 * RPM, rel=0.02)
+    # It has turned all the time but for the cycles before it was seen that there is no SYNC.
+    turned = bench.drive.dictionary.number(0x6064) - began
+    assert turned == pytest.approx(0.48 * 5 * 32768, rel=0.1)
+    write(0x60FF, 2**32 - 300_000, 4)
+    pass_time(0.5)
+    assert bench.plant.input_speed == pytest.approx(-300.0 * RPM, rel=0.02)
+    write(0x6040, 2, 2)
+    pass_time(0.2)
+    assert bench.drive.drive_state is DriveState.SWITCH_ON_DISABLED
+    assert abs(bench.plant.input_speed) < 0.01
+
+
+def test_a_supervised_sync_that_is_lost_stops_the_drive_by_its_own_reaction() -> None:
+    with wire_rig() as made:
+        made.port.write_limits(LIMITS)
+        turn(made.port, 300.0, AT)
+        made.bench.inject(SupervisedSyncLost(made.bench.cycle + 2))
+        block = turn(made.port, 300.0, 100)
+        assert block.broken is not None
+        assert block.broken.cause == "emcy"
+        assert len(block) <= 5
+        assert made.bench.drive.drive_state is DriveState.QUICK_STOP
+        assert made.bench.drive.state is NmtState.PRE_OPERATIONAL
+
+
+def test_the_mode_that_another_master_writes_is_seen() -> None:
+    clock = VirtualClock()
+    bench = WireBench(individual_gear(GEAR, 3), MOTOR, None, 7, clock=clock)
+    port = wire_port(bench, MOTOR, shipped_config(bench, MOTOR, has_guard=True))
+    port.open()
+    port.write_limits(LIMITS)
+    turn(port, 300.0, AT)
+    bench.inject(ModeFromOutside(bench.cycle + 4))
+    block = turn(port, 300.0, 100)
+    assert block.broken is not None
+    assert (block.broken.cause, block.broken.row) == ("drive_mode", 6)
+    (event,) = [event for event in port.events() if event.code == "drive-mode"]
+    assert "mode of operation 4 (0x6061)" in event.text
+    with pytest.raises(DriverError, match="no longer enabled"):
+        turn(port, 300.0, 10)
+    port.close()
+
+
+def test_no_frame_more_goes_for_the_mode_where_there_is_no_room() -> None:
+    bench = WireBench(individual_gear(GEAR, 3), MOTOR, None, 7, clock=VirtualClock())
+    config = shipped_config(bench, MOTOR)
+    port = wire_port(bench, MOTOR, replace(config, drive=replace(config.drive, latch_index=False)))
+    port.open()
+    assert [p.length for p in port.nodes.layout.pdos if p.node_id == DRIVE_NODE] == [8]
+    port.close()

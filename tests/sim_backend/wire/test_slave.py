@@ -7,7 +7,7 @@ import struct
 import pytest
 
 from sim_backend.wire.counter import Counter
-from sim_backend.wire.slave import NmtState
+from sim_backend.wire.slave import NmtState, Slave
 from tests.sim_backend.wire.slaves import MS, Sent, analog, ask, counter, drive, start, sync, write
 
 INVALID, NO_RTR = 0x80000000, 0x40000000
@@ -313,3 +313,56 @@ def test_the_sync_counter_overflow_changes_only_without_a_cycle_period() -> None
     assert write(slave, sent, 0x1019, 0, 10, 1) == 0x08000022
     assert write(slave, sent, 0x1006, 0, 0, 4) == 0
     assert write(slave, sent, 0x1019, 0, 10, 1) == 0
+
+
+LATE = bytes.fromhex("00 81 11 00 00 00 00 00")
+GONE_BY = bytes(8)
+
+
+def supervised(behaviour: int = 0) -> tuple[Slave, Sent]:
+    """A counter that is OPERATIONAL and supervises a SYNC of 1 ms, none of which it has heard yet."""
+    slave, sent = counter()
+    write(slave, sent, 0x1006, 0, 1000, 4)
+    write(slave, sent, 0x1029, 1, behaviour, 1)
+    start(slave)
+    sent.clear()
+    return slave, sent
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "state"),
+    [(0, NmtState.PRE_OPERATIONAL), (1, NmtState.OPERATIONAL), (2, NmtState.STOPPED)],
+)
+def test_a_supervised_sync_that_stays_away_is_an_error_of_the_communication(
+    behaviour: int, state: NmtState
+) -> None:
+    slave, sent = supervised(behaviour)
+    slave.tick(1000 * MS)
+    assert not sent, "no SYNC has been heard yet"
+    sync(slave, 1000 * MS)
+    assert slave.next_due_ns() == 1001 * MS + MS // 2
+    sent.clear()
+    slave.tick(1001 * MS)
+    assert not sent
+    slave.tick(1002 * MS)
+    assert sent.taken() == [(0x082, LATE)]
+    assert slave.state is state
+    slave.tick(2000 * MS)
+    assert not sent, "told once"
+
+
+def test_a_sync_that_comes_late_is_noticed_when_it_comes_and_ends_the_error() -> None:
+    slave, sent = supervised(behaviour=1)
+    sync(slave, 0)
+    sent.clear()
+    sync(slave, 2 * MS)
+    assert sent.taken()[:2] == [(0x082, LATE), (0x082, GONE_BY)]
+
+
+def test_without_a_period_no_sync_is_supervised() -> None:
+    slave, sent = supervised()
+    sync(slave, 0)
+    write(slave, sent, 0x1006, 0, 0, 4)
+    slave.tick(1000 * MS)
+    assert not sent.taken()
+    assert slave.state is NmtState.OPERATIONAL
