@@ -75,7 +75,8 @@ class Watch:
     torque_zero_absolute: float = 0.02
     torque_zero_share: float = 0.15
     torque_zero_windows: int = 2
-    creep_speed: float = 0.5
+    creep_speed: tuple[float, float] = (0.5, 5.0)
+    """rad/s at a commanded standstill: slower is rest, faster is the following error's."""
     creep_time: float = 0.3
     slip_window: float = 0.1
     slip_windows: int = 2

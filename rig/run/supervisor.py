@@ -35,12 +35,13 @@ from rig.bench.limits import Limits
 from rig.run.bounds import BoundMaker, Geometry, Watch
 from rig.run.index_review import NO_MARKS, IndexReview, IndexState
 from rig.run.margins import DIFFERENCE, FOLLOWING, MISSED, MarginWatch, Peaks
-from rig.run.motion_review import MotionReview, MotionState
 from rig.run.phases import Turn
+from rig.run.slip_review import SlipReview, SlipState
 from rig.run.thermometer_review import ThermometerState, stood
 from rig.run.torque_review import TorqueReview, TorqueState
 from rig.run.trips import (
     COUNT_JUMP,
+    CREEP,
     DEVICE_CAUSES,
     DISAGREEMENT,
     DRIVE_FAULT,
@@ -91,7 +92,8 @@ class WatchState:
     """Whether some cycle so far carried a stamp of the hardware or the device."""
     torque: TorqueState = field(default_factory=TorqueState)
     index: IndexState = NO_MARKS
-    motion: MotionState = field(default_factory=MotionState)
+    creep_run: int = 0
+    slip: SlipState = field(default_factory=SlipState)
     thermometer: ThermometerState = field(default_factory=ThermometerState)
     notes: tuple[tuple[str, str], ...] = ()
     """What the latest review saw that is worth an event: code and text."""
@@ -132,7 +134,7 @@ class Supervisor:
         self._margins = self._margin_watch(())
         self._torque_review = TorqueReview(self.watch, limits.value(lim.RMS_TORQUE), self._period)
         self._index_review = IndexReview(self.watch, self._channels, self._column)
-        self._motion_review = self._motion_review_from({})
+        self._slip_review = self._slip_review_from({})
 
     def begin(self, reference: NDArray[np.int64], rows: int = 0) -> None:
         """Take the position at standstill with the servo off (counts of all channels) as untwisted,
@@ -142,10 +144,10 @@ class Supervisor:
         self._always, self._enabled = self._maker.always(reference), self._maker.enabled()
         self._margins = self._margin_watch(self._always)
         counts = dict(zip(self._channels, reference.tolist(), strict=True))
-        self._motion_review = self._motion_review_from(counts)
+        self._slip_review = self._slip_review_from(counts)
 
-    def _motion_review_from(self, reference: Mapping[str, int]) -> MotionReview:
-        return MotionReview(
+    def _slip_review_from(self, reference: Mapping[str, int]) -> SlipReview:
+        return SlipReview(
             watch=self.watch,
             period=self._period,
             channels=self._channels,
@@ -381,7 +383,7 @@ class Supervisor:
                 tail_time=state.tail_time[:0],
                 tail_target=state.tail_target[:0],
                 following_run=0,
-                motion=replace(state.motion, creeping=0),
+                creep_run=0,
             ), []
         channel = self._channels[INPUT_ANGLE]
         angle = np.concatenate([state.tail_angle, block.counts[:, self._column[INPUT_ANGLE]]])
@@ -420,23 +422,28 @@ class Supervisor:
                 )
             )
         longest = max(longest, state.following_longest)
-        # Every sample of the window must be zero, not their mean alone.
-        stands = total[lag + 1 :] == total[1:-lag]
-        motion, crept = self._motion_review.creep(
-            state.motion,
-            measured[-new:],
-            np.where(stands, 0.0, math.inf)[-new:],
-            start + len(block) - new,
-        )
-        carried = replace(carried, following_run=run, following_longest=longest, motion=motion)
-        return carried, trips + crept
+        carried = replace(carried, following_run=run, following_longest=longest)
+        speed = np.where(wanted == 0.0, np.abs(measured), 0.0)[-new:]
+        return self._creep(carried, speed, trips, start + len(block) - new)
+
+    def _creep(
+        self, state: WatchState, speed: NDArray[np.float64], trips: list[Trip], start: int
+    ) -> tuple[WatchState, list[Trip]]:
+        """Speed (n,) [rad/s] where the set-point is zero, for longer than a drive that brakes is so slow."""
+        low, high = self.watch.creep_speed
+        patience = max(1, round(self.watch.creep_time / self._period))
+        at, run, _ = _first_run((speed > low) & (speed < high), state.creep_run, patience)
+        if at is not None:
+            found = Trip(CREEP, start + at, float(speed[at]) / RPM, low / RPM, "r/min")
+            trips = [found, *trips]
+        return replace(state, creep_run=run), trips
 
     def _slow(
         self, state: WatchState, block: SampleBlock, start: int
     ) -> tuple[WatchState, list[Trip]]:
         """What goes wrong slowly: slip between the encoders, a thermometer that does not move any more."""
-        motion, trips = self._motion_review.slip(state.motion, block, start)
-        state = replace(state, motion=motion)
+        slip, trips = self._slip_review.reviewed(state.slip, block, start)
+        state = replace(state, slip=slip)
         if HOUSING_TEMPERATURE in self._column:
             good = (block.flags & CycleFlag.INCOMPLETE) == 0
             counts = block.counts[good, self._column[HOUSING_TEMPERATURE]]

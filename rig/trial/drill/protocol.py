@@ -42,7 +42,7 @@ def plan(parameters: DrillParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
     yield s.ServoOff(0.1, s.SegmentLabel("zero-before"))
     yield s.Ramp(SPEED, ACCELERATION)
     # Long enough for two index marks of the input before and after the middle.
-    yield s.HoldTime(0.6, s.SegmentLabel("hold", SPEED, 1))
+    yield s.HoldTime(0.61, s.SegmentLabel("hold", SPEED, 1))
     yield s.Ramp(-SPEED, ACCELERATION, s.SegmentLabel("reversal"))
     yield s.HoldTime(0.15, s.SegmentLabel("hold", -SPEED, -1))
     yield s.Ramp(0.0, ACCELERATION)

@@ -1,7 +1,6 @@
-"""The motion's share of the review: creep at a commanded standstill, and slip between input and output.
+"""The slip's share of the review: input and output that have gone apart by less than the guard sees, and stay so.
 
-Both are too small for the guard, and both last: creep is a speed that does not fall while the
-set-point is zero; slip is twist, against the position at the start, that neither the torque nor the
+Slip is twist, against the position at the start and over a window, that neither the torque nor the
 kinematic error of a gear `SLIP_ROOM` times worse than its catalogue nor the encoders account for.
 """
 
@@ -16,9 +15,9 @@ from numpy.typing import NDArray
 
 from drivers.channel import DRIVE_TORQUE, INPUT_ANGLE, OUTPUT_ANGLE, TORQUE, Channel
 from drivers.samples import CycleFlag, SampleBlock
-from model.units import ARCMIN, RPM
+from model.units import ARCMIN
 from rig.run.bounds import Geometry, Watch
-from rig.run.trips import CREEP, SLIP, Trip
+from rig.run.trips import SLIP, Trip
 
 FloatArray = NDArray[np.float64]
 
@@ -26,26 +25,22 @@ SLIP_ROOM = 3.0
 """Times its kinematic error that a gear may twist without slipping: a bad gear is measured, not tripped."""
 SOFTEST = 0.5
 """Share of its stiffest torsion spring that a gear has at small torques (K1 over K3 of the catalogues)."""
-FALL = 0.8
-"""A drive that brakes is below this share of its speed within the creep's time; one that creeps is not."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionState:
-    """What is carried from block to block: cycles of creep and the speed they began with [rad/s]; the slip's window
-    (cycles, sums of twist and torque), and its windows beyond the limit in a row.
+@dataclass(frozen=True)
+class SlipState:
+    """What is carried from block to block: the window (cycles, sums of twist [rad] and torque [N m]), and windows
+    beyond the limit in a row.
     """
 
-    creeping: int = 0
-    creep_speed: float = 0.0
     rows: int = 0
     sums: tuple[float, float] = (0.0, 0.0)
     windows: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class MotionReview:
-    """Reviews the motion of one rig; `reference` are the counts at the untwisted start, by channel."""
+class SlipReview:
+    """Reviews the twist of one rig; `reference` are the counts at the untwisted start, by channel."""
 
     watch: Watch
     period: float
@@ -54,32 +49,9 @@ class MotionReview:
     geometry: Geometry | None
     reference: Mapping[str, int]
 
-    def creep(
-        self, state: MotionState, speed: FloatArray, wanted: FloatArray, start: int
-    ) -> tuple[MotionState, list[Trip]]:
-        """Creep: speed [rad/s] over a window that ends in each cycle (n,), where its mean set-point is 0."""
-        slow = np.abs(speed)
-        raised = (wanted == 0.0) & (slow > self.watch.creep_speed)
-        patience = max(1, round(self.watch.creep_time / self.period))
-        run, first = state.creeping, state.creep_speed
-        if not raised.any():
-            return replace(state, creeping=0), []
-        for row in range(len(slow)):
-            if not raised[row]:
-                run = 0
-                continue
-            if not run or slow[row] < FALL * first:
-                run, first = 0, float(slow[row])
-            run += 1
-            if run == patience:
-                value, limit = float(slow[row]) / RPM, self.watch.creep_speed / RPM
-                trip = Trip(CREEP, start + row, value, limit, "r/min")
-                return replace(state, creeping=run, creep_speed=first), [trip]
-        return replace(state, creeping=run, creep_speed=first), []
-
-    def slip(
-        self, state: MotionState, block: SampleBlock, start: int
-    ) -> tuple[MotionState, list[Trip]]:
+    def reviewed(
+        self, state: SlipState, block: SampleBlock, start: int
+    ) -> tuple[SlipState, list[Trip]]:
         """Mean twist over a window of complete cycles against what torque, gear and encoders account for."""
         geometry, torque = self.geometry, TORQUE if TORQUE in self.column else DRIVE_TORQUE
         if geometry is None or torque not in self.column or not self.reference:
