@@ -211,15 +211,46 @@ class CountJump(SignalFault):
 
 
 @dataclass(frozen=True)
-class StuckEncoder(SignalFault):
-    """An encoder that stands still while the shaft turns; nothing says so."""
+class CountsLost(SignalFault):
+    """An encoder loses (-) or invents (+) `counts` at once; its index latch follows at the next mark."""
 
     channel: str = names.OUTPUT_ANGLE
+    counts: int = 20
+
+    def corrupt(self, sensed: Sensed) -> None:
+        rows = sensed.rows(self.at_cycle, self.end)
+        if rows.start >= rows.stop:
+            return
+        sensed.counts[rows, sensed.column[self.channel]] += self.counts
+        latch = names.INPUT_INDEX if self.channel == names.INPUT_ANGLE else names.OUTPUT_INDEX
+        latched = sensed.counts[rows, sensed.column[latch]]
+        before = sensed.held(rows, latch)
+        passed = np.flatnonzero(latched != before)
+        # What stood in the latch before it was lost stays there until the next mark.
+        follows = (
+            latched[0] + self.counts == before and sensed.first_cycle + rows.start > self.at_cycle
+        )
+        start = 0 if follows else int(passed[0]) if len(passed) else len(latched)
+        latched[start:] += self.counts
+
+
+@dataclass(frozen=True)
+class ChannelFrozen(SignalFault):
+    """A device that sends one value of a channel again and again; nothing says so."""
+
+    channel: str = names.TORQUE
 
     def corrupt(self, sensed: Sensed) -> None:
         rows = sensed.rows(self.at_cycle, self.end)
         if rows.start < rows.stop:
             sensed.counts[rows, sensed.column[self.channel]] = sensed.held(rows, self.channel)
+
+
+@dataclass(frozen=True)
+class StuckEncoder(ChannelFrozen):
+    """An encoder that stands still while the shaft turns; nothing says so."""
+
+    channel: str = names.OUTPUT_ANGLE
 
 
 @dataclass(frozen=True)
@@ -271,6 +302,31 @@ class TorquePortOpen(SignalFault):
         hum = np.rint(self.amplitude * np.sin(2.0 * math.pi * cycle / self.period)).astype(np.int64)
         sensed.counts[rows, sensed.column[names.TORQUE]] = hum
         sensed.flags[rows] |= np.uint16(CycleFlag.SATURATED)
+
+
+@dataclass(frozen=True)
+class TorqueZeroDrifts(SignalFault):
+    """The torque port's zero runs away by `counts_per_cycle` of its converter: 0.1 mN m at 0.5."""
+
+    counts_per_cycle: float = 0.5
+
+    def corrupt(self, sensed: Sensed) -> None:
+        rows = sensed.rows(self.at_cycle, self.end)
+        cycles = sensed.first_cycle + np.arange(rows.start, rows.stop) - self.at_cycle + 1
+        port = sensed.counts[rows, sensed.column[names.TORQUE]]
+        port += np.rint(self.counts_per_cycle * cycles).astype(np.int64)
+        np.clip(port, -ADC_FULL_SCALE, ADC_FULL_SCALE, out=port)
+
+
+@dataclass(frozen=True)
+class ThermometerOpen(SignalFault):
+    """The housing's thermometer has lost its sensor: it reads `counts` of 0.01 degC."""
+
+    counts: int = -4000
+
+    def corrupt(self, sensed: Sensed) -> None:
+        rows = sensed.rows(self.at_cycle, self.end)
+        sensed.counts[rows, sensed.column[names.HOUSING_TEMPERATURE]] = self.counts
 
 
 @dataclass(frozen=True)

@@ -67,6 +67,24 @@ class Watch:
     index_lost_counts: int = 20
     """Counts too many or lost at an index mark, at `index_marks` of them in a row, that are a trip."""
     index_marks: int = 2
+    torque_still_time: float = 0.25
+    torque_settling: float = 0.05
+    """How long the drive's torque must have changed before the port, filtered and averaged, must have followed."""
+    torque_still_share: float = 0.05
+    """Share of the rated torque by which the drive's torque must change for a port that stands still to be frozen."""
+    torque_zero_absolute: float = 0.02
+    torque_zero_share: float = 0.15
+    torque_zero_windows: int = 2
+    creep_speed: tuple[float, float] = (0.5, 5.0)
+    """rad/s at a commanded standstill: slower is rest, faster is the following error's."""
+    creep_time: float = 0.3
+    slip_window: float = 0.1
+    slip_windows: int = 2
+    still_time: float = 5.0
+    """Least time for which a thermometer that trembled must stand on one count to be told of."""
+    coldest: float = -20.0
+    hottest: float = 150.0
+    """degC between which a housing can be; anything else is the sensor's fault."""
     thermal_time: float = 30.0
     smallest_free_space: int = 100_000_000
 
@@ -116,6 +134,7 @@ class BoundMaker:
                 Bound(
                     cause=OVER_TEMPERATURE,
                     weights=weights,
+                    low=self.watch.coldest,
                     high=high,
                     offset=channel.offset,
                     consecutive=10,

@@ -10,7 +10,7 @@ own limits, and below those the hardwired stop.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from drivers.channel import (
     DRIVE_TORQUE,
+    HOUSING_TEMPERATURE,
     INPUT_ANGLE,
     OUTPUT_ANGLE,
     STATUSWORD,
@@ -35,9 +36,12 @@ from rig.run.bounds import BoundMaker, Geometry, Watch
 from rig.run.index_review import NO_MARKS, IndexReview, IndexState
 from rig.run.margins import DIFFERENCE, FOLLOWING, MISSED, MarginWatch, Peaks
 from rig.run.phases import Turn
+from rig.run.slip_review import SlipReview, SlipState
+from rig.run.thermometer_review import ThermometerState, stood
 from rig.run.torque_review import TorqueReview, TorqueState
 from rig.run.trips import (
     COUNT_JUMP,
+    CREEP,
     DEVICE_CAUSES,
     DISAGREEMENT,
     DRIVE_FAULT,
@@ -50,6 +54,7 @@ from rig.run.trips import (
     OVER_TEMPERATURE,
     OVER_TORQUE,
     SIGNAL_ERROR,
+    THERMOMETER,
     TIME_BASE,
     TORQUE_PORT,
     TORSION_TORQUE,
@@ -87,6 +92,9 @@ class WatchState:
     """Whether some cycle so far carried a stamp of the hardware or the device."""
     torque: TorqueState = field(default_factory=TorqueState)
     index: IndexState = NO_MARKS
+    creep_run: int = 0
+    slip: SlipState = field(default_factory=SlipState)
+    thermometer: ThermometerState = field(default_factory=ThermometerState)
     notes: tuple[tuple[str, str], ...] = ()
     """What the latest review saw that is worth an event: code and text."""
     peaks: Peaks = field(default_factory=Peaks)
@@ -126,6 +134,7 @@ class Supervisor:
         self._margins = self._margin_watch(())
         self._torque_review = TorqueReview(self.watch, limits.value(lim.RMS_TORQUE), self._period)
         self._index_review = IndexReview(self.watch, self._channels, self._column)
+        self._slip_review = self._slip_review_from({})
 
     def begin(self, reference: NDArray[np.int64], rows: int = 0) -> None:
         """Take the position at standstill with the servo off (counts of all channels) as untwisted,
@@ -134,6 +143,18 @@ class Supervisor:
         self.state = replace(self.state, rows=rows)
         self._always, self._enabled = self._maker.always(reference), self._maker.enabled()
         self._margins = self._margin_watch(self._always)
+        counts = dict(zip(self._channels, reference.tolist(), strict=True))
+        self._slip_review = self._slip_review_from(counts)
+
+    def _slip_review_from(self, reference: Mapping[str, int]) -> SlipReview:
+        return SlipReview(
+            watch=self.watch,
+            period=self._period,
+            channels=self._channels,
+            column=self._column,
+            geometry=self._geometry,
+            reference=reference,
+        )
 
     def _margin_watch(self, bounds: tuple[Bound, ...]) -> MarginWatch:
         return MarginWatch(
@@ -187,6 +208,8 @@ class Supervisor:
         state, new = self._following(state, block, turn, start)
         trips += new
         state, new = self._torques(state, block, start)
+        trips += new
+        state, new = self._slow(state, block, start)
         trips += new
         index, new, notes = self._index_review.reviewed(state.index, block, start)
         state, trips = replace(state, index=index, notes=(*state.notes, *notes)), trips + new
@@ -247,6 +270,11 @@ class Supervisor:
                     DISAGREEMENT, row, twist, math.copysign(allowed, twist), "arcmin", detail
                 )
         unit, factor = units.get(broken.cause, ("", 1.0))
+        if broken.cause == OVER_TEMPERATURE and not (
+            self.watch.coldest <= broken.value <= self.watch.hottest
+        ):
+            limit = self.watch.coldest if broken.value < 0.0 else self.watch.hottest
+            return Trip(THERMOMETER, row, broken.value, limit, unit)
         if broken.cause not in TRIPS:
             return Trip(broken.cause, row, math.nan, math.nan)
         return Trip(broken.cause, row, broken.value / factor, broken.limit / factor, unit)
@@ -355,6 +383,7 @@ class Supervisor:
                 tail_time=state.tail_time[:0],
                 tail_target=state.tail_target[:0],
                 following_run=0,
+                creep_run=0,
             ), []
         channel = self._channels[INPUT_ANGLE]
         angle = np.concatenate([state.tail_angle, block.counts[:, self._column[INPUT_ANGLE]]])
@@ -393,7 +422,34 @@ class Supervisor:
                 )
             )
         longest = max(longest, state.following_longest)
-        return replace(carried, following_run=run, following_longest=longest), trips
+        carried = replace(carried, following_run=run, following_longest=longest)
+        speed = np.where(wanted == 0.0, np.abs(measured), 0.0)[-new:]
+        return self._creep(carried, speed, trips, start + len(block) - new)
+
+    def _creep(
+        self, state: WatchState, speed: NDArray[np.float64], trips: list[Trip], start: int
+    ) -> tuple[WatchState, list[Trip]]:
+        """Speed (n,) [rad/s] where the set-point is zero, for longer than a drive that brakes is so slow."""
+        low, high = self.watch.creep_speed
+        patience = max(1, round(self.watch.creep_time / self._period))
+        at, run, _ = _first_run((speed > low) & (speed < high), state.creep_run, patience)
+        if at is not None:
+            found = Trip(CREEP, start + at, float(speed[at]) / RPM, low / RPM, "r/min")
+            trips = [found, *trips]
+        return replace(state, creep_run=run), trips
+
+    def _slow(
+        self, state: WatchState, block: SampleBlock, start: int
+    ) -> tuple[WatchState, list[Trip]]:
+        """What goes wrong slowly: slip between the encoders, a thermometer that does not move any more."""
+        slip, trips = self._slip_review.reviewed(state.slip, block, start)
+        state = replace(state, slip=slip)
+        if HOUSING_TEMPERATURE in self._column:
+            good = (block.flags & CycleFlag.INCOMPLETE) == 0
+            counts = block.counts[good, self._column[HOUSING_TEMPERATURE]]
+            thermometer, notes = stood(state.thermometer, counts, self.watch, self._period)
+            state = replace(state, thermometer=thermometer, notes=(*state.notes, *notes))
+        return state, trips
 
     @property
     def _following_patience(self) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.run.bounds import Watch
-from rig.run.trips import OVERLOAD, TORQUE_DISAGREEMENT, Trip
+from rig.run.trips import OVERLOAD, TORQUE_DISAGREEMENT, TORQUE_FROZEN, TORQUE_ZERO, Trip
 
 FloatArray = NDArray[np.float64]
 
@@ -63,6 +63,19 @@ class Agreement:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Still:
+    """A stretch of complete cycles in which the torque port stood on one value: which, for how many cycles, the least
+    and the largest torque by the drive meanwhile, and for how many cycles they have been too far apart.
+    """
+
+    value: float = math.nan
+    cycles: int = 0
+    low: float = math.inf
+    high: float = -math.inf
+    changed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
 class TorqueState:
     """What is carried from block to block: the i2t integral (1 is the rating) and its largest, and
     an open window of the
@@ -76,6 +89,9 @@ class TorqueState:
     sums: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     share: float = 0.0
     windows: int = 0
+    zero: float | None = None
+    apart: int = 0
+    still: Still = field(default_factory=Still)
     agreement: Agreement = field(default_factory=Agreement)
 
 
@@ -121,6 +137,7 @@ class TorqueReview:
         """Port against drive (n,), r.m.s. over a window (an open line hums about zero): first an event, then a trip."""
         if not len(port):
             return state, [], ()
+        state, trips = self._frozen(state, port, drive, start)
         state = replace(state, agreement=state.agreement.after(port, drive))
         rows = state.rows + len(port)
         terms = (
@@ -131,28 +148,81 @@ class TorqueReview:
         )
         sums = tuple(before + more for before, more in zip(state.sums, terms, strict=True))
         if rows * self.period < self.watch.torque_difference_window:
-            return replace(state, rows=rows, sums=sums), [], ()
+            return replace(state, rows=rows, sums=sums), trips, ()
         difference, reference = math.sqrt(sums[0] / rows), math.sqrt(sums[1] / rows)
         allowed = self.watch.torque_offset + self.watch.torque_difference * reference
         state = replace(state, rows=0, sums=(0.0, 0.0, 0.0, 0.0), share=difference / allowed)
-        if difference <= allowed:
-            return replace(state, windows=0), [], ()
-        state = replace(state, windows=state.windows + 1)
         detail = f"port {sums[2] / rows:.4g} N m, drive {sums[3] / rows:.4g} N m on average"
+        row = start + len(port) - 1
+        state, drifted = self._moved_apart(state, sums[2] / rows, sums[3] / rows, row)
+        if difference <= allowed:
+            return replace(state, windows=0), trips + drifted, ()
+        state = replace(state, windows=state.windows + 1)
         text = f"torque port and drive differ by {difference:.4g} N m r.m.s., allowed {allowed:.4g} N m ({detail})"
-        trips = []
         if state.windows >= self.watch.torque_difference_windows:
             trips.append(
                 Trip(
                     TORQUE_DISAGREEMENT,
-                    start + len(port) - 1,
+                    row,
                     difference,
                     allowed,
                     "N m r.m.s.",
                     detail,
                 )
             )
-        return state, trips, (("torque-disagreement", text),)
+        return state, trips + drifted, (("torque-disagreement", text),)
+
+    def _moved_apart(
+        self, state: TorqueState, port: float, drive: float, row: int
+    ) -> tuple[TorqueState, list[Trip]]:
+        """Mean of the port over a window less that of the drive, against the first window of the run: its zero."""
+        if state.zero is None:
+            return replace(state, zero=port - drive), []
+        moved = port - drive - state.zero
+        allowed = self.watch.torque_zero_absolute + self.watch.torque_zero_share * abs(drive)
+        state = replace(state, apart=state.apart + 1 if abs(moved) > allowed else 0)
+        if state.apart < self.watch.torque_zero_windows:
+            return state, []
+        detail = f"port {port:.4g} N m, drive {drive:.4g} N m on average"
+        limit = math.copysign(allowed, moved)
+        return state, [Trip(TORQUE_ZERO, row, moved, limit, "N m", detail)]
+
+    def _frozen(
+        self, state: TorqueState, port: FloatArray, drive: FloatArray, start: int
+    ) -> tuple[TorqueState, list[Trip]]:
+        """A port on one count while the drive's torque (n,) changes: converters have steps, but not such ones."""
+        change = self.watch.torque_still_share * self.rating
+        least, settled = (
+            max(1, round(seconds / self.period))
+            for seconds in (self.watch.torque_still_time, self.watch.torque_settling)
+        )
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(port)) + 1, [len(port)]])
+        lengths, still = np.diff(edges), state.still
+        if port[0] != still.value:
+            still = Still()
+        lengths[0] += still.cycles
+        trips: list[Trip] = []
+        # Only a stretch that is long enough, and the last one, which may become so.
+        for i in np.union1d(np.flatnonzero(lengths >= least), [len(lengths) - 1]).tolist():
+            before = still if i == 0 else Still()
+            part = drive[edges[i] : edges[i + 1]]
+            lows = np.minimum(np.minimum.accumulate(part), before.low)
+            highs = np.maximum(np.maximum.accumulate(part), before.high)
+            changed = before.changed + np.cumsum(highs - lows > change)
+            cycles = before.cycles + np.arange(1, len(part) + 1)
+            raised = np.flatnonzero((changed >= settled) & (cycles >= least))
+            if len(raised) and not trips:
+                row = int(raised[0])
+                found, unit = float(highs[row] - lows[row]), "N m by the drive"
+                trips.append(Trip(TORQUE_FROZEN, start + int(edges[i]) + row, found, change, unit))
+            last = Still(
+                value=float(port[-1]),
+                cycles=len(part) + before.cycles,
+                low=float(lows[-1]),
+                high=float(highs[-1]),
+                changed=int(changed[-1]),
+            )
+        return replace(state, still=last), trips
 
 
 def heat_integral(before: float, load: FloatArray, step: float) -> FloatArray:

@@ -25,6 +25,11 @@ COUNT_JUMP = "count_jump"
 LOST_COUNTS = "lost_counts"
 TORQUE_PORT = "torque_port"
 TORQUE_DISAGREEMENT = "torque_disagreement"
+TORQUE_FROZEN = "torque_frozen"
+TORQUE_ZERO = "torque_zero"
+SLIP = "slip"
+CREEP = "creep"
+THERMOMETER = "thermometer"
 TIME_BASE = "time_base"
 BUS_LOST = "bus_lost"
 DEVICE_ERROR = "device_error"
@@ -165,6 +170,31 @@ TRIPS: dict[str, TripRule] = {
         "torque port and drive disagree about the torque",
         Action.QUICK_STOP,
         "Check volts per rated torque, the gain of the monitor and the cable.",
+    ),
+    TORQUE_FROZEN: TripRule(
+        "the torque port stands on one count while the drive's torque changes",
+        Action.QUICK_STOP,
+        "Check the monitor's cable and the analogue module: it sends one value again and again.",
+    ),
+    TORQUE_ZERO: TripRule(
+        "torque port and drive have moved apart since the run began",
+        Action.QUICK_STOP,
+        "The port's zero drifts: check its cable, shield and supply, let the module warm up, take a new zero.",
+    ),
+    SLIP: TripRule(
+        "input and output have slipped: they stand twisted with no torque that would do it",
+        Action.QUICK_STOP,
+        "Check couplings, clamping screws and both encoders' lines; the angles before and after do not fit together.",
+    ),
+    CREEP: TripRule(
+        "the input creeps while it is commanded to stand",
+        Action.QUICK_STOP,
+        "Check the drive's speed offset and where it takes its set-point from.",
+    ),
+    THERMOMETER: TripRule(
+        "the thermometer of the gear housing reads what cannot be",
+        Action.QUICK_STOP,
+        "Check the sensor and its line: without it nobody sees the housing's heat.",
     ),
     TIME_BASE: TripRule(
         "the time stamps do not follow the SYNC period",

@@ -18,7 +18,9 @@ from drivers import channel as names
 from drivers.samples import CycleFlag
 from sim_backend.faults import (
     BusLost,
+    ChannelFrozen,
     CountJump,
+    CountsLost,
     DriveFault,
     Fault,
     MarkedCycles,
@@ -28,8 +30,10 @@ from sim_backend.faults import (
     SignalFault,
     Stall,
     StuckEncoder,
+    ThermometerOpen,
     TorquePortOpen,
     TorquePortSaturated,
+    TorqueZeroDrifts,
 )
 from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, SYNC, WireBench
 from sim_backend.wire.dictionary import Abort
@@ -480,5 +484,12 @@ DRILLS: Mapping[str, Callable[[int], Fault]] = {
     "NMT STOPPED from outside": lambda at: NmtFromOutside(at, ((0, 0x02),)),
     "mode changed from outside": ModeFromOutside,
     "supervised SYNC lost": SupervisedSyncLost,
+    "torque port frozen": ChannelFrozen,
+    "torque port's zero drifts": TorqueZeroDrifts,
+    "output encoder slips": CountsLost,
+    "input encoder slips": lambda at: CountsLost(at, channel=names.INPUT_ANGLE, counts=-30),
+    "creep": lambda at: RunAway(at, speed=3.04),
+    "thermometer open": ThermometerOpen,
+    "thermometer frozen": lambda at: ChannelFrozen(at, channel=names.HOUSING_TEMPERATURE),
 }
 """One of every fault that the rig is drilled with: its name, and what makes it begin at a cycle."""

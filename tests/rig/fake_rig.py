@@ -53,6 +53,7 @@ class Physics:
     flags: int = 0
     temperature: float = 25.0
     drive_torque_gain: float = 1.0
+    port_tremble: int = 0
     index_input: int = 0
     index_output: int = 0
     index_seen: int = 0
@@ -214,7 +215,7 @@ class FakeRig:
         return [
             math.floor(p.angle / REVOLUTION * 32768),
             math.floor(output / REVOLUTION * 72000),
-            round(torque / 1e-4),
+            round(torque / 1e-4) + p.port_tremble * (p.cycle % 2),
             round(p.drive_torque_gain * torque / 6.37e-4),
             round(target * 1e4) if mode is Mode.SPEED else 0,
             STATUSWORD_OF[p.state],

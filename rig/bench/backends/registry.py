@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     # The names of the rigs are asked for where no rig is made: a list of runs needs no bus.
     from rig.bench.backends.assembly import AssembledRig, RigRequest
 
+
 def make_port(name: str, request: RigRequest) -> AssembledRig:
     """The rig of this name. Raises `ConfigurationError` for one that does not exist, listing those that do."""
     if name.startswith(REPLAY):

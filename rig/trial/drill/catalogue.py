@@ -593,8 +593,62 @@ _BUS = (
     ),
 )
 
+_SLOW_LIES = (
+    Drill(
+        name="torque port frozen",
+        what="the monitor sends one value again and again",
+        cause=trips.TORQUE_FROZEN,
+        fault=plain.ChannelFrozen,
+        carriers=("wire", "sim"),
+    ),
+    Drill(
+        name="torque port's zero drifts",
+        what="the monitor's zero runs away by 0.1 mN m per cycle",
+        cause=trips.TORQUE_ZERO,
+        fault=plain.TorqueZeroDrifts,
+        carriers=("wire", "sim"),
+    ),
+    Drill(
+        name="slip, output",
+        what="the output slips once by 20 counts",
+        cause=trips.SLIP,
+        fault=plain.CountsLost,
+        carriers=("wire", "sim"),
+    ),
+    Drill(
+        name="slip, input",
+        what="the input encoder loses 30 counts",
+        cause=trips.LOST_COUNTS,
+        fault=lambda at: plain.CountsLost(at, channel=names.INPUT_ANGLE, counts=-30),
+        carriers=("wire", "sim"),
+    ),
+    Drill(
+        name="creep",
+        what="the drive turns at 29 r/min while it is commanded to stand",
+        cause=trips.CREEP,
+        fault=lambda at: plain.RunAway(at, speed=3.04, cycles=400),
+        carriers=("wire", "sim"),
+        moment="stand",
+    ),
+    Drill(
+        name="thermometer open",
+        what="the housing's thermometer reads -40 degC",
+        cause=trips.THERMOMETER,
+        fault=plain.ThermometerOpen,
+        carriers=("wire", "sim"),
+    ),
+)
+
 DRILLS: Mapping[str, Drill] = {
     drill.name: drill
-    for drill in (*_DEVICES, *_FRAMES, *_SIGNALS, *_LINES_AND_DISK, *_OPERATOR, *_BUS)
+    for drill in (
+        *_DEVICES,
+        *_FRAMES,
+        *_SIGNALS,
+        *_LINES_AND_DISK,
+        *_OPERATOR,
+        *_BUS,
+        *_SLOW_LIES,
+    )
 }
 """Every drill by name, in the order of the table."""

@@ -1,4 +1,4 @@
-"""The run in which a fault happens: every state that a run can be in, in under two seconds, and an
+"""The run in which a fault happens: every state that a run can be in, in three seconds, and an
 analysis that judges.
 
 The analysis asks what a lost, doubled or invented count would spoil: whether the output has turned
@@ -41,11 +41,13 @@ def plan(parameters: DrillParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
     """Servo off, forward, reverse, standstill with the servo on, a torque that moves nothing, servo off."""
     yield s.ServoOff(0.1, s.SegmentLabel("zero-before"))
     yield s.Ramp(SPEED, ACCELERATION)
-    yield s.HoldTime(0.3, s.SegmentLabel("hold", SPEED, 1))
+    # Long enough for two index marks of the input before and after the middle.
+    yield s.HoldTime(0.61, s.SegmentLabel("hold", SPEED, 1))
     yield s.Ramp(-SPEED, ACCELERATION, s.SegmentLabel("reversal"))
     yield s.HoldTime(0.15, s.SegmentLabel("hold", -SPEED, -1))
     yield s.Ramp(0.0, ACCELERATION)
-    yield s.HoldTime(0.08, s.SegmentLabel("stand"))
+    # Long enough for a creep that begins in the middle to be told from a drive that brakes.
+    yield s.HoldTime(0.9, s.SegmentLabel("stand"))
     yield s.TorqueRamp(0.2, 0.02, 0.05, s.SegmentLabel("torque-ramp"))
     yield s.ServoOff(0.08, s.SegmentLabel("zero-after"))
 

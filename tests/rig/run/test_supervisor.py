@@ -79,7 +79,8 @@ def jump_clock(rig: FakeRig) -> None:
 
 
 def mask_torque(rig: FakeRig) -> None:
-    rig.physics.drive_torque_gain = 4.0
+    # A port that stood on one count meanwhile would be frozen, not wrong.
+    rig.physics.drive_torque_gain, rig.physics.port_tremble = 4.0, 1
 
 
 CASES: list[tuple[str, FakeRig, int]] = [
