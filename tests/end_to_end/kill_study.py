@@ -45,8 +45,7 @@ from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run
 from rig.runfile.verify import verify_run
-from rig.runfile.write import RunWriter
-from tests.rig.paced import paced_rig
+from tests.rig.paced import flushes_told, paced_rig
 
 AT_ONCE = 3
 """Runs that are alive at the same time, each with a folder of its own."""
@@ -118,12 +117,6 @@ def run_here(folder: Path, pipe: int) -> None:
         port.exchange = stopped
         return assembled
 
-    flush = RunWriter.flush
-
-    def told_flush(writer: RunWriter) -> None:
-        flush(writer)
-        tell(f"flushed {writer.rows}")
-
     request = RunRequest(
         protocol="warm-up",
         gear=shipped_gear(),
@@ -134,7 +127,7 @@ def run_here(folder: Path, pipe: int) -> None:
         gear_serial="SN-1",
         block_cycles=20,
     )
-    with patch.object(RunWriter, "flush", told_flush), patch.dict(BACKENDS, paced=rig):
+    with flushes_told(tell), patch.dict(BACKENDS, paced=rig):
         run_request(request, stop=stop, judged=False)
 
 
