@@ -42,7 +42,7 @@ from rig.errors import RigError
 from rig.run.latch import CUT_OFF, TripLatch
 from rig.run.start import RunRequest, run_request
 from rig.run.stop import StopRequest
-from rig.runfile.read import close_recording, open_run
+from rig.runfile.read import FileSource, close_recording, open_run
 from rig.runfile.recover import recover_run
 from rig.runfile.verify import verify_run
 from tests.rig.paced import flushes_told, paced_rig
@@ -167,6 +167,7 @@ def counts_in(path: Path) -> NDArray[Any]:
     """All stored counts of a run (rows, channels)."""
     recording = open_run(path, verify=True)
     try:
+        assert isinstance(recording.source, FileSource)
         return np.stack([recording.stored(c.name) for c in recording.source.columns], axis=1)
     finally:
         close_recording(recording)

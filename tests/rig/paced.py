@@ -70,7 +70,11 @@ def flushes_told(tell: Callable[[str], None]) -> Iterator[None]:
 
 def _teller() -> Callable[[str], None]:
     descriptor = int(os.environ[VARIABLE])
-    return lambda line: os.write(descriptor, f"{line}\n".encode()) and None
+
+    def tell(line: str) -> None:
+        os.write(descriptor, f"{line}\n".encode())
+
+    return tell
 
 
 @dataclass
