@@ -309,19 +309,32 @@ def recover(
     ],
     json: JsonFlag = False,
 ) -> None:
-    """Turn what a dead writer left behind into runs with outcome INTERRUPTED; says how many rows, and what was cut."""
+    """Turn what a dead writer left behind into runs with outcome INTERRUPTED; says how many rows, and what was cut.
+
+    A header without rows is taken away.
+    """
     from rig.runfile.recover import recover_run
 
     recovered = [recover_run(path) for path in part]
     if json:
         paths = [
-            {"run": str(r.path), "rows": r.rows, "outcome": r.outcome, "notes": r.notes}
+            {
+                "run": str(r.path),
+                "rows": r.rows,
+                "outcome": r.outcome,
+                "notes": r.notes,
+                "removed": r.is_removed,
+            }
             for r in recovered
         ]
         print_json({"recovered": paths})
         return
     for run in recovered:
-        echo(f"{run.rows} rows recovered into {run.path}, outcome {run.outcome or '-'}")
+        echo(
+            f"{run.path} was taken away:"
+            if run.is_removed
+            else f"{run.rows} rows recovered into {run.path}, outcome {run.outcome or '-'}"
+        )
         for note in run.notes:
             echo(f"  {note}")
 

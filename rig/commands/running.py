@@ -309,7 +309,7 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
             request,
             planned,
             stop=stop,
-            ask=_at_terminal(),
+            ask=at_terminal(),
             on_progress=on_progress,
             on_event=on_event,
         )
@@ -338,7 +338,7 @@ def _run_for_a_program(
             request,
             planned,
             stop=stop,
-            ask=remote.ask if stdin_control else _at_terminal(),
+            ask=remote.ask if stdin_control else at_terminal(),
             on_progress=remote.on_progress,
             on_event=remote.on_event,
         )
@@ -346,7 +346,7 @@ def _run_for_a_program(
     return report
 
 
-def _at_terminal() -> Ask:
+def at_terminal() -> Ask:
     """Puts prompts to whoever sits at the terminal; without one the run goes on and says so.
 
     It does not wait for the answer: the rig is held meanwhile, and STOP is heard.

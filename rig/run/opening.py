@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -46,37 +48,40 @@ def begin_inline_run(
 
     Raises `RunFileError`.
     """
-    place = claimed(order, start_time)
-    writer = RunWriter(
-        place.path, header_of(order, description, place.run_id, epoch_ns, start_time)
-    )
-    return BegunRun(place.run_id, writer, InlineRecorder(writer))
+    with claimed(order, start_time) as place:
+        header = header_of(order, description, place.run_id, epoch_ns, start_time)
+        writer = RunWriter(place.path, header)
+        return BegunRun(place.run_id, writer, InlineRecorder(writer))
 
 
 def begin_threaded_run(
     order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
 ) -> BegunRun:
     """As `begin_inline_run`, for a rig in real time: the disk never makes the loop late. Raises `RunFileError`."""
-    place = claimed(order, start_time)
-    # Rows come a few at a time and each flush is short: chunks are compressed when the run is sealed.
-    writer = RunWriter(
-        place.path,
-        header_of(order, description, place.run_id, epoch_ns, start_time),
-        compress=False,
-    )
-    return BegunRun(place.run_id, writer, ThreadedRecorder(writer, 1e9 / order.port.cycle_ns))
+    with claimed(order, start_time) as place:
+        header = header_of(order, description, place.run_id, epoch_ns, start_time)
+        # Rows come a few at a time and each flush is short: chunks are compressed when the run is sealed.
+        writer = RunWriter(place.path, header, compress=False)
+        return BegunRun(place.run_id, writer, ThreadedRecorder(writer, 1e9 / order.port.cycle_ns))
 
 
-def claimed(order: RunOrder, start_time: str) -> RunPlace:
+@contextlib.contextmanager
+def claimed(order: RunOrder, start_time: str) -> Iterator[RunPlace]:
     """The next number in the order's folder, marked as running before there is a file.
 
-    Raises `RigError`; nothing has moved.
+    Raises `RigError`; nothing has moved, and no marker is left.
     """
     protocol = order.planned.experiment.name
     place = claim_run(order.output, protocol, order.gear_serial)
-    if order.marker is not None:
-        order.marker.leave(place.run_id, protocol, start_time, part_path(place.path))
-    return place
+    if order.marker is None:
+        yield place
+        return
+    order.marker.leave(place.run_id, protocol, start_time, part_path(place.path))
+    try:
+        yield place
+    except BaseException:
+        order.marker.remove()
+        raise
 
 
 def header_of(

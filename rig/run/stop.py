@@ -87,7 +87,7 @@ def pressed_by_signals(stop: StopRequest) -> Iterator[None]:
         if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
             before[number] = signal.signal(number, handler)
     over = threading.Event()
-    console = console_windows.aborted_by_console(stop, over.wait) if os.name == "nt" else None
+    console = console_windows.aborted_by_console(stop, over.wait) if on_windows() else None
     try:
         with console or contextlib.nullcontext():
             yield
@@ -103,11 +103,16 @@ WORDS = {
 }
 
 
+def on_windows() -> bool:
+    """Whether this is Windows, where consoles end without a signal and cannot be asked whether they take text."""
+    return os.name == "nt"
+
+
 def _say(text: str) -> None:
     """Something on standard error, from within a signal handler: it must neither raise nor wait for a reader.
 
     Past Python's own stream, which cannot be entered twice.
     """
     with contextlib.suppress(OSError, ValueError):
-        if os.name == "nt" or select.select([], [2], [], 0.0)[1]:
+        if on_windows() or select.select([], [2], [], 0.0)[1]:
             os.write(2, text.encode())

@@ -25,22 +25,29 @@ from rig.runfile.seal import final_path, protect, refuse_live, seal_file
 
 SLAB_ROWS = 8192
 COPY_SUFFIX = ".sealing"
+UNFINISHED_HEADER = b"\x89HDF\r\n\x1a\n\x03\x08\x08\x01"
+"""How a file begins whose header is not complete: signature, version, sizes, and the mark of its writer."""
 
 
 @dataclass(frozen=True)
 class Recovered:
-    """What became of a dead `.part` file: the run, its rows, and whatever had to be cut, in words."""
+    """What became of a dead `.part` file: the run, its rows, and whatever had to be cut, in words.
+
+    `is_removed`: it held no row and was taken away; `path` is where it was.
+    """
 
     path: Path
     rows: int
     outcome: str
     notes: tuple[str, ...] = ()
+    is_removed: bool = False
 
 
 def recover_run(part: Path) -> Recovered:
     """Make a run of a `.part` file that nobody writes any more; the `.part` goes only when the run is sealed.
 
-    A file that was complete and only not yet sealed keeps its outcome; every other one becomes INTERRUPTED.
+    A file that was complete and only not yet sealed keeps its outcome; every other one becomes
+    INTERRUPTED. A header without rows is taken away.
     """
     if not part.name.endswith(layout.PART_SUFFIX):
         raise RunFileError(
@@ -50,6 +57,8 @@ def recover_run(part: Path) -> Recovered:
             remedy="A sealed run needs no recovery: see `rig verify`.",
         )
     refuse_live(part)
+    if _has_no_header(part):
+        return _removed(part, "its header was never completed, so no row was recorded")
     return _copy_and_seal(part, final_path(part))
 
 
@@ -79,12 +88,39 @@ def _copy_and_seal(part: Path, final: Path) -> Recovered:
         ):
             check_format(source)
             rows, outcome, notes = _copy(source, copy)
+            is_bare = not rows and outcome == "INTERRUPTED"
+        if is_bare:
+            copy.unlink()
+            return _removed(
+                part, "a header without rows: it was cut off before anything was recorded"
+            )
         seal_file(copy, final)
     except BaseException:
         copy.unlink(missing_ok=True)
         raise
     part.unlink()
     return Recovered(final, rows, outcome, tuple(notes))
+
+
+def _has_no_header(part: Path) -> bool:
+    """Whether the writer died before it had written its header: no row was ever taken then.
+
+    The library keeps the mark of a writer in the superblock until rows may be appended (SWMR).
+    """
+    with refusing_damage(part), part.open("rb") as stream:
+        start = stream.read(len(UNFINISHED_HEADER))
+    return not start or start == UNFINISHED_HEADER
+
+
+def _removed(part: Path, why: str) -> Recovered:
+    size = part.stat().st_size
+    try:
+        part.unlink()
+    except OSError as error:
+        raise RunFileError(
+            f"cannot be taken away: {error.strerror or error}", where=str(part), value=why
+        ) from error
+    return Recovered(part, 0, "", (f"{why} ({size} bytes)",), is_removed=True)
 
 
 def _finish_sealing(part: Path, final: Path) -> Recovered:

@@ -1,7 +1,8 @@
 """`rig` as a process of its own with one more rig, `paced`: the simulated one at the speed of the wall clock.
 
 What the plant really does is told on a pipe of its own (the descriptor in the environment), one
-line each: `moving` once its input turns, `stands` once it has come to rest.
+line each: `moving` once its input turns, `stands` once it has come to rest; and `flushed N`, the rows
+that a flush has brought to the system.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from drivers.clock import WallClock
 from drivers.samples import SampleBlock
 from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.backends.registry import BACKENDS
 from rig.bench.backends.simulated import seeds_of
+from rig.runfile.write import RunWriter
 from sim_backend.direct import SimulatedRig
 
 VARIABLE = "RIG_TELLS_ON"
@@ -52,9 +55,26 @@ def paced_rig(request: RigRequest, tell: Callable[[str], None]) -> AssembledRig:
     return AssembledRig(name="sim", port=port, clock=clock)
 
 
+@contextmanager
+def flushes_told(tell: Callable[[str], None]) -> Iterator[None]:
+    """`tell` hears how many rows each flush has brought to the system."""
+    flush = RunWriter.flush
+
+    def told_flush(writer: RunWriter) -> None:
+        flush(writer)
+        tell(f"flushed {writer.rows}")
+
+    with patch.object(RunWriter, "flush", told_flush):
+        yield
+
+
 def _teller() -> Callable[[str], None]:
     descriptor = int(os.environ[VARIABLE])
-    return lambda line: os.write(descriptor, f"{line}\n".encode()) and None
+
+    def tell(line: str) -> None:
+        os.write(descriptor, f"{line}\n".encode())
+
+    return tell
 
 
 @dataclass
@@ -67,9 +87,9 @@ class PacedProcess:
     _rest: bytes = b""
 
     def until(self, line: str, times: int = 1) -> None:
-        """Wait for a line of the plant, or of as many plants."""
+        """Wait for a line that begins so, or for as many."""
         end = time.monotonic() + DEADLINE
-        while self.heard.count(line) < times:
+        while sum(heard.startswith(line) for heard in self.heard) < times:
             ready = select.select([self.pipe], [], [], max(end - time.monotonic(), 0.0))[0]
             assert ready, f"{line} was not told within {DEADLINE:g} s, only {self.heard}"
             data = os.read(self.pipe, 4096)
@@ -123,4 +143,5 @@ if __name__ == "__main__":
     BACKENDS["paced"] = lambda request: paced_rig(request, teller)
     if sys.argv[1].startswith("--times="):
         at_once(int(sys.argv.pop(1).removeprefix("--times=")))
-    run()
+    with flushes_told(teller):
+        run()

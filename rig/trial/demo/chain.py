@@ -89,8 +89,9 @@ class _Local:
 
 
 def _process(*arguments: Any) -> None:
-    """A child process: the parent decides what Ctrl-C means."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """A child process: the parent decides what Ctrl-C or a closed terminal means."""
+    for number in _sent_to_all():
+        signal.signal(number, signal.SIG_IGN)
     work(*arguments)
 
 
@@ -231,7 +232,10 @@ def _one_thread_each() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _ctrl_c(shared: Any) -> Iterator[None]:
-    """Ctrl-C presses STOP, then ABORT, in every process. Only the main thread can ask for that."""
+    """Ctrl-C presses STOP, then ABORT, in every process; so do a closed terminal and a termination request.
+
+    Only the main thread can ask for that. What is to be ignored (`nohup`) stays ignored.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -239,11 +243,20 @@ def _ctrl_c(shared: Any) -> Iterator[None]:
     def press(number: int, frame: object) -> None:
         shared.value = min(shared.value + 1, 2)
 
-    before = signal.signal(signal.SIGINT, press)
+    numbers = (*_sent_to_all(), signal.SIGTERM)
+    heard = [n for n in numbers if signal.getsignal(n) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, press) for number in heard}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)
+
+
+def _sent_to_all() -> list[int]:
+    """The signals that a terminal sends to every process in it, where the system has them."""
+    names = ("SIGINT", "SIGQUIT", "SIGHUP")
+    return [getattr(signal, name) for name in names if hasattr(signal, name)]
 
 
 def _collect(

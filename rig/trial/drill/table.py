@@ -32,8 +32,9 @@ Made by `rig drill --markdown docs/drills.md`.
 LIMITS = """
 ## After a trip
 
-The first cause is latched in the folder of the runs (`.tripped.json`) and outlives the program. The next `rig run` there is
-refused before the rig is connected, until somebody has acknowledged it by name: `rig acknowledge --operator NAME --output DIR`.
+The first cause is latched to the bench (`.tripped.json`; of a simulated rig in the folder of its runs) and outlives the program.
+The next `rig run` on it is refused before the rig is connected, until somebody has acknowledged it by name: `rig acknowledge
+--operator NAME --output DIR`, on hardware and on a hub `--config rig.toml` in the place of `--output`.
 Who it was and what was found stays in `acknowledged-trips.jsonl`. Nothing starts again by itself.
 
 ## What this does not show

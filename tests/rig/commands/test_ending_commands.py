@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,10 +15,12 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.recording import Recording
+from experiments.steps.vocabulary import Prompt
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig import exits
 from rig.commands.ordering import request_of
+from rig.commands.running import NOBODY, at_terminal
 from rig.errors import RunFileError
 from rig.main import app
 from rig.run.latch import CUT_OFF, HISTORY_NAME, LatchedTripError, TripLatch
@@ -30,6 +33,9 @@ from rig.window.prepare.latch import trip_in_words
 from rig.window.prepare.request import RigChoice, latch_checks
 from tests.rig.paced import DEADLINE, LONG, PacedProcess, paced_process
 
+fcntl = pytest.importorskip("fcntl", reason="terminals of POSIX")
+pty = pytest.importorskip("pty", reason="terminals of POSIX")
+termios = pytest.importorskip("termios", reason="terminals of POSIX")
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and terminals of POSIX")
 
 
@@ -100,10 +106,6 @@ def test_a_terminal_that_hangs_up_twice_is_still_one_ramp(tmp_path: Path) -> Non
 
 
 def test_a_terminal_closed_in_motion_costs_neither_ramp_nor_file(tmp_path: Path) -> None:
-    import fcntl
-    import pty
-    import termios
-
     def take_terminal() -> None:
         fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 
@@ -144,10 +146,28 @@ def test_a_signal_that_was_to_be_ignored_stays_ignored(tmp_path: Path) -> None:
     assert_stopped_by_a_ramp(tmp_path)
 
 
+def test_a_prompt_at_the_terminal_holds_the_rig_and_not_the_process(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ours, theirs = pty.openpty()
+    prompt = Prompt("Is the disc mounted?", "disc")
+    with os.fdopen(theirs) as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        ask = at_terminal()
+        assert ask(prompt) is None
+        assert ask(prompt) is None
+        os.write(ours, b"yes\n")
+        assert ask(prompt) == "yes"
+        assert capsys.readouterr().err.count(prompt.text) == 1
+        os.close(ours)
+        assert ask(Prompt("And the guard?", "guard")) == NOBODY
+
+
 def test_a_run_killed_in_motion_latches_the_folder_until_somebody_acknowledges(
     tmp_path: Path,
 ) -> None:
     with moving_run(tmp_path, "--gear", "SN-1") as paced:
+        paced.until("flushed")
         (part,) = tmp_path.glob("*.part")
         live = TripLatch(tmp_path)
         live.refuse()

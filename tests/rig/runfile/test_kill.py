@@ -7,15 +7,18 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
 from rig.errors import RunFileError
+from rig.runfile import layout, write
 from rig.runfile.read import close_recording, follow, open_run
 from rig.runfile.recover import recover_run
 from rig.runfile.verify import verify_run
-from tests.rig.runfile.making import CHANNELS, CYCLE_NS, EPOCH_NS, counts_of
+from tests.rig.runfile.making import CHANNELS, CYCLE_NS, EPOCH_NS, counts_of, header
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="SIGKILL")
 ROOT = Path(__file__).parents[3]
@@ -75,7 +78,6 @@ def check_rows(path: Path, at_least: int) -> int:
 
 
 MOMENTS = [
-    "f",
     "af",
     "aaaaf",
     "agafaaag",
@@ -137,8 +139,55 @@ def test_a_growing_run_is_read_by_another_process_and_not_recovered(tmp_path: Pa
     assert recover_run(part).rows == more + 37
 
 
-def test_killed_before_the_first_row(tmp_path: Path) -> None:
-    Writer(tmp_path, compress=True).kill()
-    recovered = recover_run(tmp_path / "00001-friction-A1.h5.part")
-    assert recovered.rows == 0
-    assert open_run(recovered.path).metadata.gear_serial == "A1"
+@pytest.mark.parametrize("letters", ["", "f"])
+def test_a_header_without_rows_is_taken_away_and_named(tmp_path: Path, letters: str) -> None:
+    writer = Writer(tmp_path, compress=True)
+    writer.tell(letters)
+    writer.kill()
+    part = tmp_path / "00001-friction-A1.h5.part"
+    gone = recover_run(part)
+    assert (gone.path, gone.rows, gone.is_removed) == (part, 0, True)
+    assert "header without rows" in gone.notes[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("left", [0, 48, 70_000])
+def test_a_header_that_was_never_completed_is_taken_away_and_named(
+    tmp_path: Path, left: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What stands on the disk while the header is written: nothing, a superblock, most of it."""
+    snapshots: list[bytes] = []
+    part = tmp_path / "00001-friction-A1.h5.part"
+
+    def first_look(*arguments: Any) -> None:
+        snapshots.append(part.read_bytes())
+        write_header(*arguments)
+
+    def second_look(file: h5py.File) -> tuple[h5py.Dataset, h5py.Dataset]:
+        tables = create_tables(file)
+        file.flush()
+        snapshots.append(part.read_bytes())
+        return tables
+
+    write_header, create_tables = write.write_header, layout.create_tables
+    monkeypatch.setattr(write, "write_header", first_look)
+    monkeypatch.setattr(layout, "create_tables", second_look)
+    write.RunWriter(tmp_path / "00001-friction-A1.h5", header()).abandon()
+    begun, nearly = snapshots
+    part.write_bytes(begun[:left] if left <= len(begun) else nearly[:left])
+    gone = recover_run(part)
+    assert (gone.path, gone.is_removed) == (part, True)
+    assert "never completed" in gone.notes[0]
+    assert f"({left} bytes)" in gone.notes[0]
+    assert not part.exists()
+
+
+def test_a_run_that_was_cut_short_by_a_copy_is_left_where_it_is(tmp_path: Path) -> None:
+    writer = Writer(tmp_path, compress=True)
+    writer.tell("af")
+    writer.kill()
+    part = tmp_path / "00001-friction-A1.h5.part"
+    part.write_bytes(part.read_bytes()[:48])
+    with pytest.raises(RunFileError):
+        recover_run(part)
+    assert part.exists()

@@ -109,9 +109,9 @@ def test_recovery_refuses_what_it_cannot_do(tmp_path: Path) -> None:
         recover_run(write_run(tmp_path))
     with pytest.raises(RunFileError, match="no such file"):
         recover_run(tmp_path / "nothing.h5.part")
-    (tmp_path / "empty.h5.part").touch()
-    with pytest.raises(RunFileError, match="is empty"):
-        recover_run(tmp_path / "empty.h5.part")
+    (tmp_path / "text.h5.part").write_text("no run")
+    with pytest.raises(RunFileError, match="is not an HDF5 file"):
+        recover_run(tmp_path / "text.h5.part")
     (tmp_path / "00007-x-y.h5").write_text("another")
     with pytest.raises(RunFileError, match="of this name already"):
         recover_run(part)
