@@ -1,6 +1,7 @@
 """Fuzzing in numbers: `python -m tests.benchmarks.fuzz_study --decoders 100000 --readers 1000 --seed 1`.
 
-`--only NAME` takes those whose names contain it. Prints one line for each decoder and each reader, and every input that raised something else than our own errors.
+`--only NAME` takes those whose names contain it. Prints one line for each decoder and each reader, and the
+inputs that raised something else than our own errors.
 """
 
 from __future__ import annotations
