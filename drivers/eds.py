@@ -1,5 +1,7 @@
 """Vendors' EDS and DCF files (CiA 306): what a device says that it has. Tolerant of their defects, which it lists.
 
+The canopen library reads them too, and first: `drivers.device_file`. It refuses what is read here.
+
 A file is read line by line and never refused for a single wrong entry: an empty `VendorNumber`, a
 comment count that does not match, an empty `PDOMapping`, sub-objects without their object, foreign
 encodings. What could not be understood stands in `DeviceDescription.defects`; only a file in which
@@ -100,8 +102,8 @@ class DeviceDescription:
         return self.entries.get((index, subindex))
 
 
-def load_eds(path: str | Path, node_id: int | None = None) -> DeviceDescription:
-    """The description in a file. Raises `DriverError` when it cannot be read or describes nothing."""
+def file_bytes(path: str | Path) -> bytes:
+    """The bytes of an EDS or DCF file. Raises `DriverError` when it cannot be read or is none."""
     try:
         if Path(path).exists() and not Path(path).is_file() and not Path(path).is_dir():
             # A pipe or a device could be waited for without end.
@@ -112,10 +114,14 @@ def load_eds(path: str | Path, node_id: int | None = None) -> DeviceDescription:
                 where=str(path),
                 limit=f"at most {_LONGEST_FILE >> 20} MiB",
             )
-        data = Path(path).read_bytes()
+        return Path(path).read_bytes()
     except (OSError, ValueError) as error:
         raise DriverError(f"the EDS file cannot be read: {error}", where=str(path)) from error
-    return parse_eds(data, node_id, where=str(path))
+
+
+def load_eds(path: str | Path, node_id: int | None = None) -> DeviceDescription:
+    """The description in a file by this reader alone; `drivers.device_file` asks the canopen library as well."""
+    return parse_eds(file_bytes(path), node_id, where=str(path))
 
 
 def parse_eds(
@@ -123,7 +129,7 @@ def parse_eds(
 ) -> DeviceDescription:
     """The description in the bytes of a file; `node_id` is what `$NODEID` stands for. Raises `DecodeError`."""
     defects: list[str] = []
-    sections = _sections(data if isinstance(data, str) else _text(data, defects), defects)
+    sections = _sections(data if isinstance(data, str) else text_of(data, defects), defects)
     if node_id is None:
         # The standard spells it with one m, not every tool does.
         commissioning = (
@@ -182,7 +188,7 @@ def parse_eds(
     )
 
 
-def _text(data: bytes, defects: list[str]) -> str:
+def text_of(data: bytes, defects: list[str]) -> str:
     """Bytes as text: by the byte order mark, else UTF-8, else what Windows editors write."""
     for mark, encoding in (
         (b"\xef\xbb\xbf", "utf-8"),

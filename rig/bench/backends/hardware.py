@@ -17,7 +17,7 @@ from drivers.cia402_tables import OperationMode
 from drivers.cia406 import CounterConfig
 from drivers.clock import WallClock
 from drivers.cyclic import CanRig, CanRigConfig
-from drivers.eds import load_eds
+from drivers.device_file import load_device_file
 from drivers.errors import DriverError
 from drivers.nd287 import ReadoutConfig
 from drivers.rig_nodes import GuardContact, MotorEncoder
@@ -126,7 +126,7 @@ def _node(
     values = node.settings()
     name = values.pop("eds")
     try:
-        values["description"] = load_eds(folder / name, node.node_id) if name else None
+        values["description"] = load_device_file(folder / name, node.node_id) if name else None
     except DriverError as error:
         raise ConfigurationError(
             f"the EDS cannot be used: {error}", where=f"node {node.node_id}", value=name
