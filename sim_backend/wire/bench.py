@@ -292,7 +292,7 @@ class WireBench:
     @property
     def is_lost(self) -> bool:
         """Whether nobody can send or receive any more."""
-        return self.is_gone or bool(self._active(BusLost))
+        return self.is_gone or (bool(self._faults) and bool(self._active(BusLost)))
 
     def note_refusal(self) -> None:
         """A client has found the bus gone."""
@@ -304,7 +304,7 @@ class WireBench:
 
     def _unless_stalled(self, frame: Frame) -> Sequence[Frame]:
         """Nothing arrives anywhere while everything stalls, though the computer's adapter goes on."""
-        stalls = self._active(Stall)
+        stalls = self._active(Stall) if self._faults else []
         for fault in stalls:
             fault.effects.frames += 1
         return () if stalls else (frame,)

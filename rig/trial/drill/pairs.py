@@ -21,7 +21,13 @@ from rig.trial.drill.suite import stage
 APART = 400
 """Cycles within which the second fault follows the first: the time in which a rig is made safe."""
 
-Verdict = Literal["safe", "safe, nobody can be heard", "SAFE AND NOT SAID", "UNSAFE"]
+Verdict = Literal[
+    "safe",
+    "safe, nobody can be heard",
+    "safe later, rightly not verified",
+    "SAFE AND NOT SAID",
+    "UNSAFE",
+]
 """By the truth of the plant and the word of the program."""
 
 
@@ -49,13 +55,19 @@ class PairRow:
             return "UNSAFE"
         if self.ending.verified:
             return "safe"
-        unheard = any(drill.is_unheard for drill in self.pair.drills)
-        return "safe, nobody can be heard" if unheard else "SAFE AND NOT SAID"
+        if any(drill.is_unheard for drill in self.pair.drills):
+            return "safe, nobody can be heard"
+        # What was still turning when it was given up has come to rest since: the word was true.
+        return (
+            "safe later, rightly not verified"
+            if self.ending.rightly_denied
+            else "SAFE AND NOT SAID"
+        )
 
     @property
     def passed(self) -> bool:
-        """Whether it is safe, and said so wherever anybody can be heard."""
-        return self.verdict in ("safe", "safe, nobody can be heard")
+        """Whether it is safe, and the program's word is true wherever anybody can be heard."""
+        return self.verdict not in ("SAFE AND NOT SAID", "UNSAFE")
 
     def sentence(self) -> str:
         """Which pair it was, and how it ended."""

@@ -137,6 +137,8 @@ class DrilledRig:
     bench: WireBench | None = None
     rows: int = 0
     exchanges: int = 0
+    moving_row: int = 0
+    """The last row at whose end the motor turned or had power, in truth."""
     is_prepared: bool = False
 
     @property
@@ -215,6 +217,7 @@ class DrilledRig:
                 happening.begin(self.stop, self.bench, ahead, onset)
         block = self.port.exchange(command, cycles, guard)
         self.rows += len(block)
+        self.moving_row = self.moving_row if self.stands else self.rows
         return block
 
 

@@ -128,6 +128,10 @@ class Ending:
     cycles: int = 0
     verified: bool = False
     """Whether the program has verified standstill."""
+    rightly_denied: bool = False
+    """Whether the motor did turn or had power within the window before the program said that
+    standstill is not verified.
+    """
     ended_early: bool = False
     """Whether something ended the run before its plan did."""
 
@@ -175,6 +179,7 @@ class Staged:
     reacted_ns: int | None = None
     said_safe: bool = False
     stood_when_said: bool = True
+    rightly_denied: bool = False
 
     def run(self) -> Ending:
         """Run it, look at the truth and at the file."""
@@ -221,6 +226,7 @@ class Staged:
                 evidence=tuple(facts),
                 causes=(message.partition(":")[0],),
                 verified=self.said_safe,
+                rightly_denied=self.rightly_denied,
             )
         return self._ending(report, rig, happenings, safe, tuple(facts), reading)
 
@@ -249,6 +255,7 @@ class Staged:
             file_readable=readable,
             cycles=self._cycles(report, rig, happenings, marks),
             verified=report.safe,
+            rightly_denied=self.rightly_denied,
             ended_early=self.reacted_ns is not None,
         )
 
@@ -269,6 +276,9 @@ class Staged:
         if event.code == "made-safe":
             # The word is held against the truth at the instant at which it is given.
             self.said_safe, self.stood_when_said = True, rig.stands
+        elif event.code == "make-safe-failed":
+            window = round(PATIENCE.window * 1e9 / rig.cycle_ns)
+            self.rightly_denied = rig.rows - rig.moving_row < window + BLOCK_CYCLES
         if self.reacted_ns is None and event.source == "session":
             self.reacted_ns = rig.clock.monotonic_ns()
             disk.release()

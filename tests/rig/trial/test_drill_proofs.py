@@ -203,6 +203,11 @@ def pair() -> PairRow:
         ({"safe": True, "verified": True}, True, "safe"),
         ({"safe": True, "verified": False}, True, "SAFE AND NOT SAID"),
         ({"safe": True, "verified": False}, False, "safe, nobody can be heard"),
+        (
+            {"safe": True, "verified": False, "rightly_denied": True},
+            True,
+            "safe later, rightly not verified",
+        ),
         ({"safe": False, "verified": True}, True, "UNSAFE"),
         ({"safe": False, "verified": False}, False, "UNSAFE"),
     ],
