@@ -14,7 +14,9 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import h5py
-from h5py import h5a, h5d, h5g, h5l, h5o, h5s, h5z
+
+# The library's own calls are compiled and have no types.
+from h5py import h5a, h5d, h5g, h5l, h5o, h5s, h5z  # pyright: ignore[reportAttributeAccessIssue]
 
 from rig.errors import RunFileError
 from rig.runfile.layout import DATA, MAXIMUM_TEXT, TIME

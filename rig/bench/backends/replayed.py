@@ -14,7 +14,8 @@ from rig.errors import ConfigurationError
 
 def replayed(path: Path) -> AssembledRig:
     """A run recorded in counts, played back. Raises `ConfigurationError` for one that holds no counts."""
-    from rig.runfile.read import FileSource, open_run
+    from rig.runfile.read import open_run
+    from rig.runfile.source import FileSource
     from sim_backend.replay import ReplayRig
 
     recording = open_run(path)
