@@ -17,7 +17,7 @@ from typing import Any
 from experiments.recording import Recording, RunMetadata
 from model.identify.estimate import COVERAGE_FACTOR, Cause, Ground
 from rig.analysis.store import Analysis
-from rig.runfile.read import FileSource
+from rig.runfile.source import FileSource
 
 Grounds = Mapping[Ground, str]
 """What a result rests on: a text that tells one such thing from another ("" unknown)."""

@@ -24,7 +24,8 @@ from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, g
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.wording import show
 from rig.runfile.header import read_header
-from rig.runfile.read import FileSource, close_recording, open_run
+from rig.runfile.read import close_recording, open_run
+from rig.runfile.source import FileSource
 
 GROUPS = (
     "run",

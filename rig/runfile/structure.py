@@ -14,13 +14,15 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import h5py
-from h5py import h5a, h5d, h5g, h5l, h5o, h5s, h5z
+
+# The library's own calls are compiled and have no types.
+from h5py import h5a, h5d, h5g, h5l, h5o, h5s, h5z  # pyright: ignore[reportAttributeAccessIssue]
 
 from rig.errors import RunFileError
 from rig.runfile.layout import DATA, MAXIMUM_TEXT, TIME
 
 MOST_OBJECTS: Final = 20_000
-"""Groups and datasets of a file; a channel takes 21 of them."""
+"""Groups and datasets of a file; a channel takes 18 of them."""
 DEEPEST: Final = 5
 """Names in a path: /entry/instrument/NAME/calibration/scale."""
 MOST_ATTRIBUTES: Final = 64
@@ -154,6 +156,17 @@ def refuse_foreign_structure(file: h5py.File, *, grows: bool, leave_out: str = "
             place = f"{path}/{name.decode()}".lstrip("/")
             if place != leave_out:
                 _check_member(walk, group, name, place)
+
+
+def refuse_foreign_storage(dataset: h5py.Dataset, file_size: int) -> None:
+    """Raise `RunFileError` for an array of another program's file that lies elsewhere, or is larger
+    than anything that gzip can pack into the file [bytes].
+    """
+    path = str(dataset.name)
+    if dataset.is_virtual or dataset.external:
+        _refuse("lies in other files or datasets", path)
+    if dataset.nbytes > LARGEST_RATIO * file_size:
+        _refuse("is larger than anything in its file", path, f"{dataset.nbytes} bytes", file_size)
 
 
 def _check_member(walk: _Walk, group: Any, name: bytes, path: str) -> None:

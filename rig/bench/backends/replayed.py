@@ -26,7 +26,8 @@ def replayed(path: Path, request: RigRequest) -> AssembledRig:
 
     Raises `ConfigurationError` for a run that holds no counts, and for one that was recorded otherwise.
     """
-    from rig.runfile.read import FileSource, open_run
+    from rig.runfile.read import open_run
+    from rig.runfile.source import FileSource
     from sim_backend.replay import ReplayRig
 
     recording = open_run(path)

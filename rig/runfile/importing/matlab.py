@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from rig.errors import RunFileError
 from rig.runfile.importing.tables import BATCH_ROWS, BadCell, Batch
+from rig.runfile.structure import refuse_foreign_storage
 
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 _DAMAGE = (
@@ -152,6 +153,7 @@ class MatlabTable:
 
     def _load_hdf5(self) -> dict[str, NDArray[Any]]:
         arrays: dict[str, NDArray[Any]] = {}
+        size = self.path.stat().st_size
         with h5py.File(self.path, "r") as file:
 
             def visit(name: str, item: object) -> None:
@@ -167,6 +169,7 @@ class MatlabTable:
                     and not name.startswith("#")
                     and item.dtype.kind in "iufb"
                 ):
+                    refuse_foreign_storage(item, size)
                     arrays[name.replace("/", ".")] = item[()].T
 
             file.visititems(visit)

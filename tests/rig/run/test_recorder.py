@@ -14,8 +14,9 @@ from experiments.recording import Event, Segment
 from rig.errors import RecorderOverflowError, RunFileError
 from rig.run import recorder as module
 from rig.run.recorder import InlineRecorder, ThreadedRecorder
-from rig.runfile.read import FileSource, close_recording, open_run
+from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run
+from rig.runfile.source import FileSource
 from rig.runfile.verify import verify_run
 from rig.runfile.write import RunWriter
 from tests.rig.runfile.making import CHANNELS, CYCLE_NS, EPOCH_NS, block, counts_of, header

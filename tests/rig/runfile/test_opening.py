@@ -11,8 +11,9 @@ from rig.errors import RunFileError
 from rig.library.index import LibraryIndex
 from rig.library.living import is_being_written
 from rig.runfile.opening import open_for_reading
-from rig.runfile.read import FileSource, close_recording, follow, open_run
+from rig.runfile.read import close_recording, follow, open_run
 from rig.runfile.recover import recover_run
+from rig.runfile.source import FileSource
 from rig.runfile.write import RunWriter
 from tests.rig.runfile.making import CYCLE_NS, EPOCH_NS, block, counts_of, header
 

@@ -72,6 +72,24 @@ def test_version_7_3(tmp_path: Path) -> None:
         imported(path, "time=t", "input_angle=text:deg")
 
 
+@pytest.mark.parametrize("how", ["virtual", "external", "absurd"])
+def test_version_7_3_that_is_built_as_no_recording_is(tmp_path: Path, how: str) -> None:
+    path = tmp_path / "x.mat"
+    with h5py.File(path, "w") as file:
+        file["t"] = TIME[None, :]
+        if how == "virtual":
+            made = h5py.VirtualLayout((1, 50), np.float64)
+            made[:] = h5py.VirtualSource(tmp_path / "other.h5", "a", (1, 50))
+            file.create_virtual_dataset("a", made)
+        elif how == "external":
+            place = [(str(tmp_path / "other.bin"), 0, 400)]
+            file.create_dataset("a", (1, 50), np.float64, external=place)
+        else:
+            file.create_dataset("a", (1, 1 << 40), np.float64, chunks=(1, 64))
+    with pytest.raises(RunFileError, match=r"lies in other files|larger than anything in its file"):
+        imported(path, "time=t", "input_angle=a:deg")
+
+
 def test_holes_are_named_by_row(tmp_path: Path) -> None:
     path = tmp_path / "x.mat"
     holes = ANGLE.copy()

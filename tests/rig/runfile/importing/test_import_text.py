@@ -24,7 +24,8 @@ from rig.runfile.importing.convert import (
     parse_channel,
     read_channel_map,
 )
-from rig.runfile.read import FileSource, open_run
+from rig.runfile.read import open_run
+from rig.runfile.source import FileSource
 from rig.runfile.verify import verify_run
 
 DATA = Path(
