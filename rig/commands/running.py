@@ -18,7 +18,6 @@ from rig.commands.terminal import print_json
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
-    from experiments.steps.vocabulary import Prompt
     from rig.run.dry_run import PlannedRun
     from rig.run.order import RunReport
     from rig.run.start import RunRequest
@@ -289,6 +288,7 @@ def _nearest(word: str, words: Sequence[str]) -> str:
 
 
 def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> RunReport:
+    from rig.commands.prompting import terminal_ask
     from rig.run.progress import progress_line
     from rig.run.start import run_request
     from rig.run.stop import StopRequest, pressed_by_signals
@@ -300,7 +300,12 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
         progress_line(title, planned.nominal, quiet) as (on_progress, on_event),
     ):
         return run_request(
-            request, planned, stop=stop, ask=_ask, on_progress=on_progress, on_event=on_event
+            request,
+            planned,
+            stop=stop,
+            ask=terminal_ask(stop),
+            on_progress=on_progress,
+            on_event=on_event,
         )
 
 
@@ -309,6 +314,7 @@ def _run_for_a_program(
 ) -> RunReport:
     """A run whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
+    from rig.commands.prompting import terminal_ask
     from rig.run.remote import RemoteOperator, lines_of
     from rig.run.start import run_request
     from rig.run.stop import StopRequest, pressed_by_signals
@@ -333,18 +339,9 @@ def _run_for_a_program(
             request,
             planned,
             stop=stop,
-            ask=remote.ask if stdin_control else _ask,
+            ask=remote.ask if stdin_control else terminal_ask(stop),
             on_progress=remote.on_progress,
             on_event=remote.on_event,
         )
     remote.report(report)
     return report
-
-
-def _ask(prompt: Prompt) -> str:
-    """Put a prompt to whoever sits at the terminal; without one the run goes on and says so."""
-    if not sys.stdin.isatty():
-        return "(nobody at the terminal: not answered)"
-    sys.stderr.write(f"\n{prompt.text} ")
-    sys.stderr.flush()
-    return sys.stdin.readline().strip()
