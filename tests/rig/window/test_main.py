@@ -16,6 +16,7 @@ from pytestqt.qtbot import QtBot
 from typer.testing import CliRunner
 
 from experiments.result import Plot, Series
+from experiments.steps.note import Prompt
 from rig.errors import ConfigurationError
 from rig.main import app
 from rig.window.main import (
@@ -204,12 +205,15 @@ def test_enter_that_answers_a_question_presses_nothing_else(
     buttons = window.findChildren(QPushButton)
     for button in buttons:
         button.clicked.connect(lambda _=False, name=button.text(): pressed.append(name))
-    next_in_turn = window._buttons.button(0)
-    window.run.prompt.answered.connect(lambda _: next_in_turn.setFocus())
-    window.run.prompt.ask("Ready?", "")
-    qtbot.waitUntil(window.run.prompt.field.hasFocus)
-    with qtbot.waitSignal(window.run.prompt.answered):
-        qtbot.keyClick(window.run.prompt.field, Qt.Key.Key_Return)
+    next_in_turn, prompt = window._buttons.button(0), window.run.prompt
+    prompt.answered.connect(lambda _: next_in_turn.setFocus())
+    prompt.ask(Prompt("Temperature [°C]?"))
+    prompt.field.setFocus()
+    qtbot.waitUntil(prompt.field.hasFocus)
+    qtbot.keyClicks(prompt.field, "22")
+    qtbot.waitUntil(lambda: prompt.is_armed)
+    with qtbot.waitSignal(prompt.answered):
+        qtbot.keyClick(prompt.field, Qt.Key.Key_Return)
     assert next_in_turn.hasFocus()
     assert pressed == []
 

@@ -9,7 +9,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from PySide6.QtCore import QPoint, Qt
+from PySide6.QtCore import QEvent, QPoint, Qt
+from PySide6.QtGui import QKeyEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
     QApplication,
@@ -25,27 +26,40 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 
 from rig.window.main import MainWindow
+from rig.window.plot.plots import LabPlot
 from rig.window.prepare.training import TrainingDialog
+from rig.window.run.state import RunState
 from rig.window.shell.session import WindowSession
+from rig.window.shell.theme import apply_theme
 from tests.rig.window.conftest import SilentRun, silent_run
 
 SHIFT = Qt.KeyboardModifier.ShiftModifier
 
 
-@pytest.fixture
-def whole(session: WindowSession, qtbot: QtBot) -> Iterator[MainWindow]:
-    """A window with all its pages, and a run that says nothing."""
+@pytest.fixture(scope="module")
+def opened_once(
+    tmp_path_factory: pytest.TempPathFactory, qapp: QApplication
+) -> Iterator[MainWindow]:
+    """A window with all its pages: to make one takes longer than all that is done with it."""
+    session = WindowSession(tmp_path_factory.mktemp("runs"))
+    apply_theme(qapp, session.theme)
     window = MainWindow(session)
-    qtbot.addWidget(window, before_close_func=lambda w: w.run._change(type(w.run.state)()))
     window.resize(1366, 768)
     window.show()
+    yield window
+    window.close()
+    window.deleteLater()
+
+
+@pytest.fixture
+def whole(opened_once: MainWindow, qtbot: QtBot) -> Iterator[MainWindow]:
+    """That window, with a run that says nothing."""
+    window = opened_once
     window.activateWindow()
     qtbot.waitUntil(window.isActiveWindow)
     silent_run(window)
     yield window
-    for widget in QApplication.topLevelWidgets():
-        if widget is not window:
-            widget.close()
+    window.run._change(RunState())
 
 
 def press(widget: QWidget) -> None:
@@ -76,7 +90,7 @@ def field(path: str) -> Callable[[MainWindow], None]:
             target = getattr(target, name)
         window.show_page(path.partition(".")[0])
         target.setFocus()
-        assert target.hasFocus()
+        assert window.focusWidget() is target
 
     return go
 
@@ -129,14 +143,13 @@ def table_editor(window: MainWindow) -> None:
 
 def field_menu(window: MainWindow) -> None:
     field("prepare.operator")(window)
-    window.prepare.operator.createStandardContextMenu().popup(window.mapToGlobal(QPoint(400, 300)))
+    menu = window.prepare.operator.createStandardContextMenu()
+    menu.setParent(window, menu.windowFlags())
+    menu.popup(window.mapToGlobal(QPoint(400, 300)))
 
 
 def plot_menu(window: MainWindow) -> None:
     window.show_page("prepare")
-    plot = window.prepare.plots.findChild(type(window.prepare.plots.currentWidget()))
-    from rig.window.plot.plots import LabPlot
-
     plot = window.prepare.findChildren(LabPlot)[0]
     plot.item.getViewBox().menu.popup(window.mapToGlobal(QPoint(400, 300)))
 
@@ -172,7 +185,7 @@ PLACES: dict[str, Callable[[MainWindow], None]] = {
     "the page Review": page("review"),
     "the operator's name": field("prepare.operator"),
     "a note": field("run.events.note"),
-    "the search of the library": field("review.library.filters.search"),
+    "the search of the library": field("review.library.filters.text"),
     "the list of runs": field("review.library.table"),
     "a field of numbers": spin,
     "a date": date_field,
@@ -230,7 +243,8 @@ def test_a_press_on_what_lies_over_stop_is_not_stop(whole: MainWindow) -> None:
     menu = QMenu(whole)
     menu.addAction("one")
     button = whole.run.buttons.stop
-    menu.popup(button.mapToGlobal(button.rect().center() - QPoint(10, 10)))
+    menu.popup(QPoint(0, 0))
+    menu.move(button.mapToGlobal(button.rect().center() - QPoint(10, 10)))
     press(button)
     assert whole.run.process.said == []  # type: ignore[union-attr]
     menu.close()
@@ -245,9 +259,6 @@ def test_abort_by_its_button_beside_an_open_menu(whole: MainWindow) -> None:
 
 def test_a_key_that_is_held_is_one_stop(whole: MainWindow) -> None:
     QTest.keyPress(whole.windowHandle(), Qt.Key.Key_Escape)
-    from PySide6.QtCore import QEvent
-    from PySide6.QtGui import QKeyEvent
-
     held = QKeyEvent(
         QEvent.Type.KeyPress,
         int(Qt.Key.Key_Escape),
@@ -266,7 +277,7 @@ def test_no_dialog_while_a_run_exists(whole: MainWindow, qtbot: QtBot) -> None:
         whole.prepare.open_training,
         whole.prepare.acknowledge_trip,
         bar._save,
-        bar._compare,
+        bar._choose_file,
     ):
         whole.statusBar().clearMessage()
         ask()
@@ -280,12 +291,7 @@ def test_no_dialog_while_a_run_exists(whole: MainWindow, qtbot: QtBot) -> None:
     assert "nothing may stand before STOP" in whole.statusBar().currentMessage()
 
 
-def test_a_dialog_that_is_open_when_a_run_begins_is_closed(
-    session: WindowSession, qtbot: QtBot
-) -> None:
-    window = MainWindow(session)
-    qtbot.addWidget(window, before_close_func=lambda w: w.run._change(type(w.run.state)()))
-    window.show()
+def test_a_dialog_that_is_open_when_a_run_begins_is_closed(window: MainWindow) -> None:
     training = TrainingDialog(window)
     training.show()
     silent_run(window)
