@@ -80,7 +80,7 @@ class Banner(QFrame):
         self._size, self._words = 0, ""
         at_right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         self._symbol, self._word = text_label(align=Qt.AlignmentFlag.AlignCenter), text_label()
-        self._title = text_label(align=at_right)
+        self._title = text_label(wraps=True, align=at_right)
         self._what = text_label(wraps=True, align=at_right)
         self._symbol.setMinimumWidth(SYMBOL_WIDTH)
         right = in_column((None, 1), self._title, self._what, (None, 1), spacing=2)

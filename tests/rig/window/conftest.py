@@ -165,7 +165,9 @@ def silent_run(window: MainWindow) -> SilentRun:
     """Let a silent run begin in a window."""
     run = SilentRun()
     window.run._start_process = lambda _: run
-    window.run.start_command([], "Friction, gear SN-0815")
+    window.run.start_command(
+        [], "Velocity steps, gear SN-0815-of-2025, A. Example of the day shift"
+    )
     return run
 
 
