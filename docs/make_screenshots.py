@@ -201,7 +201,7 @@ def run_closing(stage: Stage) -> None:
     run = stage.window.run
     stage.wait(lambda: run.plots.rows_read)
     stage.window.close()
-    stage.wait(lambda: run.close_question is not None and run.close_question.isVisible())
+    stage.wait(run.close_question.isVisible)
     stage.settle(0.2)
 
 
@@ -438,19 +438,11 @@ def picture(
 
 
 def _grab(window: MainWindow, target: Path) -> None:
-    """The window, and what lies over it, in few colours."""
-    from PySide6.QtCore import QPoint
-    from PySide6.QtGui import QImage, QPainter
+    """The window in few colours."""
+    from PySide6.QtGui import QImage
 
-    shown = window.grab()
-    painter = QPainter(shown)
-    question = window.run.close_question
-    if question is not None and question.isVisible():
-        centre = window.rect().center() - question.rect().center()
-        painter.drawPixmap(QPoint(max(centre.x(), 0), max(centre.y(), 0)), question.grab())
-    painter.end()
     target.parent.mkdir(parents=True, exist_ok=True)
-    shown.toImage().convertToFormat(QImage.Format.Format_RGB32).save(str(target))
+    window.grab().toImage().convertToFormat(QImage.Format.Format_RGB32).save(str(target))
     _shrink(target)
 
 

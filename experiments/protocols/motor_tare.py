@@ -130,8 +130,9 @@ def _points(
     p: Parameters, settings: friction.Parameters, speeds: tuple[float, ...]
 ) -> Iterator[Step]:
     yield Prompt(
-        "The gear is removed and the motor is as warm as in the run that this tare is for. Ready?",
+        "Take the gear off, and have the motor as warm as in the run that this tare is for.",
         "gear-removed",
+        consent="The gear is removed and the motor is warm",
     )
     for repeat in range(p.repeats):
         for speed in speeds:

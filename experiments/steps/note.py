@@ -9,10 +9,14 @@ from experiments.steps.kind import Instant
 
 @dataclass(frozen=True)
 class Prompt(Instant):
-    """Ask the operator something before going on; the answer becomes an event."""
+    """Ask the operator something before going on; the answer becomes an event.
+
+    `consent` is the sentence that the operator has to give as it stands; without one, text is wanted.
+    """
 
     text: str
     key: str = ""
+    consent: str = ""
 
 
 @dataclass(frozen=True)

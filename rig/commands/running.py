@@ -6,8 +6,6 @@ Flags of a protocol are made from its parameter model when it is named, so that 
 from __future__ import annotations
 
 import difflib
-import os
-import select
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,13 +17,10 @@ from rig.commands.terminal import outliving_the_terminal, print_json
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
-    from experiments.steps.vocabulary import Prompt
     from rig.run.dry_run import PlannedRun
-    from rig.run.engine import Ask
     from rig.run.order import RunReport
     from rig.run.start import RunRequest
 
-NOBODY = "(nobody at the terminal: not answered)"
 
 Command = TypeVar("Command", bound=Callable[..., None])
 
@@ -295,6 +290,7 @@ def _nearest(word: str, words: Sequence[str]) -> str:
 
 
 def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> RunReport:
+    from rig.commands.prompting import terminal_ask
     from rig.run.progress import progress_line
     from rig.run.start import run_request
     from rig.run.stop import StopRequest, pressed_by_signals
@@ -309,7 +305,7 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
             request,
             planned,
             stop=stop,
-            ask=at_terminal(),
+            ask=terminal_ask(stop),
             on_progress=on_progress,
             on_event=on_event,
         )
@@ -320,6 +316,7 @@ def _run_for_a_program(
 ) -> RunReport:
     """A run whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
+    from rig.commands.prompting import terminal_ask
     from rig.run.remote import RemoteOperator, lines_of
     from rig.run.start import run_request
     from rig.run.stop import StopRequest, pressed_by_signals
@@ -338,37 +335,9 @@ def _run_for_a_program(
             request,
             planned,
             stop=stop,
-            ask=remote.ask if stdin_control else at_terminal(),
+            ask=remote.ask if stdin_control else terminal_ask(stop),
             on_progress=remote.on_progress,
             on_event=remote.on_event,
         )
     remote.report(report)
     return report
-
-
-def at_terminal() -> Ask:
-    """Puts prompts to whoever sits at the terminal; without one the run goes on and says so.
-
-    It does not wait for the answer: the rig is held meanwhile, and STOP is heard.
-    """
-    from rig.run.remote import PATIENCE
-
-    asked: list[Prompt] = []
-
-    def ask(prompt: Prompt) -> str | None:
-        if not sys.stdin.isatty():
-            return NOBODY
-        if prompt not in asked[-1:]:
-            asked.append(prompt)
-            sys.stderr.write(f"\n{prompt.text} ")
-            sys.stderr.flush()
-        try:
-            # On Windows a console cannot be waited for so.
-            if os.name != "nt" and not select.select([sys.stdin], [], [], PATIENCE)[0]:
-                return None
-            line = sys.stdin.readline()
-        except OSError:
-            return NOBODY
-        return line.strip() if line else NOBODY
-
-    return ask

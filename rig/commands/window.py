@@ -59,4 +59,44 @@ def live(
         )
     if config is not None and not config.is_file():
         raise ConfigurationError("there is no such file", where="--config", value=str(config))
+    refuse_wrong_rig(backend)
+    refuse_wrong_folder(folder)
     raise typer.Exit(open_window(folder, backend, config, theme, page))
+
+
+def refuse_wrong_rig(backend: str) -> None:
+    """Raise `ConfigurationError` for a rig that does not exist, before a window is opened for it."""
+    from rig.bench.backends.registry import BACKENDS, REPLAY
+    from rig.errors import ConfigurationError
+
+    file = backend.removeprefix(REPLAY)
+    if backend.startswith(REPLAY) and not Path(file).is_file():
+        raise ConfigurationError(
+            "there is no such run to replay",
+            where="--backend",
+            value=file,
+            remedy=f"Name a run file: --backend {REPLAY}RUN.h5",
+        )
+    if backend not in BACKENDS and not backend.startswith(REPLAY):
+        raise ConfigurationError(
+            "no such rig",
+            where="--backend",
+            value=repr(backend),
+            limit=", ".join((*BACKENDS, f"{REPLAY}RUN.h5")),
+            remedy="Choose one of these.",
+        )
+
+
+def refuse_wrong_folder(folder: Path) -> None:
+    """Raise `ConfigurationError` for a folder of runs in which nothing can be written."""
+    from rig.errors import ConfigurationError
+    from rig.run.preflight import folder_problem
+
+    problem = folder_problem(folder)
+    if problem:
+        raise ConfigurationError(
+            f"runs cannot be kept there: {problem}",
+            where="--folder",
+            value=str(folder),
+            remedy="Name a folder that you may write to.",
+        )

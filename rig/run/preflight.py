@@ -8,6 +8,7 @@ warning is kept in it as an event.
 from __future__ import annotations
 
 import shutil
+import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
@@ -58,12 +59,33 @@ def static_checks(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
     return (*_disk(planned, output), *_ratings(planned))
 
 
-def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
-    folder = output
+def folder_problem(output: Path) -> str:
+    """Why no file can be written in a folder that is there or is yet to be made; "" where one can.
+
+    One is opened: what the permissions say is not all that a disk, a share or a mount has to say.
+    """
+    folder = _existing(output)
+    if not folder.is_dir():
+        return f"{output} is no folder"
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return f"{folder} cannot be written ({error.strerror or error})"
+
+
+def _existing(output: Path) -> Path:
+    """The folder, or the nearest above it that is there."""
+    folder = output.absolute()
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
-    if not folder.is_dir():
-        return (Check("folder", "failed", f"{output} is no folder", "Name another with --output."),)
+    return folder
+
+
+def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
+    folder, problem = _existing(output), folder_problem(output)
+    if problem:
+        return (Check("folder", "failed", problem, "Name another with --output."),)
     try:
         free = shutil.disk_usage(folder).free
     except OSError as error:

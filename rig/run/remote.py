@@ -6,7 +6,7 @@ by "kind":
 
     {"kind": "event", "time_ns", "level", "code", "source", "text"} {"kind": "progress", "step",
     "steps", "what", "elapsed", "left", "speed", "events", "nearest", "margin", "margins", "file"}
-    {"kind": "prompt", "text", "key"}
+    {"kind": "prompt", "text", "key", "consent"}    consent: what is consented to; empty: text is wanted
     {"kind": "report", ...}     the object that `rig run --json` prints; always the last line
 """
 
@@ -77,7 +77,7 @@ class RemoteOperator:
         """Put a prompt once; the answer, or None while there is none. Nobody there: not answered."""
         if self._asked is not prompt:
             self._asked = prompt
-            self._tell("prompt", {"text": prompt.text, "key": prompt.key})
+            self._tell("prompt", asdict(prompt))
         if self._is_gone:
             return "(nobody there: not answered)"
         try:

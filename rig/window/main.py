@@ -22,6 +22,7 @@ from PySide6.QtWidgets import (
     QButtonGroup,
     QFrame,
     QMainWindow,
+    QSizePolicy,
     QStackedWidget,
     QWidget,
 )
@@ -30,9 +31,11 @@ from rig.errors import ConfigurationError
 from rig.window.prepare.page import PreparePage
 from rig.window.review.page import ReviewPage
 from rig.window.run.page import RunPage
+from rig.window.run.prompt_view import ConsentButton
+from rig.window.run.stop_filter import StopFilter
 from rig.window.shell.collector import collector_in_this_thread
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, room_for, text_label
+from rig.window.shell.stack import in_column, in_row, push_button, room_for, scrolled, text_label
 from rig.window.shell.theme import apply_theme, theme_named
 from rig.window.work.prepared import PreparedRun
 
@@ -40,8 +43,8 @@ PAGES = ("prepare", "run", "review")
 """The pages in the order of the navigation; Ctrl+1, Ctrl+2, Ctrl+3."""
 X11_PACKAGES = ("libxcb-cursor0", "libxcb-icccm4", "libxcb-keysyms1", "libxkbcommon-x11-0")
 """What Qt needs of a Debian system that has never had a Qt window."""
-SMALLEST = (1120, 640)
-"""Logical pixels that the window needs at least."""
+SMALLEST = (860, 430)
+"""Logical pixels that the window needs at least: a screen of 1366 x 768 at one and a half has 911 x 512."""
 
 
 class MainWindow(QMainWindow):
@@ -59,7 +62,7 @@ class MainWindow(QMainWindow):
         self._buttons = QButtonGroup(self)
         whole = in_column(self._navigation(), (self.stack, 1), margins=(0, 0, 0, 0), spacing=0)
         self.setCentralWidget(room_for(whole))
-        for page in (self.prepare, self.run, self.review):
+        for page in (self.prepare, self.run, scrolled(self.review, sideways=True)):
             self.stack.addWidget(page)
         self.statusBar().setSizeGripEnabled(False)
         session.message.connect(lambda text: self.statusBar().showMessage(text, 15_000))
@@ -68,11 +71,15 @@ class MainWindow(QMainWindow):
         self.run.review_requested.connect(self.show_review)
         self.run.state_changed.connect(self._show_state)
         self.run.closed_safely.connect(self.close)
-        # Stopping works from every page: whoever looks at another one must not look for the button first.
-        for keys, action in (("Esc", self.run.stop), ("Shift+Esc", self.run.abort)):
-            shortcut = QShortcut(QKeySequence(keys), self)
-            shortcut.setAutoRepeat(False)
-            shortcut.activated.connect(action)
+        # Stopping works from everywhere: whoever looks at something else must not look for the button first.
+        buttons, stop, abort = self.run.buttons, self.run.stop, self.run.abort
+        self.stop_filter = StopFilter(
+            self,
+            stop,
+            abort,
+            [(buttons.stop, stop), (buttons.abort, abort), (self.stop, stop)],
+            lambda: session.free_for("Another window"),
+        )
         self.stack.currentChanged.connect(lambda _: self._show_stop())
         application = QApplication.instance()
         if isinstance(application, QApplication):
@@ -99,14 +106,17 @@ class MainWindow(QMainWindow):
             row.addWidget(button)
             shortcut = QShortcut(QKeySequence(f"Ctrl+{index + 1}"), self)
             shortcut.activated.connect(lambda name=name: self.show_page(name))
-        row.addStretch(1)
         self.stop = push_button("STOP", tip="Controlled ramp to standstill (Esc)")
         self.stop.setObjectName("small-stop")
         self.stop.pressed.connect(self.run.stop)
         self.stop.hide()
         row.addWidget(self.stop)
         where = f"rig: {self.session.backend}   runs: {self.session.folder}"
-        row.addWidget(text_label(where, "muted"))
+        label = text_label(where, "muted")
+        label.setToolTip(where)
+        # On a small screen its end is cut off before anything that is pressed.
+        label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        row.addWidget(label, 1)
         theme = push_button("◐", "nav", tip="Light or dark (Ctrl+T)", act=self.switch_theme)
         theme.setStyleSheet("min-width: 24px;")
         theme.setAccessibleName("Light or dark")
@@ -145,15 +155,19 @@ class MainWindow(QMainWindow):
         if self.run.may_close():
             event.accept()
         else:
+            self.show_page("run")
             event.ignore()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Enter presses a button, as Space does: outside of dialogs Qt leaves it without effect.
+        """Enter presses a button, as Space does: outside of dialogs Qt leaves it without effect. Consent is not
+        given by it.
 
         Only Enter that was meant for the button: one that ends the writing in a field, and so moves
         the focus on, is not.
         """
         if not isinstance(event, QKeyEvent) or not isinstance(watched, QAbstractButton):
+            return False
+        if isinstance(watched, ConsentButton):
             return False
         enter = event.type() is QEvent.Type.KeyPress and event.key() in (
             Qt.Key.Key_Return,
@@ -176,6 +190,7 @@ class MainWindow(QMainWindow):
 
     def _show_state(self, state: str) -> None:
         self._buttons.button(1).setText("Run" if state == "idle" else f"Run · {state}")
+        self.stop_filter.set_active(self.run.is_active)
         self._show_stop()
 
     def _show_stop(self) -> None:

@@ -135,7 +135,7 @@ class PreparePage(QWidget):
             )
         )
         scroll = self._scroll = scrolled(inner)
-        scroll.setMinimumWidth(380)
+        scroll.setMinimumWidth(340)
         whole = split(scroll, (self._right_side(), 1), sizes=[440, 900])
         self.setLayout(in_column((whole, 1), margins=(0, 0, 0, 0)))
 
@@ -153,10 +153,12 @@ class PreparePage(QWidget):
             self.training_button,
             self.doctor_button,
         )
-        checks = room_for(
-            in_column(head, (scrolled(self.checklist), 1), self._start_row(), margins=(8, 4, 8, 8))
-        )
-        return split((preview, 3), (checks, 2), sizes=[420, 260], way=Qt.Orientation.Vertical)
+        checks = room_for(in_column(head, (scrolled(self.checklist), 1), margins=(8, 4, 8, 0)))
+        both = split((preview, 3), (checks, 2), sizes=[420, 220], way=Qt.Orientation.Vertical)
+        # Start stands still; what leads to it is scrolled where the screen is small.
+        start = in_row(self._start_row(), margins=(8, 4, 8, 8))
+        looked_at = scrolled(both, sideways=True)
+        return room_for(in_column((looked_at, 1), start, margins=(0, 0, 0, 0), spacing=0))
 
     def _start_row(self) -> QHBoxLayout:
         self.confirmation.setMaximumWidth(240)
@@ -275,12 +277,13 @@ class PreparePage(QWidget):
         """Show the trip that is latched; it is released by name and with what was found."""
         from rig.window.prepare.latch import AcknowledgeDialog
 
-        AcknowledgeDialog(self.intent.rig.latch(), self.operator.text().strip(), self).exec()
-        self._ask_for_outlook()
+        if self._session.free_for("The acknowledgement"):
+            AcknowledgeDialog(self.intent.rig.latch(), self.operator.text().strip(), self).exec()
+            self._ask_for_outlook()
 
     def open_training(self) -> None:
         """Open the training drills; nothing of them exists where hardware is."""
-        if self._session.is_hardware:
+        if self._session.is_hardware or not self._session.free_for("Training"):
             return
         from rig.window.prepare.training import TrainingDialog
 

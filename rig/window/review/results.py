@@ -48,8 +48,9 @@ class FitBar(QWidget):
     """Carries a `FitOrder` and the file that takes what it identifies as a parameter set."""
     cancelled = Signal()
 
-    def __init__(self, choose_file: ChooseFile | None = None) -> None:
+    def __init__(self, session: WindowSession, choose_file: ChooseFile | None = None) -> None:
         super().__init__()
+        self._session = session
         self._run: Path | None = None
         self._choose_file = choose_file or self._ask_file
         self.choose_target: ChooseFile = self._ask_target
@@ -191,12 +192,16 @@ class FitBar(QWidget):
             self.save_requested.emit(self.order(keep=False), path)
 
     def _ask_target(self) -> Path | None:
+        if not self._session.free_for("Saving a parameter set"):
+            return None
         begin = f"{self._run.name.removesuffix('.h5')}.toml" if self._run is not None else ""
         title = "Where is the parameter set written?"
         chosen, _ = QFileDialog.getSaveFileName(self, title, begin, "Parameter sets (*.toml)")
         return Path(chosen).with_suffix(".toml") if chosen else None
 
     def _ask_file(self) -> Path | None:
+        if not self._session.free_for("Choosing a parameter set"):
+            return None
         title = "Which parameter set is held against this run?"
         chosen, _ = QFileDialog.getOpenFileName(self, title, "", "Parameter sets (*.toml)")
         return Path(chosen) if chosen else None

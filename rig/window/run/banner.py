@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent
 from PySide6.QtWidgets import (
     QFrame,
     QSizePolicy,
@@ -13,7 +15,15 @@ from PySide6.QtWidgets import (
 
 from rig.window.run.state import RunState, State
 from rig.window.shell.stack import in_column, in_row, push_button, text_label
-from rig.window.shell.theme import BANNER_POINTS
+from rig.window.shell.theme import BANNER_CAPITAL
+
+WORD_SHARE = 0.6
+"""Share of the banner's width that symbol and word take at most."""
+SYMBOL_WIDTH = 64
+SPACING = 2
+"""Pixels between the letters of the word."""
+LINES, LETTER = 3, 7.5
+"""Lines of small words beside the word at most, and pixels of a letter in them."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +43,14 @@ LOOKS: dict[State, Look] = {
     State.IDLE: Look("IDLE", "○", "#8b939c", "#0d1014"),
     State.ARMED: Look("ARMED", "◎", "#f0e442", "#16191d"),
     State.RUNNING: Look("RUNNING", "▶", "#0072b2", "#ffffff"),
+    State.WAITING: Look("WAITING FOR YOU", "?", "#e7b3d2", "#16191d"),
     State.STOPPING: Look("STOPPING", "▼", "#e69f00", "#16191d"),
     State.TRIPPED: Look("TRIPPED", "✖", "#a3150c", "#ffffff"),
     State.FINISHED: Look("FINISHED", "■", "#cfd6dd", "#16191d"),
     State.REFUSED: Look("NOT STARTED", "⊘", "#8b939c", "#0d1014"),
     State.LOST: Look("LOST", "✖", "#a3150c", "#ffffff"),
 }
-"""Okabe-Ito yellow, blue and orange, a dark red and greys of different lightness."""
+"""Okabe-Ito yellow, blue, orange and a light purple, a dark red and greys of different lightness."""
 OUTCOMES: dict[str, tuple[str, str, str]] = {
     "PASS": ("✔", "#006b50", "#ffffff"),
     "MARGINAL": ("≈", "#f0e442", "#16191d"),
@@ -66,11 +77,12 @@ class Banner(QFrame):
         super().__init__()
         self.setObjectName("banner")
         self._look: Look | None = None
+        self._size, self._words = 0, ""
         at_right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         self._symbol, self._word = text_label(align=Qt.AlignmentFlag.AlignCenter), text_label()
-        self._title = text_label(align=at_right)
+        self._title = text_label(wraps=True, align=at_right)
         self._what = text_label(wraps=True, align=at_right)
-        self._symbol.setMinimumWidth(54)
+        self._symbol.setMinimumWidth(SYMBOL_WIDTH)
         right = in_column((None, 1), self._title, self._what, (None, 1), spacing=2)
         self.setLayout(
             in_row(self._symbol, self._word, (right, 1), margins=(14, 6, 16, 6), spacing=12)
@@ -91,22 +103,54 @@ class Banner(QFrame):
         self._word.setText(look.word)
         self._title.setText(title)
         # Where somebody has to act at once, what to do stands here; elsewhere what the rig is doing.
-        words = state.remedy if state.state is State.LOST or state.safe is False else state.what
-        self._what.setText(_short(words))
+        self._words = (
+            state.remedy if state.state is State.LOST or state.safe is False else state.what
+        )
         self._what.setToolTip(state.what)
-        if look == self._look:
+        fresh, self._look = look != self._look, look
+        self._fit()
+        if not fresh:
             # Told ten times a second: a style sheet is worked through anew even when it says the same.
             return
-        self._look = look
         self.setAccessibleName(f"State of the rig: {look.word}")
         self.setStyleSheet(
             f"#banner {{ background: {look.background}; border-radius: 8px; }}"
             f"#banner QLabel {{ color: {look.text}; background: transparent; font-size: 11pt; }}"
         )
-        large = f"font-size: {BANNER_POINTS}pt; font-weight: 800; color: {look.text};"
-        self._symbol.setStyleSheet(large)
-        self._word.setStyleSheet(large + " letter-spacing: 2px;")
         self._title.setStyleSheet(f"font-size: 11pt; font-weight: 600; color: {look.text};")
+        self._write_large()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """The word as large as it fits."""
+        super().resizeEvent(event)
+        self._fit()
+
+    def _fit(self) -> None:
+        if self._look is None:
+            return
+        letters = LINES * (1.0 - WORD_SHARE) * self.width() / LETTER
+        self._what.setText(_short(self._words, max(round(letters), 30)))
+        size = banner_font(self._look.word, WORD_SHARE * self.width() - SYMBOL_WIDTH)
+        if size != self._size:
+            self._size = size
+            self._write_large()
+
+    def _write_large(self) -> None:
+        assert self._look is not None
+        large = f"font-size: {self._size}px; font-weight: 800; color: {self._look.text};"
+        self._symbol.setStyleSheet(large)
+        self._word.setStyleSheet(f"{large} letter-spacing: {SPACING}px;")
+
+
+def banner_font(word: str, room: float) -> int:
+    """Pixels of the font in which a word fits into `room` [px], no larger than `BANNER_CAPITAL` asks for."""
+    font = QFont()
+    font.setPixelSize(100)
+    font.setWeight(QFont.Weight(800))
+    measured = QFontMetricsF(font)
+    largest = math.ceil(100.0 * BANNER_CAPITAL / measured.capHeight())
+    fitting = 100.0 * (room - SPACING * len(word)) / measured.horizontalAdvance(word)
+    return max(min(largest, int(fitting)), 12)
 
 
 class StopButtons(QWidget):
@@ -142,5 +186,5 @@ class StopButtons(QWidget):
         self.abort.setEnabled(active)
 
 
-def _short(text: str, longest: int = 180) -> str:
+def _short(text: str, longest: int) -> str:
     return text if len(text) <= longest else text[: longest - 1].rstrip() + "…"

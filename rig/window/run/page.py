@@ -11,19 +11,21 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtGui import QKeySequence, QShortcut
+from PySide6.QtGui import QKeySequence, QResizeEvent, QShortcut
 from PySide6.QtWidgets import (
-    QMessageBox,
     QProgressBar,
     QWidget,
 )
 
+from drivers.clock import Clock
 from experiments.recording import Event
+from experiments.steps.note import Prompt
 from rig.present.preview.plan import PlanPreview
 from rig.run.dry_run import PlannedRun
 from rig.run.order import Progress
 from rig.run.progress import in_words
 from rig.window.run.banner import Banner, StopButtons, look_of
+from rig.window.run.close_question import CloseQuestion
 from rig.window.run.events_view import EventsView
 from rig.window.run.live_plots import LivePlots
 from rig.window.run.margins_view import MarginBars
@@ -31,12 +33,22 @@ from rig.window.run.outcome_view import OutcomeView
 from rig.window.run.prompt_view import PromptView
 from rig.window.run.state import MAKING_SAFE, RunState, State
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, room_for, scrolled, split, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    push_button,
+    room_for,
+    scrolled,
+    split,
+    text_label,
+)
 from rig.window.work.child import Ending, RunProcess
 from rig.window.work.prepared import PreparedRun
 
 SIDE_WIDTH = 330
 """Logical pixels of the column of margins and events."""
+FOLDED_UNDER = 1000
+"""Logical pixels of the page under which that column is folded away to begin with."""
 
 
 class RunPage(QWidget):
@@ -49,18 +61,21 @@ class RunPage(QWidget):
     """The run that the window waited for has ended in verified standstill: it may close."""
 
     def __init__(
-        self, session: WindowSession, start_process: Callable[[list[str]], RunProcess] = RunProcess
+        self,
+        session: WindowSession,
+        start_process: Callable[[list[str]], RunProcess] = RunProcess,
+        clock: Clock | None = None,
     ) -> None:
         super().__init__()
         self._session, self._start_process = session, start_process
         self.process: RunProcess | None = None
         self.state = RunState()
         self.report: dict[str, Any] = {}
-        self.close_question: QMessageBox | None = None
+        self.close_question = CloseQuestion(session)
         self._title = ""
         self._closing = False
         self.banner, self.buttons = Banner(), StopButtons()
-        self.prompt, self.outcome = PromptView(session), OutcomeView(session)
+        self.prompt, self.outcome = PromptView(session, clock), OutcomeView(session)
         self.plots, self.margins, self.events = (
             LivePlots(session),
             MarginBars(session),
@@ -68,6 +83,13 @@ class RunPage(QWidget):
         )
         self._step, self._times = text_label("No run yet.", "heading"), text_label()
         self.bar = QProgressBar()
+        self.side = self._side()
+        self.fold = push_button(
+            "Margins and events", tip="Show or fold away margins, events and notes"
+        )
+        self.fold.setCheckable(True)
+        self.fold.setChecked(True)
+        self._is_narrow = False
         self._lay_out()
         self._connect()
         self._show()
@@ -113,14 +135,21 @@ class RunPage(QWidget):
             self._change(self.state.pressed("ABORT"))
 
     def may_close(self) -> bool:
-        """Whether the window may be closed now; during a run it asks, and closes later if it is told to."""
+        """Whether the window may be closed now; during a run it asks on the page, and closes later if it is told to."""
         if not self.is_active:
             self.outcome.clear()
             self.plots.close_file()
             return True
-        if self.close_question is None and not self._closing:
-            self._ask_to_close()
+        self.close_question.setVisible(not self._closing)
         return False
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Fold the side column away where it takes too much of the width; once, then it is as somebody has it."""
+        super().resizeEvent(event)
+        narrow = self.width() < FOLDED_UNDER
+        if narrow != self._is_narrow:
+            self._is_narrow = narrow
+            self.fold.setChecked(not narrow)
 
     def _begin(
         self, process: RunProcess, planned: PlannedRun | None, prediction: PlanPreview | None
@@ -128,7 +157,7 @@ class RunPage(QWidget):
         self.process, self.report, self._closing = process, {}, False
         process.event_received.connect(self._on_event)
         process.progress.connect(self._on_progress)
-        process.prompt.connect(self.prompt.ask)
+        process.prompt.connect(self._on_prompt)
         process.report.connect(self._on_report)
         process.finished.connect(self._on_finished)
         self.outcome.clear()
@@ -143,6 +172,15 @@ class RunPage(QWidget):
         process.start()
 
     # What the run tells.
+
+    def _on_prompt(self, prompt: Prompt) -> None:
+        self.prompt.ask(prompt)
+        self._change(self.state.asked(prompt.text))
+
+    def _on_answer(self, answer: str) -> None:
+        if self.process is not None:
+            self.process.answer(answer)
+        self._change(self.state.answered())
 
     def _on_event(self, event: Event) -> None:
         self.events.add(event)
@@ -170,7 +208,6 @@ class RunPage(QWidget):
         self._change(self.state.reported(report))
 
     def _on_finished(self, ending: Ending) -> None:
-        self.prompt.withdraw()
         self._change(self.state.gone(ending.reported, ending.complaint, ending.killed))
         path = Path(self.report["path"]) if self.report.get("path") else None
         if path is not None:
@@ -202,26 +239,7 @@ class RunPage(QWidget):
 
     # The window wants to close.
 
-    def _ask_to_close(self) -> None:
-        box = QMessageBox(self)
-        box.setIcon(QMessageBox.Icon.Warning)
-        box.setWindowTitle("A run is going on")
-        box.setText("The rig may be turning. Close the window?")
-        box.setInformativeText(
-            "With STOP the rig comes to a standstill by a controlled ramp, the run is kept as "
-            "ABORTED, and the window closes "
-            "once standstill has been verified."
-        )
-        stay = box.addButton("Stay", QMessageBox.ButtonRole.RejectRole)
-        leave = box.addButton("STOP and close when safe", QMessageBox.ButtonRole.AcceptRole)
-        box.setDefaultButton(stay)
-        box.setEscapeButton(stay)
-        box.finished.connect(lambda _: self._answer_to_close(box.clickedButton() is leave))
-        self.close_question = box
-        box.open()
-
     def _answer_to_close(self, leave: bool) -> None:
-        self.close_question = None
         if not leave:
             return
         self._closing = True
@@ -242,6 +260,11 @@ class RunPage(QWidget):
 
     def _change(self, state: RunState) -> None:
         self.state = state
+        self._session.run_exists = self.is_active
+        if state.state is not State.WAITING:
+            self.prompt.withdraw()
+        if not self.is_active:
+            self.close_question.hide()
         self._show()
 
     def _show(self) -> None:
@@ -257,12 +280,13 @@ class RunPage(QWidget):
         self.bar.setTextVisible(False)
         self.bar.setFixedHeight(12)
         self.bar.setRange(0, 1000)
-        strip = in_row(self._step, (self.bar, 1), self._times, spacing=12)
-        body = split((self.plots, 1), self._side(), sizes=[10_000, SIDE_WIDTH])
+        strip = in_row(self._step, (self.bar, 1), self._times, self.fold, spacing=12)
+        body = split((self.plots, 1), self.side, sizes=[10_000, SIDE_WIDTH])
+        # What must be seen and reached stands still; what is only looked at is scrolled where the screen is small.
+        rest = scrolled(room_for(in_column(strip, (body, 1), margins=(0, 0, 0, 0), spacing=8)))
+        asked = (self.close_question, self.prompt)
         self.setLayout(
-            in_column(
-                top, self.prompt, self.outcome, strip, (body, 1), margins=(10, 8, 10, 6), spacing=8
-            )
+            in_column(top, *asked, self.outcome, (rest, 1), margins=(10, 8, 10, 6), spacing=8)
         )
 
     def _side(self) -> QWidget:
@@ -276,16 +300,20 @@ class RunPage(QWidget):
     def _connect(self) -> None:
         self.buttons.stop_pressed.connect(self.stop)
         self.buttons.abort_pressed.connect(self.abort)
-        self.prompt.answered.connect(
-            lambda text: self.process.answer(text) if self.process is not None else None
-        )
+        self.prompt.answered.connect(self._on_answer)
+        self.close_question.answered.connect(self._answer_to_close)
+        self.fold.toggled.connect(self.side.setVisible)
         self.events.note_written.connect(
             lambda text: self.process.note(text) if self.process is not None else None
         )
         self.outcome.review_requested.connect(self.review_requested)
         # A field that is written in keeps the space bar; everywhere else on the page it is STOP.
         self._key(Qt.Key.Key_Space, self.stop)
-        self._key("Ctrl+N", self.events.note.setFocus)
+        self._key("Ctrl+N", self._write_note)
+
+    def _write_note(self) -> None:
+        self.fold.setChecked(True)
+        self.events.note.setFocus()
 
     def _key(self, key: Any, action: Callable[[], Any]) -> None:
         shortcut = QShortcut(QKeySequence(key), self)

@@ -1,12 +1,61 @@
-"""A question of the run to the operator, with a field for the answer: the plan waits while the rig stands."""
+"""A question of the run to the operator: the plan waits while the rig stands.
+
+It never takes the keyboard. Consent is a click on the button that carries what is consented to, or Tab to
+it and then Space; text goes into a field, which is there only where text is wanted. Neither is taken in the
+first second: what was on its way to something else when the question came is no answer.
+"""
 
 from __future__ import annotations
 
-from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QFrame
+from PySide6.QtCore import QEvent, Qt, QTimer, Signal
+from PySide6.QtGui import QFocusEvent, QKeyEvent
+from PySide6.QtWidgets import QFrame, QPushButton
 
+from drivers.clock import Clock, WallClock
+from experiments.steps.note import Prompt
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_row, line_field, push_button, text_label
+from rig.window.shell.stack import in_column, in_row, line_field, text_label
+
+UNARMED_NS = 1_000_000_000
+"""ns after a question in which nothing answers it."""
+LOOKS_MS = 50
+"""ms between two looks whether they are over."""
+BY_INTENT = (
+    Qt.FocusReason.TabFocusReason,
+    Qt.FocusReason.BacktabFocusReason,
+    Qt.FocusReason.MouseFocusReason,
+)
+"""How somebody brings the keyboard to a button; every other way it comes by itself."""
+
+
+class ConsentButton(QPushButton):
+    """A button that Space presses once somebody has gone to it, and Enter never does.
+
+    Everywhere else on the page Space is STOP, and on this button too where the keyboard came to it by itself.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._is_meant = False
+        self.setProperty("part", "primary")
+        self.setMinimumHeight(40)
+
+    def focusInEvent(self, event: QFocusEvent) -> None:
+        """Remember how the keyboard came here."""
+        self._is_meant = event.reason() in BY_INTENT
+        super().focusInEvent(event)
+
+    def event(self, event: QEvent) -> bool:
+        """Keep Space from being a shortcut of the page."""
+        if (
+            isinstance(event, QKeyEvent)
+            and event.type() is QEvent.Type.ShortcutOverride
+            and event.key() == Qt.Key.Key_Space
+            and self._is_meant
+        ):
+            event.accept()
+            return True
+        return super().event(event)
 
 
 class PromptView(QFrame):
@@ -14,36 +63,68 @@ class PromptView(QFrame):
 
     answered = Signal(str)
 
-    def __init__(self, session: WindowSession) -> None:
+    def __init__(self, session: WindowSession, clock: Clock | None = None) -> None:
         super().__init__()
-        self._session = session
+        self._session, self._clock = session, clock or WallClock()
+        self._prompt: Prompt | None = None
+        self._armed_ns = 0
         self.setObjectName("prompt")
-        self.question = text_label(wraps=True)
+        self.question = text_label(wraps=True, plain=True)
         self.question.setStyleSheet("font-size: 13pt; font-weight: 600;")
         self.field = line_field("Answer to the question of the run", "Answer")
         self.field.setMinimumWidth(220)
-        self.give = push_button("Answer and go on", "primary", act=self._answer)
-        self.setLayout(in_row((self.question, 1), self.field, self.give, margins=(14, 8, 14, 8)))
+        self.give = ConsentButton()
+        self.hint = text_label("", "muted")
+        row = in_row(self.field, self.give, self.hint, (None, 1))
+        self.setLayout(in_column(self.question, row, margins=(14, 8, 14, 8), spacing=6))
+        self.give.clicked.connect(self._answer)
         self.field.returnPressed.connect(self._answer)
+        self.field.textChanged.connect(lambda _: self._show_armed())
+        self._looks = QTimer(self)
+        self._looks.setInterval(LOOKS_MS)
+        self._looks.timeout.connect(self._show_armed)
         session.theme_changed.connect(lambda _: self._colour())
         self._colour()
         self.hide()
 
-    def ask(self, text: str, key: str) -> None:
+    @property
+    def is_armed(self) -> bool:
+        """Whether an answer is taken now."""
+        waited = self._clock.monotonic_ns() >= self._armed_ns
+        wanted = bool(self._prompt and (self._prompt.consent or self.field.text().strip()))
+        return waited and wanted
+
+    def ask(self, prompt: Prompt) -> None:
         """Put a question."""
-        self.question.setText(f"?  {text}")
+        self._prompt = prompt
+        self._armed_ns = self._clock.monotonic_ns() + UNARMED_NS
+        self.question.setText(f"?  {prompt.text}")
+        self.give.setText((prompt.consent or "Answer and go on").replace("&", "&&"))
+        self.hint.setText("A click, or Tab and then Space" if prompt.consent else "")
         self.field.clear()
-        self.field.setToolTip(f"kept in the run as {key}" if key else "kept in the run")
+        self.field.setVisible(not prompt.consent)
+        self.field.setToolTip(
+            f"kept in the run as {prompt.key}" if prompt.key else "kept in the run"
+        )
+        self._show_armed()
+        self._looks.start()
         self.show()
-        self.field.setFocus()
 
     def withdraw(self) -> None:
         """Nothing is asked any more."""
+        self._prompt = None
+        self._looks.stop()
         self.hide()
 
     def _answer(self) -> None:
-        self.hide()
-        self.answered.emit(self.field.text().strip())
+        if self._prompt is None or not self.is_armed:
+            return
+        answer = self._prompt.consent or self.field.text().strip()
+        self.withdraw()
+        self.answered.emit(answer)
+
+    def _show_armed(self) -> None:
+        self.give.setEnabled(self.is_armed)
 
     def _colour(self) -> None:
         palette = self._session.palette

@@ -1,6 +1,8 @@
 """What a run is doing, in one word: a pure function of what the run tells, without any widget.
 
-idle -> armed -> running -> stopping -> finished
+idle -> armed -> running <-> waiting for you
+                    |
+                    +-> stopping -> finished
                     |           |
                     +-> tripped +-> tripped, and "lost" when the process is gone without a report
 """
@@ -26,16 +28,12 @@ class State(Enum):
     IDLE = "idle"
     ARMED = "armed"
     RUNNING = "running"
+    WAITING = "waiting for you"
     STOPPING = "stopping"
     TRIPPED = "tripped"
     FINISHED = "finished"
     REFUSED = "refused"
     LOST = "lost"
-
-    @property
-    def active(self) -> bool:
-        """Whether a process may be turning the rig."""
-        return self in (State.ARMED, State.RUNNING, State.STOPPING)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,9 +99,19 @@ class RunState:
                 moved=True,
                 what="bringing the rig to a verified standstill",
             )
-        state = State.STOPPING if self.state is State.STOPPING else State.RUNNING
-        what = self.what if state is State.STOPPING else progress.what
-        return replace(self, state=state, moved=True, what=what)
+        if self.state in (State.STOPPING, State.WAITING):
+            return replace(self, moved=True)
+        return replace(self, state=State.RUNNING, moved=True, what=progress.what)
+
+    def asked(self, question: str) -> RunState:
+        """After a question of the run; one that comes while the rig is being stopped changes nothing."""
+        if self.state not in (State.ARMED, State.RUNNING):
+            return self
+        return replace(self, state=State.WAITING, what=question)
+
+    def answered(self) -> RunState:
+        """After the operator's answer."""
+        return replace(self, state=State.RUNNING, what="going on")
 
     def pressed(self, word: str) -> RunState:
         """After the operator's STOP or ABORT, before the run says that it obeys."""

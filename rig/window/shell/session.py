@@ -35,6 +35,8 @@ class WindowSession(QObject):
     ) -> None:
         super().__init__()
         self.folder, self.backend, self.configuration = folder, backend, configuration
+        self.run_exists = False
+        """Whether a run exists: no dialog may stand before its STOP."""
         self._theme = theme
         self._remembered = _read(folder / REMEMBERED_FILE)
 
@@ -62,6 +64,14 @@ class WindowSession(QObject):
     def is_hardware(self) -> bool:
         """Whether runs of this window turn a real rig."""
         return self.backend == "hardware"
+
+    def free_for(self, what: str) -> bool:
+        """Whether a dialog may be opened; during a run not, and it is said of `what`."""
+        if self.run_exists:
+            self.message.emit(
+                f"{what} waits for the end of the run: nothing may stand before STOP."
+            )
+        return not self.run_exists
 
     def recall(self, key: str, default: Any = None) -> Any:
         """What was remembered under a name (plain JSON data)."""

@@ -14,8 +14,10 @@ KEPT_PICTURES = 128 * 1024
 """kB of what was painted that Qt may keep: the still curves of all plots on a large screen. Its own
 10 MB hold those of one.
 """
-BANNER_POINTS = 30
-"""Size of the state banner: a capital letter of about a centimetre on a common screen, legible from three metres."""
+BANNER_CAPITAL = 40
+"""Pixels of a capital letter of the state banner where there is room: a centimetre on a common screen, legible from
+three metres.
+"""
 
 
 def theme_named(wanted: str) -> str:

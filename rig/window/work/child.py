@@ -25,6 +25,7 @@ from typing import IO, Any
 from PySide6.QtCore import QObject, Signal
 
 from experiments.recording import Event
+from experiments.steps.note import Prompt
 from rig.run.order import Progress
 
 LONGEST_COMPLAINT = 8000
@@ -57,8 +58,8 @@ class RunProcess(QObject):
     """An `Event` of the run."""
     progress = Signal(object)
     """A `Progress`, about ten times a second."""
-    prompt = Signal(str, str)
-    """A question to the operator (text, key); `answer` answers it."""
+    prompt = Signal(object)
+    """A `Prompt` to the operator; `answer` answers it."""
     report = Signal(dict)
     """The object that `rig run --json` prints; the last line."""
     failed = Signal(str)
@@ -184,7 +185,7 @@ class RunProcess(QObject):
         elif kind == "progress":
             self.progress.emit(_from_fields(Progress, message))
         elif kind == "prompt":
-            self.prompt.emit(str(message.get("text", "")), str(message.get("key", "")))
+            self.prompt.emit(_from_fields(Prompt, message))
         elif kind == "report":
             self._reported = True
             self.report.emit(message)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,12 +14,10 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.recording import Recording
-from experiments.steps.vocabulary import Prompt
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig import exits
 from rig.commands.ordering import request_of
-from rig.commands.running import NOBODY, at_terminal
 from rig.errors import RunFileError
 from rig.main import app
 from rig.run.latch import CUT_OFF, HISTORY_NAME, LatchedTripError, TripLatch
@@ -144,23 +141,6 @@ def test_a_signal_that_was_to_be_ignored_stays_ignored(tmp_path: Path) -> None:
         out, _ = paced.process.communicate(timeout=DEADLINE)
         assert json.loads(out)["outcome"] == "ABORTED"
     assert_stopped_by_a_ramp(tmp_path)
-
-
-def test_a_prompt_at_the_terminal_holds_the_rig_and_not_the_process(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    ours, theirs = pty.openpty()
-    prompt = Prompt("Is the disc mounted?", "disc")
-    with os.fdopen(theirs) as terminal:
-        monkeypatch.setattr(sys, "stdin", terminal)
-        ask = at_terminal()
-        assert ask(prompt) is None
-        assert ask(prompt) is None
-        os.write(ours, b"yes\n")
-        assert ask(prompt) == "yes"
-        assert capsys.readouterr().err.count(prompt.text) == 1
-        os.close(ours)
-        assert ask(Prompt("And the guard?", "guard")) == NOBODY
 
 
 def test_a_run_killed_in_motion_latches_the_folder_until_somebody_acknowledges(

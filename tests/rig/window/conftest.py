@@ -147,6 +147,30 @@ def child(kind: str, *arguments: str) -> RunProcess:
     return RunProcess([kind, *arguments], program=(sys.executable, str(CHILDREN)))
 
 
+class SilentRun(RunProcess):
+    """A run without a process: it says nothing, and keeps what is said to it."""
+
+    def __init__(self) -> None:
+        super().__init__([])
+        self.said: list[str] = []
+
+    def start(self) -> None:
+        """Nothing is started."""
+
+    def _say(self, line: str) -> None:
+        self.said.append(line)
+
+
+def silent_run(window: MainWindow) -> SilentRun:
+    """Let a silent run begin in a window."""
+    run = SilentRun()
+    window.run._start_process = lambda _: run
+    window.run.start_command(
+        [], "Velocity steps, gear SN-0815-of-2025, A. Example of the day shift"
+    )
+    return run
+
+
 @pytest.fixture(scope="session")
 def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with two short friction runs of one gear on the simulated rig; the second one is analysed."""

@@ -16,6 +16,7 @@ from pytestqt.qtbot import QtBot
 from typer.testing import CliRunner
 
 from experiments.result import Plot, Series
+from experiments.steps.note import Prompt
 from rig.errors import ConfigurationError
 from rig.main import app
 from rig.window.main import (
@@ -174,6 +175,50 @@ def test_arguments_of_the_window_are_checked(arguments: list[str]) -> None:
     assert not isinstance(done.exception, AssertionError)
 
 
+@pytest.mark.parametrize(
+    ("flag", "value", "words"),
+    [
+        ("--backend", "nonsense", "no such rig"),
+        ("--backend", "replay:nowhere.h5", "no such run to replay"),
+        ("--folder", "{file}", "is no folder"),
+        ("--folder", "{file}/runs", "is no folder"),
+        ("--folder", "{refused}", "cannot be written (Permission denied)"),
+        ("--folder", "{refused}/2025/runs", "cannot be written (Permission denied)"),
+    ],
+)
+def test_what_cannot_work_is_refused_before_a_window_opens(
+    flag: str, value: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, refused = tmp_path / "file", tmp_path / "refused"
+    file.write_text("")
+    refused.mkdir()
+
+    def no_file(dir: Path) -> None:
+        assert dir == refused
+        raise PermissionError(13, "Permission denied")
+
+    def no_window(*_: object) -> int:
+        raise AssertionError("a window was opened")
+
+    monkeypatch.setattr("rig.run.preflight.tempfile.TemporaryFile", no_file)
+    monkeypatch.setattr("rig.window.main.open_window", no_window)
+    done = CliRunner().invoke(app, ["live", flag, value.format(file=file, refused=refused)])
+    assert isinstance(done.exception, ConfigurationError)
+    assert words in str(done.exception)
+    assert flag in str(done.exception)
+
+
+def test_a_folder_that_can_be_written_opens_and_nothing_is_left_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[object] = []
+    monkeypatch.setattr("rig.window.main.open_window", lambda *a: (opened.append(a[0]), 0)[1])
+    for folder in (tmp_path, tmp_path / "2025" / "runs"):
+        assert CliRunner().invoke(app, ["live", "--folder", str(folder)]).exit_code == 0
+    assert opened == [tmp_path, tmp_path / "2025" / "runs"]
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_run_never_loads_qt(tmp_path: Path) -> None:
     """Everything that `rig run` imports, in a process of its own: no window, no Qt, no figures."""
     program = (
@@ -204,12 +249,15 @@ def test_enter_that_answers_a_question_presses_nothing_else(
     buttons = window.findChildren(QPushButton)
     for button in buttons:
         button.clicked.connect(lambda _=False, name=button.text(): pressed.append(name))
-    next_in_turn = window._buttons.button(0)
-    window.run.prompt.answered.connect(lambda _: next_in_turn.setFocus())
-    window.run.prompt.ask("Ready?", "")
-    qtbot.waitUntil(window.run.prompt.field.hasFocus)
-    with qtbot.waitSignal(window.run.prompt.answered):
-        qtbot.keyClick(window.run.prompt.field, Qt.Key.Key_Return)
+    next_in_turn, prompt = window._buttons.button(0), window.run.prompt
+    prompt.answered.connect(lambda _: next_in_turn.setFocus())
+    prompt.ask(Prompt("Temperature [°C]?"))
+    prompt.field.setFocus()
+    qtbot.waitUntil(prompt.field.hasFocus)
+    qtbot.keyClicks(prompt.field, "22")
+    qtbot.waitUntil(lambda: prompt.is_armed)
+    with qtbot.waitSignal(prompt.answered):
+        qtbot.keyClick(prompt.field, Qt.Key.Key_Return)
     assert next_in_turn.hasFocus()
     assert pressed == []
 

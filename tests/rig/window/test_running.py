@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QAbstractButton, QLabel, QWidget
+from PySide6.QtWidgets import QLabel, QWidget
 from pytestqt.qtbot import QtBot
 
 from experiments.recording import Recording
@@ -207,16 +207,17 @@ def test_closing_during_a_run_asks_and_makes_safe(
     start_long_run(window, prepared, qtbot)
     page = window.run
     assert not window.close()
-    box = page.close_question
-    assert box is not None
-    qtbot.mouseClick(button_of(box, "Stay"), Qt.MouseButton.LeftButton)
+    asked = page.close_question
+    assert asked.isVisible()
+    qtbot.mouseClick(asked.stay, Qt.MouseButton.LeftButton)
     assert window.isVisible()
+    assert not asked.isVisible()
     assert page.state.state is State.RUNNING
+    window.show_page("review")
     assert not window.close()
-    box = page.close_question
-    assert box is not None
+    assert asked.isVisible(), "on the page Run, which comes to the front"
     with qtbot.waitSignal(page.closed_safely, timeout=LONGEST):
-        qtbot.mouseClick(button_of(box, "STOP and close when safe"), Qt.MouseButton.LeftButton)
+        qtbot.mouseClick(asked.leave, Qt.MouseButton.LeftButton)
         assert window.isVisible()
         assert not window.close()
     assert not window.isVisible()
@@ -279,8 +280,12 @@ def test_a_question_of_the_run(window: MainWindow, qtbot: QtBot) -> None:
     qtbot.waitUntil(lambda: page.prompt.isVisible(), timeout=LONGEST)
     assert "hand thermometer [°C]?" in page.prompt.question.text()
     qtbot.waitUntil(lambda: check_layout(window))
+    assert page.banner.word == "WAITING FOR YOU"
+    assert not page.prompt.field.hasFocus()
+    page.prompt.field.setFocus()
     qtbot.keyClicks(page.prompt.field, "22.5")
-    assert page.state.state is State.RUNNING
+    assert page.state.state is State.WAITING
+    qtbot.waitUntil(lambda: page.prompt.is_armed)
     qtbot.keyClick(page.prompt.field, Qt.Key.Key_Return)
     wait_for_end(window, qtbot)
     assert not page.prompt.isVisible()
@@ -312,10 +317,6 @@ def test_a_run_that_is_refused_says_why(window: MainWindow, qtbot: QtBot) -> Non
     assert page.may_close()
 
 
-def button_of(box: Any, text: str) -> QAbstractButton:
-    return next(button for button in box.buttons() if button.text() == text)
-
-
 def check_layout(window: MainWindow) -> None:
     """Nothing is cut off and nothing overlaps: every visible label has the room that it asks for,
     within the window. To be waited
@@ -331,6 +332,7 @@ def check_layout(window: MainWindow) -> None:
         page.events,
         page.outcome,
         page.prompt,
+        page.close_question,
     ):
         if widget is None or not widget.isVisible():
             continue

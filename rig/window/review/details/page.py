@@ -65,7 +65,7 @@ class RunDetails(QWidget):
         self._comparing: BackgroundCommand | None = None
         self.header = RunHeaderView(session)
         self.desk = FitDesk(cache, self)
-        self.bar = FitBar(choose_file)
+        self.bar = FitBar(session, choose_file)
         self.results = ResultsView(session, self.bar)
         self.gallery = PlotGallery(session)
         self.signals = SignalsView(session)

@@ -1,0 +1,36 @@
+"""What is looked at before anything moves: a folder is tried, not asked for its permissions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from rig.run.dry_run import PlannedRun
+from rig.run.preflight import static_checks
+from rig.run.start import RunRequest, plan_request
+
+
+def planned(folder: Path) -> PlannedRun:
+    """A short run that would be kept in a folder."""
+    gear, motor = shipped_gear(), shipped_motor()
+    request = RunRequest(protocol="starting-torque", gear=gear, motor=motor, output=folder)
+    return plan_request(request)
+
+
+def test_a_folder_that_cannot_be_written_fails_and_says_nothing_of_space(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(dir: Path) -> None:
+        raise OSError(30, "Read-only file system")
+
+    run = planned(tmp_path)
+    before = {check.name: check.result for check in static_checks(run, tmp_path)}
+    assert before["disk space"] == "ok"
+    monkeypatch.setattr("rig.run.preflight.tempfile.TemporaryFile", refuse)
+    checks = {check.name: check for check in static_checks(run, tmp_path / "new" / "runs")}
+    assert checks["folder"].result == "failed"
+    assert f"{tmp_path} cannot be written (Read-only file system)" in checks["folder"].evidence
+    assert "disk space" not in checks

@@ -1,0 +1,136 @@
+"""On a small or magnified screen: what stops, what starts, and the banner are wholly on the screen, and not covered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from PySide6.QtCore import QPoint, QRect
+from PySide6.QtWidgets import QApplication, QWidget
+from pytestqt.qtbot import QtBot
+
+from experiments.steps.note import Prompt
+from rig.run.order import Progress
+from rig.window.main import SMALLEST, MainWindow
+from rig.window.run.state import RunState
+from rig.window.shell.session import WindowSession
+from rig.window.shell.theme import apply_theme
+from tests.rig.window.conftest import silent_run
+
+SCREENS = {
+    "1366 x 768 at 1.25": (1093, 614),
+    "1366 x 768 at 1.5": (911, 512),
+    "1920 x 1080 at 2": (960, 540),
+}
+TAKEN = (0, 72)
+"""Logical pixels that the desktop's bar and the window's title take of a screen."""
+LONG = "Take the gear off, and have the motor as warm as in the run that this tare is for. " * 2
+PROMPTS = {
+    "consent": Prompt(LONG, "gear-removed", consent="The gear is removed and the motor is warm"),
+    "text": Prompt(LONG, "temperature"),
+}
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, qapp: QApplication) -> Iterator[MainWindow]:
+    """A window with all its pages over a folder with a long name."""
+    session = WindowSession(tmp_path_factory.mktemp("runs-of-a-laboratory-with-a-long-name"))
+    apply_theme(qapp, session.theme)
+    window = MainWindow(session)
+    window.show()
+    yield window
+    window.run._change(RunState())
+    window.close()
+    window.deleteLater()
+
+
+def fit(window: MainWindow, screen: str, qtbot: QtBot) -> None:
+    """As large as the screen leaves room for."""
+    width, height = (a - b for a, b in zip(SCREENS[screen], TAKEN, strict=True))
+    window.resize(width, height)
+    qtbot.waitUntil(lambda: (window.width(), window.height()) == (width, height))
+
+
+def on_screen(window: MainWindow, *widgets: QWidget) -> None:
+    """Each as large as it asks for, inside the window, and under the mouse at its corners and its middle."""
+    QApplication.processEvents()
+    for widget in widgets:
+        assert widget.isVisible(), widget
+        room = QRect(widget.mapToGlobal(QPoint(0, 0)), widget.size())
+        outer = QRect(window.mapToGlobal(QPoint(0, 0)), window.size())
+        assert outer.contains(room), (widget, room, outer)
+        least = widget.minimumSizeHint().expandedTo(widget.minimumSize())
+        assert widget.width() >= least.width(), (widget, widget.size(), least)
+        assert widget.height() >= least.height(), (widget, widget.size(), least)
+        inner = widget.rect().adjusted(2, 2, -2, -2)
+        for point in (inner.center(), inner.topLeft(), inner.bottomRight()):
+            there = window.childAt(widget.mapTo(window, point))
+            assert there is widget or (there is not None and widget.isAncestorOf(there)), (
+                widget,
+                there,
+            )
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_what_stops_and_starts_is_wholly_on_the_screen(
+    screen: str, whole: MainWindow, qtbot: QtBot
+) -> None:
+    page = whole.run
+    fit(whole, screen, qtbot)
+    whole.show_page("prepare")
+    on_screen(whole, whole.prepare.start_button, *whole._buttons.buttons())
+    run = silent_run(whole)
+    whole.show_page("run")
+    stops = (page.banner, page.banner._word, page.buttons.stop, page.buttons.abort)
+    on_screen(whole, *stops)
+    now = Progress(step=1, steps=2, what="hold", elapsed=0.0, left=1.0, speed=0.0, events=0)
+    run.progress.emit(now)
+    on_screen(whole, *stops)
+    for prompt in PROMPTS.values():
+        run.prompt.emit(prompt)
+        fields = (
+            (page.prompt.give, page.prompt.question) if prompt.consent else (page.prompt.field,)
+        )
+        on_screen(whole, *stops, page.prompt, *fields)
+        page.prompt.answered.emit("x")
+    assert not whole.close()
+    on_screen(whole, *stops, page.close_question.stay, page.close_question.leave)
+    page.close_question.stay.click()
+    for name in ("prepare", "review"):
+        whole.show_page(name)
+        on_screen(whole, whole.stop, *whole._buttons.buttons())
+        page.prompt.ask(PROMPTS["consent"])
+        run.prompt.emit(PROMPTS["consent"])
+        on_screen(whole, whole.stop, *whole._buttons.buttons())
+        page.prompt.answered.emit("x")
+    whole.show_page("prepare")
+    on_screen(whole, whole.prepare.start_button)
+    page._change(RunState())
+
+
+def test_the_smallest_window_is_no_larger_than_the_smallest_screen(whole: MainWindow) -> None:
+    for width, height in SCREENS.values():
+        assert whole.minimumWidth() <= width - TAKEN[0]
+        assert whole.minimumHeight() <= height - TAKEN[1]
+    assert (whole.minimumWidth(), whole.minimumHeight()) == SMALLEST
+
+
+@pytest.mark.parametrize(
+    ("screen", "folded"), [(name, w < 1000) for name, (w, _) in SCREENS.items()]
+)
+def test_the_side_column_folds_and_a_note_brings_it_back(
+    screen: str, folded: bool, whole: MainWindow, qtbot: QtBot
+) -> None:
+    page = whole.run
+    silent_run(whole)
+    whole.show_page("run")
+    whole.resize(1366, 700)
+    page.fold.setChecked(True)
+    qtbot.waitUntil(page.side.isVisible)
+    fit(whole, screen, qtbot)
+    qtbot.waitUntil(lambda: page.side.isVisible() != folded)
+    page._write_note()
+    assert page.side.isVisible()
+    page.fold.click()
+    assert not page.side.isVisible()
+    page._change(RunState())
