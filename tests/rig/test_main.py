@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -21,16 +22,25 @@ def run_python(code: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_help_loads_nothing_heavy() -> None:
+def loaded_by(arguments: list[str], modules: tuple[str, ...]) -> list[str]:
+    """Those of the modules that a command loads."""
     code = (
         "import sys, json\nfrom rig.main import run\n"
-        "try:\n    run(['--help'])\nexcept SystemExit as end:\n    code = end.code\n"
-        f"print(); print(json.dumps([code, [m for m in {HEAVY!r} if m in sys.modules]]))"
+        f"try:\n    run({arguments!r})\nexcept SystemExit as end:\n    code = end.code\n"
+        f"print(); print(json.dumps([code, [m for m in {modules!r} if m in sys.modules]]))"
     )
     done = run_python(code)
-    code, loaded = json.loads(done.stdout.strip().splitlines()[-1])
-    assert code == 0, done.stderr
-    assert loaded == []
+    exit_code, loaded = json.loads(done.stdout.strip().splitlines()[-1])
+    assert exit_code == 0, done.stderr
+    return loaded
+
+
+def test_help_loads_nothing_heavy() -> None:
+    assert loaded_by(["--help"], HEAVY) == []
+
+
+def test_a_list_of_runs_loads_no_bus(tmp_path: Path) -> None:
+    assert loaded_by(["runs", str(tmp_path)], ("can", "asyncio", "scipy", "numba")) == []
 
 
 def test_help_names_every_command() -> None:
