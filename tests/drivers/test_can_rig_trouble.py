@@ -122,6 +122,7 @@ def test_a_silent_node_costs_the_others_nothing(bench: Setup) -> None:
     while rows < 350:
         rows += len(bench.rig.exchange(Command(Mode.OFF), 350 - rows, Guard()))
     assert [a.count for a in line.answers()] == [None, None]  # it is asked once, and given up
+    assert line.is_idle(OUTPUT_ANGLE)
     assert line.reach(OUTPUT_ANGLE) is Reach.NMT_FIRST
     assert bench.clock.monotonic_ns() - before < 420_000_000
 

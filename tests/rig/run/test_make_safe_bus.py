@@ -204,6 +204,8 @@ def test_the_quick_stop_goes_by_sdo_in_the_first_cycle_with_the_process_data(
     assert quick - told.trip_ns < 1_000_000
     # Power is taken away only from a motor that stands.
     assert abs(next(speed for now, speed, _ in told.truth if now >= off)) < 0.2
+    # Answers are judged as soon as they are a window apart, not at the end of the next whole window.
+    assert told.power_off <= RAMP + WINDOW + 0.02
     assert told.report.stages == ["quick stop by SDO", "servo off by SDO"]
 
 
