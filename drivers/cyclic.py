@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -436,7 +436,7 @@ class CanRig:
             )
 
     @contextlib.contextmanager
-    def _sync_goes_on(self, bus: PumpedBus) -> Iterator[None]:
+    def _sync_goes_on(self, bus: PumpedBus) -> Generator[None]:
         """While something goes by SDO every SYNC that is due goes out; its answers are paired, not kept."""
 
         def turn() -> int:
