@@ -12,7 +12,7 @@ frame; with a host's stamps, or with none, the cycle says `HOST_TIME`.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -441,7 +441,7 @@ class CanRig:
             )
 
     @contextlib.contextmanager
-    def _sync_goes_on(self, bus: PumpedBus, line: RequestLine) -> Iterator[None]:
+    def _sync_goes_on(self, bus: PumpedBus, line: RequestLine) -> Generator[None]:
         """While something goes by SDO every SYNC that is due goes out; its answers are paired, not kept."""
 
         def turn() -> int:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.channel import Channel
+from drivers.judge import CycleJudge
 from drivers.port import Bound, Guard, GuardWatch
 
 CHANNELS = (
@@ -86,3 +87,34 @@ def test_cutting_into_blocks_changes_nothing(
     assert first_break_cut(guard, counts, flags, size) == first_break_cut(
         guard, counts, flags, len(rows)
     )
+
+
+@pytest.mark.parametrize("size", [1, 7, 200])
+@pytest.mark.parametrize("seed", range(6))
+def test_blocks_are_judged_by_the_time_between_the_syncs_as_cycles_are(
+    seed: int, size: int
+) -> None:
+    random, period = np.random.default_rng(seed), 1_000_000
+    late = np.where(random.random(200) < 0.2, random.exponential(2.0, 200), 0.0)
+    times = np.cumsum(period + np.rint(late * period).astype(np.int64))
+    # Up to the limit until cycle 150, however late a SYNC is; above it from there.
+    speed = np.where(np.arange(200) < 150, 9.9, 10.6)
+    angle = np.cumsum(speed * np.diff(times, prepend=0)).astype(np.int64)
+    counts = np.column_stack([angle, np.zeros(200, dtype=np.int64)])
+    weight = 1.0 / (4 * period)
+    bound = Bound(cause="moved", weights={"input_angle": weight}, high=10.0, lag=4, consecutive=2)
+    guard, flags = Guard((bound,)), np.zeros(200, dtype=np.uint16)
+    watch, judge, found = GuardWatch(CHANNELS, period), CycleJudge(CHANNELS, period), None
+    for start in range(0, 200, size):
+        part = slice(start, start + size)
+        found = watch.first_break(guard, counts[part], flags[part], times[part])
+        if found is not None:
+            break
+        watch.accept(counts[part], flags[part], times[part])
+    judge.adopt(guard)
+    breaks = (judge.judge(row, 0, i, int(times[i])) for i, row in enumerate(counts.tolist()))
+    wanted = next(broken for broken in breaks if broken is not None)
+    assert found is not None
+    assert start + found.row == wanted.row
+    assert 150 <= wanted.row <= 156
+    assert found.value == pytest.approx(wanted.value)

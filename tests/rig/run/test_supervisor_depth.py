@@ -12,18 +12,20 @@ import numpy as np
 import pytest
 
 from drivers.port import Command, Guard, Mode
-from drivers.samples import CycleFlag
+from drivers.samples import CycleFlag, SampleBlock
 from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench import limits as lim
 from rig.bench.backends.assembly import AssembledRig
-from rig.run import margins
+from rig.run import margins, trips
 from rig.run.bounds import Watch
 from rig.run.order import Progress, RunReport
+from rig.run.phases import Turn
 from rig.run.session import execute
 from rig.run.start import watchdog_of
 from rig.run.stop import StopRequest
+from rig.run.supervisor import Supervisor
 from rig.run.torque_review import TorqueReview, TorqueState, heat_integral
 from rig.run.trips import UNKNOWN_RULE, Trip, rule_of
 from rig.trial.drill.rigs import drilled_rig
@@ -189,3 +191,68 @@ def test_the_watchdog_stops_the_drive_over_its_own_bus_without_the_loop() -> Non
 def test_a_rig_without_a_second_handle_has_no_watchdog() -> None:
     rig = FakeRig()
     assert watchdog_of(AssembledRig(name="fake", port=rig, clock=rig.clock), 20) is None
+
+
+PERIOD_NS = 1_000_000
+
+
+def reviewed(
+    time_ns: np.ndarray, sync_ns: np.ndarray | None, modes: tuple[Mode, Mode]
+) -> Trip | None:
+    """The trip of two blocks at standstill whose SYNCs were at these times, in two modes."""
+    rig, state = FakeRig(), None
+    watcher = Supervisor(rig.channels, PERIOD_NS, planned_of(*HOLD).limits, None)
+    half = len(time_ns) // 2
+    for mode, part in zip(modes, (slice(0, half), slice(half, None)), strict=True):
+        rows = len(time_ns[part])
+        target = np.empty(0) if mode is Mode.OFF else np.zeros(rows)
+        turn = Turn(Command(mode, target), rows, enabled=mode is not Mode.OFF)
+        block = SampleBlock(
+            part.start,
+            time_ns[part],
+            np.zeros((rows, len(rig.channels)), dtype=np.int64),
+            np.zeros(rows, dtype=np.uint16),
+            sync_ns=None if sync_ns is None else sync_ns[part],
+        )
+        state = watcher.review(block, turn)
+    return state
+
+
+@pytest.mark.parametrize("at", [20, 50])
+@pytest.mark.parametrize("stamps_late_ns", [0, 3_000_000])
+def test_a_computer_that_was_late_is_a_late_turn_and_a_clock_that_jumped_is_not(
+    at: int, stamps_late_ns: int
+) -> None:
+    regular = np.arange(100, dtype=np.int64) * PERIOD_NS + 10**9
+    late = regular.copy()
+    late[at:] += 150 * PERIOD_NS
+    speeds = (Mode.SPEED, Mode.SPEED)
+    found = reviewed(late + stamps_late_ns, late, speeds)
+    assert found is not None
+    assert (found.cause, found.row, found.value, found.limit) == (trips.LATE_TURN, at, 151.0, 100.0)
+    assert "Stop other programs on this computer" in str(found)
+    found = reviewed(late, regular, speeds)
+    assert found is not None
+    assert (found.cause, found.row) == (trips.TIME_BASE, at)
+    # Who has no time of sending has the stamps alone; where the mode changes the SYNC may stand.
+    found = reviewed(late, None, speeds)
+    assert found is not None
+    assert found.cause == trips.TIME_BASE
+    assert reviewed(late, late, (Mode.OFF, Mode.OFF)) is None
+    assert (reviewed(late, late, (Mode.SPEED, Mode.TORQUE)) is None) == (at == 50)
+
+
+def test_the_speed_that_is_followed_is_over_the_time_between_the_syncs() -> None:
+    # Stamps of reception that come in bunches: by them 40 rad/s would be anything.
+    rig = FakeRig()
+    watcher = Supervisor(rig.channels, PERIOD_NS, planned_of(*HOLD).limits, None)
+    angle = [c.name for c in rig.channels].index("input_angle")
+    sync = np.arange(2000, dtype=np.int64) * PERIOD_NS
+    received = sync // (60 * PERIOD_NS) * (60 * PERIOD_NS) + np.arange(2000)
+    counts = np.zeros((2000, len(rig.channels)), dtype=np.int64)
+    counts[:, angle] = np.rint(20.0 * sync * 1e-9 / rig.channels[angle].scale)
+    turn = Turn(Command(Mode.SPEED, np.full(2000, 20.0)), 2000, enabled=True)
+    block = SampleBlock(0, received, counts, np.zeros(2000, dtype=np.uint16), sync_ns=sync)
+    assert watcher.review(block, turn) is None
+    assert watcher.state.following_longest == 0
+    assert watcher.margins()["input_speed"]["peak"] == pytest.approx(20.0, rel=0.01)

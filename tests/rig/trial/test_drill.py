@@ -65,7 +65,7 @@ def test_every_fault_ends_as_it_must(name: str, rows: dict[str, DrillRow]) -> No
     assert row.happened, row.evidence
     assert row.names_cause, row.causes
     assert row.passed
-    assert 0 <= row.cycles <= 600
+    assert 0 <= row.cycles <= 1000
 
 
 def test_no_fault_of_the_rig_fails_the_gear(rows: dict[str, DrillRow]) -> None:
