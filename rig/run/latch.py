@@ -91,10 +91,11 @@ class TripLatch:
             if trip.standstill_verified
             else " Standstill was NOT verified: look at the rig before anything else."
         )
+        told = f" ({trip.message})" if trip.cause == CUT_OFF else ""
         raise LatchedTripError(
             f"a trip has not been acknowledged; nothing turns before it is.{unsafe}",
             where=str(path.parent),
-            value=f"{trip.cause} in run {trip.run}, {trip.time}",
+            value=f"{trip.cause} in run {trip.run}, {trip.time}{told}",
             remedy=f"Find and remove the cause, then: rig acknowledge --operator NAME {self._option}",
         )
 
@@ -162,7 +163,7 @@ def _cut_off(orphan: Orphan) -> LatchedTrip:
     restarted = marked.boot != boot_id()
     how = "the computer was started anew since" if restarted else "it was killed"
     text = (
-        f"process {marked.process} ({marked.protocol}) ended in motion, "
+        f"process {marked.process} ({marked.protocol}) ended while the rig may have been in motion, "
         f"before standstill was verified: {how}; what it recorded is in {marked.part}"
     )
     return LatchedTrip(CUT_OFF, marked.run, marked.time, text, False, marked.part)

@@ -148,7 +148,7 @@ def test_a_marker_that_is_held_is_a_running_run_and_no_latch(tmp_path: Path) -> 
         TripLatch(tmp_path, one_master=True).refuse()
     marker.let_go()
     assert list(live_runs(tmp_path)) == []
-    with pytest.raises(LatchedTripError, match=r"cut_off_in_motion in run 00001-x-y"):
+    with pytest.raises(LatchedTripError, match=r"in run 00001-x-y, .* is in .*p\.h5\.part"):
         TripLatch(tmp_path).refuse()
 
 
@@ -158,7 +158,10 @@ def test_an_orphan_tells_a_kill_from_a_computer_that_was_started_anew(
     left_behind(tmp_path)
     trip = TripLatch(tmp_path).read()
     assert trip is not None
-    assert f"process {os.getpid()} (friction) ended in motion" in trip.message
+    assert (
+        f"process {os.getpid()} (friction) ended while the rig may have been in motion"
+        in trip.message
+    )
     assert "it was killed" in trip.message
     assert trip.time == NOW
     later = tmp_path / "boot_id"
@@ -202,9 +205,8 @@ def test_a_trip_whose_standstill_was_not_verified_is_acknowledged_with_its_marke
     latch = TripLatch(tmp_path)
     latch.leave(LatchedTrip("over_speed", "00002-x-y", NOW, "too fast", False))
     assert latch.acknowledge("Ada", "now").cause == "over_speed"
-    trip = latch.read()
-    assert trip is not None
-    assert trip.run == "00001-x-y"
+    assert latch.acknowledge("Ada", "now").run == "00001-x-y"
+    assert latch.read() is None
 
 
 def test_a_held_file_is_released_with_its_holder_and_read_meanwhile(tmp_path: Path) -> None:
