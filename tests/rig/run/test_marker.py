@@ -41,11 +41,11 @@ def run_fake(rig: FakeRig, folder: Path, stop: StopRequest | None = None) -> Run
     return run_on(assembled, request_in(folder), planned_of(*STEPS), stop)
 
 
-def left_behind(folder: Path, run: str = "00001-x-y", part: str = "p.h5.part") -> Path:
+def left_behind(folder: Path, run: str = "00001-x-y", bench: str = "bench-1") -> Path:
     """The marker of a run whose process is gone."""
-    marker = RunMarker(folder, "bench-1")
+    marker = RunMarker(folder, bench)
     before = set(folder.glob(f"{PREFIX}*"))
-    marker.leave(run, "friction", NOW, folder / part)
+    marker.leave(run, "friction", NOW, folder / "p.h5.part")
     marker.let_go()
     (path,) = set(folder.glob(f"{PREFIX}*")) - before
     return path
@@ -145,7 +145,7 @@ def test_a_marker_that_is_held_is_a_running_run_and_no_latch(tmp_path: Path) -> 
     TripLatch(tmp_path).refuse()
     # Whoever has a bench for itself knows that nobody else can be running there.
     with pytest.raises(LatchedTripError):
-        TripLatch(tmp_path, one_master=True).refuse()
+        TripLatch(tmp_path, bench="bench-1").refuse()
     marker.let_go()
     assert list(live_runs(tmp_path)) == []
     with pytest.raises(LatchedTripError, match=r"in run 00001-x-y, .* is in .*p\.h5\.part"):
@@ -195,6 +195,18 @@ def test_each_run_that_was_cut_off_is_acknowledged_by_itself(tmp_path: Path) -> 
     assert latch.read() is None
     lines = (tmp_path / HISTORY_NAME).read_text().splitlines()
     assert [json.loads(line)["part"] for line in lines] == [str(tmp_path / "p.h5.part")] * 2
+
+
+def test_a_simulation_that_was_cut_off_latches_its_folder_and_no_bench(tmp_path: Path) -> None:
+    runs, state, user = (tmp_path / name for name in ("runs", "state", "user"))
+    left_behind(runs, bench="0")
+    assert TripLatch(runs).read() is not None
+    latch = TripLatch(state, (user, runs), bench="bench-1")
+    assert latch.read() is None
+    left_behind(user, "00002-x-y")
+    trip = latch.read()
+    assert trip is not None
+    assert trip.run == "00002-x-y"
 
 
 def test_a_trip_whose_standstill_was_not_verified_is_acknowledged_with_its_marker(
