@@ -47,8 +47,8 @@ class LatchedTrip:
 class TripLatch:
     """The latch of one bench: written in `folder`, and obeyed as well where it lies `elsewhere`.
 
-    `option` is what names the bench to `rig acknowledge`. `one_master`: whoever runs on this bench
-    has it for itself, so that no marker there can be that of a run beside it.
+    `option` is what names the bench to `rig acknowledge`. `bench` is the identity of one that a run has
+    for itself: no marker in its folder can be that of a run beside it, and elsewhere only its own count.
     """
 
     def __init__(
@@ -57,13 +57,13 @@ class TripLatch:
         elsewhere: Sequence[Path] = (),
         option: str = "",
         *,
-        one_master: bool = False,
+        bench: str = "",
     ) -> None:
         self.folder = folder
         self.path = folder / LATCH_NAME
         self._places = (folder, *elsewhere)
         self._option = option or f"--output {folder}"
-        self._one_master = one_master
+        self._bench = bench
 
     def read(self) -> LatchedTrip | None:
         """The trip that is latched, None when there is none. A latch that cannot be read still counts as one."""
@@ -78,12 +78,14 @@ class TripLatch:
             trip = _trip_in(place / LATCH_NAME)
             if trip is not None:
                 yield place / LATCH_NAME, trip
-            for orphan in orphans(place, alone=alone and place == self.folder):
-                yield orphan.path, _cut_off(orphan)
+            is_own = place == self.folder
+            for orphan in orphans(place, alone=alone and is_own):
+                if is_own or (orphan.run is not None and orphan.run.bench == self._bench):
+                    yield orphan.path, _cut_off(orphan)
 
     def refuse(self) -> None:
         """Raise `LatchedTripError` while a trip is latched. Asked by whoever is about to run on the bench."""
-        path, trip = self._latched(alone=self._one_master)
+        path, trip = self._latched(alone=bool(self._bench))
         if trip is None:
             return
         unsafe = (
@@ -91,10 +93,11 @@ class TripLatch:
             if trip.standstill_verified
             else " Standstill was NOT verified: look at the rig before anything else."
         )
+        told = f" ({trip.message})" if trip.cause == CUT_OFF else ""
         raise LatchedTripError(
             f"a trip has not been acknowledged; nothing turns before it is.{unsafe}",
             where=str(path.parent),
-            value=f"{trip.cause} in run {trip.run}, {trip.time}",
+            value=f"{trip.cause} in run {trip.run}, {trip.time}{told}",
             remedy=f"Find and remove the cause, then: rig acknowledge --operator NAME {self._option}",
         )
 
@@ -151,7 +154,8 @@ class TripLatch:
 
 def latch_of(bench: Bench) -> TripLatch:
     """The latch of a bench."""
-    return TripLatch(bench.state, bench.elsewhere, bench.option, one_master=bench.has_one_master)
+    identity = bench.id if bench.has_one_master else ""
+    return TripLatch(bench.state, bench.elsewhere, bench.option, bench=identity)
 
 
 def _cut_off(orphan: Orphan) -> LatchedTrip:
@@ -162,7 +166,7 @@ def _cut_off(orphan: Orphan) -> LatchedTrip:
     restarted = marked.boot != boot_id()
     how = "the computer was started anew since" if restarted else "it was killed"
     text = (
-        f"process {marked.process} ({marked.protocol}) ended in motion, "
+        f"process {marked.process} ({marked.protocol}) ended while the rig may have been in motion, "
         f"before standstill was verified: {how}; what it recorded is in {marked.part}"
     )
     return LatchedTrip(CUT_OFF, marked.run, marked.time, text, False, marked.part)

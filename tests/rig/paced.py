@@ -33,8 +33,8 @@ TURNING = 0.5
 """rad/s of the input above which the plant is called moving."""
 DEADLINE = 60.0
 """s that a test waits for a line before it fails."""
-LONG = ("run", "warm-up", "--backend", "paced", "--block", "20", "--at-most", "3600")
-LONG += ("--tolerance", "1e-9", "--window", "60", "--zero-time", "0.5")
+LONG = ("run", "warm-up", "--backend", "paced", "--sample-rate", "200", "--block", "4")
+LONG += ("--at-most", "3600", "--tolerance", "1e-9", "--window", "60", "--zero-time", "0.5")
 """A protocol that nobody's computer finishes."""
 
 

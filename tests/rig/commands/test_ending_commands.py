@@ -94,14 +94,6 @@ def test_ctrl_c_in_motion_is_a_stop_and_the_file_is_sealed(tmp_path: Path) -> No
     assert_stopped_by_a_ramp(tmp_path)
 
 
-def test_a_terminal_that_hangs_up_twice_is_still_one_ramp(tmp_path: Path) -> None:
-    with moving_run(tmp_path) as paced:
-        for _ in range(2):
-            paced.process.send_signal(signal.SIGHUP)
-        assert ended(paced) == exits.ABORTED
-    assert_stopped_by_a_ramp(tmp_path)
-
-
 def test_a_terminal_closed_in_motion_costs_neither_ramp_nor_file(tmp_path: Path) -> None:
     def take_terminal() -> None:
         fcntl.ioctl(0, termios.TIOCSCTTY, 0)

@@ -41,11 +41,11 @@ def run_fake(rig: FakeRig, folder: Path, stop: StopRequest | None = None) -> Run
     return run_on(assembled, request_in(folder), planned_of(*STEPS), stop)
 
 
-def left_behind(folder: Path, run: str = "00001-x-y", part: str = "p.h5.part") -> Path:
+def left_behind(folder: Path, run: str = "00001-x-y", bench: str = "bench-1") -> Path:
     """The marker of a run whose process is gone."""
-    marker = RunMarker(folder, "bench-1")
+    marker = RunMarker(folder, bench)
     before = set(folder.glob(f"{PREFIX}*"))
-    marker.leave(run, "friction", NOW, folder / part)
+    marker.leave(run, "friction", NOW, folder / "p.h5.part")
     marker.let_go()
     (path,) = set(folder.glob(f"{PREFIX}*")) - before
     return path
@@ -145,10 +145,10 @@ def test_a_marker_that_is_held_is_a_running_run_and_no_latch(tmp_path: Path) -> 
     TripLatch(tmp_path).refuse()
     # Whoever has a bench for itself knows that nobody else can be running there.
     with pytest.raises(LatchedTripError):
-        TripLatch(tmp_path, one_master=True).refuse()
+        TripLatch(tmp_path, bench="bench-1").refuse()
     marker.let_go()
     assert list(live_runs(tmp_path)) == []
-    with pytest.raises(LatchedTripError, match=r"cut_off_in_motion in run 00001-x-y"):
+    with pytest.raises(LatchedTripError, match=r"in run 00001-x-y, .* is in .*p\.h5\.part"):
         TripLatch(tmp_path).refuse()
 
 
@@ -158,7 +158,10 @@ def test_an_orphan_tells_a_kill_from_a_computer_that_was_started_anew(
     left_behind(tmp_path)
     trip = TripLatch(tmp_path).read()
     assert trip is not None
-    assert f"process {os.getpid()} (friction) ended in motion" in trip.message
+    assert (
+        f"process {os.getpid()} (friction) ended while the rig may have been in motion"
+        in trip.message
+    )
     assert "it was killed" in trip.message
     assert trip.time == NOW
     later = tmp_path / "boot_id"
@@ -194,6 +197,18 @@ def test_each_run_that_was_cut_off_is_acknowledged_by_itself(tmp_path: Path) -> 
     assert [json.loads(line)["part"] for line in lines] == [str(tmp_path / "p.h5.part")] * 2
 
 
+def test_a_simulation_that_was_cut_off_latches_its_folder_and_no_bench(tmp_path: Path) -> None:
+    runs, state, user = (tmp_path / name for name in ("runs", "state", "user"))
+    left_behind(runs, bench="0")
+    assert TripLatch(runs).read() is not None
+    latch = TripLatch(state, (user, runs), bench="bench-1")
+    assert latch.read() is None
+    left_behind(user, "00002-x-y")
+    trip = latch.read()
+    assert trip is not None
+    assert trip.run == "00002-x-y"
+
+
 def test_a_trip_whose_standstill_was_not_verified_is_acknowledged_with_its_marker(
     tmp_path: Path,
 ) -> None:
@@ -202,9 +217,8 @@ def test_a_trip_whose_standstill_was_not_verified_is_acknowledged_with_its_marke
     latch = TripLatch(tmp_path)
     latch.leave(LatchedTrip("over_speed", "00002-x-y", NOW, "too fast", False))
     assert latch.acknowledge("Ada", "now").cause == "over_speed"
-    trip = latch.read()
-    assert trip is not None
-    assert trip.run == "00001-x-y"
+    assert latch.acknowledge("Ada", "now").run == "00001-x-y"
+    assert latch.read() is None
 
 
 def test_a_held_file_is_released_with_its_holder_and_read_meanwhile(tmp_path: Path) -> None:

@@ -37,6 +37,14 @@ def test_the_handlers_before_are_put_back_and_ignored_signals_are_left_alone() -
         signal.signal(signal.SIGHUP, usual)
 
 
+def test_a_terminal_that_hangs_up_is_one_stop_however_often_it_is_said() -> None:
+    request = StopRequest()
+    with pressed_by_signals(request):
+        for _ in range(3):
+            handler_of(signal.SIGHUP)(signal.SIGHUP, None)
+            assert request.level == 1
+
+
 def test_a_handler_on_a_terminal_that_is_gone_presses_and_raises_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import queue
+import signal
 import threading
 from pathlib import Path
 from typing import Any
@@ -162,6 +164,18 @@ def test_ctrl_c_stops_every_branch(tmp_path: Path) -> None:
     assert demo_work.SharedStop(shared).level == 1
     shared.value = 2
     assert demo_work.SharedStop(shared).level == 2
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_closed_terminal_and_a_request_to_end_are_a_stop_too() -> None:
+    numbers = [signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP]
+    before = [signal.getsignal(number) for number in numbers]
+    for number in numbers:
+        shared = demo._Local()
+        with demo._ctrl_c(shared):
+            signal.raise_signal(number)
+        assert shared.value == 1
+    assert [signal.getsignal(number) for number in numbers] == before
 
 
 def test_a_stop_while_running_seals_the_run(tmp_path: Path) -> None:
