@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
@@ -17,11 +18,12 @@ from drivers.device import RemoteDevice
 from drivers.errors import DriverError
 from drivers.sdo import SdoAbortError, SdoClient, SdoProtocolError, SdoTimeoutError
 from rig.trial.doctor.bus import scan
-from rig.trial.doctor.second_client import SecondClient, read_again
+from rig.trial.doctor.second_client import PumpedClient, SecondClient, read_again
 from tests.drivers.foreign_drive import ForeignDrive
 from tests.drivers.foreign_slave import Traits, Wire
 from tests.drivers.scripted_bus import ScriptedBus
 from tests.drivers.test_any_bytes import Babbler
+from tests.rig.trial.doctor_rigs import failed, look, on_the_wire
 
 STATUS = "602 40 41 60 00 00 00 00 00"
 SEGMENT, SEGMENT_1 = "602 60 00 00 00 00 00 00 00", "602 70 00 00 00 00 00 00 00"
@@ -192,3 +194,18 @@ def test_nobody_pays_for_the_library_who_does_not_use_it() -> None:
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
     assert ended.returncode == 0, ended.stderr
+
+
+def test_the_doctor_reads_by_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read, upload = set[tuple[int, int, int]](), PumpedClient.upload
+
+    def noted(client: PumpedClient, index: int, subindex: int) -> bytes:
+        read.add((client.rx_cobid - 0x600, index, subindex))
+        return upload(client, index, subindex)
+
+    monkeypatch.setattr(PumpedClient, "upload", noted)
+    found = look(tmp_path, on_the_wire)
+    assert found.is_fine, failed(found)
+    # Who every node is; of the drive its state, its option codes and its watch over the computer.
+    assert {(node, 0x1018, sub) for node in (1, 2, 3) for sub in (1, 2, 3, 4)} <= read
+    assert {(1, 0x6041, 0), (1, 0x6007, 0), (1, 0x605A, 0), (1, 0x1016, 1)} <= read
