@@ -147,15 +147,8 @@ def test_safe_is_the_truth_of_the_plant_and_not_the_word_of_the_program(
 
 def test_a_word_that_comes_too_early_is_not_safe(monkeypatch: pytest.MonkeyPatch) -> None:
     """It stands in the end, but did not when the program said so."""
-    asked: list[bool] = []
-
-    def stands(rig: DrilledRig) -> bool:
-        asked.append(True)
-        return len(asked) > 1
-
-    monkeypatch.setattr(DrilledRig, "stands", property(stands))
+    monkeypatch.setattr(DrilledRig, "stands", property(lambda rig: not rig.port._open))
     (row,) = run_drills([DRILLS["Ctrl-C in hold"]], backend="sim")
-    assert len(asked) == 2
     assert row.verified
     assert not row.safe
 
