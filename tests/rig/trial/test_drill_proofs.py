@@ -93,7 +93,7 @@ def test_a_drill_that_finds_its_cause_where_nothing_is_wrong_is_told() -> None:
     assert row.names_cause
     assert not row.passed, "its fault did not happen"
     assert not proves_detection([row])
-    assert "**passes**" in markdown([row], [row])
+    assert "**finds its cause**" in markdown([row], [row])
 
 
 def test_the_wrong_cause_is_not_enough() -> None:
