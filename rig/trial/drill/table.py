@@ -52,12 +52,12 @@ happen at any moment is drawn, STOP and ABORT once each; a disk fails in one way
 It does not ask which cause was named, but for the truth: does the motor stand without power, and does the program say so. A run
 that hangs or breaks is held against the same truth.
 
-A study of 459 pairs (seed 2026, numbers 0 to 251 and 500 to 706; in 273 of them both faults happened):
+A study of 480 pairs (seed 2026, numbers 0 to 262 and 500 to 716; in 283 of them both faults happened):
 
 | by the plant's truth, and by the program's word | pairs |
 |---|---:|
-| the motor stands without power, and the program has verified it | 413 |
-| it stands; the bus is gone for one of the faults, nobody can be heard, and the run says STANDSTILL NOT VERIFIED | 44 |
+| the motor stands without power, and the program has verified it | 429 |
+| it stands; the bus is gone for one of the faults, nobody can be heard, and the run says STANDSTILL NOT VERIFIED | 49 |
 | it came to rest later; when the program said STANDSTILL NOT VERIFIED it did turn | 1 |
 | it stands, and the program could not say so | 1 |
 | it turns, or has power | 0 |
