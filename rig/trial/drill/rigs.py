@@ -87,7 +87,7 @@ class Happening:
                 f"node {node}: 0x{index:04X} holds {after[node, index, sub]} instead of {before[node, index, sub]}"
                 for node, index, sub in changed
             ]
-        if self.at_start and self.injected is None:
+        if self.at_start:
             self._inject(bench, bench.cycle)
 
     def read_back(self, limits: DriveLimits) -> DriveLimits:
