@@ -42,6 +42,23 @@ class Curve:
     group: int
     style: CurveStyle
     dense: bool = False
+    edges: tuple[Any, ...] = ()
+    """The lines between which its band lies."""
+
+    def move(self, x: NDArray[np.float64]) -> None:
+        """The same curve, and its band, over other values of x."""
+        for item in (self.item, *self.edges):
+            item.setData(x, item.getOriginalDataset()[1])
+
+
+class LabBox(pg.ViewBox):
+    """The room of the data. The wheel zooms along x alone: to look closer at a moment is not to lose the height of a
+    curve. Over an axis it zooms along that.
+    """
+
+    def wheelEvent(self, ev: Any, axis: int | None = None) -> None:
+        """Zoom along x, or along the axis that the wheel was turned over."""
+        super().wheelEvent(ev, axis=0 if axis is None else axis)
 
 
 class LabPlot(QWidget):
@@ -65,7 +82,8 @@ class LabPlot(QWidget):
         self._legend.setTextFormat(Qt.TextFormat.RichText)
         self._legend.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self._legend.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self.canvas = pg.PlotWidget(axisItems={side: LabAxis(side) for side in ("left", "bottom")})
+        axes = {side: LabAxis(side) for side in ("left", "bottom")}
+        self.canvas = pg.PlotWidget(viewBox=LabBox(), axisItems=axes)
         self.canvas.setMinimumSize(180, 110)
         head = QGridLayout()
         head.setContentsMargins(8, 2, 8, 0)
@@ -224,7 +242,10 @@ class LabPlot(QWidget):
         )
         curve.item.setData(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         if low is not None and high is not None and len(x):
-            (self._error_bars if style == "points" else self._band)(x, low, high, group, logs)
+            if style == "points":
+                self._error_bars(x, low, high, group, logs)
+            else:
+                curve.edges = self._band(x, low, high, group, logs)
         return curve
 
     def _bars(self, name: str, x: NDArray[np.float64], y: NDArray[np.float64], group: int) -> Curve:
@@ -261,7 +282,7 @@ class LabPlot(QWidget):
         high: NDArray[np.float64],
         group: int,
         logs: tuple[bool, bool],
-    ) -> None:
+    ) -> tuple[Any, ...]:
         edges = []
         for values in (low, high):
             edge = pg.PlotDataItem(
@@ -280,6 +301,7 @@ class LabPlot(QWidget):
 
         restyle(self._session.palette)
         self._extras.append(restyle)
+        return tuple(edges)
 
     def _style_curve(self, curve: Curve, palette: Palette) -> None:
         colour = palette.series_colour(curve.group)

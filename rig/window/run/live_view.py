@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import numpy as np
+
 from experiments.recording import Recording, Segment
 from rig.present.preview.plan import PlanPreview
 from rig.run.dry_run import PlannedRun
@@ -28,6 +30,8 @@ class LiveContext:
     prediction: PlanPreview | None = None
     work: SegmentWork = field(default_factory=SegmentWork)
     """Where what a segment says is worked out."""
+    answers: list[int] = field(default_factory=list)
+    """Calendar time at which each prompt of the plan was answered, so far [ns]."""
 
     @property
     def duration(self) -> float:
@@ -140,6 +144,48 @@ class TraceView(RowView):
         self._values.follow(recent)
 
 
+class PredictedTorque(TraceView):
+    """A trace over what was predicted of it: drawn in advance over the nominal times of the plan, and after
+    each prompt over the times since its answer.
+    """
+
+    def __init__(
+        self,
+        session: WindowSession,
+        title: str,
+        y_label: str,
+        signals: Sequence[tuple[str, str, float, Any]],
+        context: LiveContext,
+        seen: PlanPreview,
+    ) -> None:
+        super().__init__(session, title, y_label, signals, context.duration)
+        self._context, self._seen, self._answered = context, seen, 0
+        low, high = seen.torque.low / MILLI, seen.torque.high / MILLI
+        self.predicted = self.plot.add_series(
+            "predicted", seen.time, seen.torque.value / MILLI, "band", group=3, low=low, high=high
+        )
+        self.predicted.item.setZValue(-5)
+
+    def draw(self, recent: bool) -> None:
+        """Bring the curves up to date; what is predicted moves by the time that was waited."""
+        answers = self._context.answers
+        if len(answers) != self._answered:
+            self._answered = len(answers)
+            stamps = self._context.recording.source.time_ns(0, 1)
+            marks = [mark.time for mark in self._seen.marks if mark.kind == "prompt"]
+            since = [1e-9 * (answer - int(stamps[0])) for answer in answers]
+            self.predicted.move(after_answers(self._seen.time, marks, since))
+        super().draw(recent)
+
+
+def after_answers(time: Any, prompts: Sequence[float], answers: Sequence[float]) -> Any:
+    """Nominal times [s] as they are once prompts, at their nominal times, were answered at other ones."""
+    late = np.zeros_like(time)
+    for prompt, answer in zip(prompts, answers, strict=False):
+        late[time >= prompt] = answer - prompt
+    return time + late
+
+
 class SpeedView(RowView):
     """Input speed over time: what was asked for and what the encoder says."""
 
@@ -181,22 +227,11 @@ def torque_view(session: WindowSession, context: LiveContext) -> TraceView:
     """Motor torque over time, from the monitor port where the rig has one."""
     name = "torque" if context.recording.has("torque") else "drive_torque"
     label = "monitor port" if name == "torque" else "reported by the drive"
-    view = TraceView(
-        session,
-        "Motor torque",
-        "motor torque [mN m]",
-        [(name, label, MILLI, "line")],
-        context.duration,
-    )
-    seen = context.prediction
-    if seen is not None:
-        # Drawn in advance over the nominal times of the plan: steps that wait for something shift it.
-        low, high = seen.torque.low / MILLI, seen.torque.high / MILLI
-        curve = view.plot.add_series(
-            "predicted", seen.time, seen.torque.value / MILLI, "band", group=3, low=low, high=high
-        )
-        curve.item.setZValue(-5)
-    return view
+    signals = [(name, label, MILLI, "line")]
+    words = "Motor torque", "motor torque [mN m]"
+    if context.prediction is None:
+        return TraceView(session, *words, signals, context.duration)
+    return PredictedTorque(session, *words, signals, context, context.prediction)
 
 
 def temperature_view(session: WindowSession, context: LiveContext) -> TraceView:

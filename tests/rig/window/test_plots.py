@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -46,6 +47,20 @@ def drawn(session: WindowSession, qtbot: QtBot) -> ResultPlot:
     qtbot.addWidget(made)
     made.resize(500, 320)
     return made
+
+
+def test_the_wheel_zooms_along_x_and_over_an_axis_along_that(drawn: ResultPlot) -> None:
+    box = drawn.item.getViewBox()
+    box.setRange(xRange=(0.0, 10.0), yRange=(-5.0, 5.0), padding=0.0)
+    turned = SimpleNamespace(delta=lambda: 120, pos=box.boundingRect().center, accept=lambda: None)
+    before = np.ptp(box.viewRange(), axis=1)
+    box.wheelEvent(turned)
+    width, height = np.ptp(box.viewRange(), axis=1)
+    assert width < before[0]
+    assert height == pytest.approx(before[1])
+    box.wheelEvent(turned, axis=1)
+    assert np.ptp(box.viewRange()[0]) == pytest.approx(width)
+    assert np.ptp(box.viewRange()[1]) < height
 
 
 def test_lines_points_steps_and_bars_are_drawn_with_units_legend_and_mark(

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontMetrics
@@ -13,13 +16,19 @@ from pytestqt.qtbot import QtBot
 from drivers.clock import VirtualClock
 from experiments import catalogue
 from experiments.parameters import make_parameters
+from experiments.recording import Event
 from experiments.steps.note import Prompt
 from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from rig.present.preview.plan import preview_plan
 from rig.run.order import Progress
+from rig.run.start import RunRequest, plan_request
 from rig.window.main import MainWindow
 from rig.window.run.banner import LOOKS
+from rig.window.run.live_view import LiveContext, PredictedTorque, after_answers, torque_view
 from rig.window.run.prompt_view import UNARMED_NS
 from rig.window.run.state import MAKING_SAFE, RunState, State
+from rig.window.shell.session import WindowSession
 from rig.window.shell.theme import BANNER_CAPITAL
 from tests.rig.window.conftest import SilentRun, silent_run
 
@@ -194,6 +203,47 @@ def test_the_words_of_the_banner_are_read_from_three_metres(
         word.ensurePolished()
         assert QFontMetrics(word.font()).capHeight() >= BANNER_CAPITAL >= 40, state
         assert word.sizeHint().width() <= word.parentWidget().width() * 0.62, state
+
+
+def test_what_is_predicted_moves_by_the_time_that_was_waited(session: WindowSession) -> None:
+    """Prompts at 2 s and 5 s of the plan, answered 30 s and 34 s late: each shifts what comes after it."""
+    gear, motor = shipped_gear(), shipped_motor()
+    request = RunRequest(protocol="motor-tare", gear=gear, motor=motor, output=session.folder)
+    seen = preview_plan(plan_request(request))
+    (first,) = [mark.time for mark in seen.marks if mark.kind == "prompt"]
+    begin = 1_700_000_000_000_000_000
+    source = SimpleNamespace(time_ns=lambda start, stop: np.array([begin])[start:stop])
+    recording: Any = SimpleNamespace(has=lambda name: True, source=source)
+    context = LiveContext(recording, None, seen)
+    view = torque_view(session, context)
+    assert isinstance(view, PredictedTorque)
+    view.draw(recent=False)
+    np.testing.assert_array_equal(view.predicted.item.getOriginalDataset()[0], seen.time)
+    context.answers.append(begin + round(1e9 * (first + 30.0)))
+    view.draw(recent=False)
+    later = seen.time >= first
+    assert later.any()
+    for item in (view.predicted.item, *view.predicted.edges):
+        x, _ = item.getOriginalDataset()
+        np.testing.assert_allclose(x[later], seen.time[later] + 30.0)
+        np.testing.assert_array_equal(x[~later], seen.time[~later])
+    assert len(view.predicted.edges) == 2
+    two = after_answers(np.array([0.0, 2.0, 4.0, 5.0, 9.0]), [2.0, 5.0], [32.0, 39.0])
+    assert two.tolist() == [0.0, 32.0, 34.0, 39.0, 43.0]
+
+
+def test_the_answer_of_a_prompt_is_handed_to_the_plots_and_a_note_is_not(
+    asking: SilentRun, window: MainWindow
+) -> None:
+    def said(code: str, time_ns: int) -> None:
+        asking.event_received.emit(Event(time_ns, "info", code, "operator", "x"))
+
+    said("gear-removed", 1)
+    asking.prompt.emit(GEAR_OFF)
+    said("note", 2)
+    said("gear-removed", 3)
+    said("gear-removed", 4)
+    assert window.run.plots.answers == [3]
 
 
 def test_only_readings_want_text() -> None:

@@ -286,8 +286,8 @@ def test_no_dialog_while_a_run_exists(whole: MainWindow, qtbot: QtBot) -> None:
     foreign = QDialog(whole)
     qtbot.addWidget(foreign)
     whole.statusBar().clearMessage()
-    assert foreign.exec() == QDialog.DialogCode.Rejected
-    assert not foreign.isVisible()
+    foreign.open()
+    qtbot.waitUntil(lambda: not foreign.isVisible())
     assert "nothing may stand before STOP" in whole.statusBar().currentMessage()
 
 
