@@ -225,7 +225,7 @@ TRIPS: dict[str, TripRule] = {
         "Check its supply: it has lost its configuration and its counts.",
     ),
     NOT_OPERATIONAL: TripRule(
-        "a node has left OPERATIONAL by itself",
+        "a node has left OPERATIONAL, and not by our word",
         Action.QUICK_STOP,
         "Look for another master on the bus; check the node.",
     ),

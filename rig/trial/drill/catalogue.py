@@ -534,31 +534,31 @@ _BUS = (
     Drill(
         name="NMT PRE-OPERATIONAL from outside",
         what="another master takes the drive out of OPERATIONAL; it turns on",
-        cause=STALE_DATA,
+        cause=trips.NOT_OPERATIONAL,
         fault=lambda at: wire.NmtFromOutside(at, ((0, _PRE_OPERATIONAL),)),
     ),
     Drill(
         name="NMT PRE-OPERATIONAL from outside, all nodes",
         what="another master takes every node out of OPERATIONAL; the drive turns on",
-        cause=STALE_DATA,
+        cause=trips.NOT_OPERATIONAL,
         fault=lambda at: wire.NmtFromOutside(at, ((0, _PRE_OPERATIONAL),), 0),
     ),
     Drill(
         name="NMT STOPPED from outside",
         what="another master stops the drive's communication; it quick-stops by itself",
-        cause=STALE_DATA,
+        cause=trips.NOT_OPERATIONAL,
         fault=lambda at: wire.NmtFromOutside(at, ((0, _STOPPED),)),
     ),
     Drill(
         name="NMT STOPPED from outside, drive goes on",
         what="another master stops the drive's communication; it turns on and answers no SDO",
-        cause=STALE_DATA,
+        cause=trips.NOT_OPERATIONAL,
         fault=lambda at: wire.NmtFromOutside(at, ((0, _STOPPED),), reacts=False),
     ),
     Drill(
         name="NMT START while made safe",
         what="another master starts the drive again 60 ms after it took it out of OPERATIONAL",
-        cause=STALE_DATA,
+        cause=trips.NOT_OPERATIONAL,
         fault=lambda at: wire.NmtFromOutside(at, ((0, _PRE_OPERATIONAL), (60, _START))),
     ),
     Drill(
@@ -570,13 +570,13 @@ _BUS = (
     Drill(
         name="SYNC gone for good, drive minds",
         what="the SYNC reaches no device any more; the drive supervises it (0x1006)",
-        cause=trips.EMERGENCY,
+        cause=trips.NOT_OPERATIONAL,
         fault=wire.SupervisedSyncLost,
     ),
     Drill(
         name="SYNC supervision trips",
         what="three SYNCs are lost; the drive supervises them (0x1006)",
-        cause=trips.EMERGENCY,
+        cause=trips.NOT_OPERATIONAL,
         fault=lambda at: wire.SupervisedSyncLost(at, cycles=3),
     ),
     Drill(
