@@ -380,8 +380,8 @@ class RemoteDevice:
                 remedy="Set the synchronous counter overflow value to 0 with the vendor's "
                 "tool: without it the device is deaf.",
             )
-        # A computer's SYNC keeps no period to within half of it, which is all that devices tolerate.
-        self.write_wished(CYCLE_PERIOD, 0, "the device supervises the SYNC by a period of its own")
+        if self.read_optional(CYCLE_PERIOD, "the device does not supervise the SYNC period"):
+            self.write_wished(CYCLE_PERIOD, 0)
 
     def _write_sync(self, value: int, otherwise: str) -> None:
         """Write 0x1005; bit 31 means nothing there. Raises `DriverError` saying `otherwise` if the
