@@ -128,7 +128,7 @@ class Reach(Enum):
     SDO = "SDO only"
     """It is not OPERATIONAL, or no SYNC makes it answer: process data do not act there."""
     NMT_FIRST = "NMT first"
-    """It is STOPPED, or did not answer the latest SDO."""
+    """It is STOPPED, did not answer the latest SDO, or refused the controlword."""
 
 
 class Ask(Enum):

@@ -49,6 +49,7 @@ class RequestLine:
         self._conversations: dict[int, _Conversation] = {}
         self._answers: list[Answer] = []
         self._unanswered: set[int] = set()
+        self._refusing: set[int] = set()
 
     @property
     def is_busy(self) -> bool:
@@ -65,7 +66,8 @@ class RequestLine:
         state = place.device.watch.state
         if state is NmtState.OPERATIONAL and place.arrives():
             return Reach.PROCESS_DATA
-        is_deaf = state is NmtState.STOPPED or place.device.node_id in self._unanswered
+        node_id = place.device.node_id
+        is_deaf = state is NmtState.STOPPED or node_id in self._unanswered | self._refusing
         return Reach.NMT_FIRST if is_deaf else Reach.SDO
 
     def hand(self, requests: Sequence[Request]) -> None:
@@ -130,6 +132,10 @@ class RequestLine:
             conversation.waiting.clear()
         else:
             self._unanswered.discard(conversation.device.node_id)
+        if request.ask in _CONTROLWORD:
+            # Some take no SDO for an object that an RPDO carries, but for when they are PRE-OPERATIONAL.
+            mark = self._refusing.discard if posted.error is None else self._refusing.add
+            mark(conversation.device.node_id)
         if posted.error is None and request.ask is Ask.READ:
             with contextlib.suppress(DriverError):
                 entry = self._places[request.channel].entry

@@ -483,7 +483,7 @@ class Slave:
     def _watch_sync(self, period_us: Number) -> None:
         """0x1006 supervises from the latest SYNC heard while OPERATIONAL; 0 does not."""
         supervises = period_us and self._synced_ns is not None
-        limit_ns = round(SYNC_TOLERANCE * period_us * 1000)
+        limit_ns = round(SYNC_TOLERANCE * int(period_us) * 1000)
         self._sync_due_ns = (self._synced_ns or 0) + limit_ns if supervises else NEVER
 
     def _lose_sync(self) -> None:

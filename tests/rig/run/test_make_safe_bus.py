@@ -5,7 +5,7 @@ that nothing enables again.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -23,7 +23,7 @@ from rig.run.phases import Machine, Phase, PhaseRunner, Phases
 from sim_backend.faults import Fault
 from sim_backend.wire import faults as wire
 from sim_backend.wire.bench import COUNTER_NODE, DRIVE_NODE, WireBench
-from sim_backend.wire.line import BenchBus, WireFault
+from sim_backend.wire.line import BenchBus, Frame, WireFault
 from sim_backend.wire.slave import NmtState
 from tests.sim_backend.wire.rigs import wire_rig
 
@@ -301,3 +301,20 @@ def test_process_data_that_are_heard_and_not_obeyed_are_repeated_by_sdo() -> Non
     assert told.report.stages == ["quick stop", "servo off by SDO"]
     assert [word for _, word in told.told_by_sdo()] == [SERVO_OFF]
     assert math.isclose(told.truth[-1][1], 0.0, abs_tol=0.01)
+
+
+@dataclass(frozen=True)
+class MappedBlocked(wire.SdoAborted):
+    """While it is OPERATIONAL the drive takes no SDO for the controlword, which an RPDO carries."""
+
+    def to_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        blocks = bench.drive.state is NmtState.OPERATIONAL
+        return super().to_devices(frame, bench) if blocks else (frame,)
+
+
+def test_a_drive_that_refuses_the_controlword_while_operational_is_taken_out_of_it() -> None:
+    told = story(wire.SyncLost, lambda at: MappedBlocked(at, DRIVE_NODE, 0x6040, code=0x06010006))
+    assert told.report.safe
+    assert told.power_off <= BOUND
+    nmt = [d for now, cob_id, d in told.sent if cob_id == 0 and now >= told.trip_ns]
+    assert set(nmt) == {bytes([PRE_OPERATIONAL, DRIVE_NODE])}
