@@ -1,0 +1,71 @@
+"""A computer and a hub that are late now and then, at 1 kHz and 2000 r/min: whatever ends, it is no over-speed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drivers.clock import VirtualClock
+from drivers.cyclic import CanRig
+from drivers.port import Command, DriveLimits, Guard, Mode
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from model.units import RPM
+from rig.bench.backends.simulated import wire_config
+from rig.bench.limits import derive_limits
+from rig.run.phases import Turn
+from rig.run.supervisor import Supervisor
+from sim_backend.wire.bench import WireBench
+
+SPEED = 2000.0 * RPM
+LIMITS = DriveLimits(1.0, 600.0, 3000.0, 3000.0, 3000.0)
+
+
+def late_rig(seed: int, how_often: float) -> CanRig:
+    """The bare motor behind a bus without stamps or echo, whose plant turns on while nobody comes."""
+    clock, motor, random = VirtualClock(10**18), shipped_motor(), np.random.default_rng(seed)
+    bench = WireBench(
+        shipped_gear(), motor, seed=seed, gear_mounted=False, clock=clock, silence_cycles=1
+    )
+
+    def pump(deadline_ns: int) -> None:
+        bench.pump(deadline_ns)
+        if random.random() < how_often:
+            clock.advance_ns(round(min(random.exponential(1.5), 4.0) * 1e6))
+            bench.elapse()
+
+    return CanRig(
+        wire_config(bench, motor),
+        clock,
+        lambda: bench.bus(receive_own_messages=False),
+        pump=pump,
+        time_base="host",
+        origin="simulated",
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_late_computer_makes_no_over_speed(seed: int) -> None:
+    rig = late_rig(seed, 0.05)
+    rig.open()
+    try:
+        rig.write_limits(LIMITS)
+        limits = derive_limits(
+            shipped_gear(), shipped_motor(), gear_mounted=False, plan_speed=SPEED
+        )
+        watcher = Supervisor(rig.channels, rig.cycle_ns, limits, None)
+        watcher.begin(rig.exchange(Command(Mode.OFF), 20, Guard()).counts[-1])
+        ramp = np.minimum(np.arange(1500) * 0.2, SPEED)
+        causes = []
+        for start in range(0, len(ramp), 20):
+            turn = Turn(Command(Mode.SPEED, ramp[start : start + 20]), 20, enabled=True)
+            block = rig.exchange(turn.command, 20, watcher.guard(turn))
+            causes += [block.broken.cause] if block.broken is not None else []
+            trip = watcher.review(block, turn)
+            causes += [trip.cause] if trip is not None else []
+            if trip is not None:
+                break
+        assert set(causes) <= {"missed_cycles", "late_turn", "stale_data"}, causes
+        assert rig.acquisition().overruns > 20
+    finally:
+        rig.close()
