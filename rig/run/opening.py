@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -130,6 +131,7 @@ def header_of(
     )
 
 
+@functools.cache
 def git_commit() -> str:
     """The commit of the source tree that this program runs from; "" for an installed package."""
     root = Path(__file__).resolve().parents[2]

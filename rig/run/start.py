@@ -28,7 +28,7 @@ from rig.run.engine import Ask
 from rig.run.judge import judge_by
 from rig.run.latch import latch_of
 from rig.run.marker import RunMarker
-from rig.run.opening import begin_inline_run, begin_threaded_run
+from rig.run.opening import begin_inline_run, begin_threaded_run, git_commit
 from rig.run.order import Judge, Judgement, Progress, RunOrder, RunReport
 from rig.run.preflight import Check
 from rig.run.realtime import block_cycles, execute_in_real_time, watchdog_deadline
@@ -167,6 +167,8 @@ def run_on(
     `bench`: where a trip is latched and the run marked, if that is not the request's own.
     """
     bench = bench or bench_for(request)
+    # Asked now: between opening a rig and its first turns a drive counts the ms without a heartbeat.
+    git_commit()
     marker = RunMarker(bench.state, bench.id)
 
     def judged(path: Path) -> Judgement:
