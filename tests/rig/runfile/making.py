@@ -1,6 +1,7 @@
 """Runs made for tests: a rig's channels, blocks whose every value can be recomputed, and finished files."""
 
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -121,7 +122,7 @@ def write_run(
     return writer.seal(outcome, "2025-11-21T04:41:00.000+00:00")
 
 
-def edit(path: Path) -> h5py.File:
+def edit(path: Path) -> Any:
     """A sealed run opened to be changed, by somebody who lets the note beside it be."""
     path.chmod(0o644)
     return h5py.File(path, "r+")

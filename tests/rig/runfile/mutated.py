@@ -78,11 +78,11 @@ def mutate_structure(path: Path, random: np.random.Generator) -> str:
     return f"{edit.__name__} of {name}"
 
 
-def _take_away(file: h5py.File, name: str, _: np.random.Generator) -> None:
+def _take_away(file: Any, name: str, _: np.random.Generator) -> None:
     del file[name]
 
 
-def _give_number(file: h5py.File, name: str, random: np.random.Generator) -> None:
+def _give_number(file: Any, name: str, random: np.random.Generator) -> None:
     value = NUMBERS[int(random.integers(len(NUMBERS)))]
     dataset = file[name]
     if isinstance(dataset, h5py.Group):
@@ -93,14 +93,14 @@ def _give_number(file: h5py.File, name: str, random: np.random.Generator) -> Non
         dataset[int(random.integers(dataset.shape[0]))] = value
 
 
-def _give_text(file: h5py.File, name: str, random: np.random.Generator) -> None:
+def _give_text(file: Any, name: str, random: np.random.Generator) -> None:
     text = TEXTS[int(random.integers(len(TEXTS)))]
     group = file[name].parent
     del file[name]
     group.create_dataset(name.rpartition("/")[2], data=np.bytes_(text or b"\0"))
 
 
-def _give_bytes(file: h5py.File, name: str, random: np.random.Generator) -> None:
+def _give_bytes(file: Any, name: str, random: np.random.Generator) -> None:
     """Rows of a table or column, or a text, out of nothing but chance."""
     dataset = file[name]
     shape = dataset.shape
@@ -109,11 +109,11 @@ def _give_bytes(file: h5py.File, name: str, random: np.random.Generator) -> None
     dataset[()] = rows.reshape(shape)
 
 
-def _lengthen(file: h5py.File, name: str, random: np.random.Generator) -> None:
+def _lengthen(file: Any, name: str, random: np.random.Generator) -> None:
     file[name].resize((int(random.choice([0, 1, 7, 100_000, 4_000_000_000])),))
 
 
-def _retype(file: h5py.File, name: str, random: np.random.Generator) -> None:
+def _retype(file: Any, name: str, random: np.random.Generator) -> None:
     group = file[name].parent
     del file[name]
     dtype = str(random.choice(["u1", "f4", "f8", "i8", "S5", "i2", "c16", "?"]))
@@ -121,14 +121,14 @@ def _retype(file: h5py.File, name: str, random: np.random.Generator) -> None:
     group.create_dataset(name.rpartition("/")[2], data=np.zeros(shape, dtype))
 
 
-def _link(file: h5py.File, name: str, random: np.random.Generator) -> None:
+def _link(file: Any, name: str, random: np.random.Generator) -> None:
     group = file[name].parent
     del file[name]
     links = (h5py.SoftLink("/entry"), h5py.SoftLink(f"/{name}"), h5py.ExternalLink("x.h5", "/x"))
     group[name.rpartition("/")[2]] = links[int(random.integers(len(links)))]
 
 
-def _attribute(file: h5py.File, name: str, random: np.random.Generator) -> None:
+def _attribute(file: Any, name: str, random: np.random.Generator) -> None:
     item = file[name]
     names = list(item.attrs)
     if not names:
@@ -141,16 +141,16 @@ def _attribute(file: h5py.File, name: str, random: np.random.Generator) -> None:
     item.attrs[chosen] = values[int(random.integers(len(values)))]
 
 
-def _chunk(file: h5py.File, name: str, random: np.random.Generator) -> None:
+def _chunk(file: Any, name: str, random: np.random.Generator) -> None:
     dataset = file[name]
     dataset.id.write_direct_chunk((0,), random.bytes(int(random.integers(1, 9000))), 0)
 
 
-def _move(file: h5py.File, name: str, _: np.random.Generator) -> None:
+def _move(file: Any, name: str, _: np.random.Generator) -> None:
     file.move(name, f"{name}_")
 
 
-EDITS: tuple[Callable[[h5py.File, str, np.random.Generator], None], ...] = (
+EDITS: tuple[Callable[[Any, str, np.random.Generator], None], ...] = (
     _take_away,
     _give_number,
     _give_number,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -21,14 +22,14 @@ ROWS = 300
 TORQUE = "entry/data/torque"
 
 
-def _instead(file: h5py.File, path: str) -> h5py.Group:
+def _instead(file: Any, path: str) -> h5py.Group:
     """The group of an object that is taken away."""
     group = file[path].parent
     del file[path]
     return group
 
 
-def virtual(file: h5py.File, folder: Path) -> None:
+def virtual(file: Any, folder: Path) -> None:
     with h5py.File(folder / "elsewhere.h5", "w") as other:
         other["x"] = np.zeros(ROWS, np.int32)
     made = h5py.VirtualLayout((ROWS,), np.int32)
@@ -36,31 +37,31 @@ def virtual(file: h5py.File, folder: Path) -> None:
     _instead(file, TORQUE).create_virtual_dataset("torque", made)
 
 
-def external(file: h5py.File, folder: Path) -> None:
+def external(file: Any, folder: Path) -> None:
     (folder / "elsewhere.bin").write_bytes(bytes(4 * ROWS))
     place = [(str(folder / "elsewhere.bin"), 0, 4 * ROWS)]
     _instead(file, TORQUE).create_dataset("torque", (ROWS,), np.int32, external=place)
 
 
-def external_link(file: h5py.File, folder: Path) -> None:
+def external_link(file: Any, folder: Path) -> None:
     with h5py.File(folder / "elsewhere.h5", "w") as other:
         other.create_dataset("x", data=np.zeros(ROWS, np.int32), chunks=(ROWS,))
     _instead(file, TORQUE)["torque"] = h5py.ExternalLink("elsewhere.h5", "x")
 
 
-def soft_link(file: h5py.File, _: Path) -> None:
+def soft_link(file: Any, _: Path) -> None:
     _instead(file, TORQUE)["torque"] = h5py.SoftLink("/entry/data/statusword")
 
 
-def second_name(file: h5py.File, _: Path) -> None:
+def second_name(file: Any, _: Path) -> None:
     _instead(file, TORQUE)["torque"] = file["entry/data/statusword"]
 
 
-def group_in_itself(file: h5py.File, _: Path) -> None:
+def group_in_itself(file: Any, _: Path) -> None:
     file["entry/sample/again"] = file["entry"]
 
 
-def unknown_filter(file: h5py.File, _: Path) -> None:
+def unknown_filter(file: Any, _: Path) -> None:
     plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     plan.set_chunk((64,))
     plan.set_filter(32_123, h5py.h5z.FLAG_OPTIONAL)
@@ -69,7 +70,7 @@ def unknown_filter(file: h5py.File, _: Path) -> None:
     h5py.h5d.create(group.id, b"torque", h5py.h5t.STD_I32LE, space, plan)
 
 
-def packed_twice(file: h5py.File, _: Path) -> None:
+def packed_twice(file: Any, _: Path) -> None:
     plan = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     plan.set_chunk((64,))
     plan.set_deflate(9)
@@ -79,59 +80,59 @@ def packed_twice(file: h5py.File, _: Path) -> None:
     h5py.h5d.create(group.id, b"torque", h5py.h5t.STD_I32LE, space, plan)
 
 
-def billions_of_rows(file: h5py.File, _: Path) -> None:
+def billions_of_rows(file: Any, _: Path) -> None:
     for dataset in file["entry/data"].values():
         dataset.resize((4_000_000_000,))
 
 
-def a_few_rows_never_stored(file: h5py.File, _: Path) -> None:
+def a_few_rows_never_stored(file: Any, _: Path) -> None:
     for dataset in file["entry/data"].values():
         dataset.resize((ROWS + 2000,))
 
 
-def absurd_chunk(file: h5py.File, _: Path) -> None:
+def absurd_chunk(file: Any, _: Path) -> None:
     group = _instead(file, TORQUE)
     group.create_dataset("torque", (ROWS,), np.int32, chunks=(1 << 28,), maxshape=(None,))
 
 
-def absurd_scalar(file: h5py.File, _: Path) -> None:
+def absurd_scalar(file: Any, _: Path) -> None:
     group = _instead(file, "entry/sample/ratio")
     group.create_dataset("ratio", (1 << 40,), np.float64)
 
 
-def absurd_attribute(file: h5py.File, _: Path) -> None:
+def absurd_attribute(file: Any, _: Path) -> None:
     file["entry"].attrs["note"] = np.zeros(100_000)
 
 
-def absurd_number_of_attributes(file: h5py.File, _: Path) -> None:
+def absurd_number_of_attributes(file: Any, _: Path) -> None:
     for index in range(100):
         file["entry"].attrs[f"a{index}"] = index
 
 
-def contiguous_column(file: h5py.File, _: Path) -> None:
+def contiguous_column(file: Any, _: Path) -> None:
     group = _instead(file, TORQUE)
     group.create_dataset("torque", data=np.zeros(ROWS, np.int32))
 
 
-def two_dimensions(file: h5py.File, _: Path) -> None:
+def two_dimensions(file: Any, _: Path) -> None:
     group = _instead(file, TORQUE)
     group.create_dataset("torque", data=np.zeros((ROWS, 2), np.int32), chunks=(64, 2))
 
 
-def texts_without_length(file: h5py.File, _: Path) -> None:
+def texts_without_length(file: Any, _: Path) -> None:
     group = _instead(file, "entry/title")
     group.create_dataset("title", data="title", dtype=h5py.string_dtype())
 
 
-def named_type(file: h5py.File, _: Path) -> None:
+def named_type(file: Any, _: Path) -> None:
     file["entry/type"] = np.dtype("f8")
 
 
-def deep(file: h5py.File, _: Path) -> None:
+def deep(file: Any, _: Path) -> None:
     file.create_group("entry/a/b/c/d/e/f")
 
 
-def bomb(file: h5py.File, _: Path) -> None:
+def bomb(file: Any, _: Path) -> None:
     """Chunks that unpack to far more than a chunk."""
     import zlib
 
@@ -139,7 +140,7 @@ def bomb(file: h5py.File, _: Path) -> None:
     data.id.write_direct_chunk((0,), zlib.compress(bytes(200_000_000), 9), 0)
 
 
-HOSTILE: dict[Callable[[h5py.File, Path], None], str] = {
+HOSTILE: dict[Callable[[Any, Path], None], str] = {
     virtual: "is put together from other datasets",
     external: "lies in another file",
     external_link: "is a link that points elsewhere",
@@ -165,7 +166,7 @@ HOSTILE: dict[Callable[[h5py.File, Path], None], str] = {
 
 @pytest.mark.parametrize("build", HOSTILE, ids=lambda build: build.__name__)
 def test_what_no_run_is_built_of_is_refused_before_it_is_read(
-    tmp_path: Path, build: Callable[[h5py.File, Path], None]
+    tmp_path: Path, build: Callable[[Any, Path], None]
 ) -> None:
     path = write_run(tmp_path, ROWS)
     with edit(path) as file:
