@@ -24,6 +24,8 @@ SCREENS = {
 }
 TAKEN = (0, 72)
 """Logical pixels that the desktop's bar and the window's title take of a screen."""
+BOARD = (640, 420)
+"""Logical pixels that a board of four plots takes at least."""
 LONG = "Take the gear off, and have the motor as warm as in the run that this tare is for. " * 2
 PROMPTS = {
     "consent": Prompt(LONG, "gear-removed", consent="The gear is removed and the motor is warm"),
@@ -37,6 +39,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory, qapp: QApplication) -> Itera
     session = WindowSession(tmp_path_factory.mktemp("runs-of-a-laboratory-with-a-long-name"))
     apply_theme(qapp, session.theme)
     window = MainWindow(session)
+    window.run.plots.setMinimumSize(*BOARD)
     window.show()
     yield window
     window.run._change(RunState())
