@@ -201,6 +201,7 @@ class TorqueReview:
         if port[0] != still.value:
             still = Still()
         lengths[0] += still.cycles
+        last = still
         trips: list[Trip] = []
         # Only a stretch that is long enough, and the last one, which may become so.
         for i in np.union1d(np.flatnonzero(lengths >= least), [len(lengths) - 1]).tolist():
