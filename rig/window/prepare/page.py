@@ -63,6 +63,8 @@ from rig.window.work.prepared import PreparedRun
 
 TYPING_PAUSE = 250
 """ms without a change after which the plan is worked out anew."""
+LEAST_PREVIEW = 120
+"""Logical pixels of the height of the preview at least."""
 OPERATORS_KEPT = 12
 """Names that are offered again."""
 
@@ -155,10 +157,10 @@ class PreparePage(QWidget):
         )
         checks = room_for(in_column(head, (scrolled(self.checklist), 1), margins=(8, 4, 8, 0)))
         both = split((preview, 3), (checks, 2), sizes=[420, 220], way=Qt.Orientation.Vertical)
-        # Start stands still; what leads to it is scrolled where the screen is small.
+        # On a small screen the checklist and Start keep their room, and the preview gives way.
+        preview.setMinimumHeight(LEAST_PREVIEW)
         start = in_row(self._start_row(), margins=(8, 4, 8, 8))
-        looked_at = scrolled(both, sideways=True)
-        return room_for(in_column((looked_at, 1), start, margins=(0, 0, 0, 0), spacing=0))
+        return room_for(in_column((both, 1), start, margins=(0, 0, 0, 0), spacing=0))
 
     def _start_row(self) -> QHBoxLayout:
         self.confirmation.setMaximumWidth(240)

@@ -202,7 +202,7 @@ def test_the_words_of_the_banner_are_read_from_three_metres(
         word = page.banner._word
         word.ensurePolished()
         assert QFontMetrics(word.font()).capHeight() >= BANNER_CAPITAL >= 40, state
-        assert word.sizeHint().width() <= word.parentWidget().width() * 0.62, state
+        assert word.sizeHint().width() <= page.banner.width() * 0.62, state
 
 
 def test_what_is_predicted_moves_by_the_time_that_was_waited(session: WindowSession) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from PySide6.QtCore import QEvent, QPoint, Qt
+from PySide6.QtCore import QEvent, QPoint, QStringListModel, Qt
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import (
@@ -110,7 +110,7 @@ def open_names(window: MainWindow) -> None:
     """The names that are offered while one is typed."""
     window.show_page("prepare")
     completer = window.prepare.operator.completer()
-    completer.model().setStringList(["A. Example"])
+    completer.setModel(QStringListModel(["A. Example"], completer))
     window.prepare.operator.setFocus()
     completer.setCompletionPrefix("A")
     completer.complete()
