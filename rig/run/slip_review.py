@@ -76,8 +76,10 @@ class SlipReview:
 
     def _turned(self, name: str, counts: NDArray[np.int64]) -> FloatArray:
         channel = self.channels[name]
-        turned = counts[:, self.column[name]] - self.reference[name]
-        return turned.astype(np.float64) * (channel.direction * channel.scale)
+        turned: FloatArray = (counts[:, self.column[name]] - self.reference[name]).astype(
+            np.float64
+        )
+        return turned * (channel.direction * channel.scale)
 
     def _allowed(self, geometry: Geometry) -> float:
         """Twist [rad] without any torque: kinematic error, errors and counts of both encoders."""

@@ -27,6 +27,10 @@ SLAB_ROWS = 8192
 COPY_SUFFIX = ".sealing"
 UNFINISHED_HEADER = b"\x89HDF\r\n\x1a\n\x03\x08\x08\x01"
 """How a file begins whose header is not complete: signature, version, sizes, and the mark of its writer."""
+STORED_ROWS = b"EAHD"
+"""Where the rows of a channel are found: it stands in the file as soon as the first of them is stored."""
+LARGEST_HEADER = 1 << 20
+"""Bytes. A file above it is never taken away: headers have less than a tenth of that."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,7 @@ def _copy_and_seal(part: Path, final: Path) -> Recovered:
         ):
             check_format(source)
             rows, outcome, notes = _copy(source, copy)
-            is_bare = not rows and outcome == "INTERRUPTED"
+            is_bare = not rows and outcome == "INTERRUPTED" and _stores_no_rows(part)
         if is_bare:
             copy.unlink()
             return _removed(
@@ -109,7 +113,13 @@ def _has_no_header(part: Path) -> bool:
     """
     with refusing_damage(part), part.open("rb") as stream:
         start = stream.read(len(UNFINISHED_HEADER))
-    return not start or start == UNFINISHED_HEADER
+    return not start or (start == UNFINISHED_HEADER and _stores_no_rows(part))
+
+
+def _stores_no_rows(part: Path) -> bool:
+    """What its bytes say, whatever its header says: a mark on the disk can be older than the rows behind it."""
+    with refusing_damage(part):
+        return part.stat().st_size < LARGEST_HEADER and STORED_ROWS not in part.read_bytes()
 
 
 def _removed(part: Path, why: str) -> Recovered:

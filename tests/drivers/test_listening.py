@@ -13,12 +13,15 @@ from drivers.clock import VirtualClock
 from drivers.cyclic import CanRig, CanRigConfig
 from drivers.errors import BusLostError, OtherMasterError
 from drivers.listening import listening_time_ns
+from drivers.rig_nodes import MotorEncoder
 from tests.drivers.foreign_drive import ForeignDrive
 from tests.drivers.foreign_slave import MS, Slave, Stranger, Traits, Wire
 from tests.drivers.scripted_bus import frame
 
 SECOND = 1_000_000_000
 TIME_NS = 1_500_000_000
+ENCODER = MotorEncoder(largest_speed=900.0)
+OURS = CanRigConfig(motor_encoder=ENCODER)
 PRODUCES = 0x40000080
 """0x1005 of a node that produces the SYNC."""
 
@@ -77,7 +80,7 @@ class Room:
     """A drive alone on a bus, and the rig that would like to open it."""
 
     traits: Traits = field(default_factory=Traits)
-    config: CanRigConfig = field(default_factory=CanRigConfig)
+    config: CanRigConfig = OURS
 
     def __post_init__(self) -> None:
         self.clock = VirtualClock()
@@ -111,7 +114,10 @@ def test_a_silent_bus_is_brought_up_after_exactly_the_time() -> None:
 
 
 def test_three_heartbeats_of_ours_where_that_is_longer() -> None:
-    config = CanRigConfig(drive=DriveConfig(computer_heartbeat_ms=900, computer_lost_ms=3000))
+    config = CanRigConfig(
+        motor_encoder=ENCODER,
+        drive=DriveConfig(computer_heartbeat_ms=900, computer_lost_ms=3000),
+    )
     room = Room(config=config)
     room.rig.open()
     assert room.sent[0][0] == 2_700_000_000

@@ -18,6 +18,7 @@ from experiments.recording import Event, Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.registry import HARDWARE
+from rig.bench.state import VARIABLE
 from rig.errors import ConfigurationError
 from rig.exits import ERROR, explain
 from rig.run.arming import RULES, WITHOUT_GEAR, Arming, guard_check, refuse_unarmed
@@ -167,17 +168,20 @@ def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(
         assert recording.rows > 0
 
 
-def test_a_second_master_is_refused_and_the_first_goes_on(served: Served, tmp_path: Path) -> None:
+def test_a_second_master_is_refused_and_the_first_goes_on(
+    served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     request = armed_request(tmp_path, served.configuration(tmp_path))
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
-    # Another bench by its description: no lock and no folder in common, only the bus.
+    # Another computer by its state folder: no lock and no folder in common, only the bus.
     second = armed_request(elsewhere, served.configuration(elsewhere))
     refused: list[OtherMasterError] = []
 
     def join_in(progress: object) -> None:
         if not refused:
-            with pytest.raises(OtherMasterError) as error:
+            with monkeypatch.context() as computer, pytest.raises(OtherMasterError) as error:
+                computer.setenv(VARIABLE, str(elsewhere / "state"))
                 run_request(second, planned_drill(), judged=False)
             refused.append(error.value)
 

@@ -16,7 +16,7 @@ import pytest
 from rig.errors import RunFileError
 from rig.runfile import layout, write
 from rig.runfile.read import close_recording, follow, open_run
-from rig.runfile.recover import recover_run
+from rig.runfile.recover import UNFINISHED_HEADER, recover_run
 from rig.runfile.verify import verify_run
 from tests.rig.runfile.making import CHANNELS, CYCLE_NS, EPOCH_NS, counts_of, header
 
@@ -191,3 +191,17 @@ def test_a_run_that_was_cut_short_by_a_copy_is_left_where_it_is(tmp_path: Path) 
     with pytest.raises(RunFileError):
         recover_run(part)
     assert part.exists()
+
+
+def test_rows_behind_a_mark_that_is_older_are_not_taken_away(tmp_path: Path) -> None:
+    """Power fails: what was written last can be on the disk before what was written first."""
+    writer = Writer(tmp_path, compress=True)
+    writer.tell("af")
+    writer.kill()
+    part = tmp_path / "00001-friction-A1.h5.part"
+    raw = bytearray(part.read_bytes())
+    raw[: len(UNFINISHED_HEADER)] = UNFINISHED_HEADER
+    part.write_bytes(raw)
+    with pytest.raises(RunFileError):
+        recover_run(part)
+    assert part.read_bytes() == bytes(raw)

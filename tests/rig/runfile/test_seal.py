@@ -5,14 +5,18 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, cast
 
 import h5py
 import pytest
 from typer.testing import CliRunner
 
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
 from rig.analysis.difference import difference
 from rig.analysis.fit import NOT_SEALED, fit_files
 from rig.analysis.passport.build import passport
+from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.replayed import replayed
 from rig.errors import ChangedRunError, RunFileError
 from rig.main import app
@@ -42,7 +46,7 @@ def worked_with(path: Path) -> dict[str, Callable[[], object]]:
         "report of the gear": lambda: report_on_gear(path.parent, "A1", [report]),
         "passport": lambda: passport(path.parent, "A1"),
         "diff": lambda: difference(path, path),
-        "replay": lambda: replayed(path),
+        "replay": lambda: replayed(path, RigRequest(gear=shipped_gear(), motor=shipped_motor())),
     }
 
 
@@ -182,4 +186,4 @@ def test_a_note_that_is_made_anew_is_believed(tmp_path: Path) -> None:
     reseal(path)
     assert open_run(path).metadata.title == "no-load running torqve"
     with h5py.File(path) as file:
-        assert file["entry/title"][()] == b"no-load running torqve"
+        assert cast(Any, file["entry/title"])[()] == b"no-load running torqve"

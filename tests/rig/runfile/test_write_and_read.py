@@ -132,7 +132,7 @@ def test_a_changed_run_is_refused_when_verified(tmp_path: Path) -> None:
     path.chmod(0o644)
     with path.open("ab") as stream:
         stream.write(b"x")
-    with pytest.raises(RunFileError, match="SHA-256 differs"):
+    with pytest.raises(RunFileError, match="was changed since it was sealed"):
         open_run(path, verify=True)
 
 

@@ -51,7 +51,8 @@ def test_a_rig_that_is_fine_is_fine(tmp_path: Path) -> None:
         (lambda c: motor_encoder(c, direction=-1), "torque direction", True),
         (lambda c: torque_input(c, direction=-1), "torque direction", True),
         (lambda c: counter(c, multiplication=2), "ratio", True),
-        (lambda c: counter(c, lines=17996), "ratio", False),
+        # Too little for the guard within a cycle: it is the slip that is seen to grow.
+        (lambda c: counter(c, lines=17996), "ratio", True),
     ],
 )
 def test_a_wrong_channel_is_found_by_moving(

@@ -244,6 +244,7 @@ class RunDetails(QWidget):
 
     def _read_analyses(self) -> None:
         assert self.path is not None
+        assert self.recording is not None
         problem = ""
         try:
             self._analyses = read_analyses(self.path)
