@@ -208,6 +208,7 @@ class WireBench:
         self.is_gone = False
         self.bus_off = False
         self._faults: tuple[Fault, ...] = ()
+        self._fell: dict[int, int] = {}
         self.inject(*faults)
         now = self.clock.monotonic_ns()
         for slave in self.slaves:
@@ -287,7 +288,13 @@ class WireBench:
         self._faults += faults
         for fault in faults:
             if isinstance(fault, WireFault) and fault.active(self._cycle):
-                fault.fall_on(self, self._cycle)
+                self._let_fall(fault)
+
+    def _let_fall(self, fault: WireFault) -> None:
+        """Once in a cycle: what turns something round would undo itself the second time."""
+        if self._fell.get(id(fault)) != self._cycle:
+            self._fell[id(fault)] = self._cycle
+            fault.fall_on(self, self._cycle)
 
     @property
     def is_lost(self) -> bool:
@@ -428,7 +435,7 @@ class WireBench:
         """The drive's SYNC: latch, act, advance, send; for all that follow the same."""
         wire = self.wire_faults()
         for fault in wire:
-            fault.fall_on(self, self._cycle)
+            self._let_fall(fault)
         reached = self._unless_stalled((cob_id, data))
         for fault in wire:
             reached = fault.alter_to_devices(reached, self)

@@ -193,6 +193,18 @@ def test_counts_that_lie() -> None:
     assert np.array_equal((found[EncoderWrapped][AT:] - true[AT:]) % 1000, np.zeros(30))
 
 
+def test_a_fault_that_is_let_in_at_its_cycle_falls_once() -> None:
+    """At the edge of a block it acts at once, and not again in the cycle that follows: turned twice is not turned."""
+    with wire_rig() as good:
+        true = ridden(good).counts[:, 1]
+    with wire_rig() as made:
+        before = turn(made.port, 300.0, AT)
+        made.bench.inject(EncoderReversed(made.bench.cycle))
+        after = turn(made.port, 300.0, 60 - AT)
+    counts = np.concatenate([before.counts, after.counts])[:, 1]
+    assert counts[-1] - counts[AT - 1] == pytest.approx(-(true[-1] - true[AT - 1]), abs=2)
+
+
 def test_a_limit_that_reads_back_differently_is_refused() -> None:
     with wire_rig() as made:
         made.bench.inject(ReadsBackDifferently(0, index=0x6072))
