@@ -153,6 +153,8 @@ class MainWindow(QMainWindow):
     def closeEvent(self, event: QCloseEvent) -> None:
         """During a run: ask, and only close once the rig stands."""
         if self.run.may_close():
+            # Whoever uses the application further has no run whose STOP could be hidden.
+            self.stop_filter.set_active(False)
             event.accept()
         else:
             self.show_page("run")
