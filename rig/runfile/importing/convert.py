@@ -183,7 +183,9 @@ def _sample_rate(time_ns: NDArray[np.int64]) -> float:
     if not len(steps):
         return math.nan
     usual = float(np.median(steps))
-    return 1e9 / float(np.mean(steps[(steps > 0.5 * usual) & (steps < 1.5 * usual)]))
+    near = steps[(steps > 0.5 * usual) & (steps < 1.5 * usual)]
+    # Two steps of which one is many times the other have none near their median.
+    return 1e9 / float(near.mean() if len(near) else usual)
 
 
 def _chain(first: Rows, rest: Iterator[Rows]) -> Iterator[Rows]:

@@ -22,6 +22,7 @@ from rig.runfile.importing.convert import (
     ForeignSegment,
     Imported,
     ImportOptions,
+    _sample_rate,
     import_csv,
     parse_channel,
     read_channel_map,
@@ -108,6 +109,10 @@ def test_a_torque_constant_and_a_time_in_milliseconds(tmp_path: Path) -> None:
     recording = imported(tmp_path, "t [ms],i [A]\n0,2\n1,4\n2,6\n", chosen)
     np.testing.assert_allclose(recording.time(), [0.0, 1e-3, 2e-3], atol=1e-15)
     assert recording.si("torque").tolist() == [0.5, 1.0, 1.5]
+
+
+def test_two_steps_of_which_neither_is_usual_have_a_rate() -> None:
+    assert _sample_rate(np.array([0, 114_000_000, 116_000_000])) == pytest.approx(1e9 / 58e6)
 
 
 def test_a_count_that_is_no_whole_number_is_refused(tmp_path: Path) -> None:
