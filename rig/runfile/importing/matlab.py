@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import struct
 import subprocess
 import sys
+import tempfile
 import warnings
-import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,37 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rig.errors import RunFileError
+from rig.runfile.importing.matlab_older import DAMAGE, may_kill, read_arrays
 from rig.runfile.importing.tables import BATCH_ROWS, BadCell, Batch
 from rig.runfile.structure import refuse_foreign_storage
 
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
-_DAMAGE = (
-    OSError,
-    ValueError,
-    TypeError,
-    KeyError,
-    IndexError,
-    EOFError,
-    OverflowError,
-    MemoryError,
-    AttributeError,
-    RuntimeError,
-    AssertionError,
-    RecursionError,
-    zlib.error,
-    struct.error,
-)
-
-_TRIAL = """
-import os, sys
-try:
-    import scipy.io
-    scipy.io.loadmat(sys.argv[1], struct_as_record=False, appendmat=False)
-except BaseException:
-    pass
-os._exit(0)
-"""
-"""Ends with 0 whether the file can be read or is refused in words; with anything else only if the reader died."""
+READER = "rig.runfile.importing.matlab_older"
 
 
 class MatlabTable:
@@ -125,7 +99,7 @@ class MatlabTable:
             raise RunFileError(
                 "there is no such file", where=str(self.path), remedy="Check the path."
             ) from error
-        except _DAMAGE as error:
+        except DAMAGE as error:
             text = " ".join(str(error).split())[:120] or type(error).__name__
             raise RunFileError(
                 f"is not a readable MATLAB file ({text})",
@@ -134,22 +108,31 @@ class MatlabTable:
             ) from error
 
     def _load_older(self) -> dict[str, NDArray[Any]]:
-        import scipy.io
-
-        try:
-            if scipy.io.matlab.matfile_version(self.path, appendmat=False)[0] == 1:
-                _refuse_what_kills_the_reader(self.path)
+        """By a process of its own where the reader may die of the file (`matlab_older`)."""
+        if not may_kill(str(self.path)):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                content = scipy.io.loadmat(self.path, struct_as_record=False, appendmat=False)
-        except scipy.io.matlab.MatReadError as error:
-            # A child of Exception alone, which no other kind of damage is.
-            raise ValueError(str(error)) from error
-        arrays: dict[str, NDArray[Any]] = {}
-        for name, value in content.items():
-            if not name.startswith("__"):
-                _flatten(name, value, arrays)
-        return arrays
+                return read_arrays(str(self.path))
+        with tempfile.TemporaryDirectory(prefix="harmonic-rig-") as folder:
+            copy = Path(folder) / "arrays.npz"
+            command = [
+                sys.executable,
+                "-P",
+                "-W",
+                "ignore",
+                "-m",
+                READER,
+                str(self.path),
+                str(copy),
+            ]
+            done = subprocess.run(
+                command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+            )
+            if done.returncode:
+                raise ValueError(done.stdout or "its contents are damaged")
+            with np.load(copy) as arrays:
+                names = arrays["names"].tolist()
+                return {name: arrays[f"arr_{i}"] for i, name in enumerate(names)}
 
     def _load_hdf5(self) -> dict[str, NDArray[Any]]:
         arrays: dict[str, NDArray[Any]] = {}
@@ -174,30 +157,3 @@ class MatlabTable:
 
             file.visititems(visit)
         return arrays
-
-
-def _refuse_what_kills_the_reader(path: Path) -> None:
-    """Read a version 5 file in a process of its own first: SciPy's compiled reader trusts the type
-    codes in it and dies of
-    damaged ones, which no `except` sees."""
-    command = [sys.executable, "-P", "-W", "ignore", "-c", _TRIAL, str(path)]
-    if (
-        subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, check=False
-        ).returncode
-        != 0
-    ):
-        raise ValueError("its contents are damaged")
-
-
-def _flatten(name: str, value: Any, arrays: dict[str, NDArray[Any]]) -> None:
-    """Arrays of a variable, with those inside structs under `name.field`."""
-    fields = getattr(value, "_fieldnames", None)
-    if fields is not None:
-        for key in fields:
-            _flatten(f"{name}.{key}", getattr(value, key), arrays)
-    elif isinstance(value, np.ndarray) and value.dtype == object:
-        if value.size == 1:
-            _flatten(name, value.ravel()[0], arrays)
-    elif isinstance(value, np.ndarray):
-        arrays[name] = value

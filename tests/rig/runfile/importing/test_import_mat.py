@@ -12,6 +12,7 @@ from experiments.recording import Recording
 from rig.errors import RigError, RunFileError
 from rig.library.folder import claim_run
 from rig.runfile.importing.convert import ImportOptions, import_mat, parse_channel
+from rig.runfile.importing.matlab import MatlabTable
 from rig.runfile.read import open_run
 
 DATA = Path(
@@ -146,3 +147,9 @@ def test_a_real_positioning_system(tmp_path: Path, name: str) -> None:
     np.testing.assert_array_equal(recording.si("position"), raw["qm"].ravel())
     np.testing.assert_allclose(recording.si("force"), raw["vir"].ravel() * 35.15065188, rtol=1e-15)
     assert recording.metadata.sample_rate == pytest.approx(1000.0, rel=1e-4)
+
+
+def test_variables_may_have_any_name(tmp_path: Path) -> None:
+    path = tmp_path / "names.mat"
+    scipy.io.savemat(path, {"file": TIME, "names": TIME, "arr_0": TIME, "allow_pickle": TIME})
+    assert sorted(MatlabTable(path).headings) == ["allow_pickle", "arr_0", "file", "names"]
