@@ -138,7 +138,8 @@ TRIPS: dict[str, TripRule] = {
     STALE_DATA: TripRule(
         "complete cycles have stopped arriving",
         Action.QUICK_STOP,
-        "Check bus load, cables and the nodes' heartbeats.",
+        "Stop other programs on this computer, or lower the SYNC rate; check bus load, cables and the nodes' "
+        "heartbeats.",
     ),
     MISSED_CYCLES: TripRule(
         "too large a share of the cycles is incomplete, late or lost",
