@@ -185,6 +185,8 @@ def acknowledge(
 
 
 def _print_table(rows: list[DrillRow]) -> None:
+    from rig.trial.drill.table import outcome_cells
+
     drills = table(
         "fault",
         "must be",
@@ -202,14 +204,7 @@ def _print_table(rows: list[DrillRow]) -> None:
         style = None if row.passed else "bold red"
         drills.add_row(
             row.fault,
-            row.expected_cause or "nothing",
-            row.detected,
-            str(row.cycles),
-            row.action,
-            _word(row.safe),
-            _word(row.verified),
-            row.outcome,
-            _word(row.file_readable),
+            *outcome_cells(row, "NO"),
             style=style,
         )
     out = console()
@@ -311,7 +306,3 @@ def _write(path: Path, rows: list[DrillRow], without: list[DrillRow]) -> None:
         raise RigError(
             f"the table cannot be written: {error.strerror or error}", where=str(path)
         ) from error
-
-
-def _word(value: bool) -> str:
-    return "yes" if value else "NO"

@@ -106,14 +106,7 @@ def markdown(rows: Sequence[DrillRow], without: Sequence[DrillRow]) -> str:
             row.fault,
             DRILLS[row.fault].what,
             row.carrier,
-            row.expected_cause or "nothing",
-            row.detected,
-            str(row.cycles),
-            row.action,
-            _word(row.safe),
-            _word(row.verified),
-            row.outcome,
-            _word(row.file_readable),
+            *outcome_cells(row, "**no**"),
             row.evidence or "**no**",
             _without(bare),
         )
@@ -127,8 +120,19 @@ def markdown(rows: Sequence[DrillRow], without: Sequence[DrillRow]) -> str:
     return "\n".join(lines) + "\n" + PAIRS.format(apart=APART) + LIMITS
 
 
-def _word(value: bool) -> str:
-    return "yes" if value else "**no**"
+def outcome_cells(row: DrillRow, no: str) -> tuple[str, ...]:
+    """What came of a drill, from the cause that must be detected to the file; `no` is how the table shouts."""
+    words = {True: "yes", False: no}
+    return (
+        row.expected_cause or "nothing",
+        row.detected,
+        str(row.cycles),
+        row.action,
+        words[row.safe],
+        words[row.verified],
+        row.outcome,
+        words[row.file_readable],
+    )
 
 
 def _without(row: DrillRow) -> str:
