@@ -353,23 +353,24 @@ def test_a_mode_that_nobody_takes_is_an_error_and_leaves_the_servo_off() -> None
         assert made.drive.state == "SOD"
 
 
-class StubbornDrive(DrivePeer):
-    """Changes its mode only while it is not enabled."""
+def keeps_its_mode(drive: DrivePeer) -> None:
+    """It changes its mode only while it is not enabled."""
+    publish, shown = drive.publish, [0]
 
-    shown = 0
+    def publish_its_mode() -> None:
+        publish()
+        if drive.state != "ENABLED":
+            shown[0] = drive.get(0x6060)
+        drive.put(0x6061, shown[0], 1)
 
-    def publish(self) -> None:
-        super().publish()
-        if self.state != "ENABLED":
-            self.shown = self.get(0x6060)
-        self.put(0x6061, self.shown, 1)
+    drive.publish = publish_its_mode  # type: ignore[method-assign]
 
 
 @pytest.mark.parametrize("how", ["refuses", "ignores"])
 def test_a_drive_that_changes_modes_only_while_disabled_is_disabled_for_it(how: str) -> None:
     made = setup()
     if how == "ignores":
-        made.drive.__class__ = StubbornDrive
+        keeps_its_mode(made.drive)
     else:
         refuses(made.drive, 0x6060, NOT_NOW, lambda sub, data: made.drive.state == "ENABLED")
     with opened(made):

@@ -183,6 +183,7 @@ def test_frames_of_29_bits_are_none_of_ours() -> None:
     room = Room()
     room.wire.feed(0x601, bytes(8), is_extended_id=True)
     room.rig.open()
+    assert room.sent[0][0] == TIME_NS
     room.rig.close()
 
 
@@ -299,6 +300,8 @@ def test_a_rig_that_was_refused_opens_when_the_other_has_gone() -> None:
     room = Room()
     other = Somebody(room.wire, "000 01 00")
     room.refusal()
+    assert room.sent == []
     other.frames.clear()
     room.rig.open()
+    assert room.sent[0][0] == 2 * TIME_NS
     room.rig.close()

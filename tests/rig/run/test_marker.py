@@ -184,6 +184,7 @@ def test_a_marker_that_cannot_be_read_still_refuses(tmp_path: Path, text: str) -
 def test_a_marker_that_was_never_written_was_never_armed(tmp_path: Path) -> None:
     left_behind(tmp_path).write_text("")
     TripLatch(tmp_path).refuse()
+    assert TripLatch(tmp_path).read() is None
 
 
 def test_each_run_that_was_cut_off_is_acknowledged_by_itself(tmp_path: Path) -> None:
