@@ -35,7 +35,7 @@ from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.frames import CycleStore
 from drivers.judge import CycleJudge
 from drivers.listening import listen_for_masters, listening_time_ns
-from drivers.port import Command, DriveLimits, Guard, Mode, Origin, RigDescription
+from drivers.port import LATE_ANSWERS, Command, DriveLimits, Guard, Mode, Origin, RigDescription
 from drivers.request_line import RequestLine
 from drivers.rig_nodes import GuardContact, MotorEncoder, RigNodes
 from drivers.samples import Break, CycleFlag, SampleBlock
@@ -51,6 +51,10 @@ _CONTROLWORD: Final = {
 _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
 _MODE_CYCLES: Final = 3
 """Cycles in a row in which another mode is somebody's work, and no display that lags."""
+_LONG_SILENCE: Final = 3
+"""Incomplete cycles in a row of whose end is told whether their answers were late or lost."""
+_LATEST_ANSWER: Final = 50
+"""Complete cycles after a silence in which its answers are still waited for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -379,6 +383,7 @@ class CanRig:
         self._first_cycle = 0
         self._due_ns: int | None = None
         self._echo_stamp = self._errors_seen = self._silent = 0
+        self._open_silence = self._cycles_open = self._surplus_before = 0
         self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
         self._was_enabled = False
         at = nodes.byte_of(obj.STATUSWORD) or 0
@@ -503,9 +508,31 @@ class CanRig:
         )
         if is_host:
             self._host_rows.append(row)
-        self._silent = self._silent + 1 if flags & CycleFlag.INCOMPLETE else 0
+        self._count_silence(bus, bool(flags & CycleFlag.INCOMPLETE))
         bus.check_heartbeats()
         return stamp, latency, flags
+
+    def _count_silence(self, bus: PumpedBus, is_incomplete: bool) -> None:
+        """Incomplete cycles in a row. What comes after them tells a slow computer from a cable: what was delayed comes
+        in the end, what was lost does not (a controller repeats one frame at most).
+        """
+        if is_incomplete:
+            if not self._silent and not self._open_silence:
+                self._surplus_before = self._store.surplus
+            self._silent += 1
+            return
+        if self._silent >= _LONG_SILENCE:
+            self._open_silence, self._cycles_open = self._silent, 0
+        self._silent = 0
+        if not self._open_silence:
+            return
+        self._cycles_open += 1
+        if self._store.surplus - self._surplus_before >= self._open_silence:
+            text = f"the answers of {self._open_silence} cycles came after all, too late for their cycles"
+            bus.emit("warning", LATE_ANSWERS, "bus", text)
+        elif self._cycles_open < _LATEST_ANSWER:
+            return
+        self._open_silence = 0
 
     def _wait_for_turn(self, bus: PumpedBus, row: int) -> None:
         if row == 0:

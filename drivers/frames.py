@@ -161,6 +161,8 @@ class CycleStore:
         self.layout = layout
         count = len(layout.pdos)
         self.lost = [0] * count
+        self.surplus = 0
+        """Frames that came beside the first of their COB-ID in a cycle, since the rig was opened: late ones."""
         self.rows = 0
         self._buffer = bytearray(layout.stride)
         self._last = bytes(layout.stride)
@@ -229,12 +231,14 @@ class CycleStore:
             # It was on the bus before this cycle's SYNC: owed from an earlier cycle, or one too many.
             flag = CycleFlag.LATE if self._owed[slot] else CycleFlag.DOUBLED
             self._owed[slot] = max(0, self._owed[slot] - 1)
+            self.surplus += 1
             if self._is_open:
                 self._flags[-1] |= flag
             else:
                 self._pending |= flag
             return
         self._received[slot] += 1
+        self.surplus += self._received[slot] > 1
         if self._received[slot] == 1:
             self._to_come -= 1
         elif self._owed[slot]:

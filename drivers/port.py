@@ -71,6 +71,8 @@ class Bound:
 
 STALE_DATA = "stale_data"
 """The cause of a break by too many incomplete cycles in a row."""
+LATE_ANSWERS = "late-answers"
+"""The code of the event that the answers of several incomplete cycles were late, not lost: too slow, not unplugged."""
 MISSED_CYCLES = "missed_cycles"
 """The cause of a break by too many cycles in a row whose time nobody knows well enough to judge a speed."""
 UNTIMED_CYCLES: Final = 25

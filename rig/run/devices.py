@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from drivers.port import RigPort, TellsEvents
+from drivers.port import LATE_ANSWERS, RigPort, TellsEvents
 from rig.run.logbook import Logbook
 
 
 class DeviceListener:
     """Brings what the devices of a port tell into the logbook of a run. `latest_error` is in a
-    device's own words.
+    device's own words; `late_answers` says of the latest events how a silence ended, if one did.
     """
 
     def __init__(self, port: RigPort, logbook: Logbook) -> None:
-        self.latest_error = ""
+        self.latest_error = self.late_answers = ""
         self._port, self._logbook = port, logbook
 
     def keep_events(self) -> None:
         """What happened since the last time: emergencies, losses, transitions."""
+        self.late_answers = ""
         if isinstance(self._port, TellsEvents):
             for event in self._port.events():
+                if event.code == LATE_ANSWERS:
+                    self.late_answers = event.text
                 if event.level == "error":
                     self.latest_error = f"{event.source}: {event.text}"
                 self._logbook.event(

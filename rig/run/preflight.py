@@ -249,13 +249,15 @@ def standing_checks(
 
 def _completeness(flags: NDArray[np.uint16]) -> Check:
     share = float(np.mean((flags & CycleFlag.INCOMPLETE) != 0)) if len(flags) else 1.0
-    evidence = f"{100.0 * (1.0 - share):.1f} % of {len(flags)} cycles complete"
-    return Check(
-        "cycles",
-        "ok" if share <= MISSED_SHARE else "failed",
-        evidence,
-        "Check the bus before anything moves.",
+    late = (
+        float(np.mean((flags & (CycleFlag.LATE | CycleFlag.DOUBLED)) != 0)) if len(flags) else 0.0
     )
+    evidence = f"{100.0 * (1.0 - share):.1f} % of {len(flags)} cycles complete"
+    remedy = "Check the bus before anything moves."
+    if late:
+        evidence += f", {100.0 * late:.1f} % with answers that came late"
+        remedy = "Lower the SYNC rate or stop other programs on this computer; then check the bus."
+    return Check("cycles", "ok" if share <= MISSED_SHARE else "failed", evidence, remedy)
 
 
 def _state(word: int) -> Check:

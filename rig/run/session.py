@@ -197,6 +197,7 @@ class Session:
                 self._watch_turns(self._order.watchdog)
             if block is not None:
                 self._keep(block, turn)
+                self._name_silence()
                 self._supervisor.review(block, turn)
                 self._supervisor.explain(self._devices.latest_error)
                 for code, text in self._supervisor.state.notes:
@@ -206,6 +207,13 @@ class Session:
                 self._logbook.event("info", "note", "operator", note)
             turn = self._advance(block)
             self._tell_progress()
+
+    def _name_silence(self) -> None:
+        """A silence that ended the run and whose answers came after all was the computer's, not a cable's."""
+        trip = self._supervisor.name_silence(self._devices.late_answers)
+        if trip is not None and self._outcome == "TRIPPED":
+            self._message = str(trip)
+            self._logbook.event("error", trip.cause, "session", self._message)
 
     def _watch_turns(self, watchdog: Watchdog) -> None:
         """Tell the watchdog that a turn has happened; if it has acted, it knew better."""

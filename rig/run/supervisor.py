@@ -184,6 +184,15 @@ class Supervisor:
         if self.state.trip is None:
             self.state = replace(self.state, trip=trip)
 
+    def name_silence(self, late: str) -> Trip | None:
+        """The latched trip under its right name, once missing answers have turned out to be `late` and not lost."""
+        trip = self.state.trip
+        if not late or trip is None or trip.cause != STALE_DATA:
+            return None
+        trip = replace(trip, cause=MISSED_CYCLES, detail=late)
+        self.state = replace(self.state, trip=trip)
+        return trip
+
     def explain(self, text: str) -> None:
         """What a device said of the latched trip, where the trip itself has no words for it."""
         trip = self.state.trip

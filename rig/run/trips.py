@@ -138,8 +138,7 @@ TRIPS: dict[str, TripRule] = {
     STALE_DATA: TripRule(
         "complete cycles have stopped arriving",
         Action.QUICK_STOP,
-        "Stop other programs on this computer, or lower the SYNC rate; check bus load, cables and the nodes' "
-        "heartbeats.",
+        "Check cables, supply and heartbeats of the nodes, and the bus load: the answers did not come later either.",
     ),
     MISSED_CYCLES: TripRule(
         "too large a share of the cycles is incomplete, late or lost",

@@ -225,6 +225,17 @@ class TpdoLate(_TpdoFault):
 
 
 @dataclass(frozen=True)
+class AnswersHeld(WireFault):
+    """Everything that the devices send is held back and delivered in one burst at the end: a hub or an adapter's
+    driver that the computer gives no time.
+    """
+
+    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        bench.hold(frame, self.end)
+        return NO_FRAME
+
+
+@dataclass(frozen=True)
 class TpdoDoubled(_TpdoFault):
     """Process data arrive twice."""
 

@@ -251,6 +251,12 @@ _FRAMES = (
         fault=lambda at: LateNowAndThen(at, cycles=200),
     ),
     Drill(
+        name="answers held back",
+        cause=trips.MISSED_CYCLES,
+        what="the computer gives the bus no time for 20 cycles, then all answers come at once",
+        fault=lambda at: wire.AnswersHeld(at, cycles=20),
+    ),
+    Drill(
         name="TPDO doubled",
         cause=marked(CycleFlag.DOUBLED),
         what="the counter's process data come twice",

@@ -85,6 +85,7 @@ CAUSES = {
     "E-stop (STO) in motion": "unexpected_state",
     "TPDO lost": "stale_data",
     "TPDO late": "missed_cycles",
+    "answers held back": "missed_cycles",
     "bus off": "bus_lost",
     "hub gone": "bus_lost",
     "SDO abort": "device_error",

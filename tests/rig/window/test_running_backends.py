@@ -18,6 +18,7 @@ from rig.window.run.state import State
 from rig.window.shell.session import WindowSession
 from rig.window.work.prepared import PreparedRun
 from tests.rig.served_rig import served_rig
+from tests.rig.slow_computer import says_too_slow
 from tests.rig.window.conftest import LONGEST
 
 RATE = 100.0
@@ -110,12 +111,16 @@ def test_through_the_drivers_of_hardware_in_real_time(
             "sample_rate": RATE,
         }
         window.start(prepared(session, "hardware", LONG, LONG_FLAGS, **more))
-        qtbot.waitUntil(lambda: window.run.state.state is State.RUNNING, timeout=LONGEST)
-        qtbot.waitUntil(lambda: window.run.plots.rows_read > 100, timeout=LONGEST)
+        state = window.run.state
+        qtbot.waitUntil(lambda: state.ended or state.state is State.RUNNING, timeout=LONGEST)
+        qtbot.waitUntil(lambda: state.ended or window.run.plots.rows_read > 100, timeout=LONGEST)
         # The devices call themselves simulated, and so is the run, although it went the way of hardware.
         assert shown_marks(window) == {"SIMULATED"}
         qtbot.mouseClick(window.run.buttons.stop, Qt.MouseButton.LeftButton)
-        qtbot.waitUntil(lambda: window.run.state.ended, timeout=LONGEST)
+        qtbot.waitUntil(lambda: state.ended, timeout=LONGEST)
+    if says_too_slow(str(window.run.report)):
+        assert state.safe
+        return
     assert window.run.banner.word == "FINISHED: ABORTED", window.run.report
     assert window.run.state.safe
     assert any("guard: closed" in text for text in window.run.events.texts)

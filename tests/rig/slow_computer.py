@@ -1,0 +1,28 @@
+"""What a run in real time may end as on a computer that is busy with something else: said as such, and safe.
+
+Nothing of a test may depend on the computer's speed. So a test in real time either sees what it is for, or sees
+that the program says why it could not.
+"""
+
+from __future__ import annotations
+
+from rig.run.order import RunReport
+from rig.run.trips import LATE_TURN, MISSED_CYCLES, TRIPS
+
+CAUSES = (MISSED_CYCLES, LATE_TURN)
+SENTENCES = (*(TRIPS[cause].what for cause in CAUSES), "with answers that came late")
+
+
+def was_too_slow(report: RunReport) -> bool:
+    """Whether the run says itself that the computer could not keep its cycles, and has made the rig safe."""
+    if report.trip is not None:
+        return report.trip.cause in CAUSES and report.safe
+    return report.outcome == "ERROR" and says_too_slow(report.message) and report.safe
+
+
+def says_too_slow(text: str) -> bool:
+    """Whether words of the program (a report, a checklist of `rig doctor`) say that the computer was too slow."""
+    failed = [line for line in text.splitlines() if line.startswith("FAILED")]
+    if failed:
+        return all(line.startswith("FAILED  acquisition,") for line in failed)
+    return any(sentence in text for sentence in SENTENCES)
