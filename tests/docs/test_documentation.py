@@ -26,7 +26,7 @@ PAGES = sorted(
 )
 _BLOCK = re.compile(r"^```sh\n(.*?)^```", re.DOTALL | re.MULTILINE)
 _INLINE = re.compile(r"`(rig [a-z][^`\n]*)`")
-STARTING_TIME = 30.0
+STARTING_TIME = 120.0
 """s that a process in the background may take until it has written the file that others wait for."""
 
 
@@ -72,7 +72,7 @@ def in_background(command: str) -> Iterator[None]:
             pass
         yield
         process.terminate()
-        assert process.wait(10.0) == 0
+        assert process.wait(STARTING_TIME) == 0
 
 
 @pytest.mark.parametrize(

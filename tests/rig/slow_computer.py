@@ -10,7 +10,7 @@ from rig.run.order import RunReport
 from rig.run.trips import LATE_TURN, MISSED_CYCLES, TRIPS
 
 CAUSES = (MISSED_CYCLES, LATE_TURN)
-SENTENCES = (*(TRIPS[cause].what for cause in CAUSES), "with answers that came late")
+SENTENCES = (*(TRIPS[cause].what for cause in CAUSES), "cycles complete")
 
 
 def was_too_slow(report: RunReport) -> bool:

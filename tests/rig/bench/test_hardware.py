@@ -162,7 +162,7 @@ def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(
     report = run_request(request, planned_drill(), judged=False, on_progress=kill)
     if was_too_slow(report):
         return
-    assert report.outcome == "TRIPPED"
+    assert report.outcome == "TRIPPED", report.message
     assert report.trip is not None
     assert report.trip.cause in ("bus_lost", "stale_data")
     # Nobody answers any more: standstill cannot be verified, and that is the loudest thing that is said.

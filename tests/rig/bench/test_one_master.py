@@ -89,7 +89,7 @@ def turning_run(description: Path, folder: Path) -> Iterator[subprocess.Popen[st
     command += ["--sample-rate", f"{RATE:g}"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         # A test that waits in vain ends all the same: with the process, its lines end.
-        alarm = threading.Timer(60.0, process.kill)
+        alarm = threading.Timer(180.0, process.kill)
         alarm.start()
         try:
             assert process.stdout is not None

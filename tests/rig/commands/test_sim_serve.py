@@ -69,7 +69,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]
             socket.create_connection((told["host"], readout)),
         ):
             process.send_signal(signal.SIGTERM)
-            assert process.wait(10.0) == 0
+            assert process.wait(60.0) == 0
         assert process.stderr.read() == ""
 
 
@@ -125,7 +125,7 @@ def test_the_sheets_are_read_without_a_defect(served: dict[str, Any]) -> None:
 
 
 def test_the_readout_answers_a_value(served: dict[str, Any]) -> None:
-    with serial.serial_for_url(served["readout"], timeout=5.0) as port:
+    with serial.serial_for_url(served["readout"], timeout=60.0) as port:
         port.write(STX)
         assert parse_line(port.read(LINE_LENGTH)).unit == "rad"
 

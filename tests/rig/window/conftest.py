@@ -36,7 +36,7 @@ from rig.window.work.prepared import PreparedRun
 from tests.rig.window.reviewing import destroy
 
 CHILDREN = Path(__file__).with_name("children.py")
-LONGEST = 40_000
+LONGEST = 120_000
 """ms that a test waits for something before it fails; nothing takes a fifth of it on an idle computer."""
 
 QUICK = {

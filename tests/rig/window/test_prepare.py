@@ -39,7 +39,7 @@ from rig.window.shell.session import WindowSession
 from rig.window.work.background import BackgroundCommand, json_object
 from rig.window.work.prepared import PreparedRun
 
-LONGEST = 20_000
+LONGEST = 120_000
 """ms until a test gives up; nothing takes a tenth of it on an idle computer."""
 CARD = {
     "serial": "SN-0815",
