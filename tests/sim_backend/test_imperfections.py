@@ -44,8 +44,8 @@ SHOWS_IN: dict[str, tuple[set[str], set[str]]] = {
     "mesh_depth_friction": (TORQUES, MOTION),
     "warming": ({names.HOUSING_TEMPERATURE}, MOTION | TORQUES),
     "temperature_noise": (TEMPERATURES, set()),
-    "sync_jitter": (ANGLES, set()),
-    "channel_skew": (ANGLES, set()),
+    "sync_jitter": (ANGLES, MARKS),
+    "channel_skew": (ANGLES, MARKS),
     "random_start": (ANGLES, MARKS | TORQUES),
 }
 
