@@ -101,4 +101,6 @@ def ending_of(metadata: RunMetadata) -> Ending | None:
     temperatures = metadata.process.get("acquisition", {}).get("thermal_state")
     if not isinstance(world, Mapping) or not isinstance(temperatures, Mapping):
         return None
-    return Ending(world, StartState(metadata.run_id, temperatures))
+    # Beside them the file tells how warm the run was on average: nothing to start from.
+    ends = {name: warm for name, warm in temperatures.items() if not name.startswith("mean_")}
+    return Ending(world, StartState(metadata.run_id, ends))
