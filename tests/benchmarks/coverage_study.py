@@ -59,7 +59,7 @@ def one_seed(seed: int) -> list[Row]:
             tare = paths["motor-tare"] if kind == "friction" else None
             (fit,) = fit_files([paths[kind]], tare=tare)
             truth = truth_of(fit.recording.metadata.process)
-            for row in truth_rows(fit.result, truth, gear):
+            for row in truth_rows(fit.result, truth):
                 e = row.estimate
                 found.append(
                     (kind, e.name, e.value, e.low, e.high, e.value - row.difference, row.difference)
