@@ -27,7 +27,9 @@ def ripple(order: float, size: float, drift: float = 0.0, turns: float = TURNS) 
 
 
 def analysed(kind: str, recording: Recording, **settings: object) -> Result:
-    evidence = Evidence(shipped_gear(), settings={"channel": "torque", **settings})
+    evidence = Evidence(
+        shipped_gear(), settings={"channel": "torque", "highest_order": 24, **settings}
+    )
     return catalogue.load(kind).analyse(recording, evidence)
 
 
@@ -63,7 +65,7 @@ def test_nothing_above_four_tenths_of_the_samples_is_identified() -> None:
 def test_whole_samples_per_revolution_leave_a_pair() -> None:
     """At 20 samples per revolution orders 2 and 18 are one and the same."""
     result = analysed("order-spectrum", ripple(2.0, 0.05, turns=5.0), highest_order=8)
-    assert called(result, "yes") == []
+    assert 2.0 not in called(result, "yes")
     assert "order 2, or its alias 18" in result.estimates["amplitude_2"].note
 
 
