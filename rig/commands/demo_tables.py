@@ -123,7 +123,7 @@ def print_demonstration(demonstration: Demonstration) -> None:
     out.print(
         Text(
             "found ± U is held against the measurand (gear or motor alone, at the run's temperature), the "
-            "95 % interval of the data alone against what this bench sees (— where that is the same)."
+            "statistical part against what this bench sees (— where that is the same)."
         )
     )
     covered, within = (
@@ -132,7 +132,7 @@ def print_demonstration(demonstration: Demonstration) -> None:
     out.print(
         Text(
             f"Of {len(demonstration.truth)} rows (phases included) {within} lie within ± U, "
-            f"{covered} in the 95 % interval.\n"
+            f"{covered} in the statistical part.\n"
         )
     )
     _print_misses(out, demonstration, results)
