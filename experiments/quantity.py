@@ -47,7 +47,7 @@ class Quantity:
     - `definition`: What exactly is meant.
     - `conditions`: Facts of a run that must be equal for two values to be comparable: "part",
       "mounting", "speed".
-    - `target_uncertainty`: U (k = 2) that a useful result stays below, in `unit`.
+    - `target_uncertainty`: U (95 %) that a useful result stays below, in `unit`.
     - `is_key`: Whether a reader looks for it first; the order of declaration is the order of
       importance.
     - `key_members`: Of a family: the members that are looked for first, the first of them first; none:

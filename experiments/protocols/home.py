@@ -189,4 +189,5 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "input_index", "index_seen"),
     quantities=QUANTITIES,
+    version=2,
 )

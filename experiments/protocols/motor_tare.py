@@ -345,6 +345,7 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,
+    version=2,
     live=("speed", "torque points", "torque"),
     gives_tare=True,
 )

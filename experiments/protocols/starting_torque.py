@@ -35,7 +35,7 @@ from experiments.terms import MOTOR_AND_GEAR, Term
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.gear import HarmonicDrive
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
 from model.units import DEGREE, REVOLUTION, RPM
 
@@ -436,15 +436,15 @@ def _estimates(
     """Mean over positions, each direction; half-difference of the directions, in which the torque zero cancels."""
     estimates: dict[str, Estimate] = {}
     directions = {b.direction for b in ramps}
-    factor, normal = student_quantile(balance.freedom), student_quantile(math.inf)
+    factor = student_quantile(balance.freedom)
     # The same law of motion is laid through all ramps, so that its error does not average: half of
     # what the torque rises from the moment that it gives to the last one at rest, rectangular.
     moment = 0.5 * float(np.mean([b.late for b in ramps])) / math.sqrt(3.0)
 
     def add(name: str, value: float, error: float, *lines: BudgetLine) -> None:
-        half = math.hypot(factor * error, normal * moment)
+        half = math.hypot(factor * error, NORMAL_COVERAGE_FACTOR * moment)
         budget = (
-            BudgetLine("between ramps", "A", error),
+            BudgetLine("between ramps", "A", error, degrees_of_freedom=balance.freedom),
             BudgetLine("moment of first motion", "A", moment, "law of motion; rectangular"),
             *lines,
             scale_line(recording, value),

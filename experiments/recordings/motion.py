@@ -281,4 +281,5 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
+    version=2,
 )

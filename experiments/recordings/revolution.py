@@ -218,4 +218,5 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
+    version=2,
 )

@@ -4,7 +4,7 @@ Results are compared by their newest analyses of the same kind. Two values diffe
 
     |b - a| > U_c,    U_c = sqrt(U_a^2 + U_b^2)
 
-with U the expanded uncertainties (k = 2), taken as independent. What both have in common (the same
+with U the expanded uncertainties (95 %), taken as independent. What both have in common (the same
 torque scale, the same tare, the same encoders) cancels in the difference: U_c is then too large and
 the statement cautious, and U_c without what is shared stands beside it (`rig.analysis.causes`).
 """
@@ -62,7 +62,7 @@ SAME_NUMBER = 1e-12
 class Change:
     """One thing that is not the same: where, both values as they are shown, and for results what the difference means.
 
-    `difference` is second minus first in `unit`, `uncertainty` its U_c (k = 2, independent);
+    `difference` is second minus first in `unit`, `uncertainty` its U_c (95 %, independent);
     `significant` is None where nothing can be said, `note` then says why. `own_uncertainty` is U_c
     without what both results share, and `significant_without_shared` what follows from it; both
     None where nothing is shared.
