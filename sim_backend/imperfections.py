@@ -358,6 +358,7 @@ def _as_stated(condition: Condition, on: Imperfections, stated: Stated, ratio: f
         cogging=have.cogging if on.motor_cogging else (),
         torque_constant_error=have.torque_constant_error if on.torque_scale_error else 0.0,
         port_lag=have.port_lag if on.torque_lag else 0.0,
+        output_latch=stated.output_encoder.skew if on.channel_skew else 0.0,
         thermal=have.thermal if on.warming else None,
     )
     thermal = have.thermal
@@ -366,7 +367,8 @@ def _as_stated(condition: Condition, on: Imperfections, stated: Stated, ratio: f
         deviations=deviations,
         ambient=thermal.ambient if thermal and on.ambient_temperature else condition.ambient,
         input_encoder=_switched(stated.input_encoder, on),
-        output_encoder=_switched(stated.output_encoder, on),
+        # Its skew is a matter of the plant: too long to be extrapolated from what is true at SYNC.
+        output_encoder=dataclasses.replace(_switched(stated.output_encoder, on), skew=0.0),
         torque_port=dataclasses.replace(
             condition.torque_port,
             gain_error=port.gain_error if on.torque_scale_error else 0.0,

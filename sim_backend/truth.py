@@ -37,6 +37,7 @@ def tell(
 ) -> dict[str, object]:
     """The truth of one simulated rig in one world."""
     mounted = loop.settings.gear_mounted
+    later = condition.output_encoder.skew + condition.deviations.output_latch
     truth: dict[str, object] = {
         "imperfections": {name: bool(getattr(on, name)) for name in on.names()},
         "sizes": dataclasses.asdict(on.sizes),
@@ -51,8 +52,8 @@ def tell(
         "timing": {
             "sync_jitter": condition.sync_jitter,
             "input_skew": condition.input_encoder.skew,
-            "output_skew": condition.output_encoder.skew,
-            "skew": condition.output_encoder.skew - condition.input_encoder.skew,
+            "output_skew": later,
+            "skew": later - condition.input_encoder.skew,
         },
         "start_angle": condition.start_angle,
         "gear_mounted": mounted,

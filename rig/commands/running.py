@@ -91,6 +91,8 @@ def plan(
     mounting: MountedHow = None,
     sample_rate: SampleRate = None,
     config: Config = None,
+    gear_seed: GearSeed = None,
+    population: PopulationName = "narrow",
     json: Json = False,
     show_help: Help = False,
 ) -> None:
@@ -117,6 +119,7 @@ def plan(
             parameters=parameters,
             mounting=mounting,
             sample_rate=sample_rate,
+            world=world_choice(gear_seed=gear_seed, population=population),
         )
     )
     if json:
@@ -263,16 +266,14 @@ REPEATABLE = ("output", "operator", "config", "block", "json", "events", "stdin_
 
 def _repeated(context: typer.Context, run: str, request: RunRequest) -> RunRequest:
     """The request that makes a run again. Raises `BadParameter` for flags that the run's file answers."""
-    from click.core import ParameterSource
-
     from rig.library.folder import run_named
     from rig.run.repeat import repetition
 
+    sources = {name: context.get_parameter_source(name) for name in context.params}
     given = [
         f"--{name.replace('_', '-')}"
-        for name in context.params
-        if name not in REPEATABLE
-        and context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        for name, source in sources.items()
+        if name not in REPEATABLE and source is not None and source.name == "COMMANDLINE"
     ]
     if given or context.args:
         raise typer.BadParameter(

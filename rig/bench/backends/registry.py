@@ -75,7 +75,7 @@ def _hardware(request: RigRequest) -> AssembledRig:
 
 def is_simulated(name: str) -> bool:
     """Whether a rig of this name lives in a simulated world."""
-    return name != HARDWARE and not name.startswith(REPLAY)
+    return name in BACKENDS and name != HARDWARE
 
 
 REPLAY = "replay:"
