@@ -61,6 +61,7 @@ class Quantity:
       letter.
     - `axis`: What stands at the axis of its chart, before the unit; "" is the title without the
       placeholder.
+    - `is_signed`: Whether zero is a value like any other: an offset, a difference, a place.
     - `is_circular`: Whether it is an angle on the circle: two values differ by the shorter way round.
     - `subject`: Of a family of orders: what they are orders of.
     """
@@ -82,6 +83,7 @@ class Quantity:
     axis: str = ""
     catalogue: Counterpart | None = None
     is_circular: bool = False
+    is_signed: bool = False
     subject: str = ""
 
     def __post_init__(self) -> None:

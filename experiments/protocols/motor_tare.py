@@ -58,6 +58,7 @@ QUANTITIES = (
         title="offset",
         unit="N m",
         definition="half-sum of the directions: rest of the zero and asymmetry",
+        is_signed=True,
     ),
     Quantity(
         name="torque_scale",

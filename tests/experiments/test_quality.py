@@ -19,7 +19,7 @@ from experiments.protocols.friction import protocol as friction
 from experiments.protocols.velocity_steps import protocol as velocity_steps
 from experiments.recording import ArraySource, Recording, RunMetadata, Segment
 from experiments.recordings import motion
-from experiments.recordings.skew import skews, viscous_windup
+from experiments.evidence.skew import skews, viscous_windup
 from model.channel import Channel
 from model.gear import HarmonicDrive
 

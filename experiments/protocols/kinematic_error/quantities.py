@@ -87,6 +87,7 @@ ESTIMATES = (
         "(reaction of the error)",
         is_key=True,
         is_circular=True,
+        is_signed=True,
     ),
     Quantity(name="figure_16_friction_amplitude", title="figure 16 friction amplitude", unit="N m"),
     Quantity(
@@ -100,8 +101,9 @@ ESTIMATES = (
         title="offset between the directions",
         unit="rad",
         definition="forward less reverse: wind-up by friction, and skew between the channels times speed",
+        is_signed=True,
     ),
-    Quantity(name="slope", title="slope", unit="rad/rad"),
+    Quantity(name="slope", title="slope", unit="rad/rad", is_signed=True),
     Quantity(name="ratio", title="ratio", unit="1"),
 )
 
