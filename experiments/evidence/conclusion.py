@@ -71,7 +71,7 @@ def _called(
     u = estimate.expanded_uncertainty
     if not (math.isfinite(estimate.value) and math.isfinite(u)):
         return replace(estimate, identifiable="no", note="no value with an uncertainty")
-    target = quantity.target_uncertainty
+    target = quantity.target_for(estimate.value)
     is_useful = target is not None and u <= target
     if quantity.is_signed or quantity.is_circular:
         too_wide = target is not None and not is_useful
