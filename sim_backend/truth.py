@@ -23,6 +23,7 @@ from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
 from sim_backend.imperfections import Condition, Imperfections
 from sim_backend.sensors import Instruments
+from sim_backend.world import World
 
 
 def tell(
@@ -31,15 +32,16 @@ def tell(
     on: Imperfections,
     condition: Condition,
     instruments: Instruments,
-    seeds: dict[str, int],
+    world: World,
     output_sense: int,
 ) -> dict[str, object]:
-    """The truth of one simulated rig on one day."""
+    """The truth of one simulated rig in one world."""
     mounted = loop.settings.gear_mounted
+    later = condition.output_encoder.skew + condition.deviations.output_latch
     truth: dict[str, object] = {
         "imperfections": {name: bool(getattr(on, name)) for name in on.names()},
         "sizes": dataclasses.asdict(on.sizes),
-        "seeds": seeds,
+        "world": dataclasses.asdict(world),
         "motor": _motor(motor, condition),
         "torque_port": _torque_port(condition),
         "encoders": _encoders(instruments, condition, output_sense),
@@ -50,8 +52,8 @@ def tell(
         "timing": {
             "sync_jitter": condition.sync_jitter,
             "input_skew": condition.input_encoder.skew,
-            "output_skew": condition.output_encoder.skew,
-            "skew": condition.output_encoder.skew - condition.input_encoder.skew,
+            "output_skew": later,
+            "skew": later - condition.input_encoder.skew,
         },
         "start_angle": condition.start_angle,
         "gear_mounted": mounted,

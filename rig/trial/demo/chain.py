@@ -22,7 +22,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.errors import RigError
-from rig.trial.demo.work import ORDER, DemoOrder, Failed, Finished, Step, gear_for, work
+from rig.trial.demo.work import (
+    ORDER,
+    DemoOrder,
+    Failed,
+    Finished,
+    Step,
+    card_in,
+    gear_for,
+    work,
+)
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
@@ -127,7 +136,7 @@ def _recorded(order: DemoOrder) -> str:
 
 
 def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) -> Demonstration:
-    from model.gear_file import save_gear, shipped_gear
+    from model.gear_file import save_gear
     from rig.analysis.adopt import adopt
     from rig.analysis.fit import Fit
     from rig.analysis.tare import tare_kind
@@ -137,11 +146,12 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
     fits: dict[str, Fit] = {}
     for done in finished:
         assert done.result is not None
-        gear = gear_for(done.protocol, fits)
+        recording = open_run(done.path)
+        gear = gear_for(done.protocol, fits, card_in(recording))
         with_tare = done.result.options.get("tare_run") not in (None, "none")
         tare = fits.get(tare_kind()) if with_tare else None
         fits[done.protocol] = Fit(
-            recording=open_run(done.path),
+            recording=recording,
             gear=gear,
             result=done.result,
             path=done.path,
@@ -150,7 +160,7 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
         )
     fitted = tuple(fits.values())
     truth = tuple((fit.result.kind, row) for fit in fitted for row in _truth(fit))
-    adopted = adopt(shipped_gear(), [fit.result for fit in fitted])
+    adopted = adopt(card_in(fitted[0].recording), [fit.result for fit in fitted])
     parameters = order.folder / PARAMETERS
     save_gear(adopted.gear, parameters)
     note = "Made by rig demo: the whole chain, from plan to report, on the simulated rig."

@@ -15,7 +15,7 @@ from experiments.recording import Event
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig import exits
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.assembly import RigRequest, WorldChoice
 from rig.bench.backends.registry import BACKENDS, make_port
 from rig.commands.running import read_flags, read_protocol
 from rig.errors import ConfigurationError
@@ -190,11 +190,15 @@ def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
         close_recording(recording)
         return kept
 
-    first = counts()
-    assert counts() == first
-    assert counts(block_cycles=77) == first
-    assert counts(seed=6) != first
-    assert counts(gear_serial="G2") != first
+    first = counts(world=WorldChoice(number=1))
+    assert counts(world=WorldChoice(number=1, start_state="ambient")) == first
+    again = {"number": 1, "start_state": "ambient"}
+    assert counts(world=WorldChoice(**again), block_cycles=77) == first
+    # The next number in the folder is another run of the same gear on the same bench.
+    assert counts() != first
+    assert counts(world=WorldChoice(**again, bench_seed=5)) == first
+    for changes in ({"seed": 6}, {"gear_serial": "G2"}):
+        assert counts(world=WorldChoice(**again), **changes) != first
 
 
 def test_what_the_rig_knows_is_not_asked_for_twice() -> None:
