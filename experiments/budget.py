@@ -49,7 +49,14 @@ def budget_table(estimates: Iterable[Estimate]) -> Table:
             (estimate.name, "combined", "", estimate.standard_uncertainty, estimate.unit, "")
         )
         rows.append(
-            (estimate.name, "expanded, k = 2", "", estimate.expanded_uncertainty, estimate.unit, "")
+            (
+                estimate.name,
+                f"expanded, k = {estimate.coverage_factor:.2f}",
+                "",
+                estimate.expanded_uncertainty,
+                estimate.unit,
+                "",
+            )
         )
     columns = ("quantity", "contribution", "type", "standard uncertainty", "unit", "remark")
     return Table("budget", "Uncertainty budget", columns, tuple(rows))

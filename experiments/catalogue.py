@@ -5,7 +5,7 @@ This module stays light: it imports no array library, so that a command line can
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -103,6 +103,11 @@ def declared(name: str) -> Experiment | None:
 
 
 def load(name: str) -> Experiment:
-    """The protocol (or plan-less analysis) of this name, its module imported now."""
-    module = import_module(entry(name).module)
-    return module.EXPERIMENT
+    """The protocol (or plan-less analysis) of this name, its module imported now.
+
+    Its `analyse` is the protocol's own after every recording has passed the table of checks.
+    """
+    from experiments.evidence.conclusion import checked_analysis
+
+    experiment: Experiment = import_module(entry(name).module).EXPERIMENT
+    return replace(experiment, analyse=checked_analysis(experiment))

@@ -9,7 +9,7 @@ from typing import Any, Literal
 from experiments.errors import PlanError
 from experiments.quantity import Quantity
 from experiments.recording import Recording
-from experiments.result import Result
+from experiments.result import Check, Result
 from experiments.steps.vocabulary import Step
 from experiments.terms import PaperFigure, Term
 from model.gear import HarmonicDrive
@@ -20,15 +20,18 @@ class Evidence:
     """What an analysis may lean on besides the recording.
 
     `gear` is the parameter set to compare with (and the source of everything that is not
-    identified); `tare` the result of a motor-tare run of the same rig, if there is one;
-    `maximum_missed_share` the share of incomplete cycles above which a run is refused; `settings`
-    what an analysis offers to choose (each names its own and refuses others).
+    identified); `tare` the result of a motor-tare run of the same rig, if there is one, and
+    `tare_recording` that run; `maximum_missed_share` the share of incomplete cycles above which a
+    run is refused; `settings` what an analysis offers to choose (each names its own and refuses
+    others); `checks` what was looked at of the recording before (`experiments.evidence.table`).
     """
 
     gear: HarmonicDrive
     tare: Result | None = None
     maximum_missed_share: float = 0.001
     settings: dict[str, Any] = field(default_factory=dict)
+    tare_recording: Recording | None = None
+    checks: tuple[Check, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

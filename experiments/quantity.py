@@ -47,7 +47,7 @@ class Quantity:
     - `definition`: What exactly is meant.
     - `conditions`: Facts of a run that must be equal for two values to be comparable: "part",
       "mounting", "speed".
-    - `target_uncertainty`: U (k = 2) that a useful result stays below, in `unit`.
+    - `target_uncertainty`: U (95 %) that a useful result stays below, in `unit`.
     - `is_key`: Whether a reader looks for it first; the order of declaration is the order of
       importance.
     - `key_members`: Of a family: the members that are looked for first, the first of them first; none:
@@ -59,6 +59,7 @@ class Quantity:
       letter.
     - `axis`: What stands at the axis of its chart, before the unit; "" is the title without the
       placeholder.
+    - `is_signed`: Whether zero is a value like any other: an offset, a difference, a place.
     - `is_circular`: Whether it is an angle on the circle: two values differ by the shorter way round.
     - `subject`: Of a family of orders: what they are orders of.
     """
@@ -78,6 +79,7 @@ class Quantity:
     axis: str = ""
     catalogue: Counterpart | None = None
     is_circular: bool = False
+    is_signed: bool = False
     subject: str = ""
 
     def __post_init__(self) -> None:

@@ -1,24 +1,29 @@
-"""What an analysis returns: estimates, metrics, warnings, verdicts, and plots and tables as data."""
+"""What an analysis returns: estimates, metrics, warnings, checks, verdicts, and plots and tables as data."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
+
+import numpy as np
 
 from experiments.errors import AnalysisError
 from experiments.quantity import Quantity, quantity_of
 from model.arrays import FloatArray
 from model.gear import Provenance
-from model.identify.estimate import Estimate
+from model.identify.estimate import Cause, Estimate
 
 SeriesStyle = Literal["line", "points", "band", "steps", "bars"]
-VerdictOutcome = Literal["PASS", "MARGINAL", "FAIL", "no verified limit"]
+VerdictOutcome = Literal["PASS", "MARGINAL", "FAIL", "NOT JUDGED"]
+CheckOutcome = Literal["ok", "widened", "refused", "not checked"]
 
 VERIFIED_PROVENANCES: frozenset[Provenance] = frozenset(
     {"catalogue", "measured", "identified", "published"}
 )
-"""A limit of any other provenance gives "no verified limit", never PASS or FAIL."""
+"""A limit of any other provenance is none to judge by: NOT JUDGED, never PASS or FAIL."""
+WORST_FIRST: tuple[VerdictOutcome, ...] = ("FAIL", "MARGINAL", "NOT JUDGED", "PASS")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,8 +92,38 @@ class Table:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Check:
+    """One thing that a recording must be before anything is computed from it, and what was found of it.
+
+    `found` and `allowed` are values with their units in words; `words` say what follows. An outcome
+    of "refused" never reaches a result: it is raised. "not checked" says that the recording lacks
+    what the check needs. `is_evidence`: whether a verdict needs it.
+    """
+
+    name: str
+    outcome: CheckOutcome
+    found: str = ""
+    allowed: str = ""
+    words: str = ""
+    is_evidence: bool = True
+
+    def as_json(self) -> dict[str, str]:
+        """Name, outcome, what was found, what is allowed, and what follows."""
+        return {
+            "name": self.name,
+            "outcome": self.outcome,
+            "found": self.found,
+            "allowed": self.allowed,
+            "words": self.words,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """One measured quantity against its limit, with U (k = 2): MARGINAL when the limit lies inside the interval."""
+    """One measured quantity against its limit, with U: MARGINAL when the limit lies inside value ± U (JCGM 106).
+
+    `because` says what is missing where it is NOT JUDGED.
+    """
 
     name: str
     definition: str
@@ -97,6 +132,7 @@ class Verdict:
     limit_source: str
     limit_provenance: Provenance
     outcome: VerdictOutcome
+    because: str = ""
 
 
 def judge_upper(
@@ -108,8 +144,9 @@ def judge_upper(
     source: str,
 ) -> Verdict:
     """The verdict on a quantity that must not exceed `limit`."""
-    if provenance not in VERIFIED_PROVENANCES:
-        outcome: VerdictOutcome = "no verified limit"
+    because = _nothing_to_judge(estimate, limit, provenance)
+    if because:
+        outcome: VerdictOutcome = "NOT JUDGED"
     elif estimate.value + estimate.expanded_uncertainty <= limit:
         outcome = "PASS"
     elif estimate.value - estimate.expanded_uncertainty > limit:
@@ -124,19 +161,56 @@ def judge_upper(
         limit_source=source,
         limit_provenance=provenance,
         outcome=outcome,
+        because=because,
     )
+
+
+def _nothing_to_judge(estimate: Estimate, limit: float, provenance: Provenance) -> str:
+    """What is missing of limit or number; "" where both are there. A U that is large is no reason."""
+    if provenance not in VERIFIED_PROVENANCES or not math.isfinite(limit):
+        return f"no verified limit: the limit is {provenance}"
+    if not (math.isfinite(estimate.value) and math.isfinite(estimate.expanded_uncertainty)):
+        return "the quantity has no value with an uncertainty"
+    if estimate.identifiable == "no":
+        return "the data do not determine the quantity" + (estimate.note and f": {estimate.note}")
+    return ""
 
 
 @dataclass(frozen=True)
 class Covariance:
-    """Covariance (p, p) of the statistical part (type A) of a fit's parameters, in SI; `names` are in its order."""
+    """Covariance of a fit's parameters, in SI; `names` are in the order of matrix and vectors.
+
+    `matrix` (p, p) is the statistical part (type A). `shared` is type B: for each cause the change
+    (p,) of the parameters by one standard deviation of its error, which is one and the same error
+    for all of them. The whole is matrix + sum of the vectors' outer products.
+    """
 
     names: tuple[str, ...]
     matrix: FloatArray
+    shared: Mapping[Cause, FloatArray] = field(default_factory=dict)
+
+    def with_shared(self, estimates: Mapping[str, Estimate]) -> Covariance:
+        """With the vectors of every cause that the budgets of these estimates name, magnitudes as they stand there."""
+        shared: dict[Cause, FloatArray] = {}
+        for place, name in enumerate(self.names):
+            for line in estimates[name].budget if name in estimates else ():
+                if line.cause is not None:
+                    vector = shared.setdefault(line.cause, np.zeros(len(self.names)))
+                    vector[place] = math.hypot(vector[place], line.standard_uncertainty)
+        return replace(self, shared={**shared, **self.shared})
+
+    def whole(self) -> FloatArray:
+        """The covariance (p, p) with both parts."""
+        parts = [np.outer(vector, vector) for vector in self.shared.values()]
+        return np.asarray(sum(parts, self.matrix), dtype=np.float64)
 
     def as_json(self) -> dict[str, Any]:
-        """Names and matrix, row by row."""
-        return {"names": list(self.names), "matrix": self.matrix.tolist()}
+        """Names, matrix row by row, and the shared causes."""
+        return {
+            "names": list(self.names),
+            "matrix": self.matrix.tolist(),
+            "shared": {str(cause): vector.tolist() for cause, vector in self.shared.items()},
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,6 +231,8 @@ class Result:
     """What its protocol declares: every estimate and every metric is one of them."""
     covariance: Covariance | None = None
     """Of the parameters that were fitted together, where they were."""
+    checks: tuple[Check, ...] = ()
+    """What was looked at of the recording before anything was computed from it."""
 
     def __post_init__(self) -> None:
         for name in (*self.estimates, *self.metrics):
@@ -179,6 +255,20 @@ class Result:
         outcomes = {v.outcome for v in self.verdicts}
         return "FAIL" if "FAIL" in outcomes else "MARGINAL" if "MARGINAL" in outcomes else "PASS"
 
+    @property
+    def verdict(self) -> VerdictOutcome:
+        """The worst of all verdicts; NOT JUDGED where there is none, or where one is missing and none is bad."""
+        outcomes = {v.outcome for v in self.verdicts} or {"NOT JUDGED"}
+        return next(word for word in WORST_FIRST if word in outcomes)
+
+    @property
+    def because(self) -> str:
+        """Why something was not judged; "" where everything was."""
+        if not self.verdicts:
+            return "no limit applies to what was measured"
+        reasons = dict.fromkeys(v.because for v in self.verdicts if v.because)
+        return "; ".join(reasons)
+
     def as_json(self) -> dict[str, Any]:
         """The object that `--json` prints and the analysis store keeps."""
         return {
@@ -198,8 +288,12 @@ class Result:
                     "limit_source": v.limit_source,
                     "limit_provenance": v.limit_provenance,
                     "outcome": v.outcome,
+                    "because": v.because,
                 }
                 for v in self.verdicts
             ],
+            "verdict": self.verdict,
+            "because": self.because,
+            "checks": [check.as_json() for check in self.checks],
             "options": dict(self.options),
         }

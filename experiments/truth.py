@@ -52,7 +52,7 @@ class TruthRow:
 
     @property
     def within(self) -> bool:
-        """Whether the truth lies within U (k = 2), type B included, or in the interval where that is wider."""
+        """Whether the truth lies within U (95 %), type B included, or in the interval where that is wider."""
         return self.covered or abs(self.difference) <= self.estimate.expanded_uncertainty
 
 

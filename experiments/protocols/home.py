@@ -37,6 +37,7 @@ QUANTITIES = (
         title="{encoder} index",
         unit="rad",
         definition="where the index mark lies within the revolution of its encoder",
+        is_signed=True,
     ),
     Quantity(name="{encoder}_index_spread", title="{encoder} index spread", unit="rad"),
 )
@@ -189,4 +190,5 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "input_index", "index_seen"),
     quantities=QUANTITIES,
+    version=2,
 )

@@ -46,6 +46,7 @@ QUANTITIES = (
         title="offset",
         unit="N m",
         definition="half-sum of the directions: rest of the zero and asymmetry",
+        is_signed=True,
     ),
     Quantity(
         name="torque_scale",
@@ -345,6 +346,7 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,
+    version=2,
     live=("speed", "torque points", "torque"),
     gives_tare=True,
 )

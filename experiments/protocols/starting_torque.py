@@ -329,6 +329,7 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "torque"),
     quantities=QUANTITIES,
+    version=2,
     live=("speed", "starting points", "torque"),
     setpoint="position",
     terms=(

@@ -219,6 +219,7 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "torque"),
     quantities=QUANTITIES,
+    version=2,
     live=("speed", "temperature", "torque"),
     terms=(RUNNING_TORQUE, MOTOR_AND_GEAR),
 )

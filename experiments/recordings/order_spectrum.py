@@ -199,4 +199,5 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
+    version=2,
 )

@@ -4,6 +4,11 @@ identify them at all.
 A line of a budget may name what its error comes from. An error that is the same in two results
 cancels in their difference (correlation one; GUM, F.1.2.3). Scatter of the data never does; it has
 no cause.
+
+    u^2 = sum u_i^2,   nu = u^4 / sum(u_i^4 / nu_i),   U = k u   with k = t_95(nu)
+
+nu are the degrees of freedom by Welch and Satterthwaite, t_95 is the two-sided quantile of
+Student's t at 95 % (GUM, annex G; JCGM 100:2008): 2.57 at five degrees of freedom, 1.96 without end.
 """
 
 from __future__ import annotations
@@ -14,10 +19,12 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Literal
 
+from model.identify.least_squares import student_quantile
+
 Identifiable = Literal["yes", "weakly", "no"]
 
-COVERAGE_FACTOR = 2.0
-"""k of the expanded uncertainty U = k u that verdicts use."""
+NORMAL_COVERAGE_FACTOR = 1.959963984540054
+"""k of U = k u at 95 % where the degrees of freedom have no end."""
 
 
 class Ground(StrEnum):
@@ -62,7 +69,9 @@ class BudgetLine:
     the estimate's unit.
 
     `source` says in words what it is; `cause` names an error that other results may share, None one
-    that is this estimate's alone.
+    that is this estimate's alone. `degrees_of_freedom` of u: of the data it was computed from for
+    type A; without end where u is taken for exact, as type B lines are unless somebody says how
+    well they are known.
     """
 
     source: str
@@ -70,6 +79,28 @@ class BudgetLine:
     standard_uncertainty: float
     note: str = ""
     cause: Cause | None = None
+    degrees_of_freedom: float = math.inf
+
+
+def effective_degrees_of_freedom(lines: Iterable[BudgetLine]) -> float:
+    """Degrees of freedom of the root sum of squares of these lines (Welch, Satterthwaite); infinite for none."""
+    square = fourth = 0.0
+    for line in lines:
+        square += line.standard_uncertainty**2
+        fourth += line.standard_uncertainty**4 / line.degrees_of_freedom
+    return square**2 / fourth if fourth > 0.0 else math.inf
+
+
+def coverage_factor(degrees_of_freedom: float) -> float:
+    """k of U = k u at 95 %, from Student's t."""
+    # NaN is of a line that could not be computed: then U is NaN by its u, whatever k is.
+    finite = degrees_of_freedom < math.inf
+    return student_quantile(degrees_of_freedom) if finite else NORMAL_COVERAGE_FACTOR
+
+
+def _countable(degrees_of_freedom: float) -> float | None:
+    """Degrees of freedom as JSON can hold them: null where they have no end."""
+    return degrees_of_freedom if degrees_of_freedom < math.inf else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,6 +109,7 @@ class Estimate:
 
     `value` in `unit` (SI); `low`, `high` the 95 % interval of the statistical part (type A; profile or autocorrelation-
     respecting); `budget` all contributions, type B included; `identifiable` the verdict, `note` why it is not "yes".
+    `stated_coverage_factor` is the k that a stored result was stated with; None: from Student's t.
     """
 
     name: str
@@ -88,20 +120,31 @@ class Estimate:
     identifiable: Identifiable = "yes"
     note: str = ""
     budget: tuple[BudgetLine, ...] = ()
+    stated_coverage_factor: float | None = None
 
     @property
     def standard_uncertainty(self) -> float:
-        """Combined standard uncertainty: root sum of squares of the budget, or a quarter of the
-        interval without one.
-        """
+        """Combined standard uncertainty: root sum of squares of the budget; that of the interval without one."""
         if self.budget:
             return math.sqrt(sum(line.standard_uncertainty**2 for line in self.budget))
-        return 0.25 * (self.high - self.low)
+        return 0.5 * (self.high - self.low) / self.coverage_factor
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Effective degrees of freedom of the combined standard uncertainty (Welch, Satterthwaite)."""
+        return effective_degrees_of_freedom(self.budget)
+
+    @property
+    def coverage_factor(self) -> float:
+        """k of U = k u: Student's t at 95 % with the effective degrees of freedom."""
+        if self.stated_coverage_factor is not None:
+            return self.stated_coverage_factor
+        return coverage_factor(self.degrees_of_freedom)
 
     @property
     def expanded_uncertainty(self) -> float:
-        """U = k u with k = 2."""
-        return COVERAGE_FACTOR * self.standard_uncertainty
+        """U = k u: the interval value ± U holds the measurand with 95 %."""
+        return self.coverage_factor * self.standard_uncertainty
 
     def with_budget(self, lines: Iterable[BudgetLine]) -> Estimate:
         """The same estimate with further budget lines."""
@@ -117,6 +160,8 @@ class Estimate:
             "identifiable": self.identifiable == "yes",
             "identifiability": self.identifiable,
             "expanded_uncertainty": self.expanded_uncertainty,
+            "coverage_factor": self.coverage_factor,
+            "degrees_of_freedom": _countable(self.degrees_of_freedom),
             "note": self.note,
             "budget": [
                 {
@@ -125,6 +170,7 @@ class Estimate:
                     "standard_uncertainty": b.standard_uncertainty,
                     "note": b.note,
                     "cause": b.cause,
+                    "degrees_of_freedom": _countable(b.degrees_of_freedom),
                 }
                 for b in self.budget
             ],

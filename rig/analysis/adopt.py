@@ -27,7 +27,7 @@ class Adopted:
 @dataclass(frozen=True)
 class Comparison:
     """One value of a parameter set beside what a run identified for it, both in `unit` (SI);
-    `uncertainty` is U (k = 2).
+    `uncertainty` is U (95 %).
     """
 
     path: str

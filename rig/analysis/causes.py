@@ -2,6 +2,8 @@
 
     U^2 = k^2 (sum of all u^2),     U_own^2 = k^2 (sum of the u^2 of each alone + sum over shared causes of (u_a - u_b)^2)
 
+with k by the effective degrees of freedom of what is summed.
+
 A cause is shared where both runs used the same instrument with the same calibration, the same tare,
 or the same values from the literature: then its unknown error is the same in both (correlation one;
 GUM, F.1.2.3).
@@ -10,12 +12,19 @@ GUM, F.1.2.3).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from experiments.recording import Recording, RunMetadata
-from model.identify.estimate import COVERAGE_FACTOR, Cause, Ground
+from model.identify.estimate import (
+    NORMAL_COVERAGE_FACTOR,
+    BudgetLine,
+    Cause,
+    Ground,
+    coverage_factor,
+    effective_degrees_of_freedom,
+)
 from rig.analysis.store import Analysis
 from rig.runfile.source import FileSource
 
@@ -105,22 +114,32 @@ def combined_uncertainty(
     if a is None or b is None:
         return None
     shared = tuple(part for part in a if part in b and _is_shared(part, common))
-    own = sum(u * u for parts in (a, b) for part, u in parts.items() if part not in shared)
-    own += sum((a[part] - b[part]) ** 2 for part in shared)
-    everything = sum(u * u for parts in (a, b) for u in parts.values())
+    own = [line for parts in (a, b) for part, line in parts.items() if part not in shared]
+    own += [
+        BudgetLine("", "B", a[part].standard_uncertainty - b[part].standard_uncertainty)
+        for part in shared
+    ]
     return CombinedUncertainty(
-        COVERAGE_FACTOR * math.sqrt(everything),
-        COVERAGE_FACTOR * math.sqrt(own),
+        _expanded([*a.values(), *b.values()]),
+        _expanded(own),
         tuple(source for source, _ in shared),
     )
 
 
-def _parts(estimate: Mapping[str, Any]) -> dict[_Part, float] | None:
-    """Standard uncertainties by source; lines of type A are numbered, as two of one name are still two causes."""
+def _expanded(lines: Sequence[BudgetLine]) -> float:
+    """U of the sum of these contributions."""
+    factor = coverage_factor(effective_degrees_of_freedom(lines))
+    return factor * math.sqrt(sum(line.standard_uncertainty**2 for line in lines))
+
+
+def _parts(estimate: Mapping[str, Any]) -> dict[_Part, BudgetLine] | None:
+    """The budget by source; lines of type A are numbered, as two of one name are still two causes."""
     whole = estimate.get("expanded_uncertainty")
     if whole is None:
         return None
-    parts: dict[_Part, float] = {}
+    # One that was stated with k = 2 keeps the U that it was stated with.
+    stated = 1.0 if "coverage_factor" in estimate else 2.0 / NORMAL_COVERAGE_FACTOR
+    parts: dict[_Part, BudgetLine] = {}
     for index, line in enumerate(estimate.get("budget") or ()):
         if line.get("standard_uncertainty") is None:
             return None
@@ -128,8 +147,15 @@ def _parts(estimate: Mapping[str, Any]) -> dict[_Part, float] | None:
         if line["kind"] == "B":
             cause = line.get("cause")
             part = (str(line["source"]), Cause(cause) if cause else None)
-        parts[part] = math.hypot(parts.get(part, 0.0), float(line["standard_uncertainty"]))
-    return parts or {("interval", None): float(whole) / COVERAGE_FACTOR}
+        # Two lines of type B with one source are one error; how well each is known is not told apart.
+        before = parts[part].standard_uncertainty if part in parts else 0.0
+        parts[part] = BudgetLine(
+            part[0],
+            line["kind"],
+            math.hypot(before, stated * float(line["standard_uncertainty"])),
+            degrees_of_freedom=line.get("degrees_of_freedom") or math.inf,
+        )
+    return parts or {("interval", None): BudgetLine("", "A", float(whole) / NORMAL_COVERAGE_FACTOR)}
 
 
 def _is_shared(part: _Part, common: frozenset[Ground]) -> bool:
@@ -138,12 +164,10 @@ def _is_shared(part: _Part, common: frozenset[Ground]) -> bool:
 
 
 def own_uncertainty(estimate: Mapping[str, Any], common: frozenset[Ground]) -> float:
-    """U (k = 2) of one estimate without the causes that it shares with others which rest on the
+    """U of one estimate without the causes that it shares with others which rest on the
     same grounds; NaN unknown.
     """
     parts = _parts(estimate)
     if parts is None:
         return math.nan
-    return COVERAGE_FACTOR * math.sqrt(
-        sum(u * u for part, u in parts.items() if not _is_shared(part, common))
-    )
+    return _expanded([line for part, line in parts.items() if not _is_shared(part, common)])

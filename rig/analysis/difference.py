@@ -4,7 +4,7 @@ Results are compared by their newest analyses of the same kind. Two values diffe
 
     |b - a| > U_c,    U_c = sqrt(U_a^2 + U_b^2)
 
-with U the expanded uncertainties (k = 2), taken as independent. What both have in common (the same
+with U the expanded uncertainties (95 %), taken as independent. What both have in common (the same
 torque scale, the same tare, the same encoders) cancels in the difference: U_c is then too large and
 the statement cautious, and U_c without what is shared stands beside it (`rig.analysis.causes`).
 """
@@ -19,7 +19,7 @@ from typing import Any
 
 from experiments.quantity import Quantity, bare_quantity
 from experiments.recording import Recording, RunMetadata
-from model.identify.estimate import BudgetLine, Estimate, Ground
+from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate, Ground
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.wording import show
@@ -62,7 +62,7 @@ SAME_NUMBER = 1e-12
 class Change:
     """One thing that is not the same: where, both values as they are shown, and for results what the difference means.
 
-    `difference` is second minus first in `unit`, `uncertainty` its U_c (k = 2, independent);
+    `difference` is second minus first in `unit`, `uncertainty` its U_c (95 %, independent);
     `significant` is None where nothing can be said, `note` then says why. `own_uncertainty` is U_c
     without what both results share, and `significant_without_shared` what follows from it; both
     None where nothing is shared.
@@ -411,7 +411,7 @@ def _in_laboratory_units(
     quantity: Quantity | None, value: float, doubt: float | None, unit: str
 ) -> str:
     """`value ± doubt unit` of a quantity in SI as it is read in a laboratory."""
-    budget = () if doubt is None else (BudgetLine("", "A", 0.5 * float(doubt)),)
+    budget = () if doubt is None else (BudgetLine("", "A", float(doubt) / NORMAL_COVERAGE_FACTOR),)
     estimate = Estimate(
         name="",
         value=value,

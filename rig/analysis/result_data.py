@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from experiments import catalogue
 from experiments.quantity import Quantity, with_bare
-from experiments.result import Plot, Result, Series, Table, Verdict
+from experiments.result import Check, Plot, Result, Series, Table, Verdict
 from model.identify.estimate import BudgetLine, Cause, Estimate
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
 _ARRAYS = ("x", "y", "low", "high")
+NOT_JUDGED_BEFORE = "no verified limit"
+"""What a stored verdict of an earlier version says where it is NOT JUDGED for want of a limit."""
 DIGITS = 9
 """Significant digits of a drawn number: far below what any screen or paper shows."""
 
@@ -40,6 +42,7 @@ def result_from_mapping(
         verdicts=tuple(_verdict(v, estimates) for v in mapping.get("verdicts", ())),
         plots=tuple(plot_from_mapping(plot) for plot in mapping.get("plots", ())),
         tables=tuple(table_from_mapping(table) for table in (*mapping.get("tables", ()), *tables)),
+        checks=tuple(Check(**check) for check in mapping.get("checks", ())),
         options=dict(mapping.get("options", {})),
     )
 
@@ -67,6 +70,7 @@ def estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
             _number(b["standard_uncertainty"]),
             str(b.get("note", "")),
             Cause(b["cause"]) if b.get("cause") else None,
+            math.inf if b.get("degrees_of_freedom") is None else b["degrees_of_freedom"],
         )
         for b in mapping.get("budget", ())
     )
@@ -79,11 +83,14 @@ def estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
         identifiable=mapping.get("identifiability", "yes"),
         note=str(mapping.get("note", "")),
         budget=budget,
+        # A result that was stored with k = 2 keeps the U that it was stated with.
+        stated_coverage_factor=None if "coverage_factor" in mapping else 2.0,
     )
 
 
 def _verdict(mapping: Mapping[str, Any], estimates: Mapping[str, Estimate]) -> Verdict:
     value, u = _number(mapping["value"]), _number(mapping["expanded_uncertainty"])
+    outcome = mapping["outcome"]
     judged = next(
         (e for e in estimates.values() if e.value == value and e.unit == mapping["unit"]), None
     )
@@ -102,7 +109,8 @@ def _verdict(mapping: Mapping[str, Any], estimates: Mapping[str, Estimate]) -> V
         limit=_number(mapping["limit"]),
         limit_source=str(mapping["limit_source"]),
         limit_provenance=mapping["limit_provenance"],
-        outcome=mapping["outcome"],
+        outcome="NOT JUDGED" if outcome == NOT_JUDGED_BEFORE else outcome,
+        because=str(mapping.get("because", outcome if outcome == NOT_JUDGED_BEFORE else "")),
     )
 
 

@@ -12,11 +12,14 @@ from experiments.quantity import Quantity
 from model.identify.estimate import Estimate
 from model.units import LABORATORY_UNITS, by_size
 
+STATISTICAL_PART = "statistical part"
+"""What people are told the 95 % interval of the data alone is."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """An estimate as text: value and U share their decimals; `low` and `high` bound the 95 %
-    interval, often narrower.
+    """An estimate as text: value and U share their decimals; `low` and `high` bound the
+    statistical part, often narrower.
     """
 
     value: str
@@ -193,7 +196,7 @@ def order_label(order: float, ratio: float) -> str:
 def unbroken(title: str) -> str:
     """The heading of a column with its unit and its coverage factor in one piece."""
     return re.sub(
-        r"\[[^\]]*\]|\(k = 2\)",
+        r"\[[^\]]*\]|\(95 %\)",
         lambda m: m[0].replace(" ", "\u00a0").replace("/", "/\u2060"),
         title,
     )

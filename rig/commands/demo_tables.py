@@ -91,7 +91,7 @@ def print_demonstration(demonstration: Demonstration) -> None:
         sum(getattr(row, what) for _, row in demonstration.truth) for what in ("covered", "within")
     )
     of = f"of {len(demonstration.truth)} true values (phases included)"
-    out.print(Text(f"{covered} {of} lie in the 95 % interval, {within} within ± U (k = 2).\n"))
+    out.print(Text(f"{covered} {of} lie in the statistical part, {within} within ± U (95 %).\n"))
     for fit in demonstration.fits:
         for verdict in fit.result.verdicts:
             line = Text.assemble("  ", (verdict.outcome, VERDICT_STYLE.get(verdict.outcome, "")))

@@ -29,7 +29,7 @@ def diff(
     """Say what differs between two runs: parameters, limits, calibrations, versions, conditions, gear, results.
 
     Results are the newest analyses beside the runs; a difference is significant where it is larger than
-    U_c = sqrt(U1^2 + U2^2), k = 2. The exit code is 0 whether they differ or not; --json says `differs`.
+    U_c = sqrt(U1^2 + U2^2), at 95 %. The exit code is 0 whether they differ or not; --json says `differs`.
     """
     from rig.analysis.difference import difference
 

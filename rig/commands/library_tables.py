@@ -111,7 +111,7 @@ def print_passport(passport: Passport, analysed: Sequence[Analysed] = ()) -> Non
 
 
 def _series_table(series: Sequence[PassportSeries]) -> Table:
-    measured = ("runs", "newest", "U (k = 2)")
+    measured = ("runs", "newest", "U (95 %)")
     rows = table(
         "quantity",
         *measured,

@@ -1,4 +1,4 @@
-"""Results as tables on a terminal: value ± U, unit, 95 % interval, whether the data identify it;
+"""Results as tables on a terminal: value ± U, unit, statistical part, whether the data identify it;
 then what to beware of.
 """
 
@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.result import Result, Verdict
-from rig.analysis.wording import metric_text, show
+from rig.analysis.wording import STATISTICAL_PART, metric_text, show
 from rig.commands.terminal import ruled_table
 from rig.commands.visible import Text
 from rig.present.content import held_against
@@ -17,7 +17,7 @@ VERDICT_STYLE = {
     "PASS": "bold green",
     "MARGINAL": "bold yellow",
     "FAIL": "bold red",
-    "no verified limit": "dim",
+    "NOT JUDGED": "dim",
 }
 IDENTIFIABLE_STYLE = {"yes": "green", "weakly": "yellow", "no": "red"}
 
@@ -57,7 +57,8 @@ def verdict_sentence(result: Result, verdict: Verdict) -> str:
     """What was judged: the value and the limit that it was held against."""
     value, limit = held_against(result, verdict)
     source = f"{verdict.limit_provenance}: {verdict.limit_source}"
-    return f"  {verdict.name}: {value}, limit {limit} ({source})"
+    because = f"; {verdict.because}" if verdict.because else ""
+    return f"  {verdict.name}: {value}, limit {limit} ({source}){because}"
 
 
 def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
@@ -68,8 +69,8 @@ def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
 
 def estimate_table(result: Result) -> Table:
     """The estimates of a result as a rich table."""
-    value = "value ± U (k = 2)"
-    facts = ("unit", "95 % interval", "identifiable")
+    value = "value ± U (95 %)"
+    facts = ("unit", STATISTICAL_PART, "identifiable")
     estimates = ruled_table("quantity", value, *facts, numbers=(value,), whole=(value, *facts))
     for name, estimate in result.estimates.items():
         quantity = result.quantity(name)

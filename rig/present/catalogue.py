@@ -38,7 +38,7 @@ all the same: nobody shall look for them in vain.
 
 COLUMNS = (
     "Quantity by its definition",
-    "Measured ± U (k = 2)",
+    "Measured ± U (95 %)",
     "Catalogue",
     "Conditions and source of the catalogue's value",
     "Conditions here",

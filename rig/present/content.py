@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from experiments.quantity import Quantity, bare_quantity, key_names, quantity_of
 from experiments.result import Result, Verdict
 from rig.analysis.wording import (
+    STATISTICAL_PART,
     laboratory_unit,
     metric_text,
     number,
@@ -101,13 +102,10 @@ def overall(fits: Sequence[Fit]) -> Overall:
     """The worst of all verdicts; an unfinished run or the lack of a verified limit is said, never passed over."""
     outcomes = [v.outcome for f in fits for v in f.result.verdicts]
     broken = [f.recording.metadata for f in fits if f.recording.metadata.outcome in UNFINISHED]
-    judged = [o for o in outcomes if o != "no verified limit"]
-    unjudged = len(outcomes) - len(judged)
-    aside = (
-        f" {_count(unjudged, 'quantity has', 'quantities have')} no verified limit."
-        if unjudged
-        else ""
-    )
+    judged = [o for o in outcomes if o != "NOT JUDGED"]
+    reasons = dict.fromkeys(v.because for f in fits for v in f.result.verdicts if v.because)
+    unjudged = _count(len(outcomes) - len(judged), "quantity is", "quantities are")
+    aside = f" {unjudged} not judged: {'; '.join(reasons)}." if reasons else ""
     if broken:
         runs = ", ".join(f"{m.run_id} ({m.outcome})" for m in broken)
         return Overall(
@@ -140,6 +138,7 @@ def verdict_lines(fits: Sequence[Fit]) -> tuple[VerdictLine, ...]:
         for v in fit.result.verdicts:
             value, limit = held_against(fit.result, v)
             source = source_text(v.limit_provenance, v.limit_source)
+            source += f" ({v.because})" if v.because else ""
             lines.append(
                 VerdictLine(
                     name=readable(v.name),
@@ -189,7 +188,7 @@ def estimate_grid(title: str, result: Result, estimates: Mapping[str, Estimate])
         "Value",
         "± U (k = 2)",
         "Unit",
-        "95 % interval",
+        STATISTICAL_PART.capitalize(),
         "Identifiable",
         "Remark",
     )
@@ -212,7 +211,7 @@ def budget_grid(result: Result, estimates: Mapping[str, Estimate]) -> Grid | Non
         _budget_column(result.quantity(name), estimate, sources)
         for name, estimate in with_budget.items()
     ]
-    heads = (*(f"{source} ({kind})" for source, kind in sources), "u", "U (k = 2)")
+    heads = (*(f"{source} ({kind})" for source, kind in sources), "u", "U (95 %)")
     notes = dict.fromkeys(
         f"{b.source}: {b.note}" for e in with_budget.values() for b in e.budget if b.note
     )
@@ -371,7 +370,7 @@ def order_grid(result: Result, estimates: Mapping[str, Estimate]) -> Grid | None
         "Amplitude",
         "± U (k = 2)",
         "Unit",
-        "95 % interval",
+        STATISTICAL_PART.capitalize(),
         "Phase [°]",
         "± U (k = 2)",
         "Identifiable",
@@ -486,7 +485,7 @@ def truth_grid(rows: Sequence[tuple[str, TruthRow]], results: Sequence[Result]) 
         "Truth",
         "Unit",
         "|Δ| / U",
-        "In the 95 % interval",
+        "In the statistical part",
         "Within U",
     )
     numeric = (False, False, True, True, True, False, True, False, False)

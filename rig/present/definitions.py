@@ -21,15 +21,15 @@ COMMON = (
     ),
     Term(
         "Uncertainty",
-        "U is the expanded uncertainty with coverage factor k = 2, from the budget: type A "
-        "from the scatter of the data, "
-        "type B from elsewhere (scales, zeros, encoders, tare). The 95 % interval holds the statistical part alone.",
+        "Value ± U holds the true value with 95 %. U = k u, u from the budget: type A from the scatter of the data, "
+        "type B from elsewhere (scales, zeros, encoders, tare); k from Student's t by the effective degrees of "
+        "freedom. The statistical part is the 95 % interval of these data alone.",
     ),
     Term(
         "Verdict",
         "PASS and FAIL where the limit lies outside value ± U, MARGINAL where it lies inside. "
-        "A limit that is only assumed "
-        "or recalled from memory gives “no verified limit”, never PASS or FAIL.",
+        "NOT JUDGED where the limit is only assumed or recalled from memory, where the quantity has no number, or "
+        "where evidence is missing; the reason stands beside it.",
     ),
 )
 """Terms that every report needs; those of a kind of fit stand with its protocol."""

@@ -260,8 +260,8 @@ def _truth_note(truth: Sequence[tuple[str, TruthRow]]) -> str:
     covered, within = sum(r.covered for _, r in truth), sum(r.within for _, r in truth)
     return (
         f"The simulated rig knows what it was built from. {covered} of {len(truth)} true "
-        "values lie in the 95 % interval, "
-        f"{within} within ± U (k = 2); of many, about one in twenty should not. The truth "
+        "values lie in the statistical part, "
+        f"{within} within ± U (95 %); of many, about one in twenty should not. The truth "
         "stands here as the instruments can "
         "see it: friction of gear and output bearing together, read through the scale error "
         "of the torque port; the kinematic "

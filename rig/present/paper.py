@@ -140,7 +140,7 @@ def verdict_grid(lines: Sequence[VerdictLine]) -> Grid:
     """The judged quantities as one table."""
     columns = (
         "Quantity",
-        "Value ± U (k = 2)",
+        "Value ± U (95 %)",
         "Limit",
         "Definition and source of the limit",
         "Verdict",
@@ -154,7 +154,7 @@ def verdict_grid(lines: Sequence[VerdictLine]) -> Grid:
 def _key_grid(rows: Sequence[tuple[str, str, str, str]]) -> Grid:
     return Grid(
         "Summary",
-        ("Test", "Quantity", "Value ± U (k = 2)", "Identifiable"),
+        ("Test", "Quantity", "Value ± U (95 %)", "Identifiable"),
         tuple(rows),
         (False, False, True, False),
     )

@@ -282,7 +282,7 @@ def test_compare_scores_without_fitting(
 def test_verdicts_need_a_verified_limit(
     friction_run: Recording, gear: HarmonicDrive, tare: Result, result: Result
 ) -> None:
-    assert [v.outcome for v in result.verdicts] == ["no verified limit"]
+    assert [v.outcome for v in result.verdicts] == ["NOT JUDGED"]
     for limit, outcome in ((0.2, "PASS"), (0.05, "FAIL")):
         known = gear.with_values(
             {"ratings.running_torque": limit}, Origin("catalogue", "a catalogue page")

@@ -32,7 +32,7 @@ def test_the_starting_torque_is_where_the_input_begins_to_turn(
         -bench.breakaway, rel=0.02
     )
     assert result.metrics["ramps"] == 8.0
-    assert [v.outcome for v in result.verdicts] == ["no verified limit"]
+    assert [v.outcome for v in result.verdicts] == ["NOT JUDGED"]
     assert result.options["torque_is_of"] == "motor + gear"
 
 

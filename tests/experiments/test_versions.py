@@ -30,7 +30,7 @@ from tests.experiments.synthetic import Bench, record
 from tests.experiments.test_analyses_without_plan import axis, foreign
 
 PINNED = Path(__file__).with_name("pinned.json")
-"""By kind: the version of its analysis, and value and U (k = 2) of every estimate."""
+"""By kind: the version of its analysis, and value and U (95 %) of every estimate."""
 SAME = 1e-5
 """Relative; other processors and libraries agree to less."""
 

@@ -490,6 +490,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
+    version=2,
     live=("speed", "torque points", "torque"),
     takes_tare=True,
     terms=(

@@ -37,12 +37,14 @@ ESTIMATES = (
         title="offset",
         unit="N m",
         definition="half-sum of the directions, extrapolated to standstill: rest of the torque zero",
+        is_signed=True,
     ),
     Quantity(
         name="asymmetry",
         title="asymmetry",
         unit="N m s/rad",
         definition="growth of the half-sum of the directions with speed",
+        is_signed=True,
     ),
 )
 

@@ -597,6 +597,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
+    version=2,
     live=("speed", "wave", "torque", "output"),
     terms=(
         KINEMATIC_ERROR,

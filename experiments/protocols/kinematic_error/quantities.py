@@ -71,6 +71,7 @@ ESTIMATES = (
         definition="phase of the friction torque less that of the kinematic error, at the order of figure 16",
         is_key=True,
         is_circular=True,
+        is_signed=True,
     ),
     Quantity(name="figure_16_friction_amplitude", title="figure 16 friction amplitude", unit="N m"),
     Quantity(
@@ -84,8 +85,9 @@ ESTIMATES = (
         title="offset between the directions",
         unit="rad",
         definition="forward less reverse: wind-up by friction, and skew between the channels times speed",
+        is_signed=True,
     ),
-    Quantity(name="slope", title="slope", unit="rad/rad"),
+    Quantity(name="slope", title="slope", unit="rad/rad", is_signed=True),
     Quantity(name="ratio", title="ratio", unit="1"),
 )
 

@@ -446,6 +446,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
+    version=2,
     live=("speed", "steps", "torque"),
     builds_on=("kinematic-error",),
     terms=(

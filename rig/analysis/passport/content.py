@@ -19,7 +19,7 @@ State = Literal["in control", "to be watched", "out of control", "no control lim
 class PassportPoint:
     """One run in a series; numbers in the unit of the series (SI).
 
-    `low`, `high` the 95 % interval (statistical part); `expanded_uncertainty` U (k = 2), type B
+    `low`, `high` the 95 % interval (statistical part); `expanded_uncertainty` U (95 %), type B
     included; `signals` the rules of the chart that it breaks; `within_uncertainty` whether its
     distance from the centre line is no more than its U without what all runs share (None without
     limits); `remarks` what changed since the run before.

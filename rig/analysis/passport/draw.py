@@ -36,7 +36,7 @@ def control_plot(
     title: str,
     mark: str,
 ) -> Plot:
-    """The chart of one series: values with U (k = 2), centre line and control limits, the
+    """The chart of one series: values with U (95 %), centre line and control limits, the
     catalogue's limit beside them.
     """
     x = np.array([point.position for point in points], dtype=np.float64)
@@ -47,7 +47,7 @@ def control_plot(
     out = np.array([bool(point.signals) for point in points], dtype=bool)
     series = [Series(label="in order of time", x=x, y=y, style="line", group=MEASURED)]
     for label, chosen, colour in (
-        ("run, with U (k = 2)", ~out, MEASURED),
+        ("run, with U (95 %)", ~out, MEASURED),
         ("signals a change", out, SIGNALS),
     ):
         if chosen.any():
@@ -205,7 +205,7 @@ def _shown(estimate: Mapping[str, Any]) -> bool:
 def point_table(series: PassportSeries) -> Table:
     """The points of a series in the unit of the laboratory."""
     unit, factor = series.display_unit, series.factor
-    columns = ("#", "run", "day", f"value [{unit}]", f"U (k = 2) [{unit}]", "signals", "remarks")
+    columns = ("#", "run", "day", f"value [{unit}]", f"U (95 %) [{unit}]", "signals", "remarks")
     rows = tuple(
         (
             point.position,

@@ -51,7 +51,7 @@ MESH = ("coulomb", "static", "stribeck_velocity", "shape", "viscous")
 
 @dataclass(frozen=True)
 class PredictedTorque:
-    """Values and expanded uncertainties (k = 2), arrays of one shape [N m]."""
+    """Values and expanded uncertainties (95 %), arrays of one shape [N m]."""
 
     value: FloatArray
     uncertainty: FloatArray

@@ -9,15 +9,15 @@ from experiments.quantity import Quantity
 from experiments.result import Result, Verdict
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
-from rig.analysis.wording import laboratory_unit, number, readable, show
+from rig.analysis.wording import STATISTICAL_PART, laboratory_unit, number, readable, show
 from rig.present.content import Grid, data_grid, held_against, metric_grid
 from rig.window.shell.palette import Palette
 
 RESULT_COLUMNS = (
     "quantity",
-    "value ± U (k = 2)",
+    "value ± U (95 %)",
     "unit",
-    "95 % interval",
+    STATISTICAL_PART,
     "identifiable",
     "limit or catalogue",
     "remark",
@@ -55,7 +55,8 @@ def limit_words(result: Result, verdict: Verdict) -> str:
     """The limit that a quantity was held against, where it is from and under which conditions it holds."""
     _, limit = held_against(result, verdict)
     source = f"{verdict.limit_provenance}: {verdict.limit_source}".rstrip(": ")
-    return f"(≤ {limit}, {source})"
+    because = f"; {verdict.because}" if verdict.because else ""
+    return f"(≤ {limit}, {source}{because})"
 
 
 def catalogue_words(quantity: Quantity, estimate: Estimate, gear: HarmonicDrive | None) -> str:

@@ -207,6 +207,6 @@ def remarks(result: Result) -> list[str]:
         if takes_tare(result.kind):
             way = " Review fits it with a motor-tare run."
         lines.append(f"Motor + gear: no tare was subtracted.{way}")
-    if {verdict.outcome for verdict in result.verdicts} == {"no verified limit"}:
-        lines.append("The gear is not judged: its catalogue limits are not verified.")
+    if {verdict.outcome for verdict in result.verdicts} == {"NOT JUDGED"}:
+        lines.append(f"The gear is not judged: {result.because}.")
     return lines

@@ -11,6 +11,7 @@ import pytest
 
 from drivers.channel import Calibration
 from model.gear_file import shipped_gear
+from model.identify.estimate import NORMAL_COVERAGE_FACTOR
 from rig.analysis.difference import GROUPS, Change, Difference, difference
 from rig.analysis.store import json_text
 from rig.errors import RunFileError
@@ -160,7 +161,7 @@ def result(found: Difference, name: str = f"friction: {RUNNING}") -> Change:
 
 @pytest.mark.parametrize(
     ("second", "own", "significant"),
-    [(0.0803, 1e-4, True), (0.08028, 1e-4, False), (0.0803, 1.2e-4, False), (0.0797, 1e-4, True)],
+    [(0.0803, 1e-4, True), (0.08027, 1e-4, False), (0.0803, 1.2e-4, False), (0.0797, 1e-4, True)],
 )
 def test_a_difference_is_significant_beyond_the_root_of_the_sum_of_squares(
     runs: tuple[Path, Path], second: float, own: float, significant: bool
@@ -169,7 +170,7 @@ def test_a_difference_is_significant_beyond_the_root_of_the_sum_of_squares(
     analyse(runs[1], estimate(RUNNING, second, own=own))
     found = result(difference(*runs))
     assert found.difference == pytest.approx(second - 0.08)
-    assert found.uncertainty == pytest.approx(2.0 * math.hypot(1e-4, own))
+    assert found.uncertainty == pytest.approx(NORMAL_COVERAGE_FACTOR * math.hypot(1e-4, own))
     assert (found.significant, found.unit, found.own_uncertainty) == (significant, "N m", None)
 
 
@@ -178,8 +179,10 @@ def test_what_both_share_is_noted_and_taken_out(runs: tuple[Path, Path]) -> None
     analyse(runs[1], estimate(RUNNING, 0.081, own=1e-4, scale=0.02))
     found = result(difference(*runs))
     parts = (1e-4, 1e-4, 0.02 * 0.080, 0.02 * 0.081)
-    assert found.uncertainty == pytest.approx(2.0 * math.hypot(*parts))
-    assert found.own_uncertainty == pytest.approx(2.0 * math.hypot(1e-4, 1e-4, 0.02 * 0.001))
+    assert found.uncertainty == pytest.approx(NORMAL_COVERAGE_FACTOR * math.hypot(*parts))
+    assert found.own_uncertainty == pytest.approx(
+        NORMAL_COVERAGE_FACTOR * math.hypot(1e-4, 1e-4, 0.02 * 0.001)
+    )
     assert (found.significant, found.significant_without_shared) == (False, True)
     assert "torque scale shared" in found.note
     assert "significant" in found.note

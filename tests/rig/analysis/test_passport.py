@@ -84,7 +84,9 @@ def test_a_gear_that_does_not_change_is_in_control(history: Path) -> None:
     assert [point.value for point in one.points] == pytest.approx([1e-3 * v for v in VALUES])
     assert [point.run for point in one.points] == [run.run_id for run in found.runs]
     assert [point.start for point in one.points] == [start(day) for day in range(1, 13)]
-    assert all(point.expanded_uncertainty == pytest.approx(0.4e-3) for point in one.points)
+    assert all(
+        point.expanded_uncertainty == pytest.approx(1.96 * 0.2e-3, rel=1e-4) for point in one.points
+    )
     assert (one.state, one.unit, one.display_unit, one.origin) == (
         "in control",
         "N m",

@@ -102,6 +102,7 @@ def test_a_stored_analysis_says_what_its_numbers_are(tmp_path: Path) -> None:
     assert stored.content["covariance"] == {
         "names": ["F_c", "F_s"],
         "matrix": [[0.81, 0.1], [0.1, 9.6]],
+        "shared": {},
     }
     assert stored.content["checks"] == []
     budget = stored.result["parameters"]["running_torque"]["budget"]

@@ -11,19 +11,20 @@ from hypothesis import strategies as st
 from experiments import catalogue
 from experiments.errors import AnalysisError
 from experiments.quantity import Quantity, bare_quantity, quantity_of
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.units import ARCMIN, DEGREE
 from rig.analysis.wording import fixed, metric_text, number, pretty, printable, readable, show
 
 
 def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
+    """An estimate with U = 2 u."""
     return Estimate(
         name=name,
         value=value,
         unit=unit,
         low=value - 2 * u,
         high=value + 2 * u,
-        budget=(BudgetLine("a", "A", u),),
+        budget=(BudgetLine("a", "A", 2 * u / NORMAL_COVERAGE_FACTOR),),
     )
 
 

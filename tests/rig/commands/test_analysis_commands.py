@@ -139,7 +139,7 @@ def test_people_get_a_table(call: Call) -> None:
     shown = call("fit", "friction.h5").stdout
     for words in (
         "70.3",
-        "± U (k = 2)",
+        "± U (95 %)",
         "68.5 … 72.1",
         "weakly",
         "does not move",

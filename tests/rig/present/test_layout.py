@@ -161,4 +161,4 @@ def test_symbols_orders_and_units_are_printed_as_they_are_named() -> None:
         "2.0123",
     ]
     assert unbroken("motor tare [N m]") == "motor tare [N\u00a0m]"
-    assert unbroken("± U (k = 2), speed [r/min]") == "± U (k\u00a0=\u00a02), speed [r/\u2060min]"
+    assert unbroken("± U (95 %), speed [r/min]") == "± U (95\u00a0%), speed [r/\u2060min]"

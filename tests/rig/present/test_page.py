@@ -113,7 +113,7 @@ def test_what_a_laboratory_looks_for_is_there(page: Page) -> None:
         "SN-0815",
         "A. Example",
         "PASS",
-        "87.3 ± 2.5 mN m",
+        "87.3 ± 2.4 mN m",
         "The bracket drifted by 1.2 % over the sweep.",
         "70.3",
         "68.5 … 72.1",
@@ -129,9 +129,9 @@ def test_what_a_laboratory_looks_for_is_there(page: Page) -> None:
         "Load inertia J_o",
         "Hysteresis loss, lost motion, static torsional stiffness",
         "Transmission accuracy",
-        "95 % interval",
+        "Statistical part",
         "Found against the simulator's truth",
-        "1 of 1 true values lie in the 95 % interval",
+        "1 of 1 true values lie in the statistical part",
         "Coulomb friction F c",
         "harmonic-rig",
         "Torque per speed",
@@ -391,7 +391,7 @@ def test_a_budget_of_more_sources_than_quantities_goes_down_the_page() -> None:
     assert down is not None
     assert across is not None
     assert down.columns == ("Source (type)", "F_c [N]", "running torque [mN m]")
-    assert [row[0] for row in down.rows][-2:] == ["u", "U (k = 2)"]
+    assert [row[0] for row in down.rows][-2:] == ["u", "U (95 %)"]
     assert len({len(row) for row in down.rows}) == 1
     assert across.columns[:2] == ("Quantity", "Unit")
     assert dict(zip(across.columns, across.rows[0], strict=True))["repeats (A)"] == "0.9"

@@ -64,9 +64,9 @@ def test_the_end_of_a_run_names_results_in_words_and_whose_torque_it_is() -> Non
     assert "no tare was subtracted. Review fits it" in whose
     (whose,) = said(kind="starting-torque", options={"torque_is_of": "motor + gear"})
     assert "Review" not in whose
-    (judged,) = said(verdicts=[verdict("no verified limit")])
+    (judged,) = said(verdicts=[verdict("NOT JUDGED")])
     assert "not judged" in judged
-    assert said(verdicts=[verdict("no verified limit"), verdict("FAIL")]) == []
+    assert said(verdicts=[verdict("NOT JUDGED"), verdict("FAIL")]) == []
 
 
 @pytest.mark.parametrize(
