@@ -269,11 +269,13 @@ def _repeated(context: typer.Context, run: str, request: RunRequest) -> RunReque
     from rig.library.folder import run_named
     from rig.run.repeat import repetition
 
-    sources = {name: context.get_parameter_source(name) for name in context.params}
     given = [
-        f"--{name.replace('_', '-')}"
-        for name, source in sources.items()
-        if name not in REPEATABLE and source is not None and source.name == "COMMANDLINE"
+        flag.opts[0]
+        for flag in context.command.params
+        if flag.name is not None
+        and flag.name not in REPEATABLE
+        and (source := context.get_parameter_source(flag.name)) is not None
+        and source.name == "COMMANDLINE"
     ]
     if given or context.args:
         raise typer.BadParameter(

@@ -18,10 +18,10 @@ def duration_text(seconds: float) -> str:
     return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
 
 
-def world_text(world: object) -> str:
-    """In which simulated world a run was made; "" for one that was made in none, or does not say."""
+def world_facts(world: object) -> list[tuple[str, str]]:
+    """In which simulated world a run was made; nothing for one that was made in none, or does not say."""
     if not isinstance(world, Mapping):
-        return ""
+        return []
     start = world["start"]
     turned = math.degrees(world["mount_turn"])
     warm = ", ".join(f"{name} {start[name]:.1f} degC" for name in start if name != "run")
@@ -32,7 +32,7 @@ def world_text(world: object) -> str:
         f"run {start['run']} ended ({warm})" if warm else "warm as the room",
         f"; repeats {world['repeats']}" if "repeats" in world else "",
     )
-    return "".join(parts)
+    return [("world", "".join(parts))]
 
 
 def acquisition_facts(figures: object) -> list[tuple[str, str]]:

@@ -12,16 +12,18 @@ from model.gear_file import gear_from_mapping
 from rig.bench.backends.assembly import StartState, WorldChoice
 from rig.errors import ConfigurationError
 from rig.run.start import RunRequest, plan_request
-from rig.runfile.read import read_run_header
+from rig.runfile.read import close_recording, open_run, read_run_header
 
 
 def repetition(path: Path, request: RunRequest) -> tuple[RunRequest, str]:
     """The request that gives the counts of a recorded run again, and a warning where another program made it.
 
     Folder, operator, motor, limits and block length are those of `request`. Raises `RunFileError`
-    for a file that cannot be read, `ConfigurationError` for a run that was made in no simulated
+    for a file that cannot be read or was changed, `ConfigurationError` for a run that was made in no simulated
     world, or under other limits than those of this request.
     """
+    # Against its seal first: what was changed since is no run to go by.
+    close_recording(open_run(path, rows=False))
     header = read_run_header(path)
     run, process = header.metadata, header.metadata.process
     world = process.get("world")

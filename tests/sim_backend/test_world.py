@@ -35,7 +35,7 @@ def curve(encoder: EncoderErrors) -> np.ndarray:
     return series_value(encoder.series, angle)
 
 
-def owned(condition: Condition) -> dict[str, Any]:
+def owned(condition: Condition) -> dict[str, list[Any]]:
     """What was drawn, by who owns it."""
     extra, port = condition.deviations, condition.torque_port
     assert extra.thermal is not None
@@ -53,9 +53,9 @@ def owned(condition: Condition) -> dict[str, Any]:
             condition.housing_offset,
             *(h.amplitude.__round__(12) for h in extra.cogging),
         ],
-        "mounting": dataclasses.astuple(condition.seating),
-        "day": (port.offset, condition.ambient, extra.thermal.ambient),
-        "number": (condition.start_angle, condition.input_count, condition.dry_friction),
+        "mounting": [*dataclasses.astuple(condition.seating)],
+        "day": [port.offset, condition.ambient, extra.thermal.ambient],
+        "number": [condition.start_angle, condition.input_count, condition.dry_friction],
     }
 
 
@@ -76,6 +76,9 @@ def test_each_owns_its_own_and_leaves_the_others_theirs(which: str) -> None:
     first = owned(draw(on, RATIO, WORLD))
     other = owned(draw(on, RATIO, dataclasses.replace(WORLD, **ANOTHER[which])))
     assert {name for name in first if first[name] != other[name]} == CHANGES[which]
+    for name in CHANGES[which]:
+        same = [a for a, b in zip(first[name], other[name], strict=True) if a == b]
+        assert same == [], name
     assert owned(draw(on, RATIO, WORLD)) == first
 
 

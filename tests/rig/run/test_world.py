@@ -200,6 +200,16 @@ def test_plan_and_file_have_the_card_and_the_truth_stands_in_the_truth_alone(
     assert repr(inertia) not in said
 
 
+def test_a_changed_run_is_not_repeated(tmp_path: Path) -> None:
+    path = path_of(made(request_of(tmp_path, "motor-tare")))
+    path.chmod(0o644)
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b'"mount": 1', b'"mount": 2'))
+    assert path.read_bytes() != content
+    with pytest.raises(RunFileError):
+        repetition(path, request_of(tmp_path))
+
+
 def test_limits_of_another_configuration_are_no_repetition(tmp_path: Path) -> None:
     original = made(request_of(tmp_path, "motor-tare"))
     limited = request_of(tmp_path, limits={"motor_torque": 0.3})
