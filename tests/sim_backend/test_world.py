@@ -29,10 +29,14 @@ ANOTHER = {
 }
 
 
+def marked_angle(encoder: EncoderErrors) -> np.ndarray:
+    """One revolution from the encoder's own mark on."""
+    return encoder.index_angle + np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
+
+
 def curve(encoder: EncoderErrors) -> np.ndarray:
     """The error of an encoder over one revolution from its own mark on."""
-    angle = encoder.index_angle + np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
-    return series_value(encoder.series, angle)
+    return series_value(encoder.series, marked_angle(encoder))
 
 
 def owned(condition: Condition) -> dict[str, list[Any]]:
@@ -51,7 +55,7 @@ def owned(condition: Condition) -> dict[str, list[Any]]:
             extra.output_coulomb,
             extra.output_viscous,
             condition.housing_offset,
-            *(h.amplitude.__round__(12) for h in extra.cogging),
+            *series_value(extra.cogging, marked_angle(condition.input_encoder)).round(12),
         ],
         "mounting": [*dataclasses.astuple(condition.seating)],
         "day": [port.offset, condition.ambient, extra.thermal.ambient],
