@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Literal
 
 import pytest
@@ -134,6 +136,13 @@ def test_what_is_widened_is_wider_and_not_wrong(
         if estimate.identifiable == "yes":
             apart = abs(estimate.value - before.estimates[name].value)
             assert apart <= estimate.expanded_uncertainty, name
+
+
+def test_the_documentation_lists_the_checks_in_their_order() -> None:
+    page = (Path(__file__).parents[2] / "docs/explanation/evidence.md").read_text(encoding="utf-8")
+    table = page.partition("## The table")[2].partition("## ")[0]
+    listed = re.findall(r"^\| ([a-z-][a-z -]+) \|", table, re.MULTILINE)[1:]
+    assert listed == [row.name for row in TABLE]
 
 
 def test_every_check_has_a_recording_that_it_refuses_or_widens() -> None:
