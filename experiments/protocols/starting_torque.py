@@ -231,6 +231,8 @@ FIRST_MOTION = 0.2 * DEGREE
 """Input angle that counts as motion; less is the elastic wind-up of gear and grease, or counts flickering."""
 QUIET_SHARE = 0.25
 """Share of it below which the input is at rest, as far as its encoder can tell."""
+LARGEST_CONDITION = 3.0
+"""Of the patterns beside the mean: above it an error of the one would become one of the other."""
 HIGHEST_ORDER = 6
 """Orders of the input, and a third as many of the output, that are told from noise where there are
 positions enough."""
@@ -239,13 +241,13 @@ positions enough."""
 @dataclass(frozen=True)
 class Breakaway:
     """One ramp: wave-generator position [rad], direction, torque at first motion [N m], input angle there [rad];
-    by how much the torque rose until the motion was seen [N m]."""
+    how far the torque rose while it is not known whether motion had begun, half of it [N m]."""
 
     position: float
     direction: int
     torque: float
     angle: float
-    late: float
+    within: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -371,45 +373,43 @@ def _breakaway(recording: Recording, segment: Segment, zero: TorqueZero) -> Brea
     if not len(beyond) or beyond[0] < 10:
         return None
     upto = beyond[0] + 1
-    first, still = _first_motion(time[:upto], moved[:upto], threshold)
+    first, within = _first_motion(time[:upto], moved[:upto], threshold)
     stop = int(np.searchsorted(time, first, side="right"))
     start = max(stop - max(stop // 2, 10), 0)
     slope, level = np.polyfit(time[start:stop] - first, torque[start:stop], 1)
-    late = abs(float(slope)) * (still - first)
-    return Breakaway(segment.setpoint, segment.direction, float(level), rest, late)
+    within *= abs(float(slope))
+    return Breakaway(segment.setpoint, segment.direction, float(level), rest, within)
 
 
 def _first_motion(time: FloatArray, moved: FloatArray, threshold: float) -> tuple[float, float]:
-    """When motion began [s], and the last moment at which the input still seemed to rest.
+    """When motion began [s], and within what [s] that is known.
 
-    What has come loose gains angle with the square of time: a straight line through the roots goes
-    back to the moment of rest.
+    What has come loose gains angle with the square of time where a step of the torque has set it
+    free, with its cube where the torque rises evenly. A straight line through the roots goes back
+    to the moment of rest; it lies between those of the two laws.
     """
     quiet = int(np.flatnonzero(moved <= QUIET_SHARE * threshold)[-1])
     still = float(time[quiet])
-    later, root = time[quiet + 1 :] - still, np.sqrt(moved[quiet + 1 :])
-    if len(root) < 3 or root[-1] <= root[0]:
-        return still, still
-    slope, level = np.polyfit(later, root, 1)
-    return still + float(min(max(-level / slope, -2.0 * later[-1]), 0.0)), still
+    later, angle = time[quiet + 1 :] - still, moved[quiet + 1 :]
+    if len(angle) < 3 or angle[-1] <= angle[0]:
+        half = 0.5 * float(time[quiet + 1] - still)
+        return still + half, half
+    begins = []
+    for power in (2.0, 3.0):
+        slope, level = np.polyfit(later, angle ** (1.0 / power), 1)
+        begins.append(float(min(max(-level / slope, -2.0 * later[-1]), 0.0)))
+    return still + 0.5 * sum(begins), 0.5 * abs(begins[0] - begins[1])
 
 
 def _balance(ramps: list[Breakaway], ratio: float, run: str) -> Balance:
     """Least squares over all ramps: friction and asymmetry, each with its pattern over input and output angle.
 
     A pattern is no scatter: over evenly spread positions it cancels in the mean, so it is taken out
-    of the residual, as far as there are positions to tell it.
+    of the residual, as far as the positions tell it from the mean.
     """
     direction = np.array([b.direction for b in ramps], dtype=np.float64)
-    angle = np.array([b.angle for b in ramps])
     both = len(set(direction)) == 2
-    least = int(min((direction == d).sum() for d in set(direction)))
-    highest = min(HIGHEST_ORDER, max(0, (least - 5) // 3))
-    orders = [*range(1, highest + 1), *(k / ratio for k in range(1, highest // 3 + 1))]
-    waves = [f(n * angle) for n in orders for f in (np.cos, np.sin)]
-    base = [np.ones(len(ramps)), *waves]
-    columns = [direction * c for c in base] + (base if both else [])
-    design = np.column_stack(columns)
+    design = _design(ramps, ratio, direction, both)
     freedom = len(ramps) - design.shape[1]
     if freedom < 1:
         raise AnalysisError(
@@ -423,17 +423,34 @@ def _balance(ramps: list[Breakaway], ratio: float, run: str) -> Balance:
     values, _, _, _ = np.linalg.lstsq(design, torque)
     residual = torque - design @ values
     variance = float(residual @ residual) / freedom
-    inverse = variance * np.linalg.inv(design.T @ design)
     covariance = np.zeros((2, 2))
-    place = [0, len(base)] if both else [0]
-    covariance[: len(place), : len(place)] = inverse[np.ix_(place, place)]
+    place = slice(0, 2 if both else 1)
+    covariance[place, place] = variance * np.linalg.inv(design.T @ design)[place, place]
     return Balance(
         friction=float(values[0]),
-        asymmetry=float(values[len(base)]) if both else 0.0,
+        asymmetry=float(values[1]) if both else 0.0,
         covariance=covariance,
         freedom=float(freedom),
         scatter=math.sqrt(variance),
     )
+
+
+def _design(ramps: list[Breakaway], ratio: float, direction: FloatArray, both: bool) -> FloatArray:
+    """Columns of the balance: friction, asymmetry, then the waves of each; as many orders as the positions tell."""
+    angle = np.array([b.angle for b in ramps])
+    least = int(min((direction == d).sum() for d in set(direction)))
+    highest = min(HIGHEST_ORDER, max(0, (least - 5) // 3))
+    inner = [float(n) for n in range(1, highest + 1)]
+    outer = [k / ratio for k in range(1, highest // 3 + 1)]
+    design = np.empty((0, 0))
+    for orders in ([*inner, *outer], inner, []):
+        waves = [math.sqrt(2.0) * f(n * angle) for n in orders for f in (np.cos, np.sin)]
+        base = [np.ones(len(ramps)), *waves]
+        pairs = [(direction * c, c) if both else (direction * c,) for c in base]
+        design = np.column_stack([column for pair in pairs for column in pair])
+        if np.linalg.cond(design) <= LARGEST_CONDITION:
+            break
+    return design
 
 
 def _estimates(
@@ -443,9 +460,8 @@ def _estimates(
     estimates: dict[str, Estimate] = {}
     directions = {b.direction for b in ramps}
     factor = student_quantile(balance.freedom)
-    # The same law of motion is laid through all ramps, so that its error does not average: half of
-    # what the torque rises from the moment that it gives to the last one at rest, rectangular.
-    moment = 0.5 * float(np.mean([b.late for b in ramps])) / math.sqrt(3.0)
+    # The same laws of motion are laid through all ramps, so that their error does not average.
+    moment = float(np.mean([b.within for b in ramps])) / math.sqrt(3.0)
 
     def add(name: str, value: float, error: float, *lines: BudgetLine) -> None:
         half = math.hypot(factor * error, NORMAL_COVERAGE_FACTOR * moment)
