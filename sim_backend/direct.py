@@ -169,6 +169,11 @@ class SimulatedRig:
         return self._plant.thermal_state
 
     @property
+    def mean_temperatures(self) -> ThermalState:
+        """How warm the rig was on average since it started."""
+        return self._plant.mean_temperatures
+
+    @property
     def is_powered(self) -> bool:
         """Whether the power stage may produce torque now."""
         return self._drive.state in POWERED_STATES

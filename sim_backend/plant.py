@@ -83,6 +83,18 @@ class Plant:
         state = self._state
         return ThermalState(housing=float(state[kernel.HOUSING]), motor=float(state[kernel.MOTOR]))
 
+    @property
+    def mean_temperatures(self) -> ThermalState:
+        """How warm housing and motor were on average since the start."""
+        state = self._state
+        cycles = float(state[kernel.CYCLES])
+        if not cycles:
+            return self.thermal_state
+        return ThermalState(
+            housing=float(state[kernel.HOUSING_SUM]) / cycles,
+            motor=float(state[kernel.MOTOR_SUM]) / cycles,
+        )
+
     def snapshot(self) -> FloatArray:
         """Everything that changes, as one array."""
         return self._state.copy()

@@ -45,8 +45,11 @@ from numba import njit
     EXTRA,
     FORCE,
     SWITCHED,
-) = range(29)
-STATE_SIZE = 29
+    CYCLES,
+    HOUSING_SUM,
+    MOTOR_SUM,
+) = range(32)
+STATE_SIZE = 32
 
 # Physics.
 (
@@ -318,6 +321,9 @@ def advance(
         rows[k, ROW_SPEED_REFERENCE] = state[RAMP]
         rows[k, ROW_HOUSING] = housing
         rows[k, ROW_MOTOR] = motor
+        state[CYCLES] += 1.0
+        state[HOUSING_SUM] += housing
+        state[MOTOR_SUM] += motor
         if warming:
             warmer = housing - physics[HOUSING_REFERENCE]
             motor_warmer = motor - physics[MOTOR_REFERENCE]

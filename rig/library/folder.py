@@ -93,6 +93,12 @@ def run_files(folder: str | Path) -> tuple[Path, ...]:
     return tuple(sorted(paths, key=lambda path: (run_number(path.name), path.name)))
 
 
+def sealed_runs(folder: str | Path, serial: str | None = None) -> tuple[Path, ...]:
+    """The sealed run files of a folder in the order of their numbers; with `serial` those whose names bear it."""
+    end = ".h5" if serial is None else f"-{_in_name(serial, 'unknown')}.h5"
+    return tuple(path for path in run_files(folder) if path.name.endswith(end))
+
+
 def run_named(folder: str | Path, name: str) -> Path:
     """The run file that a path, a run's number or its name in the folder means. Raises `RunFileError`."""
     folder, path = Path(folder), Path(name)

@@ -155,8 +155,10 @@ def in_its_world(
         yield request, None
         return
     refuse_failed(static_checks(planned, request.output))
+    # A gear that was not chosen by seed follows from its serial number, which the names of its runs bear.
+    serial = request.gear_serial if choice.gear_seed is None else None
     start = choice.start or start_state(
-        request.output, choice.start_state, world_record(_rig_request(request))
+        request.output, choice.start_state, world_record(_rig_request(request)), serial
     )
     if choice.number is None:
         place = claim_run(request.output, planned.experiment.name, request.gear_serial)

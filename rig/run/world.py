@@ -16,7 +16,7 @@ from experiments.recording import RunMetadata
 from rig.bench.backends.assembly import AMBIENT, AUTO, StartState, WorldChoice, flag_of
 from rig.bench.backends.registry import is_simulated
 from rig.errors import ConfigurationError, RunFileError
-from rig.library.folder import run_files, run_named
+from rig.library.folder import run_named, sealed_runs
 from rig.runfile.read import glance
 
 BODIES = ("gear_seed", "bench_seed", "population")
@@ -53,16 +53,19 @@ def refuse_world(backend: str, choice: WorldChoice) -> None:
         )
 
 
-def start_state(folder: Path, word: str, world: Mapping[str, Any]) -> StartState:
+def start_state(
+    folder: Path, word: str, world: Mapping[str, Any], serial: str | None = None
+) -> StartState:
     """How warm a run starts in this world: `auto`, `ambient`, or as the run that is named ended.
 
+    `serial`: the gear's, where runs of the same gear bear it in their names.
     Raises `ConfigurationError` for a named run that has no end state, or that of another gear or bench.
     """
     if word == AMBIENT:
         return StartState()
     if word != AUTO:
         return _as_named(folder, word, world)
-    sealed = [path for path in run_files(folder) if path.suffix == ".h5"] if folder.is_dir() else []
+    sealed = sealed_runs(folder, serial) if folder.is_dir() else ()
     endings = (_ending_of(path) for path in reversed(sealed))
     fitting = (e.state for e in endings if e is not None and e.shares(LEFT_WARM, world))
     return next(fitting, StartState())
@@ -98,4 +101,6 @@ def ending_of(metadata: RunMetadata) -> Ending | None:
     temperatures = metadata.process.get("acquisition", {}).get("thermal_state")
     if not isinstance(world, Mapping) or not isinstance(temperatures, Mapping):
         return None
-    return Ending(world, StartState(metadata.run_id, temperatures))
+    # Beside them the file tells how warm the run was on average: nothing to start from.
+    ends = {name: warm for name, warm in temperatures.items() if not name.startswith("mean_")}
+    return Ending(world, StartState(metadata.run_id, ends))

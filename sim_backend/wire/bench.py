@@ -240,6 +240,11 @@ class WireBench:
         return self.plant.thermal_state
 
     @property
+    def mean_temperatures(self) -> ThermalState:
+        """How warm the rig was on average since it started."""
+        return self.plant.mean_temperatures
+
+    @property
     def is_powered(self) -> bool:
         """Whether the drive's power stage may produce torque now."""
         return self.drive.drive_state in POWERED_STATES

@@ -221,7 +221,7 @@ def test_the_rig_has_what_was_drawn_as_far_as_it_is_switched_on() -> None:
     truths = []
     for on in (Imperfections(sizes=one.sizes), Imperfections.none()):
         with_sizes = dataclasses.replace(on, sizes=one.sizes)
-        truths.append(SimulatedRig(one.gear, one.motor, with_sizes, 1).truth)
+        truths.append(SimulatedRig(one.gear, one.motor, with_sizes, World.of(1)).truth)
     full, none = truths
     have = stated(one)
     assert full["torque_port"]["gain_error"] == have.torque_port.gain_error
@@ -235,7 +235,7 @@ def test_the_rig_has_what_was_drawn_as_far_as_it_is_switched_on() -> None:
 
 def test_channels_state_the_class_and_never_what_was_drawn() -> None:
     two = [drawn(GEAR, MOTOR, world(seed)) for seed in (1, 2)]
-    rigs = [SimulatedRig(d.gear, d.motor, Imperfections(sizes=d.sizes), 1) for d in two]
+    rigs = [SimulatedRig(d.gear, d.motor, Imperfections(sizes=d.sizes), World.of(1)) for d in two]
     assert rigs[0].channels == rigs[1].channels
     accuracy = {c.name: c.calibration.accuracy for c in rigs[0].channels}
     assert accuracy["output_angle"] == pytest.approx(5.0 * ARCSEC)
@@ -253,7 +253,7 @@ def test_a_long_skew_is_the_output_of_a_later_instant_and_not_an_extrapolation()
     steps = np.repeat([0.0, 100.0, -30.0], 100)
     blocks = []
     for cycle_ns, skew, times in ((1_000_000, on, 1), (250_000, on.without("channel_skew"), 4)):
-        rig = SimulatedRig(one.gear, one.motor, skew, 1, cycle_ns=cycle_ns)
+        rig = SimulatedRig(one.gear, one.motor, skew, World.of(1), cycle_ns=cycle_ns)
         rig.open()
         targets = np.repeat(steps, times)
         blocks.append(rig.exchange(Command(Mode.SPEED, targets), len(targets), NO_GUARD).counts)
@@ -261,4 +261,4 @@ def test_a_long_skew_is_the_output_of_a_later_instant_and_not_an_extrapolation()
     assert np.max(np.abs((late - late[0]) - (fine[3::4] - fine[3]))) <= 1
     assert np.ptp(late) > 1000
     with pytest.raises(ModelError, match="when the next SYNC has come"):
-        SimulatedRig(one.gear, one.motor, on, 1, cycle_ns=500_000)
+        SimulatedRig(one.gear, one.motor, on, World.of(1), cycle_ns=500_000)

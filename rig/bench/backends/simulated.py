@@ -81,7 +81,10 @@ def assembled(
         port=port,
         clock=clock,
         world=world_record(request),
-        thermal_state=lambda: asdict(plant.thermal_state),
+        thermal_state=lambda: {
+            **asdict(plant.thermal_state),
+            **{f"mean_{name}": warm for name, warm in asdict(plant.mean_temperatures).items()},
+        },
     )
 
 

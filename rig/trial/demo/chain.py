@@ -83,7 +83,8 @@ def _row_as_json(kind: str, row: TruthRow) -> dict[str, Any]:
         "low": e.low,
         "high": e.high,
         "expanded_uncertainty": e.expanded_uncertainty,
-        "truth": e.value - row.difference,
+        "seen_by_this_bench": e.value - row.difference,
+        "measurand": e.value - row.error,
         "unit": e.unit,
         "covered": row.covered,
         "within_uncertainty": row.within,
@@ -181,7 +182,7 @@ def _truth(fit: Fit) -> Iterator[TruthRow]:
     """What the simulated rig knows of this fit; numbers that the data cannot identify are compared with nothing."""
     from experiments.truth import truth_of, truth_rows
 
-    for row in truth_rows(fit.result, truth_of(fit.recording.metadata.process), fit.gear):
+    for row in truth_rows(fit.result, truth_of(fit.recording.metadata.process)):
         if row.estimate.identifiable != "no":
             yield row
 
