@@ -23,6 +23,10 @@ HIGHEST_ALIAS = 200
 """Orders up to which a gear or motor has ripple of its own: teeth, slots, and their harmonics."""
 ONE_AND_THE_SAME = 0.95
 """Correlation of two orders over the samples above which they are given as a pair."""
+IMAGE = 0.3
+"""The same for one that is no whole order: a speed that drifts smears the image of a whole one."""
+WHOLE = 1e-3
+"""Orders apart up to which one counts as whole."""
 SAMPLES = 20_000
 """Samples at which orders are compared, drawn from all that turn."""
 
@@ -57,6 +61,7 @@ class SampledAngle:
         """The whole order that these samples cannot tell from this one; None where there is none."""
         if not math.isfinite(self.per_revolution):
             return None
+        least = ONE_AND_THE_SAME if abs(order - round(order)) < WHOLE else IMAGE
         folds = range(1, math.ceil(2.0 * HIGHEST_ALIAS / self.per_revolution) + 1)
         for fold in folds:
             for sign in (-1.0, 1.0):
@@ -64,7 +69,7 @@ class SampledAngle:
                 if not order < other <= HIGHEST_ALIAS:
                     continue
                 together = np.exp(1j * (other - sign * order) * self._drawn).mean()
-                if abs(together) > ONE_AND_THE_SAME:
+                if abs(together) > least:
                     return other
         return None
 
