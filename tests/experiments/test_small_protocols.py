@@ -29,10 +29,11 @@ def test_the_starting_torque_is_where_the_input_begins_to_turn(
     ramps: Recording, bench: Bench, gear: HarmonicDrive
 ) -> None:
     result = starting_torque.analyse(ramps, Evidence(gear))
-    assert result.estimates["starting_torque"].value == pytest.approx(bench.breakaway, rel=0.02)
-    assert result.estimates["starting_torque_reverse"].value == pytest.approx(
-        -bench.breakaway, rel=0.02
-    )
+    # A bench that says nothing of its output bearing has 0.55 N m of it taken off, at the output.
+    alone = bench.breakaway - 0.55 / gear.ratio
+    assert result.metrics["output_bearing_torque"] == pytest.approx(0.55 / gear.ratio)
+    assert result.estimates["starting_torque"].value == pytest.approx(alone, rel=0.02)
+    assert result.estimates["starting_torque_reverse"].value == pytest.approx(-alone, rel=0.02)
     assert result.metrics["ramps"] == 8.0
     assert [v.outcome for v in result.verdicts] == ["NOT JUDGED"]
     assert result.options["torque_is_of"] == "motor + gear"
@@ -122,14 +123,18 @@ def test_a_pattern_over_the_angle_is_no_scatter() -> None:
         friction = 0.07 + 4e-3 * np.cos(2.0 * angle) + 2e-3 * np.sin(angle / ratio)
         cogging = 3e-3 * np.cos(24.0 * angle)
         torque = float(way * friction + cogging + error)
-        ramps.append(starting_torque.Breakaway(0.0, way, torque, float(angle), 0.0))
-    balance = starting_torque._balance(ramps, ratio, "run")
+        place = round(float(angle % REVOLUTION), 6)
+        ramps.append(starting_torque.Breakaway(place, way, torque, float(angle), 0.0))
+    balance = starting_torque._balance(ramps, "run")
     assert balance.scatter == pytest.approx(1e-4, rel=0.5)
     assert balance.friction == pytest.approx(0.07, abs=1e-4)
-    few = starting_torque._balance([*ramps[:7], *ramps[-7:]], ratio, "run")
+    few = starting_torque._balance([*ramps[:7], *ramps[-7:]], "run")
     assert few.scatter > 1e-3
+    alone = starting_torque._balance(ramps[:count], "run")
+    assert alone.direction == 1
+    assert alone.scatter > 1e-3
     with pytest.raises(AnalysisError, match="too few ramps"):
-        starting_torque._balance([ramps[0], ramps[-1]], ratio, "run")
+        starting_torque._balance([ramps[0], ramps[-1]], "run")
 
 
 def test_a_starting_torque_above_a_verified_limit_fails(
