@@ -260,9 +260,10 @@ def _starting_torque(result: Result, truth: _Truth) -> Truths:
     at = _Friction(truth, truth.warmer(result))
     weaker = 1.0 - truth.heat("motor_friction_per_kelvin") * truth.motor_warmer()
     both = at.gear_torque(0.0) + weaker * float(motor["coulomb"])
-    seen = truth.scale() * (both + at.bearing_torque(0.0))
-    for way in ("", "_forward", "_reverse"):
-        yield f"starting_torque{way}", seen, both
+    off = result.metrics.get("output_bearing_torque", 0.0)
+    seen = truth.scale() * (both + at.bearing_torque(0.0)) - off
+    for way, sign in (("", 1.0), ("_forward", 1.0), ("_reverse", -1.0)):
+        yield f"starting_torque{way}", sign * seen, sign * both
 
 
 def _kinematic_error(result: Result, truth: _Truth) -> Truths:

@@ -215,7 +215,7 @@ def _numbers(fit: Any) -> Iterator[Line]:
     from experiments.truth import truth_of, truth_rows
 
     truth = truth_of(fit.recording.metadata.process)
-    for row in truth_rows(fit.result, truth, fit.gear):
+    for row in truth_rows(fit.result, truth):
         e = row.estimate
         quantity = fit.result.quantity(e.name)
         shared = [line.standard_uncertainty for line in e.budget if line.kind == "B"]
@@ -228,8 +228,8 @@ def _numbers(fit: Any) -> Iterator[Line]:
             "high": e.high,
             "expanded": e.expanded_uncertainty,
             "type_b": math.hypot(*shared),
-            "seen": e.value - row.difference,
-            "true": e.value - row.difference,
+            "seen": row.seen,
+            "true": row.measurand,
             "target": quantity.target_for(e.value),
             "is_share": quantity.target_share is not None,
             "is_circular": quantity.is_circular,
