@@ -31,7 +31,7 @@ LONGEST = 3.0
 FALLING = 6.0
 """rad/s over which the wind-up by friction falls from rest (the Stribeck velocity, roughly)."""
 ROUNDS = 12
-CONVERGED = 1e-5
+CONVERGED = 3e-5
 """Relative gain of the sum of squares below which a fit has converged."""
 BASIS: tuple[tuple[int, int], ...] = (
     *((n, k) for n in range(1, 7) for k in (0, -1, 1)),
@@ -74,10 +74,9 @@ class StepArrays:
     own: Array
 
 
-def step_arrays(data: StepData, substeps: int, basis: Sequence[tuple[int, int]]) -> StepArrays:
-    """A step made ready for the fit; the fine grid divides the median sampling period."""
+def step_arrays(data: StepData, interval: float, basis: Sequence[tuple[int, int]]) -> StepArrays:
+    """A step made ready for the fit, on a fine grid of this interval [s], which is that of all steps."""
     motion = speed_from_counts(data.time, data.input_angle, data.input_quantum, longest=0.03)
-    interval = float(np.median(np.diff(data.time))) / substeps
     last = min(float(data.time[-1]), LONGEST)
     fine = np.arange(data.time[0], last + 0.5 * interval, interval)
     fine = fine[fine <= data.time[-1]]
@@ -311,7 +310,6 @@ class Solution:
     weights: Array
     noise: float
     penalty: Array
-    rounds: int
 
     @property
     def vector(self) -> Array:
@@ -371,7 +369,7 @@ def fit_all(
         if name in shape.prior:
             centre[index], width = shape.prior[name]
             penalty[index] = width**-2.0
-    values, used = dict(start), 0
+    values = dict(start)
 
     def cost(vector: Array, normals: Sequence[Normal]) -> float:
         fitted = sum(w * n.square for w, n in zip(weights, normals, strict=True))
@@ -380,7 +378,7 @@ def fit_all(
     vector = np.concatenate([[values[n] for n in names], error])
     normals = problem.normals(shape, values, error)
     best = cost(vector, normals)
-    for used in range(1, rounds + 1):
+    for _ in range(rounds):
         total = sum(
             (w * n.matrix for w, n in zip(weights, normals, strict=True)),
             np.diag(penalty * noise**2),
@@ -417,7 +415,6 @@ def fit_all(
         weights=weights,
         noise=noise,
         penalty=penalty,
-        rounds=used,
     )
 
 

@@ -92,11 +92,24 @@ class TorsionModel:
         late = exact[:, 4] / interval
         return np.column_stack([exact[:, :3], exact[:, 3] - late, late, exact[:, 5]])
 
-    @property
-    def mode(self) -> tuple[float, float]:
-        """Natural frequency |pole| [rad/s] and damping ratio of the mode for the smallest torsions."""
-        poles = np.linalg.eigvals(self.system(self.hysteresis[0]))
-        pole = poles[int(np.argmax(poles.imag))]
+    def mode(self, acceleration: float = 0.0) -> tuple[float, float]:
+        """Natural frequency |pole| [rad/s] and damping ratio of the mode at a torque amplitude over J_o [rad/s2].
+
+        The Dahl element acts as the spring and the damper that do over a swing what it does.
+        """
+        soft, limit = self.hysteresis
+        frequency, lost = math.sqrt(self.stiffness), 0.0
+        if limit > 0.0 and acceleration > 0.0:
+            swing = acceleration / self.secant(acceleration)
+            pull = limit * math.tanh(swing * soft / limit)
+            lost = 4.0 * limit * (swing - pull / soft) / (math.pi * swing**2)
+            soft = pull / swing
+        pole = 1j * frequency
+        for _ in range(3):
+            system = self.system(soft)
+            system[1, 1] -= lost / abs(pole)
+            poles = np.linalg.eigvals(system)
+            pole = poles[int(np.argmax(poles.imag))]
         return float(abs(pole)), float(-pole.real / abs(pole))
 
     def secant(self, acceleration: float) -> float:
