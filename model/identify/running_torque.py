@@ -10,6 +10,7 @@ difference of the directions is friction; half the sum is offset of the torque z
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -176,7 +177,14 @@ class FrictionPoints:
 
     def mean_of(self, values: Array) -> Array:
         """The mean of something that every hold has, over the holds of each point: (n, ...) from (holds, ...)."""
-        return np.array([values[list(members)].mean(axis=0) for members in self.members])
+        return self._averaging @ values
+
+    @functools.cached_property
+    def _averaging(self) -> Array:
+        shares = np.zeros((len(self.members), 1 + max(max(m) for m in self.members)))
+        for row, members in enumerate(self.members):
+            shares[row, list(members)] = 1.0 / len(members)
+        return shares
 
 
 def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) -> FrictionPoints:

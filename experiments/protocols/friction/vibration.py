@@ -28,7 +28,8 @@ DAMPING = 0.02
 """Damping ratio of the first mode that the loss is estimated with."""
 SLOW = 0.1
 """Share of the first mode below which the highest order shakes nothing worth a look."""
-ROWS = 20_000
+ROWS = 5_000
+"""Rows of a hold that are looked at, its last ones."""
 TREND = 3
 """Degree of the polynomial over time that stands for the turning of the output and its own slow orders."""
 
@@ -64,7 +65,8 @@ def _motion(recording: Recording, hold: Hold) -> FloatArray:
     waves = [f(n * angle) for n in ORDERS for f in (np.cos, np.sin)]
     design = np.column_stack([place**k for k in range(TREND + 1)] + waves)
     moved = output - output.mean()
-    solution = np.linalg.lstsq(design, moved, rcond=1e-6)[0]
+    # Normal equations: columns are of unit size, and what aliases away is cut off.
+    solution = np.linalg.lstsq(design.T @ design, design.T @ moved, rcond=1e-6)[0]
     residual = moved - design @ solution
     noise = 4.0 * float(residual @ residual) / len(residual) ** 2
     pairs = solution[TREND + 1 :].reshape(-1, 2)
