@@ -33,6 +33,7 @@ from experiments.protocols.friction.temperature import (
 )
 from experiments.protocols.friction.vibration import vibration_loss
 from experiments.recording import Recording
+from experiments.torque.motor_heat import MotorHeat, motor_heat
 from experiments.torque.running_torque import (
     TEMPERATURE,
     Hold,
@@ -59,17 +60,14 @@ UNKNOWN_TEMPERATURE = 5.0
 """K, standard uncertainty of the temperature of a run without a thermometer on the housing."""
 THERMOMETER = 0.2
 """K, standard uncertainty of a thermometer without calibration."""
-MOTOR_WARMER = 2.0
-"""K, standard uncertainty of how much warmer the motor is than in another run at the same housing temperature: nothing
-measures it, and its own losses warm it by some kelvin."""
-MAGNETS = 1e-3
-"""Relative change of the torque constant per kelvin of the motor."""
-MOTOR_FRICTION = 4e-3
-"""Relative change of the motor's own friction per kelvin of the motor."""
 LOSS_RELATIVE = 0.3
 """Relative standard uncertainty of the loss by vibration at one hold beside that of its common factor."""
 PLACE, WARMTH = "place on the output", "warmth of the motor"
 BEARING, TARE, VIBRATION = "bearing no-load torque", "tare", "vibration near resonances"
+RUN_TO_RUN = "from run to run"
+RUN_TO_RUN_RELATIVE = 0.01
+"""Relative standard uncertainty of dry friction from one run of a gear to the next, assumed of greased gears: a run does
+not show how the next one will be."""
 THERMOMETRY, SCALE, ZERO = "thermometer", "torque scale", "torque zero"
 
 
@@ -88,8 +86,7 @@ class MeasuredFriction:
     """Torque that the shaken output takes in each hold, reference speed included [N m]."""
     law: TemperatureLaw
     output: OutputBearing
-    tare_away: float = 0.0
-    """K between the housing in the run and in the tare; 0 where nobody looked."""
+    heat: MotorHeat
 
     @property
     def every(self) -> list[Hold]:
@@ -140,11 +137,15 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
             remedy="Hold each speed for whole revolutions.",
         )
     speeds = [abs(h.torque.speed) for h in holds]
-    tare, said = read_tare(evidence.tare, min(speeds), max(speeds))
-    unit = recording.signals[channel].unit
     law = temperature_law(
         evidence.settings, float(np.mean([hold.torque.temperature for hold in holds]))
     )
+    heat = motor_heat(recording, law.mean)
+    tare, said = read_tare(evidence.tare, min(speeds), max(speeds))
+    if tare is not None and evidence.tare is not None:
+        before = evidence.tare.metrics.get("housing_temperature", math.nan)
+        tare, heat = heat.brought(tare, before)
+    unit = recording.signals[channel].unit
     return MeasuredFriction(
         holds=holds,
         bracket=bracket,
@@ -156,15 +157,8 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         vibration=vibration_loss(recording, [*holds, *bracket], evidence.gear),
         law=law,
         output=output_bearing(recording, evidence.settings),
-        tare_away=_away(evidence, law),
+        heat=heat,
     )
-
-
-def _away(evidence: Evidence, law: TemperatureLaw) -> float:
-    """K between the housing's mean temperature in the run and in its tare; 0 where one of them is not known."""
-    tare = evidence.tare.metrics.get("housing_temperature", math.nan) if evidence.tare else math.nan
-    away = law.mean - tare
-    return away if math.isfinite(away) else 0.0
 
 
 def reproducibility(bracket: list[Hold]) -> float:
@@ -231,8 +225,9 @@ def bearing_relative(gear: HarmonicDrive, law: TemperatureLaw) -> float:
 def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> list[RunningTorque]:
     """The running torques of all holds without what is known not to be the gear's at mean temperature.
 
-    Taken off: output bearing, vibration, and the drift of temperature by the law's own coefficients. What the loss by
-    vibration leaves open from hold to hold stands in the standard errors; both directions of a point share it.
+    Taken off: output bearing, vibration, and the drift of temperature by the law's own coefficients; the torque is that
+    of a motor as warm as the housing. What the loss by vibration leaves open from hold to hold stands in the standard
+    errors; both directions of a point share it.
     """
     torques = [h.torque for h in measured.every]
     speed = np.array([abs(t.speed) for t in torques])
@@ -245,7 +240,7 @@ def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> l
     return [
         dataclasses.replace(
             t,
-            torque=t.torque - t.direction * float(known),
+            torque=measured.heat.constant * t.torque - t.direction * float(known),
             standard_error=math.hypot(t.standard_error, float(unknown)),
         )
         for t, known, unknown in zip(torques, off, open_loss, strict=True)
@@ -310,22 +305,21 @@ def common_errors(
     errors.append(
         CommonError(
             source=WARMTH,
-            effect=MAGNETS * MOTOR_WARMER * (gear_torque + tare),
+            effect=measured.heat.constant_uncertainty * (gear_torque + tare),
             kind="A",
-            note=f"{MOTOR_WARMER:g} K, torque constant 0.1 % per kelvin",
+            note=measured.heat.words,
         )
     )
     if measured.tare is not None:
-        warmer = math.hypot(MOTOR_WARMER, measured.tare_away)
         errors.append(
             CommonError(
                 source=TARE,
-                effect=MOTOR_FRICTION * warmer * tare,
+                effect=measured.heat.tare_uncertainty * tare,
                 cause=Cause.TARE,
-                note=f"the same motor, {warmer:.2g} K warmer or colder",
+                note="the same motor, warmer or colder",
             )
         )
-    return errors + _never_seen(measured, recording, speed, direction, gear_torque, ratio)
+    return errors + _never_seen(measured, recording, speed, direction, dry, gear_torque, ratio)
 
 
 def _never_seen(
@@ -333,10 +327,13 @@ def _never_seen(
     recording: Recording,
     speed: FloatArray,
     direction: FloatArray,
+    dry: FloatArray,
     gear_torque: FloatArray,
     ratio: float,
 ) -> list[CommonError]:
-    """Errors that no data of the run can tell: torque scale, torque zero of holds without a partner, output bearing."""
+    """Errors that no data of the run can tell: torque scale, torque zero of holds without a partner, output bearing,
+    and how the gear's next run would differ.
+    """
     relative, source = torque_scale_uncertainty(recording, measured.channel)
     errors = [
         CommonError(
@@ -349,6 +346,12 @@ def _never_seen(
         CommonError(
             source=ZERO,
             effect=direction * measured.zero.standard_uncertainty,
+            is_fitted=False,
+        ),
+        CommonError(
+            source=RUN_TO_RUN,
+            effect=RUN_TO_RUN_RELATIVE * dry,
+            note=f"assumed: {100.0 * RUN_TO_RUN_RELATIVE:g} % of dry friction",
             is_fitted=False,
         ),
     ]

@@ -83,8 +83,8 @@ from experiments.steps.vocabulary import (
 from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE, PaperFigure, Term
 from model.friction import TorqueBalance, friction_torque
 from model.gear import HarmonicDrive, Origin
-from model.identify.estimate import Estimate
 from model.identify.common_errors import UNREPEATED, Spread
+from model.identify.estimate import Estimate
 from model.identify.friction import (
     LARGEST_REDUCED_CHI_SQUARE,
     FrictionFit,
@@ -273,8 +273,8 @@ SETTINGS = (
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
-    """Friction parameters with profile intervals at the run's mean temperature, and at 20 degC beside it; running torque
-    at the catalogue's speeds, offset and asymmetry.
+    """Friction parameters with profile intervals, running torque at the catalogue's speeds, offset and asymmetry: at the
+    run's mean temperature, and at 20 degC beside it.
 
     Settings: channel ("torque"), balance ("energy" or "published", the gear's own), bracket_limit
     (0.03; above it a warning), bracket_refusal (0.25; above it refused), chi_square_limit (4 per degree
