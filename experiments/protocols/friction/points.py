@@ -60,14 +60,15 @@ UNKNOWN_TEMPERATURE = 5.0
 """K, standard uncertainty of the temperature of a run without a thermometer on the housing."""
 THERMOMETER = 0.2
 """K, standard uncertainty of a thermometer without calibration."""
-LOSS_RELATIVE = 0.3
-"""Relative standard uncertainty of the loss by vibration at one hold beside that of its common factor."""
+LOSS_RELATIVE = 1.0
+"""Relative standard uncertainty of the loss by vibration: of a factor that all speeds share, and of one that each speed
+has for itself (damping depends on amplitude and order). Visits to one speed share both."""
 PLACE, WARMTH = "place on the output", "warmth of the motor"
 BEARING, TARE, VIBRATION = "bearing no-load torque", "tare", "vibration near resonances"
 RUN_TO_RUN = "from run to run"
 RUN_TO_RUN_RELATIVE = 0.01
-"""Relative standard uncertainty of dry friction from one run of a gear to the next, assumed of greased gears: a run does
-not show how the next one will be."""
+"""Relative standard uncertainty of dry friction from one run of a gear to the next, assumed of greased gears: a run
+does not show how the next one will be."""
 THERMOMETRY, SCALE, ZERO = "thermometer", "torque scale", "torque zero"
 
 
@@ -226,8 +227,7 @@ def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> l
     """The running torques of all holds without what is known not to be the gear's at mean temperature.
 
     Taken off: output bearing, vibration, and the drift of temperature by the law's own coefficients; the torque is that
-    of a motor as warm as the housing. What the loss by vibration leaves open from hold to hold stands in the standard
-    errors; both directions of a point share it.
+    of a motor as warm as the housing.
     """
     torques = [h.torque for h in measured.every]
     speed = np.array([abs(t.speed) for t in torques])
@@ -236,14 +236,13 @@ def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> l
     drift = warmer * law.dry.value * curve.dry(speed)
     drift += warmer * law.viscous.value * (curve.viscous(speed) + moving * 2.0 / 3.0)
     off = measured.output.torque(speed, ratio) + measured.vibration + drift
-    open_loss = math.sqrt(2.0) * LOSS_RELATIVE * measured.vibration
     return [
         dataclasses.replace(
             t,
             torque=measured.heat.constant * t.torque - t.direction * float(known),
-            standard_error=math.hypot(t.standard_error, float(unknown)),
+            standard_error=measured.heat.constant * t.standard_error,
         )
-        for t, known, unknown in zip(torques, off, open_loss, strict=True)
+        for t, known in zip(torques, off, strict=True)
     ]
 
 
@@ -296,8 +295,13 @@ def common_errors(
         waves = place_columns(every, PLACE_ORDERS) * dry[:, None]
         errors.append(CommonError(source=PLACE, effect=spread.place * waves, kind="A"))
     if measured.vibration.any():
-        note = "damping and first mode of the parameter set"
-        errors.append(CommonError(source=VIBRATION, effect=measured.vibration, note=note))
+        errors.append(
+            CommonError(
+                source=VIBRATION,
+                effect=LOSS_RELATIVE * measured.vibration[:, None] * _alone_and_by_speed(speed),
+                note="damping and first mode of the parameter set",
+            )
+        )
     if law.is_known:
         slope = law.dry.value * (dry + still) + law.viscous.value * (viscous + moving * 2.0 / 3.0)
         kelvin = recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
@@ -320,6 +324,12 @@ def common_errors(
             )
         )
     return errors + _never_seen(measured, recording, speed, direction, dry, gear_torque, ratio)
+
+
+def _alone_and_by_speed(speed: FloatArray) -> FloatArray:
+    """Ones, and for each speed ones where a hold has it; (n, 1 + speeds)."""
+    _, level = np.unique(np.round(np.log(speed), 2), return_inverse=True)
+    return np.column_stack([np.ones(len(speed)), np.eye(int(level.max()) + 1)[level]])
 
 
 def _never_seen(

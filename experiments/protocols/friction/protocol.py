@@ -273,8 +273,8 @@ SETTINGS = (
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
-    """Friction parameters with profile intervals, running torque at the catalogue's speeds, offset and asymmetry: at the
-    run's mean temperature, and at 20 degC beside it.
+    """Friction parameters with profile intervals, running torque at the catalogue's speeds, offset and asymmetry, at
+    the run's mean temperature, and at 20 degC beside it.
 
     Settings: channel ("torque"), balance ("energy" or "published", the gear's own), bracket_limit
     (0.03; above it a warning), bracket_refusal (0.25; above it refused), chi_square_limit (4 per degree
