@@ -31,20 +31,25 @@ from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.tare import tare_table
 from experiments.torque.zero import TorqueZero, torque_zero
+from model.arrays import FloatArray
 from model.gear import HarmonicDrive
+from model.identify.common_errors import whitening_of
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.least_squares import solve, student_quantile
 from model.identify.running_torque import (
     FrictionPoints,
+    RunningTorque,
     pair_directions,
     pooled_errors,
     tare_from,
 )
-from model.units import RPM
+from model.units import REVOLUTION, RPM
 
 NAME = "motor-tare"
 NAMES = ("motor_coulomb", "motor_viscous")
 WARMTH = "warmth of the motor"
+DRIFT = 4e-3
+"""Relative change of the motor's friction by its own warming over the run, one standard uncertainty: 1 K, -0.4 %/K."""
 
 
 QUANTITIES = (
@@ -183,18 +188,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     housing = float(np.mean([h.torque.temperature for h in holds])) if holds else math.nan
     heat = motor_heat(recording, housing)
     with analysing(recording.metadata.run_id):
-        averages = [
-            replace(
-                h.torque,
-                torque=heat.constant * h.torque.torque,
-                standard_error=heat.constant * h.torque.standard_error,
-            )
-            for h in holds
-        ]
+        averages = [h.torque for h in holds]
         points = pair_directions(averages)
         tare = tare_from(averages)
     warnings += points.warnings
-    estimates, covariance = _straight_line(recording, points, heat)
+    estimates, covariance = _straight_line(recording, averages, points, heat)
     slow = [s for s in segments if abs(s.setpoint) <= COGGING_BELOW]
     patterns = direction_patterns(recording, slow, zero)
     plots = [_plot(holds, estimates)]
@@ -240,24 +238,29 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
 
 def _straight_line(
-    recording: Recording, points: FrictionPoints, heat: MotorHeat
+    recording: Recording,
+    averages: Sequence[RunningTorque],
+    points: FrictionPoints,
+    heat: MotorHeat,
 ) -> tuple[dict[str, Estimate], Covariance | None]:
     """Coulomb and viscous friction of the bare motor from the half-differences: T = T_c + c omega.
 
     Weighed by the errors of the points, widened where they miss the line. An error estimated from the residuals alone
-    would be too small: the fastest points carry the slope, and a line passes by a point that carries it.
+    would be too small: the fastest points carry the slope, and a line passes by a point that carries it. The motor
+    warms by its own losses while it is run from slow to fast: an error that all points share.
     """
     speed, torque = points.speed, points.friction
-    weight = 1.0 / pooled_errors(points)
+    warming = DRIFT * points.mean_of(_warming(averages)) * torque
+    whitening = whitening_of(pooled_errors(points), warming[:, None])
     design = np.column_stack([np.ones_like(speed), speed])
-    white = design * weight[:, None]
-    values = np.linalg.lstsq(white, torque * weight, rcond=None)[0]
+    white = whitening @ design
+    values = np.linalg.lstsq(white, whitening @ torque, rcond=None)[0]
     freedom = len(speed) - 2
     estimates: dict[str, Estimate] = {}
     covariance = None
     error = np.full(2, math.inf)
     if freedom >= 2:
-        left = weight * (torque - design @ values)
+        left = whitening @ (torque - design @ values)
         scale = max(float(left @ left) / freedom, 1.0)
         covariance = Covariance(NAMES, scale * np.linalg.inv(white.T @ white))
         error = np.sqrt(np.diag(covariance.matrix))
@@ -268,17 +271,20 @@ def _straight_line(
             BudgetLine(
                 "scatter about the line", "A", float(error[k]), degrees_of_freedom=float(freedom)
             ),
-            BudgetLine(WARMTH, "A", heat.constant_uncertainty * abs(value), heat.words),
         ]
-        scale_of = scale_line(recording, value)
-        estimates[name] = _tare_estimate(name, value, unit, lines, (scale_of,), freedom)
+        outside = (
+            BudgetLine(WARMTH, "B", heat.constant * abs(value), heat.words),
+            scale_line(recording, value),
+        )
+        estimates[name] = _tare_estimate(name, value, unit, lines, outside, freedom)
         if math.isfinite(heat.temperature):
-            found, others = at_reference(name), (scale_line(recording, warm * value),)
-            moved = [replace(b, standard_uncertainty=warm * b.standard_uncertainty) for b in lines]
-            open_left = BudgetLine("temperature of the motor", "B", cold * abs(warm * value))
-            estimates[found] = _tare_estimate(
-                found, warm * value, unit, moved, (open_left, *others), freedom
+            found = at_reference(name)
+            moved, others = (
+                [replace(b, standard_uncertainty=warm * b.standard_uncertainty) for b in part]
+                for part in (lines, outside)
             )
+            others.append(BudgetLine("temperature of the motor", "B", cold * abs(warm * value)))
+            estimates[found] = _tare_estimate(found, warm * value, unit, moved, others, freedom)
     offset = points.offset[points.paired]
     if len(offset) > 1:
         spread = float(offset.std(ddof=1)) / math.sqrt(len(offset))
@@ -294,6 +300,20 @@ def _straight_line(
             note=note,
         )
     return estimates, covariance
+
+
+def _warming(averages: Sequence[RunningTorque]) -> FloatArray:
+    """How far the motor had warmed by its own losses at each hold, as a share of the whole run."""
+    order = np.argsort([t.time for t in averages])
+    losses = np.array(
+        [
+            abs(t.torque) * REVOLUTION * t.revolutions if t.revolutions else 0.0
+            for t in (averages[k] for k in order)
+        ]
+    )
+    share = np.empty(len(averages))
+    share[order] = np.cumsum(losses) / max(float(losses.sum()), 1e-12)
+    return share
 
 
 def _tare_estimate(

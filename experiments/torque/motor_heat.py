@@ -1,8 +1,8 @@
 """The motor's own temperature: nothing measures it, and it moves the torque that a run shows.
 
 Magnets weaken: the same current gives less torque, so that the port (a reference, scaled by the constant at 20 degC)
-reads too much. The motor's own friction falls. Both are brought from the housing's temperature, the best that a run
-knows of the motor's.
+reads too much; that stays in the reading and stands in the budget. The motor's own friction falls: a tare is brought to
+the run by the housing's temperatures, the best that is known of the motor's.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from model.identify.running_torque import Tare
 
 REFERENCE = 20.0
 """degC at which torque constants are stated."""
-MAGNETS, MAGNETS_UNCERTAINTY = -1e-3, 0.3e-3
-"""Relative change of the torque constant per kelvin, assumed of servo motors, and its standard uncertainty."""
+MAGNETS = -1e-3
+"""Relative change of the torque constant per kelvin, assumed of servo motors."""
 FRICTION, FRICTION_UNCERTAINTY = -4e-3, 1.2e-3
 """Relative change of the motor's own friction per kelvin, assumed, and its standard uncertainty."""
 WARMER = 1.5
@@ -28,14 +28,13 @@ UNKNOWN = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class MotorHeat:
-    """`constant`: true torque over torque shown; relative standard uncertainties of it and of a tare as a whole.
+    """Relative standard uncertainties of the torque shown (`constant`) and of a tare as a whole (`tare`).
 
     `temperature` [degC] of the motor as far as it is known, NaN where it is not.
     """
 
     constant: float
-    constant_uncertainty: float
-    tare_uncertainty: float
+    tare: float
     temperature: float
 
     @property
@@ -46,7 +45,7 @@ class MotorHeat:
     @property
     def words(self) -> str:
         """What the correction rests on."""
-        return f"motor within {self.kelvin:g} K, torque constant {100.0 * MAGNETS:g} % per kelvin"
+        return f"torque constant {100.0 * MAGNETS:g} % per kelvin from {REFERENCE:g} °C"
 
     def friction_factor(self) -> tuple[float, float]:
         """The motor's friction at 20 degC over that of the run, and its relative standard uncertainty."""
@@ -66,25 +65,19 @@ class MotorHeat:
             dataclasses.replace(
                 tare, torque=factor * tare.torque, standard_error=factor * tare.standard_error
             ),
-            dataclasses.replace(self, tare_uncertainty=relative),
+            dataclasses.replace(self, tare=relative),
         )
 
 
 def motor_heat(recording: Recording, housing: float) -> MotorHeat:
-    """What the housing's mean temperature [degC] says of the motor; an imported torque is taken as it stands."""
-    if recording.metadata.origin == "imported" or not math.isfinite(housing):
-        return MotorHeat(
-            constant=1.0,
-            constant_uncertainty=abs(MAGNETS) * UNKNOWN,
-            tare_uncertainty=abs(FRICTION) * UNKNOWN,
-            temperature=math.nan,
-        )
-    warmer = housing - REFERENCE
+    """What the housing's mean temperature [degC] says of the motor; an import does not say whose torque it is."""
+    known = recording.metadata.origin != "imported" and math.isfinite(housing)
+    kelvin = WARMER if known else UNKNOWN
+    away = math.hypot(kelvin, housing - REFERENCE) if known else kelvin
     return MotorHeat(
-        constant=1.0 + MAGNETS * warmer,
-        constant_uncertainty=_relative(MAGNETS, MAGNETS_UNCERTAINTY, warmer),
-        tare_uncertainty=abs(FRICTION) * WARMER,
-        temperature=housing,
+        constant=abs(MAGNETS) * away,
+        tare=abs(FRICTION) * kelvin,
+        temperature=housing if known else math.nan,
     )
 
 

@@ -56,30 +56,32 @@ class Spread:
 
 UNREPEATED = Spread(point=0.005, place=0.0, freedom=0)
 """Assumed where no speed was visited twice."""
-_SMALLEST, _LARGEST = 1e-4, 0.2
+FEWEST = 3
+"""Repetitions below which the scatter is assumed and not estimated."""
+_SMALLEST, _LARGEST = 3e-4, 0.2
 
 
-def spread_between_visits(
-    relative: Array, error: Array, level: Array, place: Array, common: Array
-) -> Spread:
-    """How visits to the same speed differ, by restricted maximum likelihood.
-
-    relative (n,): friction over its curve; error (n,) its relative standard error; level (n,) numbers the speeds, each
-    of which has a free mean, so that a curve that misses its points does not pass for scatter; place (n, p) the waves
-    over the output; common (n, m) relative effects of further common errors.
-    """
+def means_by(level: Array) -> Array:
+    """A free mean for each level: (n, levels) of zeros and ones from numbers (n,) of the levels."""
     levels, index = np.unique(level, return_inverse=True)
-    freedom = len(relative) - len(levels)
-    if freedom < 3:
-        return UNREPEATED
-    means = np.zeros((len(relative), len(levels)))
-    means[np.arange(len(relative)), index] = 1.0
-    # Contrasts within speeds: what no free mean can touch.
-    contrasts = scipy.linalg.null_space(means.T)
+    return np.eye(len(levels))[index]
+
+
+def spread_beyond(
+    free: Array, relative: Array, error: Array, common: Array, place: Array
+) -> tuple[float, float]:
+    """Scatter of points and size of waves over the output beyond their errors, by restricted maximum likelihood.
+
+    free (n, q): what may be fitted first, the means of speeds or a curve with its tangents, so that what it explains
+    does not pass for scatter; relative (n,): friction over its curve; error (n,) its relative standard error; common
+    (n, m) relative effects of common errors; place (n, p) the waves. Both are relative standard deviations; the waves
+    are 0 where chance explains them.
+    """
+    contrasts = scipy.linalg.null_space(free.T)
     y = contrasts.T @ relative
     fixed = contrasts.T @ (np.diag(error**2) + common @ common.T) @ contrasts
     waves = contrasts.T @ place
-    by_place, unit = waves @ waves.T, np.eye(freedom)
+    by_place, unit = waves @ waves.T, np.eye(len(y))
 
     def cost(logarithms: Array) -> float:
         """Minus twice the restricted likelihood, for the logarithm of the scatter alone or of scatter and waves."""
@@ -91,14 +93,14 @@ def spread_between_visits(
         white = scipy.linalg.solve_triangular(root, y, lower=True)
         return float(white @ white) + 2.0 * float(np.log(np.diag(root)).sum())
 
-    grid = np.log([2e-4, 1e-3, 4e-3, 1.5e-2])
+    grid = np.log([5e-4, 1e-3, 4e-3, 1.5e-2])
     best = still = _lowest(cost, [np.array([p]) for p in grid])
     if place.shape[1]:
         best = _lowest(cost, [np.array([p, w]) for p in grid for w in grid])
     # Twice the gain of the likelihood against its 95 % quantile: waves that chance explains are none.
     varies = cost(still) - cost(best) > scipy.special.chdtri(1.0, 0.05)
     found = np.exp(np.clip(best if varies else still, math.log(_SMALLEST), math.log(_LARGEST)))
-    return Spread(point=float(found[0]), place=float(found[-1]) if varies else 0.0, freedom=freedom)
+    return float(found[0]), float(found[-1]) if varies else 0.0
 
 
 def _lowest(cost: Callable[[Array], float], starts: list[Array]) -> Array:
@@ -110,3 +112,14 @@ def _lowest(cost: Callable[[Array], float], starts: list[Array]) -> Array:
         options={"xatol": 0.05, "fatol": 0.01, "maxiter": 80},
     )
     return np.asarray(best.x, dtype=np.float64)
+
+
+def whitening_of(standard_error: Array, common: Array | None = None) -> Array:
+    """Lower triangular W (n, n) with W'W the inverse of diag(standard_error^2) + common common'; common (n, m)."""
+    if common is None or common.shape[1] == 0:
+        return np.diag(1.0 / standard_error)
+    # Scaled to unit errors first, so that forces of any unit are equally well conditioned.
+    relative = common / standard_error[:, None]
+    root = np.linalg.cholesky(np.eye(len(standard_error)) + relative @ relative.T)
+    inverse = scipy.linalg.solve_triangular(root, np.diag(1.0 / standard_error), lower=True)
+    return np.ascontiguousarray(inverse)

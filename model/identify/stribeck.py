@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
 from model.identify.checks import Array, channels
+from model.identify.common_errors import whitening_of
 from model.identify.least_squares import student_quantile
 from model.kernels import regression as kernels
 
@@ -136,17 +137,6 @@ def _points(
         )
     whitening = whitening_of(u, common)
     return _Points(v, f, whitening, np.array([whitening @ x for x in (f, np.ones_like(f), v)]))
-
-
-def whitening_of(standard_error: Array, common: Array | None = None) -> Array:
-    """Lower triangular W (n, n) with W'W the inverse of diag(standard_error^2) + common common'; common (n, m)."""
-    if common is None or common.shape[1] == 0:
-        return np.diag(1.0 / standard_error)
-    # Scaled to unit errors first, so that forces of any unit are equally well conditioned.
-    relative = common / standard_error[:, None]
-    root = np.linalg.cholesky(np.eye(len(standard_error)) + relative @ relative.T)
-    inverse = scipy.linalg.solve_triangular(root, np.diag(1.0 / standard_error), lower=True)
-    return np.ascontiguousarray(inverse)
 
 
 def fit_stribeck(

@@ -12,7 +12,7 @@ from experiments.protocols.friction.points import MeasuredFriction
 from experiments.protocols.friction.quantities import QUANTITIES
 from experiments.recording import Recording
 from experiments.result import Result
-from model.identify.common_errors import spread_between_visits
+from model.identify.common_errors import FEWEST, UNREPEATED, means_by, spread_beyond
 from model.identify.estimate import Estimate
 from model.identify.friction import check_curve
 from model.identify.running_torque import pair_directions
@@ -32,11 +32,11 @@ def friction_in_foreign_unit(
         points = pair_directions([h.torque for h in measured.holds])
         size = np.maximum(np.abs(points.friction), 1e-12)
         mean = np.array([size[points.level == level].mean() for level in points.level])
-        nothing = np.empty((len(size), 0))
-        spread = spread_between_visits(
-            size / mean - 1.0, points.standard_error / size, points.level, nothing, nothing
-        )
-        error = np.hypot(points.standard_error, spread.point * size)
+        free, nothing, point = means_by(points.level), np.empty((len(size), 0)), UNREPEATED.point
+        if len(size) - free.shape[1] >= FEWEST:
+            relative = points.standard_error / size
+            point, _ = spread_beyond(free, size / mean - 1.0, relative, nothing, nothing)
+        error = np.hypot(points.standard_error, point * size)
         fit = fit_stribeck(points.speed, points.friction, error)
         check_curve(fit, chi_square_limit)
         intervals = profile_intervals(fit, points.speed, points.friction, error)

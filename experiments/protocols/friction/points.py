@@ -8,7 +8,7 @@ uncertainty of each as a column over the holds:
     place        waves k = 1..4 over the output revolution, as large as visits to the same speed differ by place
     temperature  of dry and of viscous friction: (T - mean) of each hold, and the bearing's M_0 away from 20 degC
     M_0          the factor f_0 nu^(2/3) of equation 18
-    tare, motor  the motor was warmer or colder than in the tare
+    tare         the motor was warmer or colder than in the tare
     vibration    damping and first mode, behind the power that the shaken output takes
 """
 
@@ -45,10 +45,17 @@ from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive, Origin
-from model.identify.common_errors import UNREPEATED, CommonError, Spread, spread_between_visits
+from model.identify.common_errors import (
+    FEWEST,
+    UNREPEATED,
+    CommonError,
+    Spread,
+    means_by,
+    spread_beyond,
+)
 from model.identify.estimate import Cause
 from model.identify.running_torque import FrictionPoints, RunningTorque, Tare, pair_directions
-from model.identify.stribeck import stribeck_curve
+from model.identify.stribeck import stribeck_curve, stribeck_jacobian
 
 PLACE_ORDERS = (1, 2, 3, 4)
 """Orders of the output revolution that friction is looked at over."""
@@ -226,8 +233,7 @@ def bearing_relative(gear: HarmonicDrive, law: TemperatureLaw) -> float:
 def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> list[RunningTorque]:
     """The running torques of all holds without what is known not to be the gear's at mean temperature.
 
-    Taken off: output bearing, vibration, and the drift of temperature by the law's own coefficients; the torque is that
-    of a motor as warm as the housing.
+    Taken off: output bearing, vibration, and the drift of temperature by the law's own coefficients.
     """
     torques = [h.torque for h in measured.every]
     speed = np.array([abs(t.speed) for t in torques])
@@ -239,8 +245,7 @@ def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> l
     return [
         dataclasses.replace(
             t,
-            torque=measured.heat.constant * t.torque - t.direction * float(known),
-            standard_error=measured.heat.constant * t.standard_error,
+            torque=t.torque - t.direction * float(known),
         )
         for t, known in zip(torques, off, strict=True)
     ]
@@ -306,19 +311,11 @@ def common_errors(
         slope = law.dry.value * (dry + still) + law.viscous.value * (viscous + moving * 2.0 / 3.0)
         kelvin = recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
         errors.append(CommonError(source=THERMOMETRY, effect=kelvin * slope))
-    errors.append(
-        CommonError(
-            source=WARMTH,
-            effect=measured.heat.constant_uncertainty * (gear_torque + tare),
-            kind="A",
-            note=measured.heat.words,
-        )
-    )
     if measured.tare is not None:
         errors.append(
             CommonError(
                 source=TARE,
-                effect=measured.heat.tare_uncertainty * tare,
+                effect=measured.heat.tare * tare,
                 cause=Cause.TARE,
                 note="the same motor, warmer or colder",
             )
@@ -359,6 +356,12 @@ def _never_seen(
             is_fitted=False,
         ),
         CommonError(
+            source=WARMTH,
+            effect=measured.heat.constant * gear_torque,
+            note=measured.heat.words,
+            is_fitted=False,
+        ),
+        CommonError(
             source=RUN_TO_RUN,
             effect=RUN_TO_RUN_RELATIVE * dry,
             note=f"assumed: {100.0 * RUN_TO_RUN_RELATIVE:g} % of dry friction",
@@ -373,36 +376,40 @@ def _never_seen(
 
 
 def spread_of(
-    measured: MeasuredFriction, points: FrictionPoints, error: FloatArray, curve: FittedCurve
+    measured: MeasuredFriction,
+    points: FrictionPoints,
+    error: FloatArray,
+    curve: FittedCurve,
+    others: list[CommonError],
 ) -> Spread:
-    """How far a point comes out that is measured again, from speeds that the run visited more than once.
+    """How far a point comes out that is measured again, and how friction varies over the output.
 
-    `points` are those of all holds, `error` (n,) their standard errors.
+    `points` are those of all holds, `error` (n,) their standard errors, `others` the further errors that they share.
+    The waves over the output show between the speeds too (each has its own places); the scatter is that of visits to
+    the same speed alone, so that a curve that misses its points does not pass for scatter.
     """
     every = measured.every
+    freedom = len(points.speed) - len(np.unique(points.level))
+    if freedom < FEWEST:
+        return UNREPEATED
     tare = measured.tare.at(points.speed)[0] if measured.tare is not None else 0.0
     whole = curve.whole(points.speed)
-    freedom = len(points.speed) - len(np.unique(points.level))
-    orders = PLACE_ORDERS[: freedom // REPETITIONS_PER_ORDER]
     speed = np.array([abs(h.torque.speed) for h in every])
-    waves = place_columns(every, orders) * curve.dry(speed)[:, None]
-    _, moving = bearing_parts(curve, speed, {})
-    warmer, law = _warmer(measured), measured.law
-    drift = np.column_stack(
-        [
-            law.dry.standard_uncertainty * warmer * curve.dry(speed),
-            law.viscous.standard_uncertainty * warmer * (curve.viscous(speed) + moving),
-        ]
-    )
-    if freedom < 1:
-        return UNREPEATED
-    return spread_between_visits(
-        (points.friction - tare) / whole - 1.0,
+    waves = place_columns(every, PLACE_ORDERS[: freedom // REPETITIONS_PER_ORDER])
+    waves = points.mean_of(waves * curve.dry(speed)[:, None]) / whole[:, None]
+    known = np.column_stack([points.mean_of(c.columns) for c in others if c.is_fitted])
+    known = known / whole[:, None]
+    relative = (points.friction - tare) / whole - 1.0
+    tangents = stribeck_jacobian(points.speed, curve.values) / whole[:, None]
+    _, place = spread_beyond(tangents, relative, error / whole, known, waves)
+    point, _ = spread_beyond(
+        means_by(points.level),
+        relative,
         error / whole,
-        points.level,
-        points.mean_of(waves) / whole[:, None],
-        points.mean_of(drift) / whole[:, None],
+        np.column_stack([known, place * waves]),
+        waves[:, :0],
     )
+    return Spread(point=point, place=place, freedom=freedom)
 
 
 def place_columns(holds: list[Hold], orders: tuple[int, ...]) -> FloatArray:

@@ -375,7 +375,8 @@ def _fit(
     for is_last in (False, True):
         curve = curve_of(fit.stribeck.values)
         points = pair_directions(corrected(measured, curve, ratio))
-        spread = spread_of(measured, points, pooled_errors(points), curve)
+        others = common_errors(measured, curve, UNREPEATED, recording, ratio)
+        spread = spread_of(measured, points, pooled_errors(points), curve, others)
         fit = fit_of(curve, spread, profile=is_last, is_first=False)
     return fit, curve_of(fit.stribeck.values), spread
 
