@@ -10,6 +10,7 @@ uncertainty of each as a column over the holds:
     M_0          the factor f_0 nu^(2/3) of equation 18
     tare         the motor was warmer or colder than in the tare
     vibration    damping and first mode, behind the power that the shaken output takes
+    lag          of the torque port, where torque and speed ripple together
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from experiments.protocols.friction.temperature import (
     TemperatureLaw,
     temperature_law,
 )
-from experiments.protocols.friction.vibration import vibration_loss
+from experiments.protocols.friction.vibration import LAG, Ripple, ripple_of
 from experiments.recording import Recording
 from experiments.torque.motor_heat import MotorHeat, motor_heat
 from experiments.torque.running_torque import (
@@ -76,6 +77,9 @@ RUN_TO_RUN = "from run to run"
 RUN_TO_RUN_RELATIVE = 0.01
 """Relative standard uncertainty of dry friction from one run of a gear to the next, assumed of greased gears: a run
 does not show how the next one will be."""
+PORT_LAG = "lag of the torque port"
+LAG_RELATIVE = 1.0 / math.sqrt(3.0)
+"""Relative standard uncertainty of the lag: 0 to twice as much."""
 THERMOMETRY, SCALE, ZERO = "thermometer", "torque scale", "torque zero"
 
 
@@ -90,8 +94,8 @@ class MeasuredFriction:
     channel: str
     unit: str
     warnings: list[str]
-    vibration: FloatArray
-    """Torque that the shaken output takes in each hold, reference speed included [N m]."""
+    ripple: Ripple
+    """What ripples do to the torque of each hold, reference speed included."""
     law: TemperatureLaw
     output: OutputBearing
     heat: MotorHeat
@@ -162,7 +166,7 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         channel=channel,
         unit=unit,
         warnings=[*warnings, *remarks, *said],
-        vibration=vibration_loss(recording, [*holds, *bracket], evidence.gear),
+        ripple=ripple_of(recording, [*holds, *bracket], evidence.gear, channel),
         law=law,
         output=output_bearing(recording, evidence.settings),
         heat=heat,
@@ -233,7 +237,8 @@ def bearing_relative(gear: HarmonicDrive, law: TemperatureLaw) -> float:
 def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> list[RunningTorque]:
     """The running torques of all holds without what is known not to be the gear's at mean temperature.
 
-    Taken off: output bearing, vibration, and the drift of temperature by the law's own coefficients.
+    Taken off: output bearing, vibration, what the port's lag does to ripples, and the drift of
+    temperature by the law's own coefficients.
     """
     torques = [h.torque for h in measured.every]
     speed = np.array([abs(t.speed) for t in torques])
@@ -241,13 +246,13 @@ def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> l
     _, moving = bearing_parts(curve, speed, {})
     drift = warmer * law.dry.value * curve.dry(speed)
     drift += warmer * law.viscous.value * (curve.viscous(speed) + moving * 2.0 / 3.0)
-    off = measured.output.torque(speed, ratio) + measured.vibration + drift
+    off = measured.output.torque(speed, ratio) + measured.ripple.loss + drift
     return [
         dataclasses.replace(
             t,
             torque=t.torque - t.direction * float(known),
         )
-        for t, known in zip(torques, off, strict=True)
+        for t, known in zip(torques, off - measured.ripple.lag, strict=True)
     ]
 
 
@@ -299,12 +304,20 @@ def common_errors(
     if spread.place > 0.0:
         waves = place_columns(every, PLACE_ORDERS) * dry[:, None]
         errors.append(CommonError(source=PLACE, effect=spread.place * waves, kind="A"))
-    if measured.vibration.any():
+    if measured.ripple.loss.any():
         errors.append(
             CommonError(
                 source=VIBRATION,
-                effect=LOSS_RELATIVE * measured.vibration[:, None] * _alone_and_by_speed(speed),
+                effect=LOSS_RELATIVE * measured.ripple.loss[:, None] * _alone_and_by_speed(speed),
                 note="damping and first mode of the parameter set",
+            )
+        )
+    if measured.ripple.lag.any():
+        errors.append(
+            CommonError(
+                source=PORT_LAG,
+                effect=LAG_RELATIVE * measured.ripple.lag,
+                note=f"{1e3 * LAG:g} ms, 0 to twice as much",
             )
         )
     if law.is_known:
