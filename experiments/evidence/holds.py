@@ -121,9 +121,9 @@ class Recorded:
 
     @property
     def farthest(self) -> list[tuple[float, float]]:
-        """Travel of input and output [rad] between the lowest and the highest angle of a recording without segments."""
+        """Travel of input and output [rad] between the lowest and the highest angle of the whole recording."""
         recording = self.recording
-        if recording.segments or not recording.has("input_angle", "output_angle"):
+        if not recording.has("input_angle", "output_angle"):
             return []
         good = np.flatnonzero((recording.flags() & BAD_CYCLE) == 0)
         angle = recording.si("input_angle")[good]

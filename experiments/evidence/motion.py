@@ -20,6 +20,8 @@ RATIO_NEEDED = 0.75
 """Tooth pairs of doubt from which on the travel is too short to tell."""
 ANGLE_AT_AN_END = 1e-4
 """rad of the output by which kinematic error and wind-up change the travel of one segment."""
+ANGLE_AT_AN_END_OF_ALL = 5e-4
+"""The same where anything may have happened in between: wound up one way at one end, the other way at the other."""
 LARGEST_SKEW = 1.25
 """SYNC periods: what is latched at the same SYNC is not a cycle apart; a quarter for what is not told from wind-up."""
 
@@ -53,7 +55,8 @@ def _excess(hold: Hold, recorded: Recorded) -> float:
 def encoders_against_ratio(recorded: Recorded) -> Finding:
     """Travel of the output times the ratio against travel of the input, over all that turns."""
     recording = recorded.recording
-    pairs = [(h.input_travel, h.output_travel) for h in recorded.turning] or recorded.farthest
+    steady = [(h.input_travel, h.output_travel) for h in recorded.turning]
+    pairs = steady or recorded.farthest
     turning = [(i, o) for i, o in pairs if i and math.isfinite(o)]
     if not turning:
         return not_checked("both encoders over a way that was turned are needed")
@@ -63,7 +66,8 @@ def encoders_against_ratio(recorded: Recorded) -> Finding:
     inner = sum(abs(i) for i, _ in turning)
     outer = sum(math.copysign(1.0, i) * o for i, o in turning)
     # In tooth pairs: one is the difference between the two mountings.
-    doubt = ANGLE_AT_AN_END * len(turning) * ratio / (inner / ratio)
+    at_an_end = ANGLE_AT_AN_END if steady else ANGLE_AT_AN_END_OF_ALL
+    doubt = at_an_end * len(turning) * ratio / (inner / ratio)
     if doubt > RATIO_NEEDED:
         return not_checked(f"the output turned only {inner / ratio:.2g} rad")
     seen = inner / outer if outer else math.inf

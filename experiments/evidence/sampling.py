@@ -41,29 +41,32 @@ def gaps(recorded: Recorded) -> Finding:
     allowed = max(HOLD_GAP, recorded.evidence.maximum_missed_share)
     worst = max(recorded.holds, key=lambda h: h.unusable / h.rows, default=None)
     share = worst.unusable / worst.rows if worst else 0.0
-    longest = _longest_gap(recorded)
-    text = f"{100.0 * share:.2g} % of a segment's rows, {longest:.3g} periods between two rows"
+    shortest, longest = _steps_of_time(recorded)
+    text = f"{100.0 * share:.2g} % of a segment's rows, {shortest:.3g} to {longest:.3g} periods between two rows"
     return refused_beyond(
-        share > allowed or longest > LONGEST_GAP,
+        share > allowed or longest > LONGEST_GAP or shortest <= 0.0,
         text,
-        f"{100.0 * allowed:g} %, {LONGEST_GAP:g} periods",
-        "rows are missing where the analysis averages",
+        f"{100.0 * allowed:g} %, above 0 and to {LONGEST_GAP:g} periods",
+        "rows are missing, or stand in no order of time, where the analysis averages",
     )
 
 
-def _longest_gap(recorded: Recorded) -> float:
-    """Largest time between two rows of a segment that counts, in median periods; of everything without segments."""
+def _steps_of_time(recorded: Recorded) -> tuple[float, float]:
+    """Smallest and largest time between two rows of the segments that count, in median periods; without any, of all."""
     recording = recorded.recording
-    if recording.metadata.time_base not in TRUE_TIME:
-        return 1.0
-    stretches = [slice(h.segment.start, h.segment.stop) for h in recorded.holds]
-    longest = 0.0
     period = _median_period(recorded)
+    if recording.metadata.time_base not in TRUE_TIME or not period > 0.0:
+        return 1.0, 1.0
+    stretches = [slice(h.segment.start, h.segment.stop) for h in recorded.holds]
+    shortest, longest = math.inf, 0.0
     for stretch in stretches or [slice(0, recording.rows)]:
         for rows in recording.blocks(stretch, size=1 << 20):
             times = recording.source.time_ns(max(rows.start - 1, 0), rows.stop)
-            longest = max(longest, float(np.diff(times).max(initial=0)) * 1e-9)
-    return longest / period if period > 0.0 else 1.0
+            steps = np.diff(times) * 1e-9
+            if len(steps):
+                shortest = min(shortest, float(steps.min()))
+                longest = max(longest, float(steps.max()))
+    return shortest / period, longest / period
 
 
 def _median_period(recorded: Recorded) -> float:

@@ -168,7 +168,7 @@ def _circular_mean(name: str, marks: list[float], signal: Channel) -> Estimate:
     half = math.hypot(half, 2.0 * quantum)
     note = "" if len(marks) > 1 else "one pass only: repeatability is not known"
     budget = (
-        BudgetLine("passes", "A", spread),
+        BudgetLine("passes", "A", spread, degrees_of_freedom=max(len(marks) - 1, 1)),
         BudgetLine("one count of the encoder", "B", quantum),
     )
     return Estimate(

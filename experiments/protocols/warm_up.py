@@ -142,8 +142,10 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     if points is not None and points.paired.any():
         at = int(np.argmax(points.paired))
         value, error = float(points.friction[at]), float(points.standard_error[at])
-        budget = (BudgetLine("whole revolutions", "A", error), scale_line(recording, value))
-        half = student_quantile(float(points.freedom[at])) * error
+        freedom = float(points.freedom[at])
+        scatter = BudgetLine("whole revolutions", "A", error, degrees_of_freedom=freedom)
+        budget = (scatter, scale_line(recording, value))
+        half = student_quantile(freedom) * error
         estimates["running_torque"] = Estimate(
             name="running_torque",
             value=value,

@@ -77,10 +77,11 @@ def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 
     turned = float(np.ptp(means.output_angle))
     orders = OUTPUT_ORDERS if turned >= REVOLUTION else 0
     try:
-        value, deviation, half = _fit(means, orders)
+        value, deviation, freedom = _fit(means, orders)
     except IdentificationError as error:
         return _unknown("encoder_skew", str(error))
-    lines = [BudgetLine("scatter between stretches", "A", deviation)]
+    half = deviation * student_quantile(freedom)
+    lines = [BudgetLine("scatter between stretches", "A", deviation, degrees_of_freedom=freedom)]
     if viscous_windup > 0.0:
         lines.append(
             BudgetLine(
@@ -130,9 +131,10 @@ def torque_skew(
     match = _delay(first, second, interval, starts, quantum, WINDOW)
     if isinstance(match, str):
         return _unknown("torque_skew", match)
-    delay, error, half = match
+    delay, error, freedom = match
+    half = error * student_quantile(freedom)
     longer = _delay(first, second, interval, starts, quantum, 2 * WINDOW - 1)
-    lines = [BudgetLine("scatter between pieces", "A", error)]
+    lines = [BudgetLine("scatter between pieces", "A", error, degrees_of_freedom=freedom)]
     if not isinstance(longer, str):
         # Torque that is faster than half the sampling rate appears slow, with a delay of its own.
         lines.append(
@@ -174,7 +176,7 @@ def _delay(
     quantum: float,
     width: int,
 ) -> tuple[float, float, float] | str:
-    """Delay, its standard error and half its 95 % interval with one window; in words why there is none."""
+    """Delay, its standard error and degrees of freedom with one window; in words why there is none."""
     x, slope, y, blocks = _smoothed(first, second, interval, starts, width)
     if len(blocks) < 3:
         return f"{len(blocks)} pieces of torque, 3 are needed"
@@ -190,11 +192,11 @@ def _delay(
         return "the torque did not vary enough, or both readings are not of one torque"
     jacobian = np.array([product / gain**2, -1.0 / gain])
     error = math.sqrt(max(float(jacobian @ covariance[1:, 1:] @ jacobian), 0.0))
-    return -product / gain, error, error * student_quantile(fit.freedom)
+    return -product / gain, error, fit.freedom
 
 
 def _fit(means: RevolutionMeans, orders: int) -> tuple[float, float, float]:
-    """The factor of the speed, its standard error and half its 95 % interval, from the scatter between the stretches.
+    """The factor of the speed, its standard error and degrees of freedom, from the scatter between the stretches.
 
     Few stretches say little about their own scatter: three of their degrees of freedom belong to
     offset, wind-up and skew.
@@ -219,7 +221,7 @@ def _fit(means: RevolutionMeans, orders: int) -> tuple[float, float, float]:
         where="encoder skew",
     )
     deviation = float(fit.standard_error[2]) * math.sqrt(len(starts) / free)
-    return float(fit.values[2]), deviation, deviation * student_quantile(free)
+    return float(fit.values[2]), deviation, float(free)
 
 
 def _without_noise(

@@ -40,6 +40,9 @@ def print_result(out: Console, result: Result, heading: str = "") -> None:
         line = Text.assemble("  ", (verdict.outcome, VERDICT_STYLE.get(verdict.outcome, "")))
         out.print(line.append(verdict_sentence(result, verdict)))
     print_warnings(out, result.warnings)
+    for check in result.checks:
+        if check.outcome == "not checked":
+            out.print(Text(f"  not checked  {check.name}: {check.words}", style="dim"))
 
 
 def print_metrics(out: Console, result: Result) -> None:

@@ -310,6 +310,15 @@ def pause(honest: Honest) -> Honest:
     return _with(honest, times=times)
 
 
+def time_going_back(honest: Honest) -> Honest:
+    """Two rows of a segment have changed places."""
+    segment = _longest(honest.recording, "hold", "step", "traverse")
+    times = _source(honest.recording).times.copy()
+    middle = (segment.start + segment.stop) // 2
+    times[[middle, middle + 1]] = times[[middle + 1, middle]]
+    return _with(honest, times=times)
+
+
 # The tare.
 
 

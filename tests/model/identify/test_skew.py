@@ -45,8 +45,9 @@ def test_the_skew_of_the_encoders_is_recovered_beside_wind_up_and_output_orders(
     assert found.low < skew < found.high
     assert found.high - found.low < 5e-6
     assert found.expanded_uncertainty == pytest.approx(
-        1.96 * found.budget[0].standard_uncertainty, rel=1e-4
+        found.coverage_factor * found.budget[0].standard_uncertainty
     )
+    assert found.expanded_uncertainty == pytest.approx(0.5 * (found.high - found.low))
 
 
 def test_viscous_wind_up_is_in_the_budget_and_takes_the_verdict_away() -> None:

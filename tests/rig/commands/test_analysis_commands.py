@@ -17,7 +17,7 @@ from experiments import catalogue
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.quantity import bare_quantity
 from experiments.recording import Recording
-from experiments.result import Result
+from experiments.result import Check, Result
 from model.gear_file import load_gear, save_gear, shipped_gear
 from rig.commands import analysis, reporting
 from tests.rig import handmade
@@ -149,6 +149,15 @@ def test_people_get_a_table(call: Call) -> None:
         "kept as",
     ):
         assert words in shown
+
+
+def test_people_are_told_what_could_not_be_checked(call: Call, results: dict[str, Result]) -> None:
+    missing = Check(name="torque zero", outcome="not checked", words="no zero was taken")
+    good = Check(name="gaps", outcome="ok")
+    results["friction"] = replace(results["friction"], checks=(good, missing))
+    shown = call("fit", "friction.h5").stdout
+    assert "not checked  torque zero: no zero was taken" in shown
+    assert "gaps" not in shown
 
 
 def test_the_first_word_is_a_kind_if_no_such_file_is_there(call: Call) -> None:
