@@ -86,8 +86,8 @@ def truth_of(metadata_process: Mapping[str, Any]) -> Mapping[str, Any]:
             where="process.truth",
             remedy="Only runs of the simulated rig know theirs.",
         )
-    temperatures = metadata_process.get("acquisition", {}).get("thermal_state", {})
-    return {**truth, "temperatures": temperatures}
+    state = metadata_process.get("acquisition", {}).get("thermal_state", {})
+    return {**truth, "mean_temperatures": state.get("mean", {})}
 
 
 def truth_rows(result: Result, truth: Mapping[str, Any]) -> tuple[TruthRow, ...]:
@@ -120,7 +120,7 @@ class _Truth:
         """How much warmer the motor was on average than the reference [K]; 0 where nothing warms."""
         if "reference" not in self.part("thermal"):
             return 0.0
-        warm = self.part("temperatures").get("mean_motor", self.heat("reference"))
+        warm = self.part("mean_temperatures").get("motor", self.heat("reference"))
         return float(warm) - self.heat("reference")
 
     def warmer(self, result: Result) -> float:
@@ -131,7 +131,8 @@ class _Truth:
         if math.isfinite(housing):
             housing -= float(self.part("thermometer").get("housing_offset", 0.0))
         else:
-            housing = float(self.part("temperatures").get("mean_housing", self.heat("reference")))
+            mean = self.part("mean_temperatures")
+            housing = float(mean.get("housing", self.heat("reference")))
         return housing - self.heat("reference")
 
     def scale(self) -> float:

@@ -297,6 +297,8 @@ def advance(
     width = (
         next_state.size
     )  # not a constant, so that the loops over it become SIMD instead of being unrolled
+    # A copy, so that the loops below read from one place: with a place that varies they take half as long again.
+    matrix = step[:STEP_SIZE].copy()
     extra = state[EXTRA]
     warming = physics[HOUSING_STEP] > 0.0
     dry_factor, viscous_factor, bearing_factor, motor_factor = 1.0, 1.0, 1.0, 1.0
@@ -309,6 +311,13 @@ def advance(
     output_factor, was_held = 1.0, uo == 0.0
     latch_step = int(physics[LATCH] / whole)
     latch_rest = physics[LATCH] - latch_step * whole
+    rotor, per_output = step[8 * STEP_TORQUE], 1.0 / step[8 * STEP_OUTPUT + UO]
+    whole_rates = rotor, 1.0 / rotor, per_output, 1.0 / whole, physics[PORT_STEP]
+    rotor, per_output = (
+        step[STEP_SIZE + 8 * STEP_TORQUE],
+        1.0 / step[STEP_SIZE + 8 * STEP_OUTPUT + UO],
+    )
+    part_rates = rotor, 1.0 / rotor, per_output, FINE / whole, physics[PORT_STEP_FINE]
     for k in range(rows.shape[0]):
         rows[k, ROW_INPUT_ANGLE] = theta
         rows[k, ROW_INPUT_SPEED] = w
@@ -357,21 +366,22 @@ def advance(
                 tick = period
             tick -= 1
             reference = state[FILTER]
-            force_first, parts, done = 0.0, 1, 0
-            if 0.0 < abs(w) < creep and whole * abs(acceleration) > STEADY * abs(w):
-                parts = FINE
+            force_first, parts, done, h, lead = 0.0, 1, 0, whole, 0.25
+            rotor, per_rotor, per_output, per_step, port_step = whole_rates
+            again = 0.0 < abs(w) < creep and whole * abs(acceleration) > STEADY * abs(w)
             while done < parts:
-                fine = parts > 1
-                at = STEP_SIZE if fine else 0
-                h = whole / parts
-                rotor, free_output = step[at + 8 * STEP_TORQUE], step[at + 8 * STEP_OUTPUT + UO]
+                if again:
+                    again, parts, h, lead = False, FINE, whole / FINE, 0.25 / FINE
+                    matrix[:] = step[STEP_SIZE:]
+                    rotor, per_rotor, per_output, per_step, port_step = part_rates
                 # The wedge's error where the rotor will be, so that one look-up serves both ends of the hold.
                 e1, slope1 = error_at(error_table, turns, points, theta + h * w)
                 force = k_b * (e0 - r2) + c_b * ((lift + slope0) * w - v2)
                 if done == 0:
                     force_first = force
-                ahead = 0.25 * (force - force_before) * (1.0 / parts if done == 0 else 1.0)
-                torque = torque_factor * reference - (slope0 + slope1) * (0.5 * force + ahead)
+                torque = torque_factor * reference - (slope0 + slope1) * (
+                    0.5 * force + lead * (force - force_before)
+                )
                 output_torque = -state[LOAD]
                 pulled, now = hysteresis, torsion
                 if elastic:
@@ -400,47 +410,47 @@ def advance(
                 motor_part = motor_factor * (motor_coulomb + motor_viscous * speed)
                 bound = gear_part + motor_part
                 for i in range(width):
-                    k0 = at + i
                     next_state[i] = (
                         (
-                            (w * step[k0] + r2 * step[k0 + 8])
-                            + (v2 * step[k0 + 16] + r1 * step[k0 + 24])
+                            (w * matrix[i] + r2 * matrix[8 + i])
+                            + (v2 * matrix[16 + i] + r1 * matrix[24 + i])
                         )
                         + (
-                            (u1 * step[k0 + 32] + ro * step[k0 + 40])
-                            + (uo * step[k0 + 48] + e0 * step[k0 + 64])
+                            (u1 * matrix[32 + i] + ro * matrix[40 + i])
+                            + (uo * matrix[48 + i] + e0 * matrix[64 + i])
                         )
                     ) + (
-                        (torque * step[k0 + 56] + output_torque * step[k0 + 80])
-                        + e1 * step[k0 + 72]
+                        (torque * matrix[56 + i] + output_torque * matrix[80 + i])
+                        + e1 * matrix[72 + i]
                     )
                 free = next_state[0]
                 stuck = abs(free) <= rotor * bound
-                holding = free / rotor if stuck else math.copysign(bound, free)
+                holding = free * per_rotor if stuck else math.copysign(bound, free)
                 for i in range(width):
-                    next_state[i] -= holding * step[at + 56 + i]
+                    next_state[i] -= holding * matrix[56 + i]
                 drag, held = 0.0, False
                 if output_friction:
                     most = output_factor * (
                         physics[OUTPUT_COULOMB] + physics[OUTPUT_VISCOUS] * abs(uo)
                     )
-                    drag = next_state[UO] / free_output
+                    drag = next_state[UO] * per_output
                     held = abs(drag) <= most
                     if not held:
                         drag = math.copysign(most, drag)
                     for i in range(width):
-                        next_state[i] -= drag * step[at + 80 + i]
+                        next_state[i] -= drag * matrix[80 + i]
                     if held:
                         next_state[UO] = 0.0
                 after = 0.0 if stuck else next_state[0]
                 turned = w * after <= 0.0 and (w != 0.0 or after != 0.0)
-                if not fine:
+                if parts == 1:
                     # What holds the rotor has nearly reached what it can: it may let go before the step's end.
                     yields = stuck and abs(holding) + abs(holding - friction) > bound
                     if turned or yields or (output_friction and held != was_held):
-                        parts = FINE
+                        again = True
                         continue
                 done += 1
+                lead = 0.25
                 if turned:
                     # A rotor that lets go does so where its step begins.
                     since = 0.0 if w != 0.0 else h
@@ -453,14 +463,16 @@ def advance(
                 windup = wound * share
                 gear_heat += share * gear_part * moved_angle
                 motor_heat += share * motor_part * moved_angle
-                acceleration = 0.0 if after == 0.0 else (after - w) / h
-                output_acceleration = (next_state[UO] - uo) / h * per_radius
+                acceleration = 0.0 if after == 0.0 else (after - w) * per_step
+                output_acceleration = (next_state[UO] - uo) * per_step * per_radius
                 theta += moved_angle
                 w, r2, v2, r1 = after, next_state[1], next_state[2], next_state[3]
                 u1, ro, uo = next_state[4], next_state[5], next_state[6]
                 e0, slope0 = e1, slope1
-                port += physics[PORT_STEP_FINE if fine else PORT_STEP] * (reference - port)
+                port += port_step * (reference - port)
             force_before = force_first
+            if parts > 1:
+                matrix[:] = step[:STEP_SIZE]
         if warming:
             duration = substeps * h
             copper = physics[COPPER] * state[FILTER] * state[FILTER] * duration

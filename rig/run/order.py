@@ -41,8 +41,8 @@ class RunOrder:
     conditions: dict[str, Any] = field(default_factory=dict)
     world: Mapping[str, Any] = field(default_factory=dict)
     """The simulated world, as the run file tells it."""
-    thermal_state: Callable[[], Mapping[str, float]] | None = None
-    """How warm a simulated rig is now [degC]: noted at the end, for the run after this one."""
+    thermal_state: Callable[[], Mapping[str, Mapping[str, float]]] | None = None
+    """How warm a simulated rig is, and was on average [degC]: noted at the end, for the run after this one."""
     place: RunPlace | None = None
     """The number that was taken for this run before its rig was put together; None: it takes the next."""
     watch: Watch | None = None

@@ -98,9 +98,7 @@ def _ending_of(path: Path) -> Ending | None:
 def ending_of(metadata: RunMetadata) -> Ending | None:
     """The ending of a run; None where it knows of none: no simulated rig, not ended, or an older version's."""
     world = metadata.process.get("world")
-    temperatures = metadata.process.get("acquisition", {}).get("thermal_state")
-    if not isinstance(world, Mapping) or not isinstance(temperatures, Mapping):
+    state = metadata.process.get("acquisition", {}).get("thermal_state")
+    if not isinstance(world, Mapping) or not isinstance(state, Mapping):
         return None
-    # Beside them the file tells how warm the run was on average: nothing to start from.
-    ends = {name: warm for name, warm in temperatures.items() if not name.startswith("mean_")}
-    return Ending(world, StartState(metadata.run_id, ends))
+    return Ending(world, StartState(metadata.run_id, state["end"]))

@@ -45,7 +45,7 @@ TRUTH: dict[str, Any] = {
     "thermometer": {"housing_offset": 0.5},
     "torque_port": {"scale_error": 0.02},
     "motor": {"coulomb": 0.012, "viscous": 4e-5},
-    "temperatures": {"mean_housing": 31.0, "mean_motor": 40.0},
+    "mean_temperatures": {"housing": 31.0, "motor": 40.0},
 }
 SCALE = 1.02 / (1.0 - 0.001 * 20.0)
 GEAR_OPTIONS = {"torque_is_of": "gear", "torque_balance": "energy"}
@@ -241,7 +241,7 @@ def test_what_version_0_1_0_wrote_is_read() -> None:
 def test_the_mean_temperatures_of_the_run_stand_with_its_truth() -> None:
     process = {
         "truth": {"thermal": {"reference": 20.0}},
-        "acquisition": {"thermal_state": {"mean_motor": 33.0}},
+        "acquisition": {"thermal_state": {"mean": {"motor": 33.0}}},
     }
-    assert truth_of(process)["temperatures"]["mean_motor"] == 33.0
-    assert truth_of({"truth": {"a": 1}}) == {"a": 1, "temperatures": {}}
+    assert truth_of(process)["mean_temperatures"]["motor"] == 33.0
+    assert truth_of({"truth": {"a": 1}}) == {"a": 1, "mean_temperatures": {}}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import math
 from pathlib import Path
 
@@ -11,8 +12,10 @@ import pytest
 
 from drivers import channel as names
 from drivers.port import Command, Mode
+from model.closed_loop import OFF, ClosedLoop, LoopSettings
 from model.friction import friction_torque
 from model.gear import HarmonicDrive
+from model.kernels import closed_loop as kernel
 from model.stiffness import drive_stiffness
 from model.units import ARCSEC, RPM
 from sim_backend.direct import SimulatedRig
@@ -201,6 +204,35 @@ def test_switches_seeds_and_sizes_are_named() -> None:
     assert truth["imperfections"]["warming"] is False
     assert set(truth["imperfections"]) == set(Imperfections.names())
     assert truth["sizes"]["output_lines"] == 18000
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_the_truths_mode_is_what_the_plant_rings_with(seed: int) -> None:
+    """The rotor held by a stiff brake, the output pushed: period and decay of the swing that is T1/4 high."""
+    one = drawn(GEAR, MOTOR, World(gear_seed=seed, bench_seed=4, population="wide"))
+    assert one.sizes.stated is not None
+    gear = dataclasses.replace(one.gear, kinematic_error=())
+    on = Imperfections(sizes=one.sizes).without("output_bearing_friction", "sidebands")
+    world = World(gear_seed=seed, bench_seed=4)
+    dynamics = SimulatedRig(gear, one.motor, on, world).truth["dynamics"]
+    have = dataclasses.replace(one.sizes.stated.deviations, output_coulomb=0.0, cogging=())
+    brake = dataclasses.replace(MOTOR, coulomb_friction=3.0)
+    loop = ClosedLoop(gear, brake, have, LoopSettings(cycle=125e-6))
+    state = loop.rest()
+    push = 1.15 * dynamics["torsion_amplitude"] * 2.0 * math.pi * dynamics["resonance"]
+    state[kernel.UO] = push * gear.geometry.neutral_radius
+    rows = loop.advance(state, OFF, np.zeros(round(15.0 / dynamics["resonance"] / 125e-6)))
+    speed, angle = rows[:, kernel.ROW_OUTPUT_SPEED], rows[:, kernel.ROW_OUTPUT_ANGLE]
+    turns = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
+    times = 125e-6 * (turns + speed[turns] / (speed[turns] - speed[turns + 1]))
+    swings = 0.5 * np.abs(np.diff(angle[turns]))
+    nearest = int(np.argmin(np.abs(swings / dynamics["torsion_amplitude"] - 1.0)))
+    k = min(max(nearest, 2), 8)
+    assert swings[k] == pytest.approx(dynamics["torsion_amplitude"], rel=0.1)
+    period = (times[k + 3] - times[k - 1]) / 2.0
+    assert 1.0 / period == pytest.approx(dynamics["resonance"], rel=2e-3)
+    decay = math.log(swings[k - 2] / swings[k + 2]) / (4.0 * math.pi)
+    assert decay == pytest.approx(dynamics["damping_ratio"], rel=0.05)
 
 
 def test_no_code_of_an_analysis_makes_the_truth() -> None:

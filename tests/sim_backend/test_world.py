@@ -29,13 +29,17 @@ ANOTHER = {
 }
 
 
+def marked_angle(encoder: EncoderErrors) -> np.ndarray:
+    """One revolution from the encoder's own mark on."""
+    return encoder.index_angle + np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
+
+
 def curve(encoder: EncoderErrors) -> np.ndarray:
     """The error of an encoder over one revolution from its own mark on."""
-    angle = encoder.index_angle + np.linspace(0.0, 2.0 * math.pi, 360, endpoint=False)
-    return series_value(encoder.series, angle)
+    return series_value(encoder.series, marked_angle(encoder))
 
 
-def owned(condition: Condition) -> dict[str, Any]:
+def owned(condition: Condition) -> dict[str, list[Any]]:
     """What was drawn, by who owns it."""
     extra, port = condition.deviations, condition.torque_port
     assert extra.thermal is not None
@@ -51,11 +55,11 @@ def owned(condition: Condition) -> dict[str, Any]:
             extra.output_coulomb,
             extra.output_viscous,
             condition.housing_offset,
-            *(h.amplitude.__round__(12) for h in extra.cogging),
+            *series_value(extra.cogging, marked_angle(condition.input_encoder)).round(12),
         ],
-        "mounting": dataclasses.astuple(condition.seating),
-        "day": (port.offset, condition.ambient, extra.thermal.ambient),
-        "number": (condition.start_angle, condition.input_count, condition.dry_friction),
+        "mounting": [*dataclasses.astuple(condition.seating)],
+        "day": [port.offset, condition.ambient, extra.thermal.ambient],
+        "number": [condition.start_angle, condition.input_count, condition.dry_friction],
     }
 
 
@@ -76,6 +80,9 @@ def test_each_owns_its_own_and_leaves_the_others_theirs(which: str) -> None:
     first = owned(draw(on, RATIO, WORLD))
     other = owned(draw(on, RATIO, dataclasses.replace(WORLD, **ANOTHER[which])))
     assert {name for name in first if first[name] != other[name]} == CHANGES[which]
+    for name in CHANGES[which]:
+        same = [a for a, b in zip(first[name], other[name], strict=True) if a == b]
+        assert same == [], name
     assert owned(draw(on, RATIO, WORLD)) == first
 
 

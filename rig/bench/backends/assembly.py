@@ -88,7 +88,7 @@ class AssembledRig:
     asks of the computer.
 
     Of a simulated rig: `world` is the world that it is in, as its run file tells it, and
-    `thermal_state` tells how warm it is now [degC].
+    `thermal_state` tells how warm it is now ("end") and was on average ("mean") [degC].
     """
 
     name: str
@@ -101,7 +101,7 @@ class AssembledRig:
     priority: int = 0
     lock_memory: bool = False
     world: Mapping[str, Any] = field(default_factory=dict)
-    thermal_state: Callable[[], Mapping[str, float]] | None = None
+    thermal_state: Callable[[], Mapping[str, Mapping[str, float]]] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -82,8 +82,8 @@ def assembled(
         clock=clock,
         world=world_record(request),
         thermal_state=lambda: {
-            **asdict(plant.thermal_state),
-            **{f"mean_{name}": warm for name, warm in asdict(plant.mean_temperatures).items()},
+            "end": asdict(plant.thermal_state),
+            "mean": asdict(plant.mean_temperatures),
         },
     )
 

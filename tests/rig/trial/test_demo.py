@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import queue
@@ -10,6 +11,7 @@ import threading
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from experiments.errors import PlanError
@@ -17,6 +19,8 @@ from model.gear_file import load_gear
 from rig.analysis.store import json_text, read_analyses
 from rig.commands.demo_tables import print_demonstration
 from rig.errors import RigError
+from rig.run.start import run_request
+from rig.runfile.read import close_recording, open_run
 from rig.trial.demo import chain as demo
 from rig.trial.demo import work as demo_work
 from rig.trial.demo.chain import Demonstration, demonstrate
@@ -53,6 +57,23 @@ def test_every_protocol_is_run_in_order_and_fitted(made: Demonstration) -> None:
     assert [f.path.name[:5] for f in made.finished] == ["00001", "00002", "00003", "00004"]
     assert all(f.outcome in ("PASS", "MARGINAL", "FAIL") for f in made.finished)
     assert all(read_analyses(f.path)[0].kind == f.protocol for f in made.finished)
+
+
+def test_the_order_in_which_runs_happen_changes_no_count(
+    made: Demonstration, tmp_path: Path
+) -> None:
+    """The first run once more, after others of the same gear and day: neither number nor warmth are theirs."""
+    first = made.finished[0]
+    order = dataclasses.replace(made.order, folder=tmp_path)
+    for path in made.order.folder.glob("0000[234]-*.h5*"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    again = run_request(demo_work._request(first.protocol, order), judged=False)
+    assert again.run_id.startswith("00005-")
+    one, other = open_run(first.path), open_run(again.path)
+    assert one.metadata.process["world"] == other.metadata.process["world"]
+    assert all(np.array_equal(one.stored(name), other.stored(name)) for name in one.signals)
+    for recording in (one, other):
+        close_recording(recording)
 
 
 def test_the_tare_and_the_kinematic_error_are_handed_on(made: Demonstration) -> None:
