@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +76,7 @@ def check_recording(
             limit=f"<= {100.0 * maximum_missed_share:g} %",
             remedy="Repair the acquisition and repeat the run, or allow more with --largest-missed-share.",
         )
-    warnings = []
+    warnings: list[str] = []
     if missed:
         warnings.append(f"{missed} of {cycles} cycles are incomplete and were left out.")
     if saturated:
@@ -102,18 +102,21 @@ def _unrecorded(recording: Recording) -> int:
 
 def _acquisition(recording: Recording, name: str) -> Mapping[str, Any]:
     """A group of the figures that the run file keeps of its acquisition; empty where it keeps none."""
-    figures = recording.metadata.process.get("acquisition", {})
-    entry = figures.get(name, {}) if isinstance(figures, Mapping) else {}
-    return entry if isinstance(entry, Mapping) else {}
+    return _mapping(_mapping(recording.metadata.process.get("acquisition")).get(name))
+
+
+def _mapping(content: object) -> Mapping[str, Any]:
+    """What a file says where it should say an object; empty where it does not."""
+    return cast(Mapping[str, Any], content) if isinstance(content, Mapping) else {}
 
 
 def index_remarks(recording: Recording) -> list[str]:
     """Encoders whose index marks did not come back to their place while the run was recorded:
     counts were lost or added.
     """
-    remarks = []
+    remarks: list[str] = []
     for name, counts in _acquisition(recording, "index_marks").items():
-        worst = counts.get("worst_excess", 0) if isinstance(counts, Mapping) else 0
+        worst = _mapping(counts).get("worst_excess", 0)
         if isinstance(worst, (int, float)) and abs(worst) > MARK_REPEATABILITY:
             remarks.append(
                 f"{name}: counts between index marks were off by up to {abs(worst):g}: its "
@@ -126,8 +129,7 @@ def skew_remark(recording: Recording) -> list[str]:
     """What the skew between the encoders makes of the fastest set-point, where it is more than a
     count of the output encoder.
     """
-    skew = _acquisition(recording, "skew").get("encoder_skew", {})
-    value = skew.get("value") if isinstance(skew, Mapping) else None
+    value = _mapping(_acquisition(recording, "skew").get("encoder_skew")).get("value")
     output = recording.signals.get("output_angle")
     if not isinstance(value, (int, float)) or output is None or not output.quantum > 0.0:
         return []

@@ -19,7 +19,7 @@ from experiments.evidence.orders import SampledAngle, sampled
 from experiments.evidence.table import checks_of
 from experiments.quantity import Quantity
 from experiments.recording import Recording
-from experiments.result import Check, Result, Verdict
+from experiments.result import Check, Result, Table, Verdict
 from model.identify.estimate import Estimate
 
 LARGEST_SHARE = 0.5
@@ -53,10 +53,18 @@ def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> 
         result,
         estimates=estimates,
         checks=checks,
+        tables=(*result.tables, _table(checks)) if checks else result.tables,
         warnings=(*result.warnings, *(c.words for c in checks if c.outcome == "widened")),
         verdicts=tuple(_with_evidence(v, checks, result, estimates) for v in result.verdicts),
         covariance=covariance and covariance.with_shared(result.estimates),
     )
+
+
+def _table(checks: tuple[Check, ...]) -> Table:
+    """The checks as people read them."""
+    rows = tuple((c.name, c.outcome, c.found, c.allowed, c.words) for c in checks)
+    columns = ("check", "outcome", "found", "allowed", "remark")
+    return Table("checks", "What was checked before anything was computed", columns, rows)
 
 
 def _called(

@@ -7,7 +7,7 @@ import math
 from experiments.evidence import rotary_ratio
 from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Hold, Recorded
-from experiments.evidence.skew import skews
+from experiments.evidence.skew import skew_of_encoders
 from model.identify.skew import SPEED_SPAN
 
 SPEED_TOLERANCE = 0.02
@@ -81,7 +81,7 @@ def skew(recorded: Recorded) -> Finding:
     speeds = [abs(h.speed) for h in recorded.turning]
     if speeds and max(speeds) < SPEED_SPAN * min(speeds):
         return not_checked("one speed only: skew and wind-up are one number")
-    estimate = skews(recorded.recording, recorded.evidence.gear).get("encoder_skew")
+    estimate = skew_of_encoders(recorded.recording, recorded.evidence.gear)
     if estimate is None or not math.isfinite(estimate.value):
         why = estimate.note if estimate else "there is no time stamp of each cycle"
         return not_checked(why)

@@ -44,9 +44,21 @@ def skews(recording: Recording, gear: HarmonicDrive | None = None) -> dict[str, 
     rate = recording.metadata.sample_rate
     if recording.metadata.time_base not in TRUE_TIME or not rate > 0.0:
         return {}
-    needed = NEEDED_SHARE / rate
-    gear = gear or recording.metadata.gear
     estimates: dict[str, Estimate] = {}
+    encoders = skew_of_encoders(recording, gear)
+    if encoders is not None:
+        estimates["encoder_skew"] = encoders
+    if recording.has("torque", "drive_torque"):
+        estimates["torque_skew"] = _torque_skew(recording, 1.0 / rate, NEEDED_SHARE / rate)
+    return estimates
+
+
+def skew_of_encoders(recording: Recording, gear: HarmonicDrive | None = None) -> Estimate | None:
+    """How much later the output is latched than the input [s]; None without stamps, or both angles of a gear."""
+    rate = recording.metadata.sample_rate
+    if recording.metadata.time_base not in TRUE_TIME or not rate > 0.0:
+        return None
+    gear = gear or recording.metadata.gear
     ratio = rotary_ratio(
         recording, gear.mounted_ratio(recording.metadata.mounting) if gear else math.nan
     )
@@ -54,13 +66,11 @@ def skews(recording: Recording, gear: HarmonicDrive | None = None) -> dict[str, 
         recording.signals[name] for name in ("input_angle", "output_angle") if recording.has(name)
     ]
     rotary = len(encoders) == 2 and all(signal.unit == "rad" for signal in encoders)
-    if rotary and recording.metadata.gear_mounted and ratio > 0.0:
-        means = revolution_means(recording, ratio)
-        doubt = viscous_windup(gear, means.speed, ratio) if gear is not None else 0.0
-        estimates["encoder_skew"] = encoder_skew(means, needed, doubt)
-    if recording.has("torque", "drive_torque"):
-        estimates["torque_skew"] = _torque_skew(recording, 1.0 / rate, needed)
-    return estimates
+    if not (rotary and recording.metadata.gear_mounted and ratio > 0.0):
+        return None
+    means = revolution_means(recording, ratio)
+    doubt = viscous_windup(gear, means.speed, ratio) if gear is not None else 0.0
+    return encoder_skew(means, NEEDED_SHARE / rate, doubt)
 
 
 def viscous_windup(gear: HarmonicDrive, speed: FloatArray, ratio: float) -> float:
@@ -84,7 +94,9 @@ class _Revolutions:
     """Whole input revolutions as they come, block by block."""
 
     ratio: float
-    rows: list[tuple[int, float, float, float, float]] = field(default_factory=list)
+    rows: list[tuple[int, float, float, float, float]] = field(
+        default_factory=list[tuple[int, float, float, float, float]]
+    )
     """Index of the revolution, its begin and end [s], mean offset, mean output angle."""
     tail: tuple[FloatArray, FloatArray, FloatArray] = field(
         default_factory=lambda: (np.empty(0), np.empty(0), np.empty(0))

@@ -2,7 +2,7 @@
 
 Every analysis passes it first, from one place (`experiments.catalogue.load`). Each row names what
 it looks at, for which kinds of analysis, and by which function; the functions stand in `motion`,
-`torque`, `sampling` and `tare`. A check that a recording lacks the channels for says "not checked".
+`continuity`, `torque`, `sampling` and `tare`. A check that a recording lacks the channels for says "not checked".
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.evidence import motion, sampling, tare, torque
+from experiments.evidence import continuity, motion, sampling, tare, torque
 from experiments.evidence.finding import Finding
 from experiments.evidence.holds import Recorded
 from experiments.result import Check
@@ -99,16 +99,17 @@ TABLE: tuple[Row, ...] = (
     Row("time axis", _every, sampling.time_axis, LOOK_AT_TIME),
     Row("speed against set-point", _set_speed, motion.speed_against_set_point, LOOK_AT_COUNTS),
     Row("encoders against ratio", _gear, motion.encoders_against_ratio, LOOK_AT_ENCODERS, False),
+    Row("saturation", _torque, torque.saturation, WIDER_RANGE),
+    Row("plateau", _torque, torque.plateau, WIDER_RANGE),
+    Row("continuity", _set_speed, continuity.continuity, RECORD_AGAIN),
     Row("skew of the encoders", _output, motion.skew, SYNC_DEVICES, False),
     Row("sampling of the resonance", _mode, sampling.resonance, HIGHER_RATE),
     Row("count lattice", _transmission, sampling.count_lattice, OTHER_SPEED, False),
-    Row("saturation", _torque, torque.saturation, WIDER_RANGE),
-    Row("plateau", _torque, torque.plateau, WIDER_RANGE),
     Row("sign of the torque", _torque, torque.sign, LOOK_AT_PORT),
     Row("reach of the motor", _torque, torque.reach, LOOK_AT_PORT),
-    Row("torque port against drive", _torque, torque.port_against_drive, LOOK_AT_PORT, False),
     Row("torque zero", _torque, torque.zero, WARM_UP),
     Row("reference speed", _bracket, torque.bracket, WARM_UP, False),
+    Row("torque port against drive", _torque, torque.port_against_drive, LOOK_AT_PORT, False),
     Row("origin of the tare", _tare, tare.origin, SAME_RIG),
     Row("age of the tare", _tare, tare.age, NEW_TARE),
     Row("temperature of the tare", _tare, tare.temperature, SAME_ROOM),

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from experiments.budget import torque_scale_uncertainty
 from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded, part_of
 
@@ -21,8 +22,10 @@ DRIVING_SHARE = 0.1
 """The same as a share of the largest torque of the holds."""
 ABOVE_PEAK = 1.2
 """How far readings may lie above the motor's peak torque: scale, offset and noise."""
-DRIVE_SLOPES = (0.75, 1.33)
-"""Slope of the torque port over what the drive reports: both are the motor's torque, by scales of their own."""
+SLOPE_SPREAD, SLOPE_REST = 3.0, 0.02
+"""Standard uncertainties of both scales, and what lag and steps add, by which port and drive may differ."""
+DRIVE_RESIDUAL, DRIVE_RESIDUAL_SHARE = 0.003, 0.05
+"""N m, and share of the largest torque, by which a single segment may stand beside the others' line."""
 DRIVE_SPAN = 0.02
 """N m that the holds must span for the slope to be known."""
 ZERO_DRIFT, LARGEST_ZERO_DRIFT = 0.003, 0.02
@@ -128,11 +131,16 @@ def port_against_drive(recorded: Recorded) -> Finding:
         return not_checked("torque port and drive at several torques are needed")
     drive, port = (known - known.mean(axis=0)).T
     slope = float(drive @ port / (drive @ drive))
-    low, high = DRIVE_SLOPES
+    residual = float(np.abs(port - slope * drive).max())
+    scales = [
+        torque_scale_uncertainty(recorded.recording, n)[0] for n in ("torque", "drive_torque")
+    ]
+    apart = SLOPE_SPREAD * math.hypot(*scales) + SLOPE_REST
+    allowed = DRIVE_RESIDUAL + DRIVE_RESIDUAL_SHARE * float(np.abs(known[:, 1]).max())
     return refused_beyond(
-        not low <= slope <= high,
-        f"{slope:.4g} N m at the port per N m of the drive",
-        f"{low:g} to {high:g}",
+        abs(slope - 1.0) > apart or residual > allowed,
+        f"{slope:.4g} N m at the port per N m of the drive, {1e3 * residual:.2g} mN m beside that line",
+        f"1 ± {apart:.2g}, {1e3 * allowed:.2g} mN m",
         "the torque port and the torque that the drive reports are not the same torque",
     )
 

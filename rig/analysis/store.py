@@ -142,7 +142,7 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
             name: _quantity(result, name) for name in (*result.estimates, *result.metrics)
         },
         "covariance": result.covariance,
-        "checks": [],
+        "checks": result.checks,
     }
     content = json_ready(content)
     stored = read_analyses(run)

@@ -150,6 +150,26 @@ def frozen(honest: Honest) -> Honest:
     return _torque(honest, change)
 
 
+def frozen_for_a_while(honest: Honest) -> Honest:
+    """The port is not renewed for a fifth of a second."""
+    hold = _longest(honest.recording, "hold", "traverse")
+    torque = _source(honest.recording).arrays["torque"].copy()
+    middle = (hold.start + hold.stop) // 2
+    torque[middle : middle + 200] = torque[middle]
+    return _with(honest, {"torque": torque})
+
+
+def half_in_reverse(honest: Honest) -> Honest:
+    return _torque(honest, lambda torque: np.where(torque > 0.0, torque, 0.5 * torque))
+
+
+def louder_from_the_middle(honest: Honest) -> Honest:
+    def change(torque: Stored) -> Stored:
+        return np.where(np.arange(len(torque)) < len(torque) // 2, torque, 1.2 * torque)
+
+    return _torque(honest, change)
+
+
 def drifting_zero(honest: Honest) -> Honest:
     return _torque(honest, lambda torque: torque + np.linspace(0.0, 0.04, len(torque)))
 
@@ -179,6 +199,23 @@ def output_losing_counts(honest: Honest) -> Honest:
 
 def output_reversed(honest: Honest) -> Honest:
     return _counts(honest, "output_angle", -1.0)
+
+
+def output_standing(honest: Honest) -> Honest:
+    """The output angle is not renewed for a fifth of a second, and then goes on from where it should be."""
+    segment = _longest(honest.recording, "step", "traverse")
+    counts = _source(honest.recording).arrays["output_angle"].copy()
+    middle = segment.stop - (segment.stop - segment.start) // 4
+    counts[middle : middle + 200] = counts[middle]
+    return _with(honest, {"output_angle": counts})
+
+
+def input_jumping(honest: Honest) -> Honest:
+    """A hundred counts are lost at once in the middle of a segment."""
+    segment = _longest(honest.recording, "hold", "step", "traverse")
+    counts = _source(honest.recording).arrays["input_angle"].copy()
+    counts[segment.stop - (segment.stop - segment.start) // 4 :] += 100
+    return _with(honest, {"input_angle": counts})
 
 
 def ratio_119(honest: Honest) -> Honest:

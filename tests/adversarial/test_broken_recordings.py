@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Literal
 
 import pytest
@@ -22,7 +24,11 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
     ("friction", acts.clipped_on_one_side, "plateau"),
     ("friction", acts.reversed_torque, "sign of the torque"),
     ("friction", acts.rectified, "sign of the torque"),
-    ("friction", acts.frozen, "sign of the torque"),
+    ("friction", acts.frozen, "continuity"),
+    ("friction", acts.frozen_for_a_while, "continuity"),
+    ("friction", acts.input_jumping, "continuity"),
+    ("friction", acts.half_in_reverse, "torque port against drive"),
+    ("friction", acts.louder_from_the_middle, "torque port against drive"),
     ("friction", acts.millinewtons, "reach of the motor"),
     ("friction", acts.doubled, "torque port against drive"),
     ("friction", acts.halved, "torque port against drive"),
@@ -51,6 +57,9 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
     ("velocity-steps", acts.ratio_121, "encoders against ratio"),
     ("velocity-steps", acts.output_reversed, "encoders against ratio"),
     ("velocity-steps", acts.output_four_times, "encoders against ratio"),
+    ("velocity-steps", acts.output_standing, "continuity"),
+    ("velocity-steps", acts.input_jumping, "continuity"),
+    ("kinematic-error", acts.output_standing, "continuity"),
     ("velocity-steps", acts.output_late, "skew of the encoders"),
     ("velocity-steps", acts.at_200_hz, "sampling of the resonance"),
     ("velocity-steps", acts.at_125_hz, "sampling of the resonance"),
@@ -134,6 +143,13 @@ def test_what_is_widened_is_wider_and_not_wrong(
         if estimate.identifiable == "yes":
             apart = abs(estimate.value - before.estimates[name].value)
             assert apart <= estimate.expanded_uncertainty, name
+
+
+def test_the_documentation_lists_the_checks_in_their_order() -> None:
+    page = (Path(__file__).parents[2] / "docs/explanation/evidence.md").read_text(encoding="utf-8")
+    table = page.partition("## The table")[2].partition("## ")[0]
+    listed = re.findall(r"^\| ([a-z-][a-z -]+) \|", table, re.MULTILINE)[1:]
+    assert listed == [row.name for row in TABLE]
 
 
 def test_every_check_has_a_recording_that_it_refuses_or_widens() -> None:

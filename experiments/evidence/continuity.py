@@ -1,0 +1,90 @@
+"""Check of every channel that is averaged: it neither stands still while the rig turns, nor jumps."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from experiments.evidence import usable
+from experiments.evidence.finding import Finding, not_checked, refused_beyond
+from experiments.evidence.holds import Recorded, part_of
+from model.arrays import FloatArray
+
+STANDING_TORQUE = 50
+"""Equal rows of a torque that has noise: an honest one has less than ten."""
+NOISY_SHARE = 0.2
+"""Share of rows that differ from the one before, from which on a torque has noise."""
+STANDING_ANGLE = 0.1
+"""rad of the input that may be turned while an angle stands still: what stick and slip may do at low speed."""
+STANDING_COUNTS = 5.0
+"""Counts of the angle beside that."""
+JUMP_SHARE, JUMP_COUNTS = 0.3, 30.0
+"""Change of an angle from one row to the next beside its median: ripple of the speed, and counts."""
+
+
+def continuity(recorded: Recorded) -> Finding:
+    """The longest standstill and the largest jump of angles and torque in segments that turn, in units of the limit."""
+    if not recorded.turning:
+        return not_checked("there are no segments that turn")
+    worst, text = 0.0, ""
+    for name in _averaged(recorded):
+        for hold in recorded.turning:
+            rows = part_of(hold.segment, recorded.recording.rows)
+            stored = recorded.recording.stored(name, rows).astype(np.float64)
+            stored = stored[usable(recorded.recording, rows)]
+            if len(stored) < 3:
+                continue
+            excess, what = (
+                _torque(stored)
+                if name == recorded.torque
+                else _angle(stored, abs(hold.input_travel))
+            )
+            if excess > worst:
+                worst = excess
+                text = f"{name} {what} ({hold.segment.label} {hold.segment.index})"
+    return refused_beyond(
+        worst > 1.0,
+        text if worst > 1.0 else f"{worst:.2g} of what is allowed",
+        "1",
+        "a channel stands still or jumps where the rig turns steadily",
+    )
+
+
+def _averaged(recorded: Recorded) -> list[str]:
+    """The channels that the analysis rests on: those that it needs; of one without a plan all that there are."""
+    names = ["input_angle", recorded.torque]
+    if recorded.recording.metadata.gear_mounted:
+        names.append("output_angle")
+    needs = recorded.experiment.needs or names
+    return [name for name in names if recorded.recording.has(name) and name in needs]
+
+
+def _torque(stored: FloatArray) -> tuple[float, str]:
+    standing = _longest_run(stored)
+    is_noisy = np.count_nonzero(np.diff(stored)) > NOISY_SHARE * len(stored)
+    return (standing / STANDING_TORQUE if is_noisy else 0.0), f"stands still for {standing} rows"
+
+
+def _angle(stored: FloatArray, travel: float) -> tuple[float, str]:
+    """Standstill and jump of counts, of which the whole segment has as many as the input turns `travel` [rad]."""
+    steps = np.diff(stored)
+    mean = abs(float(stored[-1] - stored[0])) / len(steps)
+    if not (mean > 0.0 and travel > 0.0):
+        return math.inf, "stands still"
+    per_radian = mean * len(steps) / travel
+    standing = _longest_run(stored)
+    # One row that equals none before it has not stood still at all.
+    stood = (standing - 1) * mean / (STANDING_ANGLE * per_radian + STANDING_COUNTS)
+    median = float(np.median(steps))
+    jump = float(np.abs(steps - median).max())
+    jumped = jump / (JUMP_SHARE * abs(median) + JUMP_COUNTS)
+    if stood > jumped:
+        return stood, f"stands still for {standing} rows"
+    return jumped, f"jumps by {jump:.4g} counts"
+
+
+def _longest_run(stored: FloatArray) -> int:
+    """Rows of the longest piece in which nothing changes."""
+    changes = np.flatnonzero(np.diff(stored))
+    return int(np.diff(np.concatenate([[-1], changes, [len(stored) - 1]])).max())
