@@ -50,6 +50,11 @@ def protocols() -> Iterable[str]:
             yield "\n| flag | unit | allowed | default | what |\n|---|---|---|---|---|"
             for f in fields:
                 yield f"| `{f.flag}` | {f.unit} | {cell(f.limit)} | {cell(default_text(f.default))} | {cell(f.help)} |"
+        aims = [q for q in experiment.quantities if q.target_text]
+        if aims:
+            yield "\n| quantity | U of a useful result | why |\n|---|---|---|"
+            for q in aims:
+                yield f"| {cell(q.family_title)} | {q.target_text} | {cell(q.target_reason)} |"
 
 
 def commands() -> Iterable[str]:

@@ -47,7 +47,9 @@ class Quantity:
     - `definition`: What exactly is meant.
     - `conditions`: Facts of a run that must be equal for two values to be comparable: "part",
       "mounting", "speed".
-    - `target_uncertainty`: U (95 %) that a useful result stays below, in `unit`.
+    - `target_uncertainty`: U that a useful result stays below, in `unit`;
+    - `target_share`: or as a share of the value, for what differs by orders of magnitude between gears.
+    - `target_reason`: What such a result is good for.
     - `is_key`: Whether a reader looks for it first; the order of declaration is the order of
       importance.
     - `key_members`: Of a family: the members that are looked for first, the first of them first; none:
@@ -59,6 +61,7 @@ class Quantity:
       letter.
     - `axis`: What stands at the axis of its chart, before the unit; "" is the title without the
       placeholder.
+    - `is_signed`: Whether zero is a value like any other: an offset, a difference, a place.
     - `is_circular`: Whether it is an angle on the circle: two values differ by the shorter way round.
     - `subject`: Of a family of orders: what they are orders of.
     """
@@ -70,6 +73,8 @@ class Quantity:
     definition: str = ""
     conditions: tuple[str, ...] = ()
     target_uncertainty: float | None = None
+    target_share: float | None = None
+    target_reason: str = ""
     is_key: bool = False
     key_members: tuple[str, ...] = ()
     is_watched: bool = False
@@ -78,6 +83,7 @@ class Quantity:
     axis: str = ""
     catalogue: Counterpart | None = None
     is_circular: bool = False
+    is_signed: bool = False
     subject: str = ""
 
     def __post_init__(self) -> None:
@@ -88,6 +94,23 @@ class Quantity:
                 value=repr(self.shown),
                 limit=f"a multiple of {self.unit} among {', '.join(LABORATORY_UNITS)}",
             )
+
+    def target_for(self, value: float) -> float | None:
+        """U that a useful result of this value stays below, in `unit`; None where none is declared."""
+        if self.target_share is not None:
+            return self.target_share * abs(value)
+        return self.target_uncertainty
+
+    @property
+    def target_text(self) -> str:
+        """The target as a reader sees it; "" where none is declared."""
+        if self.target_share is not None:
+            return f"<= {100.0 * self.target_share:g} % of the value"
+        if self.target_uncertainty is None:
+            return ""
+        _, factor = LABORATORY_UNITS.get(self.shown, (self.unit, 1.0))
+        unit = self.shown or self.unit
+        return f"<= {self.target_uncertainty / factor:.3g}" + (f" {unit}" if unit != "1" else "")
 
     @property
     def placeholder(self) -> str:

@@ -68,6 +68,8 @@ class RunMetadata:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     conditions: Mapping[str, Any] = field(default_factory=dict)
     process: Mapping[str, Any] = field(default_factory=dict)
+    limits: Mapping[str, Any] = field(default_factory=dict)
+    """What the rig was limited to while the run was made, as its file keeps it."""
     sha256: str = ""
     """Of the bytes of the file; "" for one that is being written, and for a recording that is no file."""
     is_sealed: bool = False

@@ -1,63 +1,84 @@
 """What a simulated rig knows of itself beside what an analysis found: for demonstrations and
 coverage, never for analyses.
 
-The truth is the mapping that a simulated rig writes into its run file. Found and true values are
-made comparable here: the torque port reads (1 + scale error) times the true torque, both encoders
-stand in what is measured of the kinematic error, and phases of the truth over the recorded input
-angle are turned to the marks from which a result counts.
+The truth is the mapping that a simulated rig writes into its run file, made of what was drawn. Each
+quantity has two, and no analysis has a part in either:
+
+seen        what this bench sees: the torque port reads (1 + scale error) times the true torque, the output
+            bearing turns with the gear, encoders and mounting stand in what is measured of the kinematic error
+measurand   what the quantity is defined for: the gear alone, or the motor alone, by a perfect bench
+
+Both hold at the run's own mean temperature, those at 20 degC at 20 degC. What a result says that it
+took off (a tare, a bearing of the bench that was entered) is no longer seen.
 """
 
 from __future__ import annotations
 
+import cmath
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from experiments.errors import AnalysisError
-from experiments.protocols.friction.plots import FIT_TABLE
 from experiments.result import Result
-from model.arrays import FloatArray
-from model.friction import bearing_lever, bearing_magnitude, mesh_lever
-from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
-from model.identify.stribeck import NAMES, fit_stribeck
-from model.kinematic_error import basis_orders
 from model.units import RPM
+
+AT_REFERENCE = "_at_20_degrees"
+"""How the names of what is stated at 20 degC end."""
+FORCES = ("coulomb", "static", "viscous")
+Truths = Iterator[tuple[str, float, float]]
+"""Name, what this bench sees, measurand."""
 
 
 @dataclass(frozen=True)
 class TruthRow:
-    """One identified quantity beside its true value, in the same unit and frame."""
+    """One identified quantity beside its two truths, in the same unit and frame."""
 
     estimate: Estimate
-    truth: float
+    seen: float
+    measurand: float
 
     @property
     def difference(self) -> float:
-        """Found minus true; on the circle for phases."""
-        away = self.estimate.value - self.truth
-        return (
-            math.remainder(away, 2.0 * math.pi) if self.estimate.name.startswith("phase") else away
-        )
+        """Found minus what this bench sees; on the circle for phases."""
+        return self._from(self.seen)
+
+    @property
+    def error(self) -> float:
+        """Found minus the measurand; on the circle for phases."""
+        return self._from(self.measurand)
 
     @property
     def covered(self) -> bool:
-        """Whether the truth lies in the 95 % interval (type A)."""
-        truth = self.estimate.value - self.difference
-        return self.estimate.low <= truth <= self.estimate.high
+        """Whether the statistical interval (95 %, type A) holds what this bench sees."""
+        e = self.estimate
+        return e.low <= e.value - self.difference <= e.high
 
     @property
     def within(self) -> bool:
-        """Whether the truth lies within U (95 %), type B included, or in the interval where that is wider."""
-        return self.covered or abs(self.difference) <= self.estimate.expanded_uncertainty
+        """Whether value +- U, type B included, holds the measurand."""
+        return abs(self.error) <= self.estimate.expanded_uncertainty
+
+    @property
+    def is_split(self) -> bool:
+        """Whether this bench sees something else than the measurand."""
+        return not math.isclose(self.difference, self.error, rel_tol=1e-9, abs_tol=1e-30)
+
+    def _from(self, truth: float) -> float:
+        away = self.estimate.value - truth
+        is_angle = self.estimate.name.startswith("phase")
+        return math.remainder(away, 2.0 * math.pi) if is_angle else away
 
 
 def truth_of(metadata_process: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The truth that the process record of a run carries; `AnalysisError` where there is none."""
+    """The truth that the process record of a run carries, with its mean temperatures if it came to its end.
+
+    Raises `AnalysisError` where there is none.
+    """
     truth = metadata_process.get("truth")
     if not isinstance(truth, Mapping):
         raise AnalysisError(
@@ -65,176 +86,263 @@ def truth_of(metadata_process: Mapping[str, Any]) -> Mapping[str, Any]:
             where="process.truth",
             remedy="Only runs of the simulated rig know theirs.",
         )
-    return truth
+    temperatures = metadata_process.get("acquisition", {}).get("thermal_state", {})
+    return {**truth, "temperatures": temperatures}
 
 
-def truth_rows(
-    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None = None
-) -> tuple[TruthRow, ...]:
-    """Every estimate of a result whose true value the rig knows.
-
-    `gear` is the parameter set that the analysis leaned on. With it the truth of a friction run is
-    what a perfect fit would have found: with the output bearing's friction and at the temperature of the
-    run, in the form of equation 19 beside the bearing friction that the set states. Without it the
-    truth holds at the reference temperature.
-    """
-    finder = _FINDERS.get(result.kind)
-    if finder is None:
+def truth_rows(result: Result, truth: Mapping[str, Any]) -> tuple[TruthRow, ...]:
+    """Every estimate of a result whose true value the rig knows, in the order of the result."""
+    maker = _MAKERS.get(result.kind)
+    if maker is None:
         return ()
-    truths = dict(finder(result, truth, gear))
+    truths = {name: (seen, measurand) for name, seen, measurand in maker(result, _Truth(truth))}
     return tuple(
-        TruthRow(dataclasses.replace(e, name=name), truths[name])
-        for name, e in result.estimates.items()
+        TruthRow(dataclasses.replace(estimate, name=name), *truths[name])
+        for name, estimate in result.estimates.items()
         if name in truths
     )
 
 
-def _scale(truth: Mapping[str, Any]) -> float:
-    return 1.0 + float(truth.get("torque_port", {}).get("scale_error", 0.0))
+@dataclass(frozen=True)
+class _Truth:
+    """The record of a simulated rig, and what its temperatures make of it."""
+
+    record: Mapping[str, Any]
+
+    def part(self, name: str) -> Mapping[str, Any]:
+        found = self.record.get(name, {})
+        return found if isinstance(found, Mapping) else {}
+
+    def heat(self, name: str) -> float:
+        return float(self.part("thermal").get(name, 0.0))
+
+    def motor_warmer(self) -> float:
+        """How much warmer the motor was on average than the reference [K]; 0 where nothing warms."""
+        if "reference" not in self.part("thermal"):
+            return 0.0
+        warm = self.part("temperatures").get("mean_motor", self.heat("reference"))
+        return float(warm) - self.heat("reference")
+
+    def warmer(self, result: Result) -> float:
+        """How much warmer the housing was than the reference [K]: by the thermometer, whose error is known here."""
+        if "reference" not in self.part("thermal"):
+            return 0.0
+        housing = result.metrics.get("housing_temperature", math.nan)
+        if math.isfinite(housing):
+            housing -= float(self.part("thermometer").get("housing_offset", 0.0))
+        else:
+            housing = float(self.part("temperatures").get("mean_housing", self.heat("reference")))
+        return housing - self.heat("reference")
+
+    def scale(self) -> float:
+        """What the torque port shows of a torque, as a factor."""
+        port, motor = self.part("torque_port"), self.motor_warmer()
+        weaker = 1.0 - self.heat("torque_constant_per_kelvin") * motor
+        return (1.0 + float(port.get("scale_error", 0.0))) / weaker
 
 
-def _friction(
-    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
-) -> Iterator[tuple[str, float]]:
-    """Parameters and running torques of the gear as the port shows them at the temperature of the run."""
-    friction = truth.get("friction", {})
-    balance = result.options.get("torque_balance")
-    if result.options.get("torque_is_of") != "gear" or friction.get("torque_balance") != balance:
+@dataclass(frozen=True)
+class _Friction:
+    """Friction of the true gear, and of the bench's output bearing, `warmer` than the reference by so many K."""
+
+    truth: _Truth
+    warmer: float
+
+    @property
+    def own(self) -> Mapping[str, Any]:
+        return self.truth.part("friction")
+
+    @property
+    def dry(self) -> float:
+        return 1.0 - self.truth.heat("coulomb_per_kelvin") * self.warmer
+
+    @property
+    def thin(self) -> float:
+        return math.exp(-self.truth.heat("viscous_per_kelvin") * self.warmer)
+
+    def gear(self, name: str) -> float:
+        """A parameter of the gear alone, of equation 19."""
+        change = {"coulomb": self.dry, "static": self.dry, "viscous": self.thin}.get(name, 1.0)
+        return change * float(self.own[name])
+
+    def bearing(self, name: str) -> float:
+        """What the output bearing is worth as a force at the mesh [N], [N s/rad]."""
+        part = "viscous" if name == "viscous" else "coulomb"
+        if "output_bearing_at_mesh" in self.own:
+            at_mesh = float(self.own["output_bearing_at_mesh"][part])
+        else:
+            at_mesh = float(self.own["measurable"][part]) - float(self.own[part])
+        law = float(self.own.get("output_bearing_per_kelvin", 0.0))
+        return at_mesh * (1.0 - law * self.warmer)
+
+    def gear_torque(self, speed: float) -> float:
+        """The gear's own friction torque at an input speed [rad/s] [N m]; 0 is that of a start (equations 18, 19)."""
+        decay = math.exp(
+            -((speed / float(self.own["stribeck_velocity"])) ** float(self.own["shape"]))
+        )
+        coulomb, static = self.gear("coulomb"), self.gear("static")
+        mesh = coulomb + (static - coulomb) * decay + self.gear("viscous") * speed
+        still = self._no_load(0.0)
+        grown = self._no_load(speed) - still
+        drag = self.dry * still + self.thin ** (2.0 / 3.0) * grown
+        return float(self.own["mesh_lever"]) * mesh + float(self.own["bearing_lever"]) * drag
+
+    def _no_load(self, speed: float) -> float:
+        """M_0 of equation 18 [N m]; speed in r/min and viscosity in mm2/s, below 2000 as at 2000."""
+        bearing = self.own["bearing_torque"]
+        product = float(bearing["viscosity"]) * 1e6 * speed / RPM
+        if bearing["low_speed_branch"]:
+            product = max(product, 2000.0)
+        size = float(bearing["friction_factor"]) * float(bearing["pitch_diameter"]) ** 3
+        return 0.1 * size * product ** (2.0 / 3.0)
+
+    def bearing_torque(self, speed: float) -> float:
+        """What the output bearing adds at the input [N m]."""
+        forces = self.bearing("coulomb") + self.bearing("viscous") * speed
+        return float(self.own["mesh_lever"]) * forces
+
+
+def _friction(result: Result, truth: _Truth) -> Truths:
+    """Parameters of equation 19 and running torques, at the run's temperature and at 20 degC."""
+    own = truth.part("friction")
+    if result.options.get("torque_is_of") != "gear" or own.get("torque_balance") != (
+        result.options.get("torque_balance")
+    ):
         return
-    scale = _scale(truth)
-    table = next((t for t in result.tables if t.name == FIT_TABLE), None)
-    if gear is None or table is None:
-        for name, value in friction.get("measurable", {}).items():
-            yield name, float(value) * (scale if name in ("coulomb", "static", "viscous") else 1.0)
-        return
-    warmer = _warmer(result, truth)
-    points = np.array([[float(v) for v in row[:3]] for row in table.rows])
-    speed, error = points[:, 0] * RPM, points[:, 2]
-    torque = scale * _true_torque(friction, truth.get("thermal", {}), gear, speed, warmer)
-    low = gear.options.low_speed_branch
-    drag = bearing_lever(gear, balance) * bearing_magnitude(
-        gear.bearing, speed, low_speed_branch=low
-    )
-    force = (torque - drag) / mesh_lever(gear, balance)
-    # The errors of the run as weights: where equation 18 does not hold, the best parameters depend on them.
-    fit = fit_stribeck(speed, force, error / mesh_lever(gear, balance))
-    yield from zip(NAMES, (float(v) for v in fit.values), strict=True)
-    for name in result.estimates:
-        if name.startswith("running_torque_"):
-            at = np.array([float(name.removeprefix("running_torque_").removesuffix("_rpm")) * RPM])
-            yield (
-                name,
-                scale
-                * float(_true_torque(friction, truth.get("thermal", {}), gear, at, warmer)[0]),
-            )
+    taken = {
+        "coulomb": result.metrics.get("output_bearing_subtracted", 0.0),
+        "viscous": result.metrics.get("output_bearing_viscous_subtracted", 0.0),
+    }
+    taken["static"] = taken["coulomb"]
+    scale = truth.scale()
+    for suffix, warmer in (
+        ("", truth.warmer(result)),
+        (AT_REFERENCE, 20.0 - truth.heat("reference") if truth.part("thermal") else 0.0),
+    ):
+        at = _Friction(truth, warmer)
+        for name in FORCES:
+            seen = scale * (at.gear(name) + at.bearing(name)) - taken[name]
+            yield name + suffix, seen, at.gear(name)
+        for name in ("stribeck_velocity", "shape"):
+            yield name + suffix, at.gear(name), at.gear(name)
+        for speed_rpm in _speeds(result.estimates, suffix) if "mesh_lever" in own else ():
+            speed = speed_rpm * RPM
+            gear = at.gear_torque(speed)
+            off = float(own["mesh_lever"]) * (taken["coulomb"] + taken["viscous"] * speed)
+            seen = scale * (gear + at.bearing_torque(speed)) - off
+            yield f"running_torque_{speed_rpm:g}_rpm{suffix}", seen, gear
 
 
-def _warmer(result: Result, truth: Mapping[str, Any]) -> float:
-    """How much warmer than the truth's reference the points were [K]; 0 where nothing warms or nobody looked."""
-    reference = truth.get("thermal", {}).get("reference")
-    housing = result.metrics.get("housing_temperature", math.nan)
-    offset = float(truth.get("thermometer", {}).get("housing_offset", 0.0))
-    return (
-        housing - offset - float(reference)
-        if reference is not None and math.isfinite(housing)
-        else 0.0
-    )
+def _speeds(names: Iterable[str], suffix: str) -> Iterator[float]:
+    """The speeds [r/min] at which running torques are named."""
+    for name in names:
+        found = re.fullmatch(rf"running_torque_([0-9.]+)_rpm{suffix}", name)
+        if found:
+            yield float(found[1])
 
 
-def _true_torque(
-    friction: Mapping[str, Any],
-    thermal: Mapping[str, Any],
-    gear: HarmonicDrive,
-    speed: FloatArray,
-    warmer: float,
-) -> FloatArray:
-    """Friction torque at the input of the true gear with its output bearing [N m], `warmer` than
-    the reference by so many K.
-
-    Dry parts fall by `coulomb_per_kelvin` of themselves per kelvin, viscous ones as exp(-viscous_per_kelvin dT), the
-    bearing's speed-dependent part as that to 2/3.
-    """
-    dry = 1.0 - float(thermal.get("coulomb_per_kelvin", 0.0)) * warmer
-    thin = math.exp(-float(thermal.get("viscous_per_kelvin", 0.0)) * warmer)
-    bearing = dataclasses.replace(
-        gear.bearing,
-        friction_factor=float(friction["bearing_friction_factor"]),
-        viscosity=float(friction["viscosity"]),
-    )
-    own, seen = friction, friction["measurable"]
-    lever = mesh_lever(gear, friction["torque_balance"])
-    decay = np.exp(-((speed / own["stribeck_velocity"]) ** own["shape"]))
-    mesh = (
-        dry * (own["coulomb"] + (own["static"] - own["coulomb"]) * decay)
-        + thin * own["viscous"] * speed
-    )
-    output = (seen["coulomb"] - own["coulomb"]) + (seen["viscous"] - own["viscous"]) * speed
-    still = bearing_magnitude(bearing, 0.0)
-    moving = bearing_magnitude(bearing, speed) - still
-    drag = bearing_lever(gear, friction["torque_balance"]) * (
-        dry * still + thin ** (2.0 / 3.0) * moving
-    )
-    return lever * (mesh + output) + drag
-
-
-def _tare(
-    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
-) -> Iterator[tuple[str, float]]:
-    motor, scale = truth.get("motor", {}), _scale(truth)
+def _tare(result: Result, truth: _Truth) -> Truths:
+    """Friction of the motor alone, as warm as it was on average."""
+    motor, scale = truth.part("motor"), truth.scale()
+    weaker = 1.0 - truth.heat("motor_friction_per_kelvin") * truth.motor_warmer()
     for name in ("coulomb", "viscous"):
         if name in motor:
-            yield f"motor_{name}", scale * float(motor[name])
+            own = weaker * float(motor[name])
+            yield f"motor_{name}", scale * own, own
 
 
-def _kinematic_error(
-    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
-) -> Iterator[tuple[str, float]]:
-    error = truth.get("kinematic_error", {})
+def _starting_torque(result: Result, truth: _Truth) -> Truths:
+    """Motor and gear from rest, in the mean over all positions; the bench's output bearing is no part of it."""
+    own, motor = truth.part("friction"), truth.part("motor")
+    if "mesh_lever" not in own or result.options.get("torque_is_of") != "motor + gear":
+        return
+    at = _Friction(truth, truth.warmer(result))
+    weaker = 1.0 - truth.heat("motor_friction_per_kelvin") * truth.motor_warmer()
+    both = at.gear_torque(0.0) + weaker * float(motor["coulomb"])
+    seen = truth.scale() * (both + at.bearing_torque(0.0))
+    for way in ("", "_forward", "_reverse"):
+        yield f"starting_torque{way}", seen, both
+
+
+def _kinematic_error(result: Result, truth: _Truth) -> Truths:
+    """Amplitudes, phases from the mark of the result, and peak to peak; an order that nothing makes has amplitude 0."""
+    error = truth.part("kinematic_error")
     ratio = float(result.options.get("ratio", math.nan))
     reference = float(result.options.get("phase_reference_angle", 0.0))
-    labels = {
-        round(o.order, 9): o.label
-        for o in basis_orders(ratio, range(1, int(result.options.get("highest_order", 12)) + 1))
-    }
     recorded = "measurable_recorded" in error
-    for entry in error["measurable_recorded"] if recorded else error.get("measurable", ()):
-        label = labels.get(round(float(entry["order"]), 9))
-        if label is None:
+    seen = _series(
+        error["measurable_recorded"] if recorded else error.get("measurable", ()),
+        reference if recorded else 0.0,
+    )
+    turn = reference - float(error.get("reference_angle", reference))
+    alone = _series(error["orders"], turn) if "orders" in error else seen
+    for name in result.estimates:
+        what, _, label = name.partition("_")
+        order = _order_of(label, ratio) if what in ("amplitude", "phase") else None
+        if order is None:
             continue
-        phase = math.atan2(entry["sine"], entry["cosine"]) - (
-            entry["order"] * reference if recorded else 0.0
-        )
-        yield f"amplitude_{label}", float(entry["amplitude"])
-        yield f"phase_{label}", math.remainder(phase, 2.0 * math.pi)
+        pair = _at_order(seen, order), _at_order(alone, order)
+        if what == "amplitude":
+            yield name, abs(pair[0]), abs(pair[1])
+        elif pair[0]:
+            yield name, -cmath.phase(pair[0]), -cmath.phase(pair[1] or pair[0])
     if "measurable_peak_to_peak" in error:
-        for name in (
-            "transmission_accuracy",
-            "transmission_accuracy_forward",
-            "transmission_accuracy_reverse",
-        ):
-            yield name, float(error["measurable_peak_to_peak"])
+        whole = float(error["measurable_peak_to_peak"])
+        for way in ("", "_forward", "_reverse"):
+            name = f"transmission_accuracy{way}"
+            yield name, whole, float(error.get("peak_to_peak", whole))
 
 
-def _steps(
-    result: Result, truth: Mapping[str, Any], gear: HarmonicDrive | None
-) -> Iterator[tuple[str, float]]:
-    """K/J_o and frequency for small amplitudes: with the stiffness of the hysteresis element before it slides."""
-    dynamics = truth.get("dynamics", {})
+def _order_of(label: str, ratio: float) -> float | None:
+    """Cycles per input revolution of "2", "3/N", "2-1/N"; None for what is no order."""
+    found = re.fullmatch(r"(\d+)|(\d+)/N|(\d+)([+-]\d+)/N", label)
+    if found is None:
+        return None
+    whole, output, beside, k = found.groups()
+    if whole is not None:
+        return float(whole)
+    return int(output) / ratio if output is not None else int(beside) + int(k) / ratio
+
+
+def _series(orders: Iterable[Mapping[str, float]], turn: float) -> dict[float, complex]:
+    """c of a cos(n x) + b sin(n x) = Re c exp(j n x), x counted from `turn` on."""
+    return {
+        o["order"]: complex(o["cosine"], -o["sine"]) * cmath.exp(1j * o["order"] * turn)
+        for o in orders
+    }
+
+
+def _at_order(series: Mapping[float, complex], order: float) -> complex:
+    return sum(c for other, c in series.items() if abs(other - order) < 1e-9)
+
+
+def _steps(result: Result, truth: _Truth) -> Truths:
+    """Secant stiffness over inertia, mode and damping at the named torque amplitude; inertia and stiffness by torque.
+
+    The torque port's scale stands in what torque tells: it is read for rotor and output together,
+    and the rotor is taken off as the card has it.
+    """
+    dynamics = truth.part("dynamics")
     if "stiffness_over_inertia" not in dynamics:
         return
-    share = 1.0 + float(dynamics.get("hysteresis", {}).get("stiffness_share", 0.0))
-    ratio = share * float(dynamics["stiffness_over_inertia"])
+    ratio, inertia = float(dynamics["stiffness_over_inertia"]), float(dynamics["output_inertia"])
     for suffix in ("", "_forward", "_reverse"):
-        yield f"stiffness_over_inertia{suffix}", ratio
-        yield f"frequency{suffix}", math.sqrt(ratio) / (2.0 * math.pi)
-    if "output_inertia" in dynamics:
-        yield "output_inertia", float(dynamics["output_inertia"])
-        yield "output_stiffness", ratio * float(dynamics["output_inertia"])
+        yield f"stiffness_over_inertia{suffix}", ratio, ratio
+        if "damping_ratio" in dynamics:
+            frequency, damping = float(dynamics["resonance"]), float(dynamics["damping_ratio"])
+            yield f"frequency{suffix}", frequency, frequency
+            seen = float(dynamics["damping_ratio_with_output_bearing"])
+            yield f"damping_ratio{suffix}", seen, damping
+    scale, rotor = truth.scale(), float(dynamics.get("input_inertia", 0.0))
+    carried = scale * inertia + (scale - 1.0) * rotor * float(dynamics.get("ratio", 0.0)) ** 2
+    yield "output_inertia", carried, inertia
+    yield "output_stiffness", ratio * carried, ratio * inertia
 
 
-_FINDERS = {
+_MAKERS: Mapping[str, Callable[[Result, _Truth], Truths]] = {
     "friction": _friction,
     "motor-tare": _tare,
     "kinematic-error": _kinematic_error,
     "velocity-steps": _steps,
+    "starting-torque": _starting_torque,
 }

@@ -28,11 +28,15 @@ import numpy as np
 
 from model import friction, loop_tables
 from model.arrays import FloatArray
+from model.errors import ModelError
 from model.gear import Harmonic, HarmonicDrive, Mounting
 from model.kernels import closed_loop as kernel
 from model.kinematic_error import series_slope, series_value
 from model.linear import DynamicParameters, dynamic_parameters
 from model.motor import ServoMotor
+
+CREEP = 4.0
+"""Stribeck velocities below which a speed creeps: friction is steep there."""
 
 OFF, SPEED, TORQUE, QUICK_STOP = kernel.OFF, kernel.SPEED, kernel.TORQUE, kernel.QUICK_STOP
 """What the servo is told: power stage off, speed set-points [rad/s], torque set-points [N m], ramp down and hold."""
@@ -103,6 +107,7 @@ class Deviations:
     cogging              orders of the motor's cogging torque over theta_i, amplitudes in N m
     torque_constant_error   relative excess of the true motor torque over the reference
     port_lag             time constant of the torque monitor [s]
+    output_latch         how long after SYNC the output is latched [s], within the SYNC period
     thermal              housing and motor that warm; None: every temperature stays at 22 degC
     """
 
@@ -119,6 +124,7 @@ class Deviations:
     cogging: tuple[Harmonic, ...] = ()
     torque_constant_error: float = 0.0
     port_lag: float = 0.0
+    output_latch: float = 0.0
     thermal: Thermal | None = None
 
 
@@ -165,7 +171,12 @@ class ClosedLoop:
             gear.inertia.output / self.ratio**2 if mounted else 0.0
         )
         system = loop_tables.linear_system(self.parameters, self.rotor_inertia, coupled=mounted)
-        self._step = loop_tables.step_matrix(system, self.time_step)
+        self._step = np.concatenate(
+            [
+                loop_tables.step_matrix(system, length)
+                for length in (self.time_step, self.time_step / kernel.FINE)
+            ]
+        )
         self._error, self._period = loop_tables.error_table(
             self.series, self.ratio, self.parameters.radial_lever
         )
@@ -266,15 +277,28 @@ class ClosedLoop:
             p[kernel.DEPTH] = extra.mesh_depth / max(self._largest_error(), 1e-12)
             p[kernel.OUTPUT_COULOMB] = extra.output_coulomb
             p[kernel.OUTPUT_VISCOUS] = extra.output_viscous / parameters.neutral_radius
+            p[kernel.OUTPUT_PER_KELVIN] = extra.output_per_kelvin
+            p[kernel.CREEP] = CREEP * self.gear.mesh_friction.stribeck_velocity
             self._fill_elastic(p)
         if extra.motor_friction:
             p[kernel.MOTOR_COULOMB], p[kernel.MOTOR_VISCOUS] = (
                 motor.coulomb_friction,
                 motor.viscous_friction,
             )
-        p[kernel.PORT_STEP] = (
-            -math.expm1(-self.time_step / extra.port_lag) if extra.port_lag > 0.0 else 1.0
-        )
+        for place, step in (
+            (kernel.PORT_STEP, self.time_step),
+            (kernel.PORT_STEP_FINE, self.time_step / kernel.FINE),
+        ):
+            p[place] = -math.expm1(-step / extra.port_lag) if extra.port_lag > 0.0 else 1.0
+        if not 0.0 <= extra.output_latch < self.settings.cycle:
+            raise ModelError(
+                "the output cannot be latched when the next SYNC has come",
+                where="output_latch",
+                value=f"{extra.output_latch * 1e3:.3f} ms",
+                limit=f"< {self.settings.cycle * 1e3:g} ms",
+                remedy="Take a lower sampling rate, or a bench with less skew.",
+            )
+        p[kernel.LATCH] = extra.output_latch
         p[kernel.TORQUE_FACTOR] = 1.0 + extra.torque_constant_error
         p[kernel.FRICTION_SCALE] = loop_tables.FRICTION_POINTS / math.sqrt(self._highest_speed)
         p[kernel.FRICTION_LAST] = loop_tables.FRICTION_POINTS - 1

@@ -1,9 +1,21 @@
-"""What only a simulated rig knows: every effective parameter, named as the estimates are, as plain JSON-able data.
+"""What only a simulated rig knows: every parameter that was drawn, as plain JSON-able data.
 
-Kinematic error: "orders" is the gear alone, "measurable" what the two counters can see, gear and
-encoders together; both over the input angle from the index marks (the input's mark at or before the
-output's). "measurable_recorded" is the same over the recorded input angle (counts times scale), to
-be laid on a fit of raw counts without any shift. Friction holds at the reference temperature.
+No code that analyses a run has a part in it. Two truths stand side by side: the gear (or the motor)
+alone, and what this bench adds to it, each thing by its name (`torque_port`, `encoders`, the output
+bearing of `friction`, the eccentricity of the mounting). How a quantity is made of them says
+`experiments.truth`.
+
+friction          the gear alone at `thermal.reference`, at 20 degC and at the temperature at which the run
+                  starts; dry parts fall by `coulomb_per_kelvin` of themselves per kelvin, viscous ones as
+                  exp(-viscous_per_kelvin dT), what the bearing's no-load torque (equation 18) has beyond standstill
+                  as that to 2/3. Beside it the bench's output bearing.
+kinematic_error   "orders" is the gear alone, "measurable" what the two counters can see, gear, mounting and
+                  encoders together; both over the input angle from the index marks (the input's mark at or before the
+                  output's). "measurable_recorded" is the same over the recorded input angle (counts times
+                  scale), to be laid on a fit of raw counts without any shift.
+dynamics          with the wave generator held, at a torque amplitude of T1/4 at the output: the torsion that spring
+                  and hysteresis element make of it, the secant stiffness, and the first mode of equation 2 beside
+                  them: natural frequency |lambda|/(2 pi) and damping ratio -Re lambda/|lambda| of its eigenvalue.
 """
 
 from __future__ import annotations
@@ -12,17 +24,22 @@ import cmath
 import dataclasses
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 from model import friction
-from model.closed_loop import ClosedLoop
-from model.gear import Harmonic
+from model.closed_loop import ClosedLoop, Thermal
+from model.gear import Harmonic, HarmonicDrive
 from model.kinematic_error import peak_to_peak
 from model.motor import ServoMotor
-from model.units import REVOLUTION, RPM
+from model.units import REVOLUTION
 from sim_backend.imperfections import Condition, Imperfections
 from sim_backend.sensors import Instruments
+from sim_backend.world import World
+
+REFERENCE = 20.0
+"""degC at which every friction number is also stated."""
 
 
 def tell(
@@ -31,15 +48,16 @@ def tell(
     on: Imperfections,
     condition: Condition,
     instruments: Instruments,
-    seeds: dict[str, int],
+    world: World,
     output_sense: int,
 ) -> dict[str, object]:
-    """The truth of one simulated rig on one day."""
+    """The truth of one simulated rig in one world."""
     mounted = loop.settings.gear_mounted
+    later = condition.output_encoder.skew + condition.deviations.output_latch
     truth: dict[str, object] = {
         "imperfections": {name: bool(getattr(on, name)) for name in on.names()},
-        "sizes": dataclasses.asdict(on.sizes),
-        "seeds": seeds,
+        "sizes": dataclasses.asdict(dataclasses.replace(on.sizes, stated=None)),
+        "world": dataclasses.asdict(world),
         "motor": _motor(motor, condition),
         "torque_port": _torque_port(condition),
         "encoders": _encoders(instruments, condition, output_sense),
@@ -50,8 +68,8 @@ def tell(
         "timing": {
             "sync_jitter": condition.sync_jitter,
             "input_skew": condition.input_encoder.skew,
-            "output_skew": condition.output_encoder.skew,
-            "skew": condition.output_encoder.skew - condition.input_encoder.skew,
+            "output_skew": later,
+            "skew": later - condition.input_encoder.skew,
         },
         "start_angle": condition.start_angle,
         "gear_mounted": mounted,
@@ -62,51 +80,64 @@ def tell(
         },
     }
     if mounted:
-        truth["friction"] = _friction(loop)
+        truth["friction"] = _friction(loop, condition)
         truth["kinematic_error"] = _kinematic_error(loop, condition, instruments, output_sense)
         truth["dynamics"] = _dynamics(loop)
     return truth
 
 
-def _friction(loop: ClosedLoop) -> dict[str, object]:
-    """Friction of the gear, and what a fit of input torque can see of it: with the output
-    bearing's, in the same units.
-    """
+def _friction(loop: ClosedLoop, condition: Condition) -> dict[str, object]:
+    """Friction of the gear alone at three temperatures, and beside it the bench's output bearing, also as the
+    forces at the mesh that would make the same torque at the input."""
     gear, extra = loop.gear, loop.deviations
-    mesh = gear.mesh_friction
+    bearing, low = gear.bearing, gear.options.low_speed_branch
     lever = friction.mesh_lever(gear) * gear.ratio / loop.ratio
-    coulomb = extra.output_coulomb / (loop.ratio * lever)
-    viscous = extra.output_viscous / (loop.ratio**2 * lever)
-    speed = np.array([1, 3, 10, 30, 60, 100, 200, 300, 600, 1000, 1500, 2000, 2500, 3000]) * RPM
-    mesh_torque = lever * friction.stribeck_magnitude(mesh, speed)
-    drag = friction.bearing_lever(gear) * np.abs(friction.bearing_friction_torque(gear, speed))
-    output = extra.output_coulomb / loop.ratio + extra.output_viscous * speed / loop.ratio**2
-    own = {
-        "coulomb": mesh.coulomb,
-        "static": mesh.static,
-        "stribeck_velocity": mesh.stribeck_velocity,
-        "shape": mesh.shape,
-        "viscous": mesh.viscous,
-    }
+    heat = extra.thermal or Thermal()
+    own = _mesh(gear, 1.0, 1.0)
     return {
         **own,
+        "at_20_degrees": _at(gear, heat, REFERENCE),
+        "at_start": {"temperature": heat.housing_start, **_at(gear, heat, heat.housing_start)},
+        "dry_friction_of_this_run": condition.dry_friction,
         "torque_balance": gear.options.torque_balance,
-        "bearing_friction_factor": gear.bearing.friction_factor,
-        "viscosity": gear.bearing.viscosity,
+        "mesh_lever": lever,
+        "bearing_lever": friction.bearing_lever(gear),
+        "bearing_torque": {
+            "friction_factor": bearing.friction_factor,
+            "viscosity": bearing.viscosity,
+            "pitch_diameter": bearing.pitch_diameter,
+            "low_speed_branch": low,
+        },
         "mesh_depth": extra.mesh_depth,
         "output_bearing_coulomb": extra.output_coulomb,
         "output_bearing_viscous": extra.output_viscous,
-        "measurable": {
-            **own,
-            "coulomb": mesh.coulomb + coulomb,
-            "static": mesh.static + coulomb,
-            "viscous": mesh.viscous + viscous,
+        "output_bearing_per_kelvin": extra.output_per_kelvin,
+        "output_bearing_at_mesh": {
+            "coulomb": extra.output_coulomb / (loop.ratio * lever),
+            "viscous": extra.output_viscous / (loop.ratio**2 * lever),
         },
-        "torque_curve": {
-            "speed": speed.tolist(),
-            "gear": (mesh_torque + drag).tolist(),
-            "measurable": (mesh_torque + drag + output).tolist(),
-        },
+    }
+
+
+def _at(gear: HarmonicDrive, heat: Thermal, temperature: float) -> dict[str, float]:
+    """The mesh friction of the gear alone at a temperature of its housing [degC]."""
+    warmer = temperature - heat.reference
+    return _mesh(
+        gear,
+        1.0 - heat.coulomb_per_kelvin * warmer,
+        math.exp(-heat.viscous_per_kelvin * warmer),
+    )
+
+
+def _mesh(gear: HarmonicDrive, dry: float, thin: float) -> dict[str, float]:
+    """Equation 19 with its dry and its viscous parts times a factor each."""
+    mesh = gear.mesh_friction
+    return {
+        "coulomb": dry * mesh.coulomb,
+        "static": dry * mesh.static,
+        "stribeck_velocity": mesh.stribeck_velocity,
+        "shape": mesh.shape,
+        "viscous": thin * mesh.viscous,
     }
 
 
@@ -126,9 +157,10 @@ def _kinematic_error(
         summed[key] = summed.get(key, 0.0) + amplitude
     mark = _reference_mark(condition, ratio, output_sense)
     offset = instruments.input.angle_offset
+    added = condition.seating.eccentricity
     own = [
         _harmonic(order, value * cmath.exp(1j * order * mark))
-        for order, value in map(_complex, loop.series)
+        for order, value in (_complex(h) for h in loop.series if h not in added)
     ]
     marked = [
         _harmonic(order, value * cmath.exp(1j * order * mark))
@@ -142,6 +174,7 @@ def _kinematic_error(
         "orders": _orders(own),
         "measurable": _orders(marked),
         "measurable_recorded": _orders(recorded),
+        "eccentricity": _orders(added),
         "peak_to_peak": peak_to_peak(own, ratio, 120) if own else 0.0,
         "measurable_peak_to_peak": peak_to_peak(marked, ratio, 120) if marked else 0.0,
         "reference_angle": mark + offset,
@@ -177,34 +210,130 @@ def _amplitude(h: Harmonic | None) -> float:
     return 0.0 if h is None else h.amplitude
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Winding:
+    """Torque over torsion of the gear's spring with its kinks, and of the hysteresis element parallel to it (Dahl)."""
+
+    stiffness: float
+    kinks: tuple[tuple[float, float], ...]
+    limit: float
+    initial: float
+
+    @staticmethod
+    def of(loop: ClosedLoop) -> _Winding:
+        gear, extra, first = loop.gear, loop.deviations, loop.parameters.combined_stiffness
+        rated = gear.ratings
+        second, third = (
+            first * k / rated.stiffness_1 for k in (rated.stiffness_2, rated.stiffness_3)
+        )
+        knee = rated.torque_1 / first
+        knees = (
+            (knee, second - first),
+            (knee + (rated.torque_2 - rated.torque_1) / second, third - second),
+        )
+        return _Winding(
+            stiffness=first,
+            kinks=knees if extra.hardening else (),
+            limit=extra.hysteresis_torque,
+            initial=extra.hysteresis_stiffness * first if extra.hysteresis_torque else 0.0,
+        )
+
+    def hysteresis(self, torsion: float) -> float:
+        """The element's torque at the end of a swing between -torsion and torsion, over and over."""
+        if not self.limit:
+            return 0.0
+        return self.limit * math.tanh(self.initial * torsion / self.limit)
+
+    def torque(self, torsion: float) -> float:
+        """At the end of such a swing [N m]."""
+        harder = sum(step * max(0.0, torsion - knee) for knee, step in self.kinks)
+        return self.stiffness * torsion + harder + self.hysteresis(torsion)
+
+    def torsion(self, torque: float) -> float:
+        """The swing that needs this torque [rad]."""
+        low, high = 0.0, torque / self.stiffness
+        while high - low > 1e-13 * high:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.torque(middle) < torque else (low, middle)
+        return 0.5 * (low + high)
+
+    def loss(self, torsion: float) -> float:
+        """Work that such a swing takes, there and back [J]."""
+        if not self.limit:
+            return 0.0
+        return 4.0 * self.limit * (torsion - self.hysteresis(torsion) / self.initial)
+
+
 def _dynamics(loop: ClosedLoop) -> dict[str, object]:
-    """Stiffness, inertia, damping and what hardens."""
-    gear, extra, stiffness = loop.gear, loop.deviations, loop.parameters.combined_stiffness
-    ratings = gear.ratings
-    hard = extra.hardening
+    """The spring, its secant at T1/4, and the mode of the gear alone and with the bench's output bearing."""
+    gear, extra, winding = loop.gear, loop.deviations, _Winding.of(loop)
+    amplitude = 0.25 * gear.ratings.torque_1
+    swing = winding.torsion(amplitude)
+    secant = amplitude / swing
+    alone, on_bench = (
+        _mode(loop, winding, swing, viscous) for viscous in (0.0, extra.output_viscous)
+    )
     return {
-        "stiffness_over_inertia": loop.stiffness_over_inertia,
-        "resonance": math.sqrt(loop.stiffness_over_inertia) / (2.0 * math.pi),
-        "stiffness": loop.stiffness_over_inertia * gear.inertia.output,
+        "torque_amplitude": amplitude,
+        "torsion_amplitude": swing,
+        "stiffness": secant,
+        "stiffness_over_inertia": secant / gear.inertia.output,
+        "resonance": abs(alone) / (2.0 * math.pi),
+        "damping_ratio": -alone.real / abs(alone),
+        "damping_ratio_with_output_bearing": -on_bench.real / abs(on_bench),
         "output_inertia": gear.inertia.output,
+        "input_inertia": loop.rotor_inertia,
         "radial_damping": gear.bearing.damping,
         "structural_damping": gear.damping.structural,
-        "hardening": {
-            "torque_1": ratings.torque_1,
-            "torque_2": ratings.torque_2,
-            "stiffness_2": stiffness * ratings.stiffness_2 / ratings.stiffness_1,
-            "stiffness_3": stiffness * ratings.stiffness_3 / ratings.stiffness_1,
-        }
-        if hard
-        else {},
-        "hysteresis": {
-            "torque": extra.hysteresis_torque,
-            "stiffness_share": extra.hysteresis_stiffness,
-        }
-        if extra.hysteresis_torque
-        else {},
+        "spring": {
+            "stiffness": winding.stiffness,
+            "kinks": [{"torsion": knee, "stiffer_by": step} for knee, step in winding.kinks],
+        },
+        "hysteresis": {"torque": winding.limit, "stiffness": winding.initial},
         "ratio": loop.ratio,
     }
+
+
+def _mode(loop: ClosedLoop, winding: _Winding, swing: float, viscous: float) -> complex:
+    """The eigenvalue of the first mode of equation 2 with the input held.
+
+    Beside the linear gear stand a spring and a damper that do over a swing what kinks and hysteresis do, and the
+    viscous friction of the output bearing [N m s/rad].
+    """
+    p = loop.parameters
+    s, c = math.sin(p.tooth_angle), math.cos(p.tooth_angle)
+    square = p.neutral_radius**2
+    beside = winding.torque(swing) / swing - winding.stiffness
+    cup, mesh = p.cup_stiffness / square, p.mesh_stiffness
+    stiffness = np.array(
+        [
+            [p.bearing_stiffness + mesh * s * s, -mesh * s * c, 0.0],
+            [-mesh * s * c, mesh * c * c + cup, -cup],
+            [0.0, -cup, cup + beside / square],
+        ]
+    )
+    masses = np.array([p.flexspline_inertia, p.flexspline_inertia, p.output_inertia]) / square
+    lossy = p.structural_damping / square
+    value = 1j * math.sqrt((winding.stiffness + beside) / p.output_inertia)
+    for _ in range(3):
+        lost = winding.loss(swing) / (math.pi * abs(value) * swing**2)
+        damping = np.array(
+            [
+                [p.bearing_damping, 0.0, 0.0],
+                [0.0, lossy, -lossy],
+                [0.0, -lossy, lossy + (lost + viscous) / square],
+            ]
+        )
+        system = np.block(
+            [
+                [np.zeros((3, 3)), np.eye(3)],
+                [-stiffness / masses[:, None], -damping / masses[:, None]],
+            ]
+        )
+        values = np.linalg.eigvals(system)
+        swinging = values[values.imag > 0.0]
+        value = complex(swinging[np.argmin(np.abs(swinging))])
+    return value
 
 
 def _motor(motor: ServoMotor, condition: Condition) -> dict[str, object]:

@@ -1,15 +1,31 @@
-"""What a result may claim after its recording has passed the table of checks."""
+"""What a result may claim after its recording has passed the table of checks.
+
+*Identifiable* says that the data decided: not a bound, not the start of a search, not the sampling.
+A number whose U is larger than what its quantity declares as useful, or than half of itself where
+nothing is declared, is at most "weakly"; one that cannot be told from zero says below which value
+it lies.
+"""
 
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
 from experiments.contract import Evidence, Experiment
+from experiments.evidence.holds import Recorded
+from experiments.evidence.orders import SampledAngle, sampled
 from experiments.evidence.table import checks_of
+from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Check, Result, Verdict
+from model.identify.estimate import Estimate
+
+LARGEST_SHARE = 0.5
+"""U as a share of the value above which a number is not called identified, where no target is declared."""
+ORDER = "order"
+"""The placeholder of quantities that are a family of orders."""
 
 
 def checked_analysis(experiment: Experiment) -> Callable[[Recording, Evidence], Result]:
@@ -18,26 +34,80 @@ def checked_analysis(experiment: Experiment) -> Callable[[Recording, Evidence], 
 
     @functools.wraps(analyse)
     def checked(recording: Recording, evidence: Evidence) -> Result:
-        evidence = checks_of(recording, experiment, evidence)
-        return concluded(analyse(recording, evidence), evidence.checks)
+        recorded = Recorded(recording, experiment, evidence)
+        passed = checks_of(recorded)
+        return concluded(analyse(recording, passed), passed.checks, recorded)
 
     return checked
 
 
-def concluded(result: Result, checks: tuple[Check, ...]) -> Result:
-    """A result with the checks of its recording, its covariance whole, and no PASS without evidence."""
+def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> Result:
+    """A result with the checks of its recording, its covariance whole, nothing called more than it is."""
     covariance = result.covariance
+    angle = functools.cache(lambda: SampledAngle(recorded))
+    estimates = {
+        name: _called(result.quantity(name), estimate, name, angle)
+        for name, estimate in result.estimates.items()
+    }
     return replace(
         result,
+        estimates=estimates,
         checks=checks,
         warnings=(*result.warnings, *(c.words for c in checks if c.outcome == "widened")),
-        verdicts=tuple(_with_evidence(verdict, checks) for verdict in result.verdicts),
+        verdicts=tuple(_with_evidence(v, checks, result, estimates) for v in result.verdicts),
         covariance=covariance and covariance.with_shared(result.estimates),
     )
 
 
-def _with_evidence(verdict: Verdict, checks: tuple[Check, ...]) -> Verdict:
-    """The verdict; NOT JUDGED where a check that a verdict needs could not be made."""
+def _called(
+    quantity: Quantity, estimate: Estimate, name: str, angle: Callable[[], SampledAngle]
+) -> Estimate:
+    """The estimate, called identified only where the data decided."""
+    order = _order(quantity.member(name)) if quantity.placeholder == ORDER else None
+    if order is not None:
+        estimate = sampled(estimate, order, angle())
+    if estimate.identifiable != "yes":
+        return estimate
+    u = estimate.expanded_uncertainty
+    if not (math.isfinite(estimate.value) and math.isfinite(u)):
+        return replace(estimate, identifiable="no", note="no value with an uncertainty")
+    target = quantity.target_for(estimate.value)
+    is_useful = target is not None and u <= target
+    if quantity.is_signed or quantity.is_circular:
+        too_wide = target is not None and not is_useful
+        return _weakly(estimate, f"U is above {target:.3g}") if too_wide else estimate
+    if abs(estimate.value) <= u:
+        note = f"not distinguishable from zero, below {abs(estimate.value) + u:.3g} {estimate.unit}"
+        is_order = quantity.placeholder == ORDER
+        return (
+            replace(estimate, note=note) if is_useful and not is_order else _weakly(estimate, note)
+        )
+    if target is not None and not is_useful:
+        return _weakly(estimate, f"U is above {target:.3g} {quantity.unit}")
+    if target is None and u > LARGEST_SHARE * abs(estimate.value):
+        return _weakly(estimate, f"U is {100.0 * u / abs(estimate.value):.0f} % of the value")
+    return estimate
+
+
+def _order(member: str) -> float | None:
+    """The order that a name of a family speaks of."""
+    try:
+        return float(member.replace("_", "."))
+    except ValueError:
+        return None
+
+
+def _weakly(estimate: Estimate, note: str) -> Estimate:
+    return replace(estimate, identifiable="weakly", note=note)
+
+
+def _with_evidence(
+    verdict: Verdict, checks: tuple[Check, ...], result: Result, estimates: dict[str, Estimate]
+) -> Verdict:
+    """The verdict on what its quantity is now called; NOT JUDGED without a check that a verdict needs."""
+    judged = next((n for n, e in result.estimates.items() if e is verdict.estimate), None)
+    if judged is not None:
+        verdict = replace(verdict, estimate=estimates[judged])
     missing = [c.name for c in checks if c.is_evidence and c.outcome == "not checked"]
     if not missing or verdict.outcome == "NOT JUDGED":
         return verdict

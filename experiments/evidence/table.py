@@ -1,36 +1,151 @@
 """The table of checks: what a recording must be before anything is computed from it.
 
-Every analysis passes it first, from one place (`experiments.catalogue.load`). A row of the table
-looks at the recording and says what it found and what is allowed.
+Every analysis passes it first, from one place (`experiments.catalogue.load`). Each row names what
+it looks at, for which kinds of analysis, and by which function; the functions stand in `motion`,
+`torque`, `sampling` and `tare`. A check that a recording lacks the channels for says "not checked".
 """
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from dataclasses import dataclass
 
-from experiments.contract import Evidence, Experiment
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.recording import Recording
+from experiments.evidence import motion, sampling, tare, torque
+from experiments.evidence.finding import Finding
+from experiments.evidence.holds import Recorded
 from experiments.result import Check
 
-Look = Callable[[Recording, Experiment, Evidence], Check]
-"""One row of the table: what it finds of a recording that is to be analysed as this kind."""
-
-TABLE: tuple[Look, ...] = ()
+SETTINGS = ("tare_age_limit",)
+"""Settings that belong to the checks: every kind of fit has them."""
 
 
-def checks_of(recording: Recording, experiment: Experiment, evidence: Evidence) -> Evidence:
-    """The evidence with what the table of checks found of the recording; `AnalysisError` names a check that refuses."""
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: its name, whether this analysis needs it, how to look, what to do when refused.
+
+    `is_evidence`: whether a verdict needs the check to have been made.
+    """
+
+    name: str
+    concerns: Callable[[Recorded], bool]
+    look: Callable[[Recorded], Finding]
+    remedy: str
+    is_evidence: bool = True
+
+
+def _every(_: Recorded) -> bool:
+    return True
+
+
+def _set_speed(recorded: Recorded) -> bool:
+    """Whether its segments are set to speeds; of a recording without a plan they may be."""
+    return not recorded.experiment.has_plan or recorded.experiment.setpoint == "speed"
+
+
+def _gear(recorded: Recorded) -> bool:
+    return recorded.experiment.gear_mounted and recorded.recording.metadata.gear_mounted
+
+
+def _output(recorded: Recorded) -> bool:
+    """Whether both angles of one cycle are compared."""
+    return _gear(recorded) and bool({"slope", "frequency"} & recorded.quantities)
+
+
+def _transmission(recorded: Recorded) -> bool:
+    return "transmission_accuracy" in recorded.quantities
+
+
+def _mode(recorded: Recorded) -> bool:
+    return "frequency" in recorded.quantities
+
+
+def _torque(recorded: Recorded) -> bool:
+    """Whether it rests on a torque."""
+    return "torque" in recorded.experiment.needs
+
+
+def _bracket(recorded: Recorded) -> bool:
+    return "bracket_drift" in recorded.quantities
+
+
+def _tare(recorded: Recorded) -> bool:
+    return recorded.evidence.tare is not None
+
+
+RECORD_AGAIN = "Repair the acquisition and record again."
+LOOK_AT_PORT = (
+    "Check range, scale, unit and sign of the torque channel (rig.toml, or the map of the import)."
+)
+LOOK_AT_ENCODERS = (
+    "Check lines, multiplication and sense of both encoders, the gear's ratio and its mounting."
+)
+LOOK_AT_TIME = "Check the unit and scale of the time stamps."
+
+LOOK_AT_COUNTS = "Check lines and multiplication of the input encoder, and the time stamps."
+SYNC_DEVICES = "Set the devices to transmit what they latched at the same SYNC."
+HIGHER_RATE = "Record at a higher rate."
+OTHER_SPEED = "Choose a speed that is incommensurate with the sampling rate."
+WIDER_RANGE = "Widen the range of the torque port, and run again."
+WARM_UP = "Warm up first, and run again."
+SAME_RIG = "Take the tare on the rig of the run."
+NEW_TARE = "Take a new tare, or allow more with the setting tare_age_limit."
+SAME_ROOM = "Take a new tare at this temperature."
+
+TABLE: tuple[Row, ...] = (
+    Row("gaps", _every, sampling.gaps, RECORD_AGAIN),
+    Row("time axis", _every, sampling.time_axis, LOOK_AT_TIME),
+    Row("speed against set-point", _set_speed, motion.speed_against_set_point, LOOK_AT_COUNTS),
+    Row("encoders against ratio", _gear, motion.encoders_against_ratio, LOOK_AT_ENCODERS, False),
+    Row("skew of the encoders", _output, motion.skew, SYNC_DEVICES, False),
+    Row("sampling of the resonance", _mode, sampling.resonance, HIGHER_RATE),
+    Row("count lattice", _transmission, sampling.count_lattice, OTHER_SPEED, False),
+    Row("saturation", _torque, torque.saturation, WIDER_RANGE),
+    Row("plateau", _torque, torque.plateau, WIDER_RANGE),
+    Row("sign of the torque", _torque, torque.sign, LOOK_AT_PORT),
+    Row("reach of the motor", _torque, torque.reach, LOOK_AT_PORT),
+    Row("torque port against drive", _torque, torque.port_against_drive, LOOK_AT_PORT, False),
+    Row("torque zero", _torque, torque.zero, WARM_UP),
+    Row("reference speed", _bracket, torque.bracket, WARM_UP, False),
+    Row("origin of the tare", _tare, tare.origin, SAME_RIG),
+    Row("age of the tare", _tare, tare.age, NEW_TARE),
+    Row("temperature of the tare", _tare, tare.temperature, SAME_ROOM),
+    Row("size of the tare", _tare, tare.size, LOOK_AT_PORT),
+)
+
+
+def checks_of(recorded: Recorded) -> Evidence:
+    """The evidence with what the table found of the recording, and the tare as wide as the checks make it.
+
+    Raises `AnalysisError` that names the check which refuses.
+    """
+    evidence = recorded.evidence
     checks: list[Check] = []
-    for look in TABLE:
-        check = look(recording, experiment, evidence)
-        if check.outcome == "refused":
+    for row in TABLE:
+        if not row.concerns(recorded):
+            continue
+        found = row.look(recorded)
+        if found.outcome == "refused":
             raise AnalysisError(
-                f"{check.name}: {check.words}",
-                where=recording.metadata.run_id,
-                value=check.found,
-                limit=check.allowed,
+                f"{row.name}: {found.words}",
+                where=recorded.recording.metadata.run_id,
+                value=found.found,
+                limit=found.allowed,
+                remedy=row.remedy,
             )
-        checks.append(check)
-    return dataclasses.replace(evidence, checks=tuple(checks))
+        checks.append(
+            Check(
+                name=row.name,
+                outcome=found.outcome,
+                found=found.found,
+                allowed=found.allowed,
+                words=found.words,
+                is_evidence=row.is_evidence,
+            )
+        )
+    settings = {name: v for name, v in evidence.settings.items() if name not in SETTINGS}
+    return dataclasses.replace(
+        evidence, checks=tuple(checks), tare=tare.widened(recorded), settings=settings
+    )

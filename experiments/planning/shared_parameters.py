@@ -34,5 +34,5 @@ SlowSpeed = Annotated[
     Gt(0.0),
     Le(120.0),
     Unit("r/min"),
-    Help("input speed at which an angle is approached, always forward"),
+    Help("input speed at which an angle is approached"),
 ]

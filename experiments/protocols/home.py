@@ -37,6 +37,9 @@ QUANTITIES = (
         title="{encoder} index",
         unit="rad",
         definition="where the index mark lies within the revolution of its encoder",
+        target_uncertainty=1e-3,
+        target_reason="three counts of the motor encoder: phases of low orders are carried to another run",
+        is_signed=True,
     ),
     Quantity(name="{encoder}_index_spread", title="{encoder} index spread", unit="rad"),
 )

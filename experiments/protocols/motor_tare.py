@@ -39,13 +39,26 @@ NAME = "motor-tare"
 
 
 QUANTITIES = (
-    Quantity(name="motor_coulomb", title="motor, Coulomb friction", unit="N m"),
-    Quantity(name="motor_viscous", title="motor, viscous friction", unit="N m s/rad"),
+    Quantity(
+        name="motor_coulomb",
+        title="motor, Coulomb friction",
+        unit="N m",
+        target_uncertainty=3e-3,
+        target_reason="subtracted from a gear's torque, of which it is a thirtieth",
+    ),
+    Quantity(
+        name="motor_viscous",
+        title="motor, viscous friction",
+        unit="N m s/rad",
+        target_uncertainty=1e-5,
+        target_reason="3 mN m at 3000 r/min: as of Coulomb friction",
+    ),
     Quantity(
         name="offset",
         title="offset",
         unit="N m",
         definition="half-sum of the directions: rest of the zero and asymmetry",
+        is_signed=True,
     ),
     Quantity(
         name="torque_scale",
@@ -55,8 +68,18 @@ QUANTITIES = (
     ),
     Quantity(name="speeds", title="speeds", unit="1"),
     Quantity(name="torque_zero_drift", title="torque zero drift", unit="N m"),
-    Quantity(name="cogging_peak_to_peak", title="cogging peak to peak", unit="N m"),
-    Quantity(name="strongest_cogging_order", title="strongest cogging order", unit="1"),
+    Quantity(
+        name="cogging_peak_to_peak",
+        title="cogging seen through the servo's closed loop, peak to peak",
+        unit="N m",
+        definition="torque over angle that the drive asks for at constant speed: of the motor's cogging "
+        "what the speed loop follows",
+    ),
+    Quantity(
+        name="strongest_cogging_order",
+        title="strongest order of the cogging seen through the servo's closed loop",
+        unit="1",
+    ),
 )
 
 
@@ -187,7 +210,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         plots.append(
             Plot(
                 name="cogging",
-                title="Cogging of the bare motor",
+                title="Cogging of the bare motor, seen through the servo's closed loop",
                 x_label="order per input revolution",
                 y_label="amplitude [mN m]",
                 series=(bars,),

@@ -45,7 +45,7 @@ QUANTITIES = (
     Quantity(name="coulomb", title="Coulomb friction", unit=""),
     Quantity(name="viscous_{way}", title="viscous {way}", unit=""),
     Quantity(name="coulomb_{way}", title="coulomb {way}", unit=""),
-    Quantity(name="offset", title="offset", unit=""),
+    Quantity(name="offset", title="offset", unit="", is_signed=True),
     Quantity(name="relative_error_percent", title="relative error percent", unit="1"),
     Quantity(name="condition", title="condition", unit="1"),
     Quantity(name="condition_scaled", title="condition scaled", unit="1"),

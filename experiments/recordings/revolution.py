@@ -41,7 +41,7 @@ QUANTITIES = (
     Quantity(
         name="phase_{order}", title="order {order}, phase", unit="rad", shown="°", is_circular=True
     ),
-    Quantity(name="mean", title="mean", unit=""),
+    Quantity(name="mean", title="mean", unit="", is_signed=True),
     Quantity(
         name="friction",
         title="friction",
@@ -53,6 +53,7 @@ QUANTITIES = (
         title="direction shift",
         unit="rad",
         definition="angle by which the series of the directions are shifted",
+        is_signed=True,
     ),
     Quantity(name="residual_rms", title="residual rms", unit=""),
     Quantity(name="samples", title="samples", unit="1"),

@@ -2,7 +2,9 @@
 
 One function advances whole SYNC cycles of equal substeps. The linear part of a substep is exact (a matrix of the matrix
 exponential, first-order hold on the wedge's error, constant torques); friction is an exact scalar prox on the rotor and
-one on the output. The whole state is one array, so that a copy of it is a snapshot. Indices are named here and used by
+one on the output. A step in which the rotor or the output begins or ceases to stick, or the rotor speeds through the
+steep part of the Stribeck curve, is taken again in `FINE` parts, so that it happens where it belongs and not at the
+step's end. The whole state is one array, so that a copy of it is a snapshot. Indices are named here and used by
 `model.closed_loop`.
 """
 
@@ -42,8 +44,12 @@ from numba import njit
     WEDGE,
     EXTRA,
     FORCE,
-) = range(28)
-STATE_SIZE = 28
+    SWITCHED,
+    CYCLES,
+    HOUSING_SUM,
+    MOTOR_SUM,
+) = range(32)
+STATE_SIZE = 32
 
 # Physics.
 (
@@ -88,8 +94,12 @@ STATE_SIZE = 28
     COGGING_POINTS,
     ELASTIC,
     CUP,
-) = range(41)
-PHYSICS_SIZE = 41
+    OUTPUT_PER_KELVIN,
+    PORT_STEP_FINE,
+    CREEP,
+    LATCH,
+) = range(45)
+PHYSICS_SIZE = 45
 
 # Servo: gains and limits that a drive can be told; rates are per servo period.
 (
@@ -108,7 +118,7 @@ SERVO_SIZE = 10
 
 OFF, SPEED, TORQUE, QUICK_STOP = 0, 1, 2, 3
 
-# Columns of a row: what is true at a SYNC instant, before this cycle's set-point acts.
+# Columns of a row: what is true at a SYNC instant, before this cycle's set-point acts; the output `LATCH` later.
 (
     ROW_INPUT_ANGLE,
     ROW_INPUT_SPEED,
@@ -130,6 +140,11 @@ ROW_SIZE = 14
 # Rows of the step matrix: the seven linear states, then the inputs; eight columns: the states and
 # the increment of theta.
 STEP_TORQUE, STEP_ERROR_START, STEP_ERROR_END, STEP_OUTPUT = 7, 8, 9, 10
+STEP_SIZE = 88
+FINE = 64
+"""Parts in which a step is taken again. The step array holds the matrix of a step, then that of a part."""
+STEADY = 0.05
+"""Share of itself by which a creeping speed may change within a step: friction is taken in its middle."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -247,18 +262,13 @@ def advance(
     """Run one SYNC cycle of `substeps` per row of `rows` (n, ROW_SIZE), filled with what is true at each SYNC.
 
     `targets` (n,) acts from its row on; `error_table` (points, 4) holds cubic pieces of e over one period of the wedge;
-    `friction_table` (points, 4) mesh dry, mesh viscous, bearing, wind-up over sqrt(|w|).
+    `friction_table` (points, 4) mesh dry, mesh viscous, bearing, wind-up over sqrt(|w|). `step` is the matrix of a step
+    and that of one of its `FINE` parts.
     """
-    h, lift, inverse_ratio, radius = (
-        physics[H],
-        physics[LAMBDA],
-        physics[INVERSE_RATIO],
-        physics[RADIUS],
-    )
+    lift, inverse_ratio, radius = physics[LAMBDA], physics[INVERSE_RATIO], physics[RADIUS]
     tangent, k_b, c_b = physics[TANGENT], physics[K_B], physics[C_B]
     turns, points = physics[ERROR_TURNS], physics[ERROR_POINTS]
     last_friction = int(physics[FRICTION_LAST])
-    rotor, free_output = step[8 * STEP_TORQUE], step[8 * STEP_OUTPUT + UO]
     cogging = physics[COGGING_POINTS]
     elastic, hysteretic = physics[ELASTIC] > 0.0, physics[HYSTERESIS_LIMIT] > 0.0
     output_friction = physics[OUTPUT_COULOMB] > 0.0 or physics[OUTPUT_VISCOUS] > 0.0
@@ -291,18 +301,18 @@ def advance(
     warming = physics[HOUSING_STEP] > 0.0
     dry_factor, viscous_factor, bearing_factor, motor_factor = 1.0, 1.0, 1.0, 1.0
     torque_factor = physics[TORQUE_FACTOR]
-    per_radius, per_step, per_rotor = 1.0 / radius, 1.0 / h, 1.0 / rotor
+    per_radius = 1.0 / radius
     per_lift = 1.0 / lift if lift > 0.0 else 0.0
-    per_output, bearing_low, depth = 1.0 / free_output, physics[BEARING_LOW], physics[DEPTH]
+    bearing_low, depth, creep = physics[BEARING_LOW], physics[DEPTH], physics[CREEP]
     motor_coulomb, motor_viscous = physics[MOTOR_COULOMB], physics[MOTOR_VISCOUS]
-    friction_scale, port_step = physics[FRICTION_SCALE], physics[PORT_STEP]
+    friction_scale, whole, since = physics[FRICTION_SCALE], physics[H], state[SWITCHED]
+    output_factor, was_held = 1.0, uo == 0.0
+    latch_step = int(physics[LATCH] / whole)
+    latch_rest = physics[LATCH] - latch_step * whole
     for k in range(rows.shape[0]):
         rows[k, ROW_INPUT_ANGLE] = theta
         rows[k, ROW_INPUT_SPEED] = w
         rows[k, ROW_INPUT_ACCELERATION] = acceleration
-        rows[k, ROW_OUTPUT_ANGLE] = theta * inverse_ratio + ro * per_radius - windup
-        rows[k, ROW_OUTPUT_SPEED] = uo * per_radius
-        rows[k, ROW_OUTPUT_ACCELERATION] = output_acceleration
         rows[k, ROW_TORQUE_REFERENCE] = state[FILTER]
         rows[k, ROW_PORT_TORQUE] = port
         rows[k, ROW_FRICTION] = friction
@@ -311,6 +321,9 @@ def advance(
         rows[k, ROW_SPEED_REFERENCE] = state[RAMP]
         rows[k, ROW_HOUSING] = housing
         rows[k, ROW_MOTOR] = motor
+        state[CYCLES] += 1.0
+        state[HOUSING_SUM] += housing
+        state[MOTOR_SUM] += motor
         if warming:
             warmer = housing - physics[HOUSING_REFERENCE]
             motor_warmer = motor - physics[MOTOR_REFERENCE]
@@ -318,6 +331,7 @@ def advance(
             dry_factor = 1.0 - physics[COULOMB_PER_KELVIN] * warmer
             bearing_factor = thinner * thinner
             viscous_factor = bearing_factor * thinner
+            output_factor = 1.0 - physics[OUTPUT_PER_KELVIN] * warmer
             motor_factor = 1.0 - physics[MOTOR_PER_KELVIN] * motor_warmer
             torque_factor = physics[TORQUE_FACTOR] * (
                 1.0 - physics[TORQUE_PER_KELVIN] * motor_warmer
@@ -325,7 +339,13 @@ def advance(
         gear_heat = 0.0
         motor_heat = 0.0
         target = targets[k]
-        for _ in range(substeps):
+        for n in range(substeps):
+            if n == latch_step:
+                rate = uo * per_radius
+                turn = latch_rest * (rate + 0.5 * latch_rest * output_acceleration)
+                rows[k, ROW_OUTPUT_ANGLE] = theta * inverse_ratio + ro * per_radius - windup + turn
+                rows[k, ROW_OUTPUT_SPEED] = rate + latch_rest * output_acceleration
+                rows[k, ROW_OUTPUT_ACCELERATION] = output_acceleration
             if tick == 0:
                 if mode == OFF:
                     state[FILTER] = 0.0
@@ -337,77 +357,110 @@ def advance(
                 tick = period
             tick -= 1
             reference = state[FILTER]
-            # The wedge's error where the rotor will be, so that one look-up per step serves both ends of the hold.
-            e1, slope1 = error_at(error_table, turns, points, theta + h * w)
-            force = k_b * (e0 - r2) + c_b * ((lift + slope0) * w - v2)
-            torque = torque_factor * reference - (slope0 + slope1) * (
-                0.75 * force - 0.25 * force_before
-            )
-            force_before = force
-            output_torque = -state[LOAD]
-            if elastic:
-                # In the middle of the step: a torque from its start would take damping away.
-                rate = (lift + slope0) * w * tangent - uo
-                now = (e0 * tangent - ro + 0.5 * h * rate) * per_radius
-                extra = hardened(physics, now)
-                if hysteretic:
-                    hysteresis = dahl(physics, hysteresis, now - torsion)
-                    extra += hysteresis
-                torsion = now
-                output_torque += extra
-                torque -= extra * (inverse_ratio + slope0 * tangent * per_radius)
-            wedge = torque_factor * reference - torque + lift * force
-            if cogging > 0:
-                torque += cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
-            speed = abs(w)
-            dry, viscous, bearing, wound = friction_at(
-                friction_table, friction_scale, last_friction, speed
-            )
-            sliding = 1.0 + slope0 * per_lift
-            gear_part = (
-                sliding * (dry_factor * dry * (1.0 + depth * e0) + viscous_factor * viscous)
-                + dry_factor * bearing_low
-                + bearing_factor * bearing
-            )
-            motor_part = motor_factor * (motor_coulomb + motor_viscous * speed)
-            bound = gear_part + motor_part
-            for i in range(width):
-                next_state[i] = (
-                    ((w * step[i] + r2 * step[8 + i]) + (v2 * step[16 + i] + r1 * step[24 + i]))
-                    + (
-                        (u1 * step[32 + i] + ro * step[40 + i])
-                        + (uo * step[48 + i] + e0 * step[64 + i])
-                    )
-                ) + ((torque * step[56 + i] + output_torque * step[80 + i]) + e1 * step[72 + i])
-            free = next_state[0]
-            stuck = abs(free) <= rotor * bound
-            friction = free * per_rotor if stuck else math.copysign(bound, free)
-            for i in range(width):
-                next_state[i] -= friction * step[56 + i]
-            if output_friction:
-                most = physics[OUTPUT_COULOMB] + physics[OUTPUT_VISCOUS] * abs(uo)
-                drag = next_state[UO] * per_output
-                held = abs(drag) <= most
-                if not held:
-                    drag = math.copysign(most, drag)
+            force_first, parts, done = 0.0, 1, 0
+            if 0.0 < abs(w) < creep and whole * abs(acceleration) > STEADY * abs(w):
+                parts = FINE
+            while done < parts:
+                fine = parts > 1
+                at = STEP_SIZE if fine else 0
+                h = whole / parts
+                rotor, free_output = step[at + 8 * STEP_TORQUE], step[at + 8 * STEP_OUTPUT + UO]
+                # The wedge's error where the rotor will be, so that one look-up serves both ends of the hold.
+                e1, slope1 = error_at(error_table, turns, points, theta + h * w)
+                force = k_b * (e0 - r2) + c_b * ((lift + slope0) * w - v2)
+                if done == 0:
+                    force_first = force
+                ahead = 0.25 * (force - force_before) * (1.0 / parts if done == 0 else 1.0)
+                torque = torque_factor * reference - (slope0 + slope1) * (0.5 * force + ahead)
+                output_torque = -state[LOAD]
+                pulled, now = hysteresis, torsion
+                if elastic:
+                    # In the middle of the step: a torque from its start would take damping away.
+                    rate = (lift + slope0) * w * tangent - uo
+                    now = (e0 * tangent - ro + 0.5 * h * rate) * per_radius
+                    extra = hardened(physics, now)
+                    if hysteretic:
+                        pulled = dahl(physics, hysteresis, now - torsion)
+                        extra += pulled
+                    output_torque += extra
+                    torque -= extra * (inverse_ratio + slope0 * tangent * per_radius)
+                reaction = torque_factor * reference - torque + lift * force
+                if cogging > 0:
+                    torque += cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
+                speed = max(abs(w) + math.copysign(0.5 * h * acceleration, w * acceleration), 0.0)
+                dry, viscous, bearing, wound = friction_at(
+                    friction_table, friction_scale, last_friction, speed
+                )
+                sliding = 1.0 + slope0 * per_lift
+                gear_part = (
+                    sliding * (dry_factor * dry * (1.0 + depth * e0) + viscous_factor * viscous)
+                    + dry_factor * bearing_low
+                    + bearing_factor * bearing
+                )
+                motor_part = motor_factor * (motor_coulomb + motor_viscous * speed)
+                bound = gear_part + motor_part
                 for i in range(width):
-                    next_state[i] -= drag * step[80 + i]
-                if held:
-                    next_state[UO] = 0.0
-                output_drag = drag
-            after = 0.0 if stuck else next_state[0]
-            moved_angle = 0.0 if stuck and w == 0.0 else next_state[7]
-            share = friction / bound if bound > 0.0 else 0.0
-            windup = wound * share
-            gear_heat += share * gear_part * moved_angle
-            motor_heat += share * motor_part * moved_angle
-            acceleration = 0.0 if after == 0.0 else (after - w) * per_step
-            output_acceleration = (next_state[UO] - uo) * per_step * per_radius
-            theta += moved_angle
-            w, r2, v2, r1 = after, next_state[1], next_state[2], next_state[3]
-            u1, ro, uo = next_state[4], next_state[5], next_state[6]
-            e0, slope0 = e1, slope1
-            port += port_step * (reference - port)
+                    k0 = at + i
+                    next_state[i] = (
+                        (
+                            (w * step[k0] + r2 * step[k0 + 8])
+                            + (v2 * step[k0 + 16] + r1 * step[k0 + 24])
+                        )
+                        + (
+                            (u1 * step[k0 + 32] + ro * step[k0 + 40])
+                            + (uo * step[k0 + 48] + e0 * step[k0 + 64])
+                        )
+                    ) + (
+                        (torque * step[k0 + 56] + output_torque * step[k0 + 80])
+                        + e1 * step[k0 + 72]
+                    )
+                free = next_state[0]
+                stuck = abs(free) <= rotor * bound
+                holding = free / rotor if stuck else math.copysign(bound, free)
+                for i in range(width):
+                    next_state[i] -= holding * step[at + 56 + i]
+                drag, held = 0.0, False
+                if output_friction:
+                    most = output_factor * (
+                        physics[OUTPUT_COULOMB] + physics[OUTPUT_VISCOUS] * abs(uo)
+                    )
+                    drag = next_state[UO] / free_output
+                    held = abs(drag) <= most
+                    if not held:
+                        drag = math.copysign(most, drag)
+                    for i in range(width):
+                        next_state[i] -= drag * step[at + 80 + i]
+                    if held:
+                        next_state[UO] = 0.0
+                after = 0.0 if stuck else next_state[0]
+                turned = w * after <= 0.0 and (w != 0.0 or after != 0.0)
+                if not fine:
+                    # What holds the rotor has nearly reached what it can: it may let go before the step's end.
+                    yields = stuck and abs(holding) + abs(holding - friction) > bound
+                    if turned or yields or (output_friction and held != was_held):
+                        parts = FINE
+                        continue
+                done += 1
+                if turned:
+                    # A rotor that lets go does so where its step begins.
+                    since = 0.0 if w != 0.0 else h
+                else:
+                    since += h
+                force_before, friction, wedge = force, holding, reaction
+                hysteresis, torsion, was_held, output_drag = pulled, now, held, drag
+                moved_angle = 0.0 if stuck and w == 0.0 else next_state[7]
+                share = friction / bound if bound > 0.0 else 0.0
+                windup = wound * share
+                gear_heat += share * gear_part * moved_angle
+                motor_heat += share * motor_part * moved_angle
+                acceleration = 0.0 if after == 0.0 else (after - w) / h
+                output_acceleration = (next_state[UO] - uo) / h * per_radius
+                theta += moved_angle
+                w, r2, v2, r1 = after, next_state[1], next_state[2], next_state[3]
+                u1, ro, uo = next_state[4], next_state[5], next_state[6]
+                e0, slope0 = e1, slope1
+                port += physics[PORT_STEP_FINE if fine else PORT_STEP] * (reference - port)
+            force_before = force_first
         if warming:
             duration = substeps * h
             copper = physics[COPPER] * state[FILTER] * state[FILTER] * duration
@@ -442,3 +495,4 @@ def advance(
     )
     state[HOUSING], state[MOTOR] = housing, motor
     state[TICK], state[EXTRA], state[FORCE] = tick, extra, force_before
+    state[SWITCHED] = since

@@ -90,6 +90,10 @@ def simulated_bench(metadata: RunMetadata) -> str:
     """Which simulated instruments were used: their seed; "" for a run that was not simulated."""
     if metadata.origin != "simulated":
         return ""
+    world = metadata.process.get("world")
+    if isinstance(world, Mapping):
+        return str(world.get("bench_seed", ""))
+    # Version 0.1.0 named its seeds elsewhere.
     truth = metadata.process.get("truth")
     seeds = truth.get("seeds") if isinstance(truth, Mapping) else None
     return str(
@@ -133,6 +137,8 @@ def _parts(estimate: Mapping[str, Any]) -> dict[_Part, BudgetLine] | None:
     whole = estimate.get("expanded_uncertainty")
     if whole is None:
         return None
+    # One that was stated with k = 2 keeps the U that it was stated with.
+    stated = 1.0 if "coverage_factor" in estimate else 2.0 / NORMAL_COVERAGE_FACTOR
     parts: dict[_Part, BudgetLine] = {}
     for index, line in enumerate(estimate.get("budget") or ()):
         if line.get("standard_uncertainty") is None:
@@ -146,11 +152,10 @@ def _parts(estimate: Mapping[str, Any]) -> dict[_Part, BudgetLine] | None:
         parts[part] = BudgetLine(
             part[0],
             line["kind"],
-            math.hypot(before, float(line["standard_uncertainty"])),
+            math.hypot(before, stated * float(line["standard_uncertainty"])),
             degrees_of_freedom=line.get("degrees_of_freedom") or math.inf,
         )
-    factor = estimate.get("coverage_factor") or NORMAL_COVERAGE_FACTOR
-    return parts or {("interval", None): BudgetLine("", "A", float(whole) / factor)}
+    return parts or {("interval", None): BudgetLine("", "A", float(whole) / NORMAL_COVERAGE_FACTOR)}
 
 
 def _is_shared(part: _Part, common: frozenset[Ground]) -> bool:

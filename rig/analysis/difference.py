@@ -19,7 +19,7 @@ from typing import Any
 
 from experiments.quantity import Quantity, bare_quantity
 from experiments.recording import Recording, RunMetadata
-from model.identify.estimate import BudgetLine, Estimate, Ground
+from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate, Ground
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.wording import show
@@ -411,7 +411,7 @@ def _in_laboratory_units(
     quantity: Quantity | None, value: float, doubt: float | None, unit: str
 ) -> str:
     """`value ± doubt unit` of a quantity in SI as it is read in a laboratory."""
-    budget = () if doubt is None else (BudgetLine("", "A", 0.5 * float(doubt)),)
+    budget = () if doubt is None else (BudgetLine("", "A", float(doubt) / NORMAL_COVERAGE_FACTOR),)
     estimate = Estimate(
         name="",
         value=value,

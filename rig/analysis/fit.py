@@ -127,7 +127,12 @@ def _evidence(
 ) -> Evidence:
     from experiments.contract import Evidence
 
-    evidence = Evidence(gear, tare.result if tare else None, settings=dict(settings))
+    evidence = Evidence(
+        gear,
+        tare.result if tare else None,
+        settings=dict(settings),
+        tare_recording=tare.recording if tare else None,
+    )
     return (
         evidence
         if largest_missed_share is None

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
+from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from experiments.result import Result
+from experiments.truth import TruthRow
 from rig.analysis.wording import number, show
 from rig.commands.result_tables import VERDICT_STYLE, print_warnings, verdict_sentence
 from rig.commands.terminal import console, ruled_table
@@ -59,39 +62,80 @@ def _bars() -> Iterator[Callable[[Step | Finished], None]]:
         yield show
 
 
+def _truth_cells(row: TruthRow, result: Result) -> tuple[str | Text, ...]:
+    """One row of the table: found, the measurand and whether U holds it, what the bench sees and whether data do."""
+    estimate = row.estimate
+    quantity = result.quantity(estimate.name)
+    shown, u = show(estimate, quantity), estimate.expanded_uncertainty
+    return (
+        "  " + quantity.titled(estimate.name).removesuffix(", amplitude"),
+        shown.with_uncertainty,
+        shown.number(estimate.value - row.error),
+        number(abs(row.error) / u, 2) if u > 0 else "–",
+        _yes_or_no(row.within),
+        shown.number(estimate.value - row.difference) if row.is_split else "—",
+        _yes_or_no(row.covered),
+    )
+
+
+def _yes_or_no(holds: bool) -> Text:
+    return Text("yes", style="green") if holds else Text("no", style="yellow")
+
+
+def _print_misses(
+    out: Console, demonstration: Demonstration, results: Mapping[str, Result]
+) -> None:
+    """Every row that misses one of its truths, phases included, and which one."""
+    for kind, row in demonstration.truth:
+        estimate, quantity = row.estimate, results[kind].quantity(row.estimate.name)
+        shown = show(estimate, quantity)
+        what = f"{kind}: {quantity.titled(estimate.name)} {shown.with_uncertainty}"
+        if not row.within:
+            truth = shown.number(estimate.value - row.error)
+            out.print(Text(f"  misses the measurand       {what}, true {truth}", style="yellow"))
+        if not row.covered:
+            truth = shown.number(estimate.value - row.difference)
+            inside = f"[{shown.low}, {shown.high}]"
+            out.print(Text(f"  misses what the bench sees {what}, {inside}, true {truth}"))
+    out.print()
+
+
 def print_demonstration(demonstration: Demonstration) -> None:
     """What was found, and where the files are."""
     out = console()
-    numbers = ("found ± U", "truth", "|Δ| / U")
-    rows = ruled_table("quantity", *numbers, "in U", numbers=numbers, whole=numbers)
+    numbers = ("found ± U", "measurand", "|Δ| / U", "this bench sees")
+    columns = ("quantity", *numbers[:3], "in U", numbers[3], "in 95 %")
+    rows = ruled_table(*columns, numbers=numbers, whole=numbers)
     results = {fit.result.kind: fit.result for fit in demonstration.fits}
     last = ""
     for kind, row in demonstration.truth:
         if row.estimate.name.startswith("phase_"):
             continue
-        quantity = results[kind].quantity(row.estimate.name)
         if kind != last:
             rows.add_row(Text(kind, style="bold"))
             last = kind
-        shown, u = show(row.estimate, quantity), row.estimate.expanded_uncertainty
-        truth = shown.number(row.estimate.value - row.difference)
-        rows.add_row(
-            "  " + quantity.titled(row.estimate.name).removesuffix(", amplitude"),
-            shown.with_uncertainty,
-            truth,
-            number(abs(row.difference) / u, 2) if u > 0 else "–",
-            Text("yes", style="green") if row.within else Text("no", style="yellow"),
-        )
+        rows.add_row(*_truth_cells(row, results[kind]))
     out.print()
     out.print(
         Text("SIMULATED: what was found, and what the simulated gear was made of", style="bold")
     )
     out.print(rows)
+    out.print(
+        Text(
+            "found ± U is held against the measurand (gear or motor alone, at the run's temperature), the "
+            "statistical part (95 %, of the data alone) against what this bench sees (— where that is the same)."
+        )
+    )
     covered, within = (
         sum(getattr(row, what) for _, row in demonstration.truth) for what in ("covered", "within")
     )
-    of = f"of {len(demonstration.truth)} true values (phases included)"
-    out.print(Text(f"{covered} {of} lie in the statistical part, {within} within ± U (95 %).\n"))
+    out.print(
+        Text(
+            f"Of {len(demonstration.truth)} rows (phases included) {within} lie within ± U, "
+            f"{covered} in the statistical part.\n"
+        )
+    )
+    _print_misses(out, demonstration, results)
     for fit in demonstration.fits:
         for verdict in fit.result.verdicts:
             line = Text.assemble("  ", (verdict.outcome, VERDICT_STYLE.get(verdict.outcome, "")))

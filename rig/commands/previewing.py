@@ -18,6 +18,7 @@ from rig.commands.running import (
     with_protocol_flags,
 )
 from rig.commands.terminal import console, print_json, table
+from rig.commands.worlds import GearSeed, PopulationName, world_choice
 
 if TYPE_CHECKING:
     from rig.present.preview.plan import PlanPreview
@@ -47,6 +48,8 @@ def preview(
             "--figures", metavar="DIR", help="Write speed, torque, output and friction as PNG here."
         ),
     ] = None,
+    gear_seed: GearSeed = None,
+    population: PopulationName = "narrow",
     json: Json = False,
     show_help: Help = False,
 ) -> None:
@@ -83,6 +86,7 @@ def preview(
         sample_rate=sample_rate,
         output=output,
         gear_serial=gear_serial,
+        world=world_choice(gear_seed=gear_seed, population=population),
     )
     prediction = preview_plan(plan_request(request))
     written = _write_figures(prediction, figures, request.backend) if figures is not None else []

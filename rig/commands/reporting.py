@@ -9,6 +9,15 @@ from typing import Annotated
 import typer
 
 from rig.commands.terminal import echo, print_json
+from rig.commands.worlds import (
+    BenchSeed,
+    Day,
+    GearSeed,
+    Mount,
+    MountTurn,
+    PopulationName,
+    world_choice,
+)
 
 
 class ReportFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
@@ -132,8 +141,14 @@ def demo(
         ),
     ] = Path("rig-demo"),
     seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the simulated gear and its imperfections.")
+        int, typer.Option(min=0, help="Seed of the simulated bench, and serial number of the gear.")
     ] = 0,
+    gear_seed: GearSeed = None,
+    bench_seed: BenchSeed = None,
+    mount: Mount = 1,
+    mount_turn: MountTurn = 0.0,
+    day: Day = 1,
+    population: PopulationName = "narrow",
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object on standard output.")
     ] = False,
@@ -149,7 +164,16 @@ def demo(
     from rig.trial.demo.chain import demonstrate
     from rig.trial.demo.work import DemoOrder
 
-    order = DemoOrder(output, seed, datetime.now().astimezone().isoformat(timespec="seconds"))
+    world = world_choice(
+        mount_turn,
+        gear_seed=gear_seed,
+        bench_seed=bench_seed,
+        mount=mount,
+        day=day,
+        population=population,
+    )
+    created = datetime.now().astimezone().isoformat(timespec="seconds")
+    order = DemoOrder(output, seed, created, world=world)
     try:
         with progress(quiet=json) as show:
             demonstration = demonstrate(order, show=show)

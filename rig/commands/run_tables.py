@@ -73,6 +73,9 @@ def print_plan(planned: PlannedRun) -> None:
         f"{planned.samples} at {planned.sample_rate:g} Hz, about {planned.file_size() / 1e6:.1f} MB",
     )
     facts.add_row("peak speed", f"{peak:.4g} r/min")
+    aims = [q for q in planned.experiment.quantities if q.target_text]
+    for quantity in aims[:1]:
+        facts.add_row("of use where", f"U of {quantity.family_title} {quantity.target_text}")
     out.print(facts)
     margins = table("limit on", "planned", "allowed", "margin", "where", "origin", title="Margins")
     for margin in planned.margins:

@@ -462,19 +462,18 @@ def truth_grid(rows: Sequence[tuple[str, TruthRow]], results: Sequence[Result]) 
         quantity = of_kind[kind].quantity(e.name)
         s = show(e, quantity)
         u = e.expanded_uncertainty
-        distance = number(abs(row.difference) / u, 2) if u > 0 else "–"
-        inside = ("yes" if row.covered else "no", "yes" if row.within else "no")
-        truth = s.number(e.value - row.difference)
         lines.append(
             (
                 kind,
                 quantity.titled(e.name),
                 s.value,
                 s.expanded or "–",
-                truth,
                 s.unit,
-                distance,
-                *inside,
+                s.number(e.value - row.error),
+                number(abs(row.error) / u, 2) if u > 0 else "–",
+                "yes" if row.within else "no",
+                s.number(e.value - row.difference),
+                "yes" if row.covered else "no",
             )
         )
     columns = (
@@ -482,13 +481,14 @@ def truth_grid(rows: Sequence[tuple[str, TruthRow]], results: Sequence[Result]) 
         "Quantity",
         "Found",
         "± U",
-        "Truth",
         "Unit",
+        "Measurand",
         "|Δ| / U",
-        "In the statistical part",
         "Within U",
+        "This bench sees",
+        "In the statistical part",
     )
-    numeric = (False, False, True, True, True, False, True, False, False)
+    numeric = (False, False, True, True, False, True, True, False, True, False)
     return Grid("Found against the simulator's truth", columns, tuple(lines), numeric)
 
 

@@ -259,13 +259,11 @@ def _truth_note(truth: Sequence[tuple[str, TruthRow]]) -> str:
         return ""
     covered, within = sum(r.covered for _, r in truth), sum(r.within for _, r in truth)
     return (
-        f"The simulated rig knows what it was built from. {covered} of {len(truth)} true "
-        "values lie in the statistical part, "
-        f"{within} within ± U (95 %); of many, about one in twenty should not. The truth "
-        "stands here as the instruments can "
-        "see it: friction of gear and output bearing together, read through the scale error "
-        "of the torque port; the kinematic "
-        "error with the errors of both encoders."
+        f"The simulated rig knows what it was built from. Of {len(truth)} rows {covered} have what this "
+        f"bench sees in the statistical part, {within} have the measurand within ± U; of many, about one in "
+        "twenty should not. The measurand is the gear or the motor alone, at the run's temperature. "
+        "What this bench sees has its output bearing in the friction, all torque read through the scale "
+        "error of the torque port, and the errors of both encoders and of the mounting in the kinematic error."
     )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from experiments import catalogue
 from rig.analysis.fit import NOT_SEALED
 from rig.analysis.wording import number, pretty, readable
+from rig.present.run_words import world_facts
 
 if TYPE_CHECKING:
     from drivers.channel import Calibration
@@ -198,6 +199,7 @@ def provenance_of(fit: Fit) -> Provenance:
         )
         for key, value in _process(m.process)
     )
+    rows.extend((name.capitalize(), text) for name, text in world_facts(m.process.get("world")))
     settings = parameters_in_words(m.experiment, {**m.parameters, **fit.settings})
     options = tuple((readable(str(k)), _option(str(k), v)) for k, v in fit.result.options.items())
     return Provenance(

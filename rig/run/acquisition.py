@@ -86,7 +86,7 @@ def skews_of(part: Path) -> tuple[dict[str, Any], list[str]]:
     has to be said of it.
     """
     from experiments.evidence import skew_remark
-    from experiments.recordings.skew import skews
+    from experiments.evidence.skew import skews
     from rig.runfile.read import close_recording, open_run
 
     recording = open_run(part, digest=False)

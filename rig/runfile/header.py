@@ -205,6 +205,7 @@ def read_metadata(file: h5py.File, seal: Seal = Seal()) -> RunMetadata:
         parameters=_mapping(process, "parameters"),
         conditions=_mapping(sample, "conditions"),
         process=details,
+        limits=_mapping(process, "limits"),
         sha256=seal.sha256,
         is_sealed=seal.is_whole,
     )

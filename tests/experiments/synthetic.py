@@ -129,8 +129,10 @@ def _step(walk: _Walk, step: Step, bench: Bench) -> None:
     elif isinstance(step, MoveRevolutions):
         _move(walk, step.revolutions * REVOLUTION, step.speed, step.acceleration)
     elif isinstance(step, MoveToAngle):
-        ahead = (step.phase - (walk.angle - bench.index)) % REVOLUTION
-        _move(walk, ahead if ahead > 0.1 else ahead + REVOLUTION, step.speed, step.acceleration)
+        way = math.copysign(1.0, step.speed)
+        ahead = way * (step.phase - (walk.angle - bench.index)) % REVOLUTION
+        ahead += 0.0 if ahead > 0.1 else REVOLUTION
+        _move(walk, way * ahead, step.speed, step.acceleration)
     elif isinstance(step, FindIndex):
         if step.which == "input":
             ahead = (bench.index - walk.angle) % REVOLUTION

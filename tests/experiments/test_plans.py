@@ -126,7 +126,8 @@ def _check_numbers(steps: list[Any]) -> None:
         if isinstance(step, Ramp | SpeedStep):
             speed = step.speed
         if isinstance(step, MoveToAngle | MoveRevolutions):
-            assert step.speed > 0.0
+            # An angle is approached from either side, by the sign of the speed.
+            assert step.speed > 0.0 or (isinstance(step, MoveToAngle) and step.speed < 0.0)
             speed = 0.0
         assert abs(getattr(step, "speed", 0.0)) <= rating * (1.0 + 1e-9)
         if isinstance(step, HoldRevolutions):

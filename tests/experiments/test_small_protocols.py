@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.protocols import home, starting_torque, warm_up
 from experiments.recording import ArraySource, Recording
+from experiments.steps.vocabulary import MoveRevolutions, MoveToAngle, ServoOff, TorqueRamp
 from model.friction import friction_torque
 from model.gear import HarmonicDrive, Origin
 from model.units import REVOLUTION, RPM
@@ -34,6 +36,100 @@ def test_the_starting_torque_is_where_the_input_begins_to_turn(
     assert result.metrics["ramps"] == 8.0
     assert [v.outcome for v in result.verdicts] == ["NOT JUDGED"]
     assert result.options["torque_is_of"] == "motor + gear"
+
+
+def test_every_ramp_is_approached_in_its_own_direction_and_starts_without_power(
+    gear: HarmonicDrive,
+) -> None:
+    steps = list(starting_torque.plan(starting_torque.Parameters(positions=5), gear))
+    ramps = [k for k, step in enumerate(steps) if isinstance(step, TorqueRamp)]
+    assert len(ramps) == 10
+    for k in ramps:
+        way = math.copysign(1.0, steps[k].rate)
+        before, creep, off = steps[k - 3 : k]
+        assert isinstance(before, MoveToAngle)
+        assert isinstance(creep, MoveRevolutions)
+        assert isinstance(off, ServoOff)
+        assert before.speed * way > 0.0
+        assert creep.revolutions * way > 0.0
+    # A revolution at least in the new direction before its first ramp.
+    first_reverse = next(k for k in ramps if steps[k].rate < 0.0)
+    travel = steps[first_reverse - 4]
+    assert isinstance(travel, MoveRevolutions)
+    assert travel.revolutions <= -1.0
+
+
+def test_positions_are_spread_over_a_turn_of_input_and_output(gear: HarmonicDrive) -> None:
+    steps = list(starting_torque.plan(starting_torque.Parameters(), gear))
+    forward = [s for s in steps if isinstance(s, TorqueRamp) and s.rate > 0.0]
+    phases = sorted(s.segment.setpoint for s in forward if s.segment is not None)
+    assert np.allclose(np.diff(phases), REVOLUTION / 23.0)
+    turned = sum(
+        s.revolutions for s in steps if isinstance(s, MoveRevolutions) and s.revolutions > 0.0
+    )
+    assert turned == pytest.approx(gear.ratio, rel=0.1)
+
+
+def test_a_heavier_output_is_brought_to_rest_more_gently(gear: HarmonicDrive) -> None:
+    def creep(output: float) -> MoveRevolutions:
+        heavy = gear.with_values({"inertia.output": output})
+        steps = list(starting_torque.plan(starting_torque.Parameters(positions=2), heavy))
+        ramp = next(k for k, step in enumerate(steps) if isinstance(step, TorqueRamp))
+        found = steps[ramp - 2]
+        assert isinstance(found, MoveRevolutions)
+        return found
+
+    light, heavy = creep(0.02), creep(1.0)
+    assert heavy.speed < light.speed
+    assert heavy.acceleration < light.acceleration
+
+
+def test_a_ramp_that_was_approached_from_the_other_side_is_said(
+    ramps: Recording, gear: HarmonicDrive
+) -> None:
+    assert not any(
+        "against their own direction" in w
+        for w in starting_torque.analyse(ramps, Evidence(gear)).warnings
+    )
+    segments = tuple(
+        dataclasses.replace(s, direction=-s.direction) if s.label == "torque-ramp" else s
+        for s in ramps.segments
+    )
+    turned = starting_torque.analyse(dataclasses.replace(ramps, segments=segments), Evidence(gear))
+    assert any("8 ramps were approached against" in w for w in turned.warnings)
+
+
+@pytest.mark.parametrize("power", [2.0, 3.0])
+def test_the_moment_of_first_motion_lies_between_two_laws(power: float) -> None:
+    begin, threshold = 0.5, starting_torque.FIRST_MOTION
+    time = np.arange(0.0, 0.6, 1e-3)
+    moved = threshold * (np.maximum(time - begin, 0.0) / 0.04) ** power
+    upto = int(np.flatnonzero(moved > threshold)[0]) + 1
+    first, within = starting_torque._first_motion(time[:upto], moved[:upto], threshold)
+    assert within > 0.0
+    assert abs(first - begin) <= 1.2 * within
+
+
+def test_a_pattern_over_the_angle_is_no_scatter() -> None:
+    count, ratio = 23, 120.0
+    # Wave-generator positions ten on with every ramp, the output a 23rd of its turn; then back again.
+    forward = REVOLUTION * (5.0 * np.arange(count) + (10.0 * np.arange(count) % count) / count)
+    angles = np.concatenate([forward, forward[::-1]])
+    noise = np.random.default_rng(3).normal(0.0, 1e-4, 2 * count)
+    ramps = []
+    for k, (angle, error) in enumerate(zip(angles, noise, strict=True)):
+        way = 1 if k < count else -1
+        friction = 0.07 + 4e-3 * np.cos(2.0 * angle) + 2e-3 * np.sin(angle / ratio)
+        cogging = 3e-3 * np.cos(24.0 * angle)
+        torque = float(way * friction + cogging + error)
+        ramps.append(starting_torque.Breakaway(0.0, way, torque, float(angle), 0.0))
+    balance = starting_torque._balance(ramps, ratio, "run")
+    assert balance.scatter == pytest.approx(1e-4, rel=0.5)
+    assert balance.friction == pytest.approx(0.07, abs=1e-4)
+    few = starting_torque._balance([*ramps[:7], *ramps[-7:]], ratio, "run")
+    assert few.scatter > 1e-3
+    with pytest.raises(AnalysisError, match="too few ramps"):
+        starting_torque._balance([ramps[0], ramps[-1]], ratio, "run")
 
 
 def test_a_starting_torque_above_a_verified_limit_fails(

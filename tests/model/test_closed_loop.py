@@ -445,3 +445,88 @@ def test_common_period_of_orders() -> None:
         common_period((math.pi,), 120.0)
     with pytest.raises(ModelError, match="no common period"):
         common_period((1.0 / 1999.0, 1.0 / 1997.0), 120.0)
+
+
+# F_c, F_s, v_s, shape, c_v: the shipped gear's; steep; rising from rest; none of a dip; round.
+FRICTION_SETS = {
+    "shipped": (70.0, 95.0, 6.0, 1.0, 0.15),
+    "steep": (150.0, 270.0, 0.3, 0.5, 0.05),
+    "rising": (70.0, 63.0, 1.0, 1.0, 0.3),
+    "flat": (70.0, 70.0, 3.0, 1.0, 0.1),
+    "round": (20.0, 36.0, 10.0, 2.0, 0.6),
+}
+EVERYTHING = Deviations(
+    friction_windup=True,
+    mesh_depth=0.1,
+    hardening=True,
+    hysteresis_torque=1.0,
+    hysteresis_stiffness=0.05,
+    output_coulomb=0.5,
+    thermal=Thermal(),
+)
+
+
+def switches(friction_set: str, step: float, case: str) -> np.ndarray:
+    """When the rotor begins and ceases to stick [s], seen every 125 us."""
+    paths = ("coulomb", "static", "stribeck_velocity", "shape", "viscous")
+    values = {
+        f"mesh_friction.{name}": value
+        for name, value in zip(paths, FRICTION_SETS[friction_set], strict=True)
+    }
+    cycle = 125e-6
+    loop = ClosedLoop(
+        GEAR.with_values(values), MOTOR, EVERYTHING, LoopSettings(cycle=cycle, step=step)
+    )
+    state, found = loop.rest(0.3), []
+    time = cycle * np.arange(1000)
+    mode, targets = {
+        "torque": (TORQUE, 0.25 * np.sin(2.0 * np.pi * 8.0 * time)),
+        "speed": (SPEED, 20.0 * np.sin(2.0 * np.pi * 10.0 * time)),
+        "load": (OFF, np.zeros(1000)),
+    }[case]
+    state[kernel.LOAD] = 25.0 if case == "load" else 0.0
+    for k, target in enumerate(targets):
+        before = state[kernel.SWITCHED]
+        loop.advance(state, mode, np.array([target]))
+        if state[kernel.SWITCHED] < before + 0.5 * cycle:
+            found.append((k + 1) * cycle - state[kernel.SWITCHED])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("case", ["torque", "speed", "load"])
+@pytest.mark.parametrize("friction_set", FRICTION_SETS)
+def test_stick_and_slip_switch_where_a_hundred_times_finer_step_has_it(
+    friction_set: str, case: str
+) -> None:
+    ours, fine = (switches(friction_set, step, case) for step in (125e-6, 1.25e-6))
+    assert len(ours) == len(fine) > 0
+    assert np.max(np.abs(ours - fine)) < 1e-5
+
+
+def test_friction_that_rises_from_rest_holds_with_less_than_it_brakes() -> None:
+    """F_s < F_c: a torque between the two starts the motion, and friction is larger once it turns."""
+    values = {"mesh_friction.static": 40.0, "mesh_friction.stribeck_velocity": 1.0}
+    loop = ClosedLoop(without_error(GEAR).with_values(values), MOTOR)
+    held = friction.friction_torque(loop.gear, 1e-9) + MOTOR.coulomb_friction
+    state = loop.rest()
+    still = loop.advance(state, TORQUE, np.full(300, 0.98 * float(held)))
+    assert np.all(still[:, kernel.ROW_INPUT_SPEED] == 0.0)
+    turning_rows = loop.advance(state, TORQUE, np.full(300, 1.05 * float(held)))
+    assert turning_rows[-1, kernel.ROW_INPUT_SPEED] > 0.0
+    assert turning_rows[-1, kernel.ROW_FRICTION] > 1.03 * float(held)
+
+
+def test_output_bearing_follows_its_own_temperature_law_and_leaves_the_gear_alone() -> None:
+    gear, torques = without_error(GEAR), []
+    for warmer, law in ((0.0, 0.01), (10.0, 0.01), (10.0, 0.0)):
+        heat = Thermal(
+            housing_start=22.0 + warmer,
+            coulomb_per_kelvin=0.0,
+            viscous_per_kelvin=0.0,
+            housing_capacity=1e9,
+        )
+        extra = Deviations(output_coulomb=1.2, output_per_kelvin=law, thermal=heat)
+        rows = turning(ClosedLoop(gear, MOTOR, extra), 60.0 * RPM)[1]
+        torques.append(float(np.mean(rows[:, kernel.ROW_TORQUE_REFERENCE])))
+    assert torques[0] - torques[1] == pytest.approx(0.1 * 1.2 / 120.0, rel=0.02)
+    assert torques[2] == pytest.approx(torques[0], rel=1e-4)

@@ -1,4 +1,4 @@
-"""What version 0.1.0 wrote is still read, and comes to the numbers that it gave itself (tests/data/0.1.0)."""
+"""What version 0.1.0 wrote is still read, and what it stored keeps the numbers that it gave (tests/data/0.1.0)."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from experiments import catalogue
 from rig.main import run
 from rig.run.latch import LatchedTripError, TripLatch
 from rig.runfile.read import close_recording, open_run
@@ -20,6 +21,8 @@ WRITTEN = Path(__file__).parents[1] / "data" / "0.1.0"
 EXPECTED: dict[str, Any] = json.loads((WRITTEN / "expected.json").read_text(encoding="utf-8"))
 OF_THE_MOMENT = frozenset({"index", "at", "program_version", "git_commit", "analysed"})
 """Keys whose values say when, where and by which version the command was run, not what it found."""
+SAID_SINCE = {"run, with U (k = 2)": "run, with U (95 %)"}
+"""Words for the same thing that were others then."""
 WRITTEN_NOW = {"show_recovered", "verify_recovered", "show_anew", "verify_anew"}
 """Commands on files that this version has just written: the hash of such a file is its own."""
 
@@ -53,6 +56,7 @@ def differences(expected: Any, answer: Any, where: str = "") -> list[str]:
         # Another processor may round the last digits of a fit differently.
         same = math.isclose(expected, answer, rel_tol=1e-6, abs_tol=1e-12)
         return [] if same else [f"{where}: {answer!r} instead of {expected!r}"]
+    expected = SAID_SINCE.get(expected, expected) if isinstance(expected, str) else expected
     return [] if expected == answer else [f"{where}: {answer!r} instead of {expected!r}"]
 
 
@@ -72,6 +76,12 @@ def without_new_checks(expected: Any, answer: Any) -> Any:
         assert {finding["level"] for finding in new} <= {"ok"}, new
         now["findings"] = [finding for finding in now["findings"] if finding["check"] in checks]
     return answer
+
+
+def without_numbers(fit: dict[str, Any]) -> dict[str, Any]:
+    """What a fit is about: a later version of its analysis finds numbers of its own."""
+    units = {name: estimate["unit"] for name, estimate in fit["parameters"].items()}
+    return {"run": fit["run"], "kind": fit["kind"], "units": units}
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +112,8 @@ def test_every_command_answers_as_0_1_0_did(
         expected, answer = without_hashes(expected), without_hashes(answer)
     if entry["arguments"][0] == "verify":
         answer = without_new_checks(expected, answer)
+    if entry["arguments"][0] == "fit" and catalogue.load(expected["kind"]).version > 1:
+        expected, answer = without_numbers(expected), without_numbers(answer)
     assert not differences(expected, answer, name)
 
 

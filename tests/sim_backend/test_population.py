@@ -10,6 +10,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from drivers.port import Command, Mode
+from model.errors import ModelError
 from model.kinematic_error import series_value
 from model.linear import dynamic_parameters
 from model.units import ARCMIN, ARCSEC
@@ -17,7 +19,7 @@ from sim_backend.direct import SimulatedRig
 from sim_backend.imperfections import Imperfections, Stated, individual_gear, individual_motor
 from sim_backend.population import Drawn, drawn
 from sim_backend.world import World
-from tests.sim_backend.rigs import GEAR, MOTOR
+from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD
 
 SEEDS = range(300)
 
@@ -219,7 +221,7 @@ def test_the_rig_has_what_was_drawn_as_far_as_it_is_switched_on() -> None:
     truths = []
     for on in (Imperfections(sizes=one.sizes), Imperfections.none()):
         with_sizes = dataclasses.replace(on, sizes=one.sizes)
-        truths.append(SimulatedRig(one.gear, one.motor, with_sizes, 1).truth)
+        truths.append(SimulatedRig(one.gear, one.motor, with_sizes, World.of(1)).truth)
     full, none = truths
     have = stated(one)
     assert full["torque_port"]["gain_error"] == have.torque_port.gain_error
@@ -233,8 +235,30 @@ def test_the_rig_has_what_was_drawn_as_far_as_it_is_switched_on() -> None:
 
 def test_channels_state_the_class_and_never_what_was_drawn() -> None:
     two = [drawn(GEAR, MOTOR, world(seed)) for seed in (1, 2)]
-    rigs = [SimulatedRig(d.gear, d.motor, Imperfections(sizes=d.sizes), 1) for d in two]
+    rigs = [SimulatedRig(d.gear, d.motor, Imperfections(sizes=d.sizes), World.of(1)) for d in two]
     assert rigs[0].channels == rigs[1].channels
     accuracy = {c.name: c.calibration.accuracy for c in rigs[0].channels}
     assert accuracy["output_angle"] == pytest.approx(5.0 * ARCSEC)
     assert accuracy["input_angle"] == pytest.approx(30.0 * ARCSEC)
+
+
+def test_a_long_skew_is_the_output_of_a_later_instant_and_not_an_extrapolation() -> None:
+    """0.75 ms after SYNC at 1 kHz is the third of the SYNCs between at 4 kHz."""
+    one = drawn(GEAR, MOTOR, world(8))
+    have = dataclasses.replace(
+        stated(one), output_encoder=dataclasses.replace(stated(one).output_encoder, skew=0.75e-3)
+    )
+    every = Imperfections(sizes=dataclasses.replace(one.sizes, stated=have))
+    on = every.without("sync_jitter", "random_start", "torque_noise", "temperature_noise")
+    steps = np.repeat([0.0, 100.0, -30.0], 100)
+    blocks = []
+    for cycle_ns, skew, times in ((1_000_000, on, 1), (250_000, on.without("channel_skew"), 4)):
+        rig = SimulatedRig(one.gear, one.motor, skew, World.of(1), cycle_ns=cycle_ns)
+        rig.open()
+        targets = np.repeat(steps, times)
+        blocks.append(rig.exchange(Command(Mode.SPEED, targets), len(targets), NO_GUARD).counts)
+    late, fine = (block[:, 1] for block in blocks)
+    assert np.max(np.abs((late - late[0]) - (fine[3::4] - fine[3]))) <= 1
+    assert np.ptp(late) > 1000
+    with pytest.raises(ModelError, match="when the next SYNC has come"):
+        SimulatedRig(one.gear, one.motor, on, World.of(1), cycle_ns=500_000)

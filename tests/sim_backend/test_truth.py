@@ -2,24 +2,44 @@
 
 from __future__ import annotations
 
+import ast
+import math
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from drivers import channel as names
 from drivers.port import Command, Mode
 from model.friction import friction_torque
+from model.gear import HarmonicDrive
+from model.stiffness import drive_stiffness
 from model.units import ARCSEC, RPM
 from sim_backend.direct import SimulatedRig
 from sim_backend.faults import OutputLoad
 from sim_backend.imperfections import Imperfections, individual_gear
+from sim_backend.population import drawn
+from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD, off, si, turn, with_only
 
 
 def opened(on: Imperfections, seed: int = 5, **options: object) -> tuple[SimulatedRig, dict]:
-    port = SimulatedRig(individual_gear(GEAR, seed), MOTOR, on, seed, **options)  # type: ignore[arg-type]
+    port = SimulatedRig(individual_gear(GEAR, seed), MOTOR, on, World.of(seed), **options)  # type: ignore[arg-type]
     truth = port.open().truth
     assert truth is not None
     return port, dict(truth)
+
+
+def by_hand(own: dict, speed: float) -> float:
+    """The friction torque at the input of a gear of size 25 with its output bearing, at the truth's reference."""
+    decay = math.exp(-((speed / own["stribeck_velocity"]) ** own["shape"]))
+    mesh = own["coulomb"] + (own["static"] - own["coulomb"]) * decay + own["viscous"] * speed
+    beside = own["output_bearing_at_mesh"]
+    mesh += beside["coulomb"] + beside["viscous"] * speed
+    product = max(own["bearing_torque"]["viscosity"] * 1e6 * speed / RPM, 2000.0)
+    factor = own["bearing_torque"]["friction_factor"]
+    no_load = 0.1 * factor * product ** (2.0 / 3.0) * 53e-3**3
+    return mesh * 31e-3 / (120.0 * 0.5) + no_load * (1.0 + 1.0 / 120.0)
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
@@ -53,7 +73,9 @@ def test_reference_mark_turns_the_recorded_frame_into_that_of_the_marks() -> Non
 
 @pytest.mark.parametrize("speed_rpm", [10.0, 300.0, 2000.0])
 def test_mean_torque_is_the_truths_friction(speed_rpm: float) -> None:
-    port, truth = opened(Imperfections().without("warming"))
+    # What varies over a turn of the output would need one to be averaged out.
+    on = Imperfections().without("warming", "eccentricity", "output_orders", "sidebands")
+    port, truth = opened(on)
     zero = np.mean(si(port, off(port, 2000), names.TORQUE))
     means = []
     for sign in (1.0, -1.0):
@@ -63,8 +85,7 @@ def test_mean_torque_is_the_truths_friction(speed_rpm: float) -> None:
         means.append(
             sign * (np.mean(si(port, turn(port, sign * speed_rpm, cycles), names.TORQUE)) - zero)
         )
-    curve = truth["friction"]["torque_curve"]
-    gear = np.interp(speed_rpm * RPM, curve["speed"], curve["measurable"])
+    gear = by_hand(truth["friction"], speed_rpm * RPM)
     motor = truth["motor"]["coulomb"] + truth["motor"]["viscous"] * speed_rpm * RPM
     expected = (gear + motor) * (1.0 + truth["torque_port"]["scale_error"])
     assert np.mean(means) == pytest.approx(expected, rel=4e-3)
@@ -72,11 +93,95 @@ def test_mean_torque_is_the_truths_friction(speed_rpm: float) -> None:
 
 def test_friction_parameters_are_those_of_the_gear() -> None:
     _, truth = opened(Imperfections.none())
-    friction, gear = truth["friction"], individual_gear(GEAR, 5)
-    assert friction["coulomb"] == gear.mesh_friction.coulomb
-    assert friction["measurable"]["coulomb"] == friction["coulomb"]
-    own = friction_torque(gear, np.array(friction["torque_curve"]["speed"]))
-    assert np.allclose(friction["torque_curve"]["gear"], own)
+    own, gear = truth["friction"], individual_gear(GEAR, 5)
+    assert own["coulomb"] == gear.mesh_friction.coulomb
+    assert own["output_bearing_at_mesh"] == {"coulomb": 0.0, "viscous": 0.0}
+    for speed in (0.1, 3.0, 40.0, 300.0):
+        assert by_hand(own, speed) == pytest.approx(float(friction_torque(gear, speed)))
+
+
+def test_the_truth_of_a_wide_gear_is_what_was_drawn_and_no_more() -> None:
+    """Made again from the draws, by formulas that stand here."""
+    one = drawn(GEAR, MOTOR, World(gear_seed=21, bench_seed=4, population="wide"))
+    stated, gear = one.sizes.stated, one.gear
+    assert stated is not None
+    assert stated.deviations.thermal is not None
+    heat, mesh, ratio = stated.deviations.thermal, gear.mesh_friction, gear.ratio
+    on = Imperfections(sizes=one.sizes).without("run_to_run_friction")
+    truth = SimulatedRig(gear, one.motor, on, World(gear_seed=21, bench_seed=4)).truth
+    own = truth["friction"]
+    # Drawn at 20 degC, dry parts linear and viscous ones exponential in temperature.
+    assert own["at_20_degrees"] == pytest.approx(
+        {n: getattr(mesh, n) for n in own["at_20_degrees"]}
+    )
+    start = truth["friction"]["at_start"]
+    warmer = start["temperature"] - 20.0
+    assert start["temperature"] == heat.housing_start == heat.ambient
+    assert abs(warmer) > 1.0
+    assert start["static"] == pytest.approx(mesh.static * (1.0 - heat.coulomb_per_kelvin * warmer))
+    assert start["viscous"] == pytest.approx(
+        mesh.viscous * math.exp(-heat.viscous_per_kelvin * warmer)
+    )
+    # T = F r_g/(N sin 30) at the input, and T_b/N of the output bearing.
+    lever = 31e-3 / (ratio * 0.5)
+    at_mesh = stated.deviations.output_coulomb / ratio / lever
+    assert own["output_bearing_at_mesh"]["coulomb"] == pytest.approx(at_mesh)
+    gain, constant = stated.torque_port.gain_error, stated.deviations.torque_constant_error
+    assert truth["torque_port"]["scale_error"] == pytest.approx((1 + gain) / (1 + constant) - 1)
+    assert truth["torque_port"]["offset"] == stated.torque_port.offset
+    # The gear's own orders and no others, by amplitude; the bench's beside them.
+    amplitudes = [h.amplitude for h in gear.kinematic_error]
+    amplitudes += [math.hypot(b.cosine, b.sine) for b in stated.sidebands]
+    error = truth["kinematic_error"]
+    assert sorted(o["amplitude"] for o in error["orders"]) == pytest.approx(sorted(amplitudes))
+    orders = {round(o["order"], 9) for o in error["measurable"]}
+    assert {round(k / ratio, 9) for k in range(1, 9)} | {1.0, 2.0, 4.0} <= orders
+    assert len(error["eccentricity"]) == 2
+
+
+def spring(gear: HarmonicDrive, factor: float) -> float:
+    """K_HDf of the nominal springs at this ratio, times their factor [N m/rad]."""
+    return factor * drive_stiffness(gear).combined_output
+
+
+def test_the_truth_of_the_steps_is_the_drawn_spring_and_hysteresis_at_a_quarter_of_t1() -> None:
+    """Secant by integrating Dahl's equation over swings; mode by the one mass that the spring carries."""
+    one = drawn(GEAR, MOTOR, World(gear_seed=33, bench_seed=4, population="wide"))
+    assert one.sizes.stated is not None
+    have = one.sizes.stated.deviations
+    dynamics = SimulatedRig(
+        one.gear, one.motor, Imperfections(sizes=one.sizes), World(gear_seed=33, bench_seed=4)
+    ).truth["dynamics"]
+    stiffness = spring(one.gear, 1.0)
+    swing = dynamics["torsion_amplitude"]
+    # Dahl 1968: dT = sigma (1 - T/T_h sgn dx) dx, swung until it repeats.
+    sigma, torque, work = have.hysteresis_stiffness * stiffness, 0.0, 0.0
+    steps = np.diff(swing * np.sin(np.linspace(0.0, 2.0 * np.pi, 2001)))
+    for _ in range(60):
+        work, largest = 0.0, 0.0
+        for step in steps:
+            before = torque
+            torque += (
+                sigma * (1.0 - torque / have.hysteresis_torque * math.copysign(1.0, step)) * step
+            )
+            work += 0.5 * (before + torque) * step
+            largest = max(largest, torque)
+    assert stiffness * swing + largest == pytest.approx(14.0 / 4.0, rel=1e-3)
+    assert dynamics["torque_amplitude"] == 14.0 / 4.0
+    secant = (14.0 / 4.0) / swing
+    inertia = one.gear.inertia.output
+    assert dynamics["stiffness_over_inertia"] == pytest.approx(secant / inertia, rel=1e-9)
+    assert dynamics["resonance"] == pytest.approx(
+        math.sqrt(secant / inertia) / (2.0 * math.pi), rel=5e-3
+    )
+    # What the swing loses, and the bearing's damper over the share of the spring's torque that it carries.
+    lost = work / (2.0 * math.pi * secant * swing**2)
+    omega = 2.0 * math.pi * dynamics["resonance"]
+    lever = 31e-3 / math.tan(math.radians(30.0))
+    own = drive_stiffness(one.gear).bearing.total * lever**2
+    viscous = 43_000.0 * lever**2 * (stiffness / own) ** 2 * omega / (2.0 * secant)
+    assert dynamics["damping_ratio"] == pytest.approx(lost + viscous, rel=0.03)
+    assert dynamics["damping_ratio_with_output_bearing"] == dynamics["damping_ratio"]
 
 
 def test_stiffness_over_inertia_is_the_ringing_of_the_output() -> None:
@@ -96,3 +201,20 @@ def test_switches_seeds_and_sizes_are_named() -> None:
     assert truth["imperfections"]["warming"] is False
     assert set(truth["imperfections"]) == set(Imperfections.names())
     assert truth["sizes"]["output_lines"] == 18000
+
+
+def test_no_code_of_an_analysis_makes_the_truth() -> None:
+    """Whatever `sim_backend.truth` imports, by itself and through others, is no identification and no experiment."""
+    root, seen = Path(__file__).parents[2], set()
+    waiting = ["sim_backend.truth"]
+    while waiting:
+        name = waiting.pop()
+        path = root / (name.replace(".", "/") + ".py")
+        if name in seen or not path.exists():
+            continue
+        seen.add(name)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                waiting += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    assert "model.closed_loop" in seen
+    assert not [name for name in seen if name.startswith(("model.identify", "experiments", "rig"))]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from experiments.quantity import Counterpart, Quantity
+from model.units import ARCSEC
 
 COMPARED_BY = ("part", "mounting", "speed", "orders")
 _CATALOGUE = Counterpart(
@@ -16,6 +17,9 @@ _ACCURACY = (
     "ideal over one complete output revolution, one direction; of the fitted curve"
 )
 
+_ACCURACY_TARGET = 12.0 * ARCSEC
+_ACCURACY_REASON = "a fifth of what catalogues state, 1 arcmin: the usual share of a tolerance"
+
 ESTIMATES = (
     Quantity(
         name="transmission_accuracy",
@@ -24,6 +28,8 @@ ESTIMATES = (
         shown="arcmin",
         definition=_ACCURACY,
         conditions=COMPARED_BY,
+        target_uncertainty=_ACCURACY_TARGET,
+        target_reason=_ACCURACY_REASON,
         is_key=True,
         catalogue=_CATALOGUE,
     ),
@@ -36,6 +42,8 @@ ESTIMATES = (
         shown="arcmin",
         definition=_ACCURACY,
         conditions=COMPARED_BY,
+        target_uncertainty=_ACCURACY_TARGET,
+        target_reason=_ACCURACY_REASON,
         is_key=True,
         is_watched=True,
         watched_members=("forward", "reverse"),
@@ -51,6 +59,9 @@ ESTIMATES = (
         definition="amplitude of this order of the kinematic error, cycles per input revolution; "
         "mean of both directions",
         conditions=COMPARED_BY,
+        target_uncertainty=6.0 * ARCSEC,
+        target_reason="a tenth of the transmission accuracy that catalogues state, 1 arcmin; "
+        "an output encoder of 5 arcsec allows it",
         is_key=True,
         key_members=("2", "1"),
         is_watched=True,
@@ -61,6 +72,8 @@ ESTIMATES = (
         title="order {order}, phase",
         unit="rad",
         shown="°",
+        target_uncertainty=0.5,
+        target_reason="carried to another run, it takes away more than half of the order's amplitude",
         is_circular=True,
     ),
     Quantity(
@@ -69,8 +82,12 @@ ESTIMATES = (
         unit="rad",
         shown="°",
         definition="phase of the friction torque less that of the kinematic error, at the order of figure 16",
+        target_uncertainty=0.5,
+        target_reason="tells in phase (friction that varies with the depth of mesh) from 90 degrees "
+        "(reaction of the error)",
         is_key=True,
         is_circular=True,
+        is_signed=True,
     ),
     Quantity(name="figure_16_friction_amplitude", title="figure 16 friction amplitude", unit="N m"),
     Quantity(
@@ -84,8 +101,9 @@ ESTIMATES = (
         title="offset between the directions",
         unit="rad",
         definition="forward less reverse: wind-up by friction, and skew between the channels times speed",
+        is_signed=True,
     ),
-    Quantity(name="slope", title="slope", unit="rad/rad"),
+    Quantity(name="slope", title="slope", unit="rad/rad", is_signed=True),
     Quantity(name="ratio", title="ratio", unit="1"),
 )
 

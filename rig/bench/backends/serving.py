@@ -9,8 +9,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from model.gear_file import gear_to_toml, shipped_gear
 from rig.bench.backends.assembly import RigRequest
-from rig.bench.backends.simulated import seeds_of
+from rig.bench.backends.simulated import nameplates, parts_of
 from rig.bench.hub import hub_id
 from rig.errors import ConfigurationError
 from sim_backend.faults import Fault
@@ -21,6 +22,8 @@ from sim_backend.wire.serve import Addresses, ReadoutLine, TimeSource, make_benc
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 NODES = {"drive": DRIVE_NODE, "counter": COUNTER_NODE, "analog_input": ANALOG_INPUT_NODE}
 """The node-IDs of the simulated devices."""
+SHIPPED = "csf-25-120"
+"""The gear that the program brings along."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ def serve_rig(
             limit=", ".join(sorted(LOOPBACK)),
             remedy="Add --expose if that is wanted: the hub asks nobody who they are.",
         )
-    bench = make_bench(**seeds_of(request), time=time, faults=faults)
+    bench = make_bench(**parts_of(request), time=time, faults=faults)
     if sheets is not None:
         write_sheets(bench, sheets)
 
@@ -79,7 +82,8 @@ def serve_rig(
             addresses.host, addresses.port, addresses.channel, addresses.readout, NODES, bench.title
         )
         if configuration is not None:
-            _write(configuration, description_of(served, request))
+            gear = _gear_beside(configuration, request)
+            _write(configuration, description_of(served, request, gear))
         announce(served)
 
     serve(
@@ -112,8 +116,18 @@ def write_sheets(bench: WireBench, folder: Path) -> tuple[Path, ...]:
     return tuple(written)
 
 
-def description_of(served: Served, request: RigRequest) -> str:
-    """A `rig.toml` that reaches the served rig."""
+def _gear_beside(configuration: Path, request: RigRequest) -> str:
+    """What a configuration calls the card of the served gear: one that is not shipped gets a file of its own."""
+    card, _ = nameplates(request)
+    if card == shipped_gear():
+        return SHIPPED
+    path = configuration.with_name(f"{configuration.stem}-gear.toml")
+    _write(path, gear_to_toml(card))
+    return path.name
+
+
+def description_of(served: Served, request: RigRequest, gear: str = SHIPPED) -> str:
+    """A `rig.toml` that reaches the served rig; `gear` is the card, as such a file names it."""
     template = (
         resources.files("rig.bench.config").joinpath("served.toml").read_text(encoding="utf-8")
     )
@@ -126,6 +140,7 @@ def description_of(served: Served, request: RigRequest) -> str:
         "channel": served.channel,
         # A hub is the bench at its address: served there again, it is the same one.
         "bench": hub_id(served.host, served.port, served.channel),
+        "gear": gear,
         "rate": f"{request.sample_rate:g}",
         "drive": DRIVE_NODE,
         "counter": COUNTER_NODE,

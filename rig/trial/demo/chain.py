@@ -22,7 +22,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.errors import RigError
-from rig.trial.demo.work import ORDER, DemoOrder, Failed, Finished, Step, gear_for, work
+from rig.trial.demo.work import (
+    ORDER,
+    DemoOrder,
+    Failed,
+    Finished,
+    Step,
+    card_in,
+    gear_for,
+    work,
+)
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
@@ -74,7 +83,8 @@ def _row_as_json(kind: str, row: TruthRow) -> dict[str, Any]:
         "low": e.low,
         "high": e.high,
         "expanded_uncertainty": e.expanded_uncertainty,
-        "truth": e.value - row.difference,
+        "seen_by_this_bench": e.value - row.difference,
+        "measurand": e.value - row.error,
         "unit": e.unit,
         "covered": row.covered,
         "within_uncertainty": row.within,
@@ -127,7 +137,7 @@ def _recorded(order: DemoOrder) -> str:
 
 
 def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) -> Demonstration:
-    from model.gear_file import save_gear, shipped_gear
+    from model.gear_file import save_gear
     from rig.analysis.adopt import adopt
     from rig.analysis.fit import Fit
     from rig.analysis.tare import tare_kind
@@ -137,11 +147,12 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
     fits: dict[str, Fit] = {}
     for done in finished:
         assert done.result is not None
-        gear = gear_for(done.protocol, fits)
+        recording = open_run(done.path)
+        gear = gear_for(done.protocol, fits, card_in(recording))
         with_tare = done.result.options.get("tare_run") not in (None, "none")
         tare = fits.get(tare_kind()) if with_tare else None
         fits[done.protocol] = Fit(
-            recording=open_run(done.path),
+            recording=recording,
             gear=gear,
             result=done.result,
             path=done.path,
@@ -150,7 +161,7 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
         )
     fitted = tuple(fits.values())
     truth = tuple((fit.result.kind, row) for fit in fitted for row in _truth(fit))
-    adopted = adopt(shipped_gear(), [fit.result for fit in fitted])
+    adopted = adopt(card_in(fitted[0].recording), [fit.result for fit in fitted])
     parameters = order.folder / PARAMETERS
     save_gear(adopted.gear, parameters)
     note = "Made by rig demo: the whole chain, from plan to report, on the simulated rig."
@@ -171,7 +182,7 @@ def _truth(fit: Fit) -> Iterator[TruthRow]:
     """What the simulated rig knows of this fit; numbers that the data cannot identify are compared with nothing."""
     from experiments.truth import truth_of, truth_rows
 
-    for row in truth_rows(fit.result, truth_of(fit.recording.metadata.process), fit.gear):
+    for row in truth_rows(fit.result, truth_of(fit.recording.metadata.process)):
         if row.estimate.identifiable != "no":
             yield row
 

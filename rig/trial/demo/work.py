@@ -5,14 +5,16 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from model.errors import WordedError
+from rig.bench.backends.assembly import StartState, WorldChoice
 from rig.run.stop import StopRequest
 
 if TYPE_CHECKING:
+    from experiments.recording import Recording
     from experiments.result import Result
     from model.gear import HarmonicDrive
     from rig.analysis.fit import Fit
@@ -23,14 +25,15 @@ ORDER = ("motor-tare", "kinematic-error", "friction", "velocity-steps")
 
 @dataclass(frozen=True)
 class DemoOrder:
-    """What is asked for: folder, seed, and values of protocol parameters that differ from their
-    defaults (for short tests).
+    """What is asked for: folder, seed, values of protocol parameters that differ from their
+    defaults (for short tests), and the simulated world.
     """
 
     folder: Path
     seed: int
     created: str
     values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    world: WorldChoice = field(default_factory=WorldChoice)
 
     @property
     def serial(self) -> str:
@@ -182,7 +185,8 @@ def _one(
     messages.put(Step(protocol, 1.0, 0.0, "fitting"))
     recording = open_run(report.path)
     tare = None if protocol == tare_kind() else fits.get(tare_kind())
-    fit = fit_recording(recording, gear=gear_for(protocol, fits), tare=tare, path=report.path)
+    gear = gear_for(protocol, fits, card_in(recording))
+    fit = fit_recording(recording, gear=gear, tare=tare, path=report.path)
     fit = fits[protocol] = store(fit, order.created)
     seconds = time.monotonic() - started
     return Finished(
@@ -210,15 +214,23 @@ def _request(protocol: str, order: DemoOrder) -> Any:
         gear_serial=order.serial,
         operator="rig demo",
         seed=order.seed,
+        # Which run comes first is chance: number and temperatures must not depend on it.
+        world=replace(order.world, number=ORDER.index(protocol) + 1, start=StartState()),
     )
 
 
-def gear_for(protocol: str, fits: Mapping[str, Fit]) -> HarmonicDrive:
-    """The parameter set to compare with: the shipped one with what this protocol builds on, as identified just now."""
+def card_in(recording: Recording) -> HarmonicDrive:
+    """The gear's card, with which a run was planned."""
+    card = recording.metadata.gear
+    assert card is not None
+    return card
+
+
+def gear_for(protocol: str, fits: Mapping[str, Fit], card: HarmonicDrive) -> HarmonicDrive:
+    """The parameter set to compare with: the card with what this protocol builds on, as identified just now."""
     from experiments import catalogue
-    from model.gear_file import shipped_gear
     from rig.analysis.adopt import adopt
 
     basis = catalogue.load(protocol).builds_on
     results = [fits[earlier].result for earlier in basis if earlier in fits]
-    return adopt(shipped_gear(), results).gear
+    return adopt(card, results).gear

@@ -15,7 +15,7 @@ from experiments.recording import Event
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig import exits
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.assembly import RigRequest, WorldChoice
 from rig.bench.backends.registry import BACKENDS, make_port
 from rig.commands.running import read_flags, read_protocol
 from rig.errors import ConfigurationError
@@ -115,6 +115,12 @@ def test_a_plan_as_a_table(capsys: pytest.CaptureFixture[str]) -> None:
         (("plan", "friction", "--mounting", "upside-down"), "no such mounting"),
         (("run", "home", "--backend", "dream"), "no such rig"),
         (("plan", "home", "--parameters", "missing.toml"), "cannot be read"),
+        (("run", "home", "--mount", "0"), "--mount: names no simulated world; value 0, allowed 1"),
+        (("run", "home", "--gear-seed", "-1"), "--gear-seed"),
+        (("run", "home", "--number", "0"), "--number"),
+        (("run", "home", "--population", "huge"), "allowed narrow, wide"),
+        (("run", "home", "--mount-turn", "nan"), "--mount-turn: is no angle"),
+        (("run", "home", "--backend", "replay:none.h5", "--day", "2"), "only a simulated rig"),
     ],
 )
 def test_refusals_have_one_screen_and_exit_code_2(
@@ -167,6 +173,38 @@ def test_a_run_on_the_simulated_rig(capsys: pytest.CaptureFixture[str], tmp_path
     assert "standstill verified by" in capsys.readouterr().out
 
 
+def test_a_run_says_its_world_and_is_made_again(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from rig.runfile.read import close_recording, open_run
+
+    def counts(path: str) -> bytes:
+        recording = open_run(path)
+        kept = b"".join(recording.stored(name).tobytes() for name in recording.signals)
+        close_recording(recording)
+        return kept
+
+    world = ("--gear-seed", "3", "--bench-seed", "4", "--mount", "2", "--mount-turn", "90")
+    made = ("run", "starting-torque", *FAST, *world, "--day", "6", "--json", "--output")
+    assert rig(*made, str(tmp_path)) == exits.DONE
+    first = json.loads(capsys.readouterr().out)
+    again = ("run", "--repeat", "1", "--output", str(tmp_path))
+    for contradiction in (("--seed", "0"), ("--gear", "G2"), ("--day", "6"), ("friction",)):
+        assert rig(*again, *contradiction) == exits.USAGE
+        printed = " ".join(capsys.readouterr().err.replace("│", " ").split())
+        assert f"{contradiction[0]}: the run that is repeated says this" in printed
+    assert rig(*again, "--operator", "Ada", "--json") == exits.DONE
+    second = json.loads(capsys.readouterr().out)
+    assert counts(second["path"]) == counts(first["path"])
+    assert rig("show", second["path"]) == exits.DONE
+    shown = " ".join(capsys.readouterr().out.split())
+    expected = "gear 3, bench 4, mounting 2 turned by 90 deg, day 6, number 1, narrow population;"
+    assert f"{expected} starts as warm as the room; repeats {first['run']}" in shown
+    assert rig("show", second["path"], "--json") == exits.DONE
+    told = json.loads(capsys.readouterr().out)["process"]
+    assert (told["world"]["gear_seed"], told["world"]["day"], told["bench"]) == (3, 6, "4")
+
+
 def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
     request = RunRequest(
         protocol="starting-torque",
@@ -190,11 +228,15 @@ def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
         close_recording(recording)
         return kept
 
-    first = counts()
-    assert counts() == first
-    assert counts(block_cycles=77) == first
-    assert counts(seed=6) != first
-    assert counts(gear_serial="G2") != first
+    first = counts(world=WorldChoice(number=1))
+    assert counts(world=WorldChoice(number=1, start_state="ambient")) == first
+    again = {"number": 1, "start_state": "ambient"}
+    assert counts(world=WorldChoice(**again), block_cycles=77) == first
+    # The next number in the folder is another run of the same gear on the same bench.
+    assert counts() != first
+    assert counts(world=WorldChoice(**again, bench_seed=5)) == first
+    for changes in ({"seed": 6}, {"gear_serial": "G2"}):
+        assert counts(world=WorldChoice(**again), **changes) != first
 
 
 def test_what_the_rig_knows_is_not_asked_for_twice() -> None:

@@ -21,11 +21,17 @@ import serial
 from drivers.bus import BusConfig, RawBus, open_raw_bus
 from drivers.eds import load_eds
 from drivers.nd287 import LINE_LENGTH, STX, parse_line
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
 from rig import main
 from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.serving import Served, description_of
+from rig.bench.config.apply import configured_rig
 from rig.bench.config.load import load_configuration
+from sim_backend.population import drawn
+from sim_backend.world import World
 
+WIDE = World(gear_seed=5, bench_seed=0, population="wide")
 FAULT_AT = 5
 """SYNC at which the served drive sends an emergency message."""
 ROOT = Path(__file__).parents[3]
@@ -138,9 +144,6 @@ def test_the_description_that_it_writes_is_a_configuration(served: dict[str, Any
 
 
 def test_a_description_without_a_readout_is_one_too(tmp_path: Path) -> None:
-    from model.gear_file import shipped_gear
-    from model.motor import shipped_motor
-
     path = tmp_path / "rig.toml"
     served = Served("127.0.0.1", 1, "can0", "", {}, "")
     path.write_text(
@@ -152,10 +155,24 @@ def test_a_description_without_a_readout_is_one_too(tmp_path: Path) -> None:
     assert load_configuration(path).rig.sample_rate_hz == 250.0
 
 
+def test_a_gear_that_is_not_shipped_gets_a_card_beside_the_description(tmp_path: Path) -> None:
+    path = tmp_path / "wide.toml"
+    words = ["--population", "wide", "--gear-seed", "5", "--readout", "none", "--lifetime", "0.1"]
+    with pytest.raises(SystemExit) as ended:
+        main.run(["sim", "serve", "--port", "0", "--config-out", str(path), *words])
+    assert ended.value.code in (0, None)
+    card = configured_rig(path).gear
+    assert card.name.startswith("CSF-25-")
+    assert card == drawn(shipped_gear(), shipped_motor(), WIDE).card
+    assert card != shipped_gear()
+
+
 @pytest.mark.parametrize(
     "words",
     [
         ["--host", "0.0.0.0"],
+        ["--mount", "0"],
+        ["--population", "huge"],
         ["--mounting", "upside-down"],
         ["--port", "70000"],
         ["--fault", "EMCY"],

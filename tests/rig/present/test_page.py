@@ -95,7 +95,7 @@ def bare(origin: Origin = "simulated", result: Result | None = None, **more: Any
 @pytest.fixture(scope="module")
 def page() -> Page:
     fits = [handmade.fit(), handmade.fit(result=handmade.kinematic_result())]
-    truth = [("friction", TruthRow(handmade.friction_result().estimates["F_c"], 70.0))]
+    truth = [("friction", TruthRow(handmade.friction_result().estimates["F_c"], 78.0, 70.0))]
     return Page(render_report(fits, created=CREATED, truth=truth))
 
 
@@ -131,7 +131,8 @@ def test_what_a_laboratory_looks_for_is_there(page: Page) -> None:
         "Transmission accuracy",
         "Statistical part",
         "Found against the simulator's truth",
-        "1 of 1 true values lie in the statistical part",
+        "Measurand",
+        "This bench sees",
         "Coulomb friction F c",
         "harmonic-rig",
         "Torque per speed",

@@ -69,7 +69,7 @@ def test_the_truth_is_laid_beside_what_was_found(made: Demonstration) -> None:
     assert ("kinematic-error", "amplitude_2") in rows
     assert ("friction", "coulomb") in rows
     assert rows["kinematic-error", "amplitude_2"].difference == pytest.approx(
-        0.0, abs=0.02 * rows["kinematic-error", "amplitude_2"].truth
+        0.0, abs=0.02 * rows["kinematic-error", "amplitude_2"].seen
     )
     assert all(row.estimate.identifiable != "no" for row in rows.values())
 
@@ -99,7 +99,13 @@ def test_json_and_people_get_the_same_story(
     assert found["compared"] == len(found["truth"]) > 20
     print_demonstration(made)
     shown = capsys.readouterr().out
-    for words in ("SIMULATED", str(made.report), "true values", "no verified limit"):
+    for words in (
+        "SIMULATED",
+        str(made.report),
+        "measurand",
+        "this bench sees",
+        "no verified limit",
+    ):
         assert words in shown
 
 

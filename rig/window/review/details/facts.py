@@ -14,7 +14,7 @@ from model.units import RPM
 from rig.analysis.wording import number, readable
 from rig.present.content import Grid
 from rig.present.provenance import conditions_of, parameters_in_words, value_in_words
-from rig.present.run_words import acquisition_facts
+from rig.present.run_words import acquisition_facts, world_facts
 from rig.runfile.header import RunHeader
 from rig.runfile.read import read_run_header
 from rig.window.review.words import facts_html, grid_html
@@ -70,6 +70,7 @@ def facts_of(recording: Recording, path: Path) -> Facts:
         for name in OF_THE_PROGRAM
         if m.process.get(name) not in (None, "")
     )
+    program += tuple(world_facts(m.process.get("world")))
     acquisition = tuple(acquisition_facts(m.process.get("acquisition")))
     conditions = conditions_of(recording, m.gear if m.gear_mounted else None)
     return Facts(

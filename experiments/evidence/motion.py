@@ -1,0 +1,94 @@
+"""Checks of the motion: speed against set-point, both encoders against the ratio, skew between them."""
+
+from __future__ import annotations
+
+import math
+
+from experiments.evidence import rotary_ratio
+from experiments.evidence.finding import Finding, not_checked, refused_beyond
+from experiments.evidence.holds import Hold, Recorded
+from experiments.evidence.skew import skews
+from model.identify.skew import SPEED_SPAN
+
+SPEED_TOLERANCE = 0.02
+"""Relative difference of mean speed and set-point: a speed loop holds its mean to less than a part in a hundred."""
+COUNTS_AT_AN_END = 2.0
+"""Counts by which travel may differ because of where a segment begins and ends."""
+RATIO_TOLERANCE = 0.25
+"""In units of one tooth pair: N and N + 1 (the other spline fixed) lie one apart."""
+RATIO_NEEDED = 0.75
+"""Tooth pairs of doubt from which on the travel is too short to tell."""
+ANGLE_AT_AN_END = 1e-4
+"""rad of the output by which kinematic error and wind-up change the travel of one segment."""
+LARGEST_SKEW = 1.25
+"""SYNC periods: what is latched at the same SYNC is not a cycle apart; a quarter for what is not told from wind-up."""
+
+
+def speed_against_set_point(recorded: Recorded) -> Finding:
+    """Mean speed of every segment that turns against what it was set to."""
+    set_to_speed = [h for h in recorded.turning if h.segment.setpoint]
+    if not set_to_speed:
+        return not_checked("the recording has no segments with a set-point of speed")
+    worst = max(set_to_speed, key=lambda h: _excess(h, recorded))
+    setpoint = worst.segment.setpoint
+    found = (
+        f"{worst.speed:.5g} rad/s at {setpoint:.5g} ({worst.segment.label} {worst.segment.index})"
+    )
+    return refused_beyond(
+        _excess(worst, recorded) > 0.0,
+        found,
+        f"set-point ± {100.0 * SPEED_TOLERANCE:g} %",
+        "the measured speed is not the one that was commanded: counts per revolution, time or set-points are wrong",
+    )
+
+
+def _excess(hold: Hold, recorded: Recorded) -> float:
+    """Relative difference of speed and set-point beyond what is allowed."""
+    setpoint = hold.segment.setpoint
+    ends = COUNTS_AT_AN_END * recorded.recording.signals["input_angle"].quantum
+    doubt = ends / abs(setpoint * hold.duration)
+    return abs(hold.speed / setpoint - 1.0) - SPEED_TOLERANCE - doubt
+
+
+def encoders_against_ratio(recorded: Recorded) -> Finding:
+    """Travel of the output times the ratio against travel of the input, over all that turns."""
+    recording = recorded.recording
+    pairs = [(h.input_travel, h.output_travel) for h in recorded.turning] or recorded.farthest
+    turning = [(i, o) for i, o in pairs if i and math.isfinite(o)]
+    if not turning:
+        return not_checked("both encoders over a way that was turned are needed")
+    ratio = rotary_ratio(
+        recording, recorded.evidence.gear.mounted_ratio(recording.metadata.mounting)
+    )
+    inner = sum(abs(i) for i, _ in turning)
+    outer = sum(math.copysign(1.0, i) * o for i, o in turning)
+    # In tooth pairs: one is the difference between the two mountings.
+    doubt = ANGLE_AT_AN_END * len(turning) * ratio / (inner / ratio)
+    if doubt > RATIO_NEEDED:
+        return not_checked(f"the output turned only {inner / ratio:.2g} rad")
+    seen = inner / outer if outer else math.inf
+    return refused_beyond(
+        abs(seen - ratio) > RATIO_TOLERANCE + doubt,
+        f"{seen:.5g} input revolutions per output revolution",
+        f"{ratio:g} ± {RATIO_TOLERANCE + doubt:.2g}",
+        "the encoders show another ratio than the one stated",
+    )
+
+
+def skew(recorded: Recorded) -> Finding:
+    """How much later the output encoder is latched than the input encoder, in SYNC periods."""
+    rate = recorded.recording.metadata.sample_rate
+    speeds = [abs(h.speed) for h in recorded.turning]
+    if speeds and max(speeds) < SPEED_SPAN * min(speeds):
+        return not_checked("one speed only: skew and wind-up are one number")
+    estimate = skews(recorded.recording, recorded.evidence.gear).get("encoder_skew")
+    if estimate is None or not math.isfinite(estimate.value):
+        why = estimate.note if estimate else "there is no time stamp of each cycle"
+        return not_checked(why)
+    certain = max(abs(estimate.value) - estimate.expanded_uncertainty, 0.0) * rate
+    return refused_beyond(
+        certain > LARGEST_SKEW,
+        f"{1e6 * estimate.value:.0f} ± {1e6 * estimate.expanded_uncertainty:.0f} us",
+        f"{LARGEST_SKEW:g} cycles of {1e6 / rate:.0f} us",
+        "the two angles are not of the same cycle",
+    )

@@ -1,0 +1,150 @@
+"""Checks of time and sampling: gaps, the time axis, resonance and count lattice against the rate."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime
+
+import numpy as np
+
+from experiments.evidence import TRUE_TIME, rotary_ratio
+from experiments.evidence.finding import Finding, not_checked, refused_beyond
+from experiments.evidence.holds import Recorded
+from model.identify.counting import lattice_aliases
+from model.units import ARCSEC, REVOLUTION
+
+HOLD_GAP = 0.01
+"""Share of a segment's rows that may be unusable: more is no data, and is never averaged."""
+LONGEST_GAP = 10.0
+"""Sampling periods between two rows of a segment beyond which the motion between them is not known."""
+PERIOD_TOLERANCE = 0.01
+"""Relative difference of the median period and the nominal one."""
+CLOCK_TOLERANCE, CLOCK_RESOLUTION = 0.02, 2.0
+"""Relative and absolute [s] difference of the device's time from the computer's over a run."""
+TIME_ROWS = 4096
+"""Rows of a stretch in which periods are looked at."""
+HIGHEST_SHARE = 0.4
+"""Of the sampling frequency: nothing above it is identified."""
+LATTICE_HARMONICS = 12
+"""Harmonics of the output counts that sampling may fold onto an order: those above are smaller than the noise."""
+FOLDED_ORDER = 4.5
+"""Orders of the input that are judged."""
+NEAR_AN_ORDER = 0.05
+"""Orders apart from which on a folded line does not stand on an order of one output revolution's fit."""
+
+
+def gaps(recorded: Recorded) -> Finding:
+    """Rows that cannot be used in any segment that counts, and gaps of time between rows."""
+    recording = recorded.recording
+    if not recorded.holds and recording.segments:
+        return Finding("ok", "no segment to be averaged")
+    allowed = max(HOLD_GAP, recorded.evidence.maximum_missed_share)
+    worst = max(recorded.holds, key=lambda h: h.unusable / h.rows, default=None)
+    share = worst.unusable / worst.rows if worst else 0.0
+    longest = _longest_gap(recorded)
+    text = f"{100.0 * share:.2g} % of a segment's rows, {longest:.3g} periods between two rows"
+    return refused_beyond(
+        share > allowed or longest > LONGEST_GAP,
+        text,
+        f"{100.0 * allowed:g} %, {LONGEST_GAP:g} periods",
+        "rows are missing where the analysis averages",
+    )
+
+
+def _longest_gap(recorded: Recorded) -> float:
+    """Largest time between two rows of a segment that counts, in median periods; of everything without segments."""
+    recording = recorded.recording
+    if recording.metadata.time_base not in TRUE_TIME:
+        return 1.0
+    stretches = [slice(h.segment.start, h.segment.stop) for h in recorded.holds]
+    longest = 0.0
+    period = _median_period(recorded)
+    for stretch in stretches or [slice(0, recording.rows)]:
+        for rows in recording.blocks(stretch, size=1 << 20):
+            times = recording.source.time_ns(max(rows.start - 1, 0), rows.stop)
+            longest = max(longest, float(np.diff(times).max(initial=0)) * 1e-9)
+    return longest / period if period > 0.0 else 1.0
+
+
+def _median_period(recorded: Recorded) -> float:
+    """The median time between two rows [s], from the beginning, the middle and the end; NaN for a row or two."""
+    rows = recorded.recording.rows
+    starts = {0, max(0, rows // 2), max(0, rows - TIME_ROWS)}
+    source = recorded.recording.source
+    parts = [np.diff(source.time_ns(s, min(s + TIME_ROWS, rows))) for s in sorted(starts)]
+    steps = np.concatenate(parts)
+    return float(np.median(steps)) * 1e-9 if len(steps) else math.nan
+
+
+def time_axis(recorded: Recorded) -> Finding:
+    """The period of the rows against the nominal one, and the device's time against the computer's over the run."""
+    metadata = recorded.recording.metadata
+    if metadata.time_base not in TRUE_TIME:
+        return not_checked(f'time base "{metadata.time_base}": no cycle has a stamp of its own')
+    if not metadata.sample_rate > 0.0:
+        return not_checked("the recording does not say at which rate it was made")
+    ratio = _median_period(recorded) * metadata.sample_rate
+    found = f"{ratio:.4f} nominal periods from row to row"
+    elapsed = _computer_time(metadata.start_time, metadata.end_time)
+    span = _span(recorded)
+    is_slow = span > (1.0 + CLOCK_TOLERANCE) * elapsed + CLOCK_RESOLUTION
+    if math.isfinite(elapsed):
+        found += f"; {span:.1f} s of the device in {elapsed:.1f} s of the computer"
+    return refused_beyond(
+        abs(ratio - 1.0) > PERIOD_TOLERANCE or is_slow,
+        found,
+        f"1 ± {PERIOD_TOLERANCE:g}",
+        "the time axis is not that of the run",
+    )
+
+
+def _span(recorded: Recorded) -> float:
+    source, rows = recorded.recording.source, recorded.recording.rows
+    return float(source.time_ns(rows - 1, rows)[0] - source.time_ns(0, 1)[0]) * 1e-9
+
+
+def _computer_time(start: str, end: str) -> float:
+    """From start to end of the run by the computer's clock [s]; NaN where one is not written."""
+    try:
+        return (datetime.fromisoformat(end) - datetime.fromisoformat(start)).total_seconds()
+    except (ValueError, TypeError):
+        return math.nan
+
+
+def resonance(recorded: Recorded) -> Finding:
+    """The first torsional mode of the parameter set against the sampling rate."""
+    gear, rate = recorded.evidence.gear, recorded.recording.metadata.sample_rate
+    if not rate > 0.0:
+        return not_checked("the recording does not say at which rate it was made")
+    expected = math.sqrt(gear.ratings.stiffness_1 / gear.inertia.output) / REVOLUTION
+    return refused_beyond(
+        expected > HIGHEST_SHARE * rate,
+        f"{expected:.4g} Hz by the parameter set",
+        f"<= {HIGHEST_SHARE:g} of {rate:g} Hz",
+        "the first torsional mode lies too near the sampling rate: it, or its alias, would be found",
+    )
+
+
+def count_lattice(recorded: Recorded) -> Finding:
+    """Harmonics of the output encoder's counts that sampling folds onto an order that is judged."""
+    recording = recorded.recording
+    output, rate = recording.signals.get("output_angle"), recording.metadata.sample_rate
+    if output is None or not output.quantum > 0.0 or not rate > 0.0 or not recorded.turning:
+        return not_checked("counts, rate and a segment that turns are needed")
+    ratio = rotary_ratio(
+        recording, recorded.evidence.gear.mounted_ratio(recording.metadata.mounting)
+    )
+    counts = REVOLUTION / (ratio * output.quantum)
+    worst = 0.0
+    for hold in recorded.turning:
+        per_turn = REVOLUTION * rate / abs(hold.speed)
+        folded = lattice_aliases(
+            per_turn, counts, output.quantum, FOLDED_ORDER, harmonics=LATTICE_HARMONICS
+        )
+        on_order = [a.amplitude for a in folded if abs(a.order - round(a.order)) < NEAR_AN_ORDER]
+        worst = max(worst, *on_order, 0.0)
+    found = f"up to {worst / ARCSEC:.2g} arcsec folded onto an order"
+    if worst == 0.0:
+        return Finding("ok", "nothing folded onto an order", "nothing")
+    words = "The sampling repeats on the lattice of the output counts: quantisation does not average out."
+    return Finding("widened", found, "nothing", words)

@@ -1,0 +1,356 @@
+"""The acts: one thing each that is done to an honest recording, or to the tare that it is analysed with."""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.contract import Evidence
+from experiments.evidence import SATURATED
+from experiments.recording import ArraySource, Recording, Segment
+from experiments.result import Result
+from experiments.torque.tare import TABLE
+
+Stored = NDArray[Any]
+CLIPPED = 0.07
+"""N m at which the torque port is cut off: below the friction of the honest gear at speed."""
+MISSING = 1
+"""Flag of a cycle that is incomplete."""
+
+
+class MemorySource(ArraySource):
+    """A recording in memory that knows the cycle of each row, as a run file does."""
+
+    def cycles(self, start: int, stop: int) -> NDArray[np.int64]:
+        return np.arange(start, min(stop, self.rows))
+
+
+@dataclass(frozen=True)
+class Honest:
+    """A recording as it was made, and what it is analysed with."""
+
+    kind: str
+    recording: Recording
+    evidence: Evidence
+
+
+def in_memory(recording: Recording) -> Recording:
+    """The same recording with its rows in memory, so that they can be changed on a copy."""
+    rows = recording.rows
+    arrays = {
+        name: np.asarray(recording.source.stored(name, 0, rows)) for name in recording.signals
+    }
+    source = MemorySource(
+        arrays, recording.source.time_ns(0, rows), recording.source.flags(0, rows)
+    )
+    return dataclasses.replace(recording, source=source)
+
+
+def _source(recording: Recording) -> MemorySource:
+    assert isinstance(recording.source, MemorySource)
+    return recording.source
+
+
+def _with(
+    honest: Honest,
+    arrays: Mapping[str, Stored] | None = None,
+    *,
+    times: Stored | None = None,
+    flags: Stored | None = None,
+) -> Honest:
+    before = _source(honest.recording)
+    source = MemorySource(
+        {**before.arrays, **(arrays or {})},
+        before.times if times is None else times,
+        before.cycle_flags if flags is None else flags,
+    )
+    return dataclasses.replace(
+        honest, recording=dataclasses.replace(honest.recording, source=source)
+    )
+
+
+def _torque(honest: Honest, change: Callable[[Stored], Stored]) -> Honest:
+    """The torque port reads something else [N m]."""
+    signal = honest.recording.signals["torque"]
+    torque = change(honest.recording.si("torque"))
+    return _with(honest, {"torque": np.rint((torque - signal.offset) / signal.gain).astype(int)})
+
+
+def _counts(honest: Honest, name: str, factor: float) -> Honest:
+    counts = _source(honest.recording).arrays[name]
+    return _with(honest, {name: np.rint(counts * factor).astype(np.int64)})
+
+
+def _about(honest: Honest, **changes: Any) -> Honest:
+    metadata = dataclasses.replace(honest.recording.metadata, **changes)
+    return dataclasses.replace(
+        honest, recording=dataclasses.replace(honest.recording, metadata=metadata)
+    )
+
+
+def _longest(recording: Recording, *labels: str) -> Segment:
+    return max(recording.labelled(*labels), key=lambda s: s.stop - s.start)
+
+
+# The torque.
+
+
+def clipped_and_flagged(honest: Honest) -> Honest:
+    ends = np.abs(honest.recording.si("torque")) >= CLIPPED
+    flags = honest.recording.flags() | np.where(ends, SATURATED, 0).astype(np.uint16)
+    return _with(clipped(honest), flags=flags)
+
+
+def clipped(honest: Honest) -> Honest:
+    return _torque(honest, lambda torque: np.clip(torque, -CLIPPED, CLIPPED))
+
+
+def clipped_on_one_side(honest: Honest) -> Honest:
+    return _torque(honest, lambda torque: np.minimum(torque, CLIPPED))
+
+
+def clipped_low(honest: Honest) -> Honest:
+    return _torque(honest, lambda torque: np.clip(torque, -0.02, 0.02))
+
+
+def reversed_torque(honest: Honest) -> Honest:
+    return _torque(honest, np.negative)
+
+
+def rectified(honest: Honest) -> Honest:
+    return _torque(honest, np.abs)
+
+
+def millinewtons(honest: Honest) -> Honest:
+    return _torque(honest, lambda torque: 1000.0 * torque)
+
+
+def doubled(honest: Honest) -> Honest:
+    return _torque(honest, lambda torque: 2.0 * torque)
+
+
+def halved(honest: Honest) -> Honest:
+    return _torque(honest, lambda torque: 0.5 * torque)
+
+
+def frozen(honest: Honest) -> Honest:
+    """The port stands still from the middle of the longest segment on."""
+
+    def change(torque: Stored) -> Stored:
+        hold = _longest(honest.recording, "hold", "traverse")
+        middle = (hold.start + hold.stop) // 2
+        return np.where(np.arange(len(torque)) < middle, torque, torque[middle])
+
+    return _torque(honest, change)
+
+
+def drifting_zero(honest: Honest) -> Honest:
+    return _torque(honest, lambda torque: torque + np.linspace(0.0, 0.04, len(torque)))
+
+
+def fading(honest: Honest) -> Honest:
+    return _torque(honest, lambda torque: torque * np.linspace(1.3, 0.7, len(torque)))
+
+
+# Angles, ratio and time.
+
+
+def input_four_times(honest: Honest) -> Honest:
+    return _counts(honest, "input_angle", 4.0)
+
+
+def input_half(honest: Honest) -> Honest:
+    return _counts(honest, "input_angle", 0.5)
+
+
+def output_four_times(honest: Honest) -> Honest:
+    return _counts(honest, "output_angle", 4.0)
+
+
+def output_losing_counts(honest: Honest) -> Honest:
+    return _counts(honest, "output_angle", 0.995)
+
+
+def output_reversed(honest: Honest) -> Honest:
+    return _counts(honest, "output_angle", -1.0)
+
+
+def ratio_119(honest: Honest) -> Honest:
+    return _about(honest, ratio=119.0)
+
+
+def ratio_121(honest: Honest) -> Honest:
+    return _about(honest, ratio=121.0)
+
+
+def output_late(honest: Honest) -> Honest:
+    counts = _source(honest.recording).arrays["output_angle"]
+    late = np.concatenate([np.repeat(counts[:1], 2), counts[:-2]])
+    return _with(honest, {"output_angle": late})
+
+
+def slow_time(honest: Honest) -> Honest:
+    return _with(honest, times=_stretched(honest, 1.1))
+
+
+def fast_time(honest: Honest) -> Honest:
+    return _with(honest, times=_stretched(honest, 0.9))
+
+
+def slow_time_and_rate(honest: Honest) -> Honest:
+    """The nominal rate and the computer's clock follow the device's time."""
+    metadata = honest.recording.metadata
+    start = datetime.datetime.fromisoformat(metadata.start_time)
+    end = datetime.datetime.fromisoformat(metadata.end_time)
+    return _about(
+        slow_time(honest),
+        sample_rate=metadata.sample_rate / 1.1,
+        end_time=(start + 1.1 * (end - start)).isoformat(),
+    )
+
+
+def slow_clock(honest: Honest) -> Honest:
+    """The rate follows the device's time, the computer's clock does not, and no set-point was written."""
+    recording = slow_time(honest).recording
+    bare = tuple(dataclasses.replace(s, setpoint=0.0) for s in recording.segments)
+    slow = dataclasses.replace(honest, recording=dataclasses.replace(recording, segments=bare))
+    return _about(slow, sample_rate=recording.metadata.sample_rate / 1.1)
+
+
+def _stretched(honest: Honest, factor: float) -> Stored:
+    times = _source(honest.recording).times
+    return times[0] + ((times - times[0]) * factor).astype(np.int64)
+
+
+def decimated(honest: Honest, every: int) -> Honest:
+    """Only every so many rows were recorded."""
+    recording, before = honest.recording, _source(honest.recording)
+    flags = honest.recording.flags()[::every]
+    source = MemorySource(
+        {name: values[::every] for name, values in before.arrays.items()},
+        before.times[::every],
+        flags,
+    )
+    segments = tuple(
+        dataclasses.replace(s, start=s.start // every, stop=s.stop // every)
+        for s in recording.segments
+    )
+    thinned = dataclasses.replace(recording, source=source, segments=segments)
+    return _about(
+        dataclasses.replace(honest, recording=thinned),
+        sample_rate=recording.metadata.sample_rate / every,
+    )
+
+
+def at_200_hz(honest: Honest) -> Honest:
+    return decimated(honest, 5)
+
+
+def at_125_hz(honest: Honest) -> Honest:
+    return decimated(honest, 8)
+
+
+def rows_missing(honest: Honest) -> Honest:
+    """A twentieth of one segment is incomplete: far below the share that is allowed of a run."""
+    segment = _longest(honest.recording, "hold", "step", "traverse")
+    flags = honest.recording.flags().copy()
+    flags[segment.start : segment.start + (segment.stop - segment.start) // 20] |= MISSING
+    evidence = dataclasses.replace(honest.evidence, maximum_missed_share=0.04)
+    return dataclasses.replace(_with(honest, flags=flags), evidence=evidence)
+
+
+def pause(honest: Honest) -> Honest:
+    """The clock goes on for three seconds in the middle of a segment, and no row was written."""
+    segment = _longest(honest.recording, "hold", "step", "traverse")
+    times = _source(honest.recording).times.copy()
+    times[(segment.start + segment.stop) // 2 :] += 3_000_000_000
+    return _with(honest, times=times)
+
+
+# The tare.
+
+
+def _tare_run(honest: Honest, **changes: Any) -> Honest:
+    run = honest.evidence.tare_recording
+    assert run is not None
+    changed = dataclasses.replace(run, metadata=dataclasses.replace(run.metadata, **changes))
+    evidence = dataclasses.replace(honest.evidence, tare_recording=changed)
+    return dataclasses.replace(honest, evidence=evidence)
+
+
+def _process(honest: Honest, **changes: Any) -> Honest:
+    run = honest.evidence.tare_recording
+    assert run is not None
+    return _tare_run(honest, process={**run.metadata.process, **changes})
+
+
+def tare_of_another_motor(honest: Honest) -> Honest:
+    return _process(honest, motor="SGMJV-04")
+
+
+def tare_of_another_bench(honest: Honest) -> Honest:
+    return _process(honest, bench="another")
+
+
+def tare_of_another_calibration(honest: Honest) -> Honest:
+    run = honest.evidence.tare_recording
+    assert run is not None
+    torque = dataclasses.replace(run.signals["torque"], scale=run.signals["torque"].scale * 1.1)
+    other = dataclasses.replace(run, signals={**run.signals, "torque": torque})
+    evidence = dataclasses.replace(honest.evidence, tare_recording=other)
+    return dataclasses.replace(honest, evidence=evidence)
+
+
+def tare_of_last_month(honest: Honest) -> Honest:
+    made = datetime.datetime.fromisoformat(honest.recording.metadata.start_time)
+    return _tare_run(honest, start_time=(made - datetime.timedelta(days=30)).isoformat())
+
+
+def _tare_warmer(honest: Honest, kelvin: float) -> Honest:
+    run = honest.evidence.tare_recording
+    assert run is not None
+    room = run.signals["ambient_temperature"]
+    warmer = dataclasses.replace(room, offset=room.offset + kelvin)
+    other = dataclasses.replace(run, signals={**run.signals, "ambient_temperature": warmer})
+    evidence = dataclasses.replace(honest.evidence, tare_recording=other)
+    return dataclasses.replace(honest, evidence=evidence)
+
+
+def tare_warmer(honest: Honest) -> Honest:
+    return _tare_warmer(honest, 8.0)
+
+
+def tare_much_warmer(honest: Honest) -> Honest:
+    return _tare_warmer(honest, 20.0)
+
+
+def _tare_times(honest: Honest, factor: float) -> Honest:
+    tare = honest.evidence.tare
+    assert tare is not None
+
+    def scaled(result: Result) -> Result:
+        tables = tuple(
+            dataclasses.replace(t, rows=tuple((v, factor * float(f), u) for v, f, u in t.rows))
+            if t.name == TABLE
+            else t
+            for t in result.tables
+        )
+        return dataclasses.replace(result, tables=tables)
+
+    return dataclasses.replace(
+        honest, evidence=dataclasses.replace(honest.evidence, tare=scaled(tare))
+    )
+
+
+def tare_six_times(honest: Honest) -> Honest:
+    return _tare_times(honest, 6.0)
+
+
+def tare_negative(honest: Honest) -> Honest:
+    return _tare_times(honest, -1.0)

@@ -1,0 +1,141 @@
+"""Each act is refused by the check that it is meant for, or what comes of it is widened and not wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import pytest
+
+from experiments import catalogue
+from experiments.errors import AnalysisError
+from experiments.evidence.table import TABLE
+from experiments.result import Result
+from tests.adversarial import acts
+from tests.adversarial.acts import Honest
+
+Act = Callable[[Honest], Honest]
+
+REFUSED: tuple[tuple[str, Act, str], ...] = (
+    ("friction", acts.clipped_and_flagged, "saturation"),
+    ("friction", acts.clipped, "plateau"),
+    ("friction", acts.clipped_on_one_side, "plateau"),
+    ("friction", acts.reversed_torque, "sign of the torque"),
+    ("friction", acts.rectified, "sign of the torque"),
+    ("friction", acts.frozen, "sign of the torque"),
+    ("friction", acts.millinewtons, "reach of the motor"),
+    ("friction", acts.doubled, "torque port against drive"),
+    ("friction", acts.halved, "torque port against drive"),
+    ("friction", acts.drifting_zero, "torque zero"),
+    ("friction", acts.fading, "reference speed"),
+    ("friction", acts.input_four_times, "speed against set-point"),
+    ("friction", acts.input_half, "speed against set-point"),
+    ("friction", acts.slow_time, "time axis"),
+    ("friction", acts.fast_time, "time axis"),
+    ("friction", acts.slow_time_and_rate, "speed against set-point"),
+    ("friction", acts.slow_clock, "time axis"),
+    ("friction", acts.rows_missing, "gaps"),
+    ("friction", acts.pause, "gaps"),
+    ("friction", acts.tare_of_another_motor, "origin of the tare"),
+    ("friction", acts.tare_of_another_bench, "origin of the tare"),
+    ("friction", acts.tare_of_another_calibration, "origin of the tare"),
+    ("friction", acts.tare_much_warmer, "temperature of the tare"),
+    ("friction", acts.tare_six_times, "size of the tare"),
+    ("friction", acts.tare_negative, "size of the tare"),
+    ("motor-tare", acts.reversed_torque, "sign of the torque"),
+    ("motor-tare", acts.millinewtons, "reach of the motor"),
+    ("kinematic-error", acts.ratio_119, "encoders against ratio"),
+    ("kinematic-error", acts.output_losing_counts, "encoders against ratio"),
+    ("kinematic-error", acts.input_four_times, "speed against set-point"),
+    ("velocity-steps", acts.ratio_119, "encoders against ratio"),
+    ("velocity-steps", acts.ratio_121, "encoders against ratio"),
+    ("velocity-steps", acts.output_reversed, "encoders against ratio"),
+    ("velocity-steps", acts.output_four_times, "encoders against ratio"),
+    ("velocity-steps", acts.output_late, "skew of the encoders"),
+    ("velocity-steps", acts.at_200_hz, "sampling of the resonance"),
+    ("velocity-steps", acts.at_125_hz, "sampling of the resonance"),
+    ("velocity-steps", acts.slow_time, "time axis"),
+    ("velocity-steps", acts.reversed_torque, "sign of the torque"),
+    ("starting-torque", acts.reversed_torque, "sign of the torque"),
+    ("starting-torque", acts.clipped_low, "plateau"),
+    ("starting-torque", acts.millinewtons, "reach of the motor"),
+)
+"""Kind, act, and the check that refuses."""
+
+WIDENED: tuple[tuple[str, Act, str, str], ...] = (
+    ("friction", acts.tare_of_last_month, "age of the tare", "coulomb"),
+    ("friction", acts.tare_warmer, "temperature of the tare", "coulomb"),
+)
+"""Kind, act, the check that widens, and a quantity that becomes wider."""
+
+
+@pytest.fixture(scope="module")
+def result(honest: Callable[[str], Honest]) -> Callable[[str], Result]:
+    """What an honest run comes to."""
+    done: dict[str, Result] = {}
+
+    def of(kind: str) -> Result:
+        if kind not in done:
+            run = honest(kind)
+            done[kind] = catalogue.load(kind).analyse(run.recording, run.evidence)
+        return done[kind]
+
+    return of
+
+
+@pytest.mark.parametrize("kind", ["friction", "motor-tare", "kinematic-error", "starting-torque"])
+def test_an_honest_run_passes_every_check(kind: str, result: Callable[[str], Result]) -> None:
+    checks = result(kind).checks
+    assert checks
+    allowed: tuple[Literal["ok", "not checked"], ...] = ("ok", "not checked")
+    assert {c.name: c.outcome for c in checks if c.outcome not in allowed} == {}
+    # Without a check that a verdict needs, there would be none.
+    assert [c.name for c in checks if c.is_evidence and c.outcome != "ok"] == []
+    assert {v.outcome for v in result(kind).verdicts} <= {"FAIL"}
+
+
+@pytest.mark.parametrize(
+    ("kind", "act", "check"), [pytest.param(k, a, c, id=f"{k}-{a.__name__}") for k, a, c in REFUSED]
+)
+def test_a_broken_recording_is_refused(
+    kind: str, act: Act, check: str, honest: Callable[[str], Honest]
+) -> None:
+    broken = act(honest(kind))
+    with pytest.raises(AnalysisError, match=rf"{check}: ") as refused:
+        catalogue.load(kind).analyse(broken.recording, broken.evidence)
+    assert refused.value.value
+    assert refused.value.limit
+    assert refused.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("kind", "act", "check", "quantity"),
+    [pytest.param(*row, id=f"{row[0]}-{row[1].__name__}") for row in WIDENED],
+)
+def test_what_is_widened_is_wider_and_not_wrong(
+    kind: str,
+    act: Act,
+    check: str,
+    quantity: str,
+    honest: Callable[[str], Honest],
+    result: Callable[[str], Result],
+) -> None:
+    broken, before = act(honest(kind)), result(kind)
+    after = catalogue.load(kind).analyse(broken.recording, broken.evidence)
+    (widened,) = [c for c in after.checks if c.outcome == "widened"]
+    assert widened.name == check
+    assert widened.words in after.warnings
+    assert (
+        after.estimates[quantity].expanded_uncertainty
+        > 1.02 * before.estimates[quantity].expanded_uncertainty
+    )
+    assert "PASS" not in {v.outcome for v in after.verdicts}
+    for name, estimate in after.estimates.items():
+        if estimate.identifiable == "yes":
+            apart = abs(estimate.value - before.estimates[name].value)
+            assert apart <= estimate.expanded_uncertainty, name
+
+
+def test_every_check_has_a_recording_that_it_refuses_or_widens() -> None:
+    tried = {check for _, _, check in REFUSED} | {check for _, _, check, _ in WIDENED}
+    assert {row.name for row in TABLE} - tried == {"count lattice"}

@@ -1,0 +1,137 @@
+"""The study of coverage: its table from rows that are known, what it keeps, what it refuses; and one run of it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.benchmarks import coverage_study
+from tests.benchmarks.coverage_study import Line, Study, read_rows, run_seed, settings_of, table
+
+STUDY = Study(population="narrow", kinds=("warm-up",), speeds=(), commit="c0ffee")
+
+
+def number(seed: int, value: float, **others: Any) -> Line:
+    """A found number whose truth is 10, with a statistical interval of +-1 and U = 2."""
+    line: Line = {
+        "what": "number",
+        "seed": seed,
+        "kind": "friction",
+        "quantity": "coulomb",
+        "called": "yes",
+        "note": "",
+        "value": value,
+        "low": value - 1.0,
+        "high": value + 1.0,
+        "expanded": 2.0,
+        "type_b": 0.0,
+        "seen": 10.0,
+        "true": 10.0,
+        "target": 4.0,
+        "is_share": False,
+        "is_circular": False,
+    }
+    return line | others
+
+
+def run(seed: int, **others: Any) -> Line:
+    line: Line = {"what": "run", "seed": seed, "kind": "friction", "outcome": "analysed"}
+    return line | {"words": "", "bounds": {"coulomb": 0.1}} | others
+
+
+def test_the_table_counts_what_the_intervals_hold() -> None:
+    # Two of the four miss by more than the interval, one of them by more than U.
+    values = (10.5, 9.5, 11.5, 13.0)
+    (row,) = table([number(k, v) for k, v in enumerate(values)])
+    assert (row["seeds"], row["called_yes"]) == (4, 4)
+    assert (row["covered_statistical"], row["covered_expanded"]) == (0.5, 0.75)
+    errors = np.array(values) - 10.0
+    assert row["width_ratio"] == pytest.approx(2.0 / (3.92 * errors.std(ddof=1)), abs=1e-3)
+    assert row["expanded_ratio"] == pytest.approx(2.0 / np.quantile(np.abs(errors), 0.95), abs=1e-3)
+    assert row["bias_over_u"] == pytest.approx(errors.mean() / 2.0, abs=1e-3)
+
+
+def test_the_two_intervals_are_held_against_their_own_truths() -> None:
+    (row,) = table([number(1, 10.0, true=11.5), number(2, 10.0, true=12.5)])
+    assert (row["covered_statistical"], row["covered_expanded"]) == (1.0, 0.5)
+
+
+def test_errors_go_round_the_circle_and_may_be_shares_of_the_truth() -> None:
+    (row,) = table([number(1, 3.0, seen=-3.0, true=-3.0, is_circular=True)])
+    assert row["covered_statistical"] == 1.0
+    # The same relative error on gears that differ tenfold scatters not at all.
+    lines = [
+        number(k, 1.01 * t, low=0.98 * t, high=1.04 * t, expanded=0.03 * t, seen=t, true=t)
+        for k, t in enumerate((1.0, 10.0))
+    ]
+    (share,) = table([{**line, "is_share": True} for line in lines])
+    assert share["bias_over_u"] == pytest.approx(1.0 / 3.0, abs=1e-3)
+    assert share["expanded_ratio"] == pytest.approx(3.0, abs=1e-3)
+
+
+def test_only_what_is_called_identified_is_counted_as_claimed() -> None:
+    (row,) = table([number(1, 99.0, called="weakly"), number(2, 10.0)])
+    assert (row["seeds"], row["called_yes"], row["covered_expanded"]) == (2, 1, 1.0)
+    (none,) = table([number(1, 99.0, called="no")])
+    assert none["covered_statistical"] is None
+
+
+def test_an_answer_is_missed_where_the_information_was_there() -> None:
+    lines = [
+        *(number(k, 10.0, called=c) for k, c in ((1, "yes"), (2, "weakly"), (3, "no"))),
+        number(4, 0.1, called="weakly", note="not distinguishable from zero, below 2.1 N"),
+        *(run(k) for k in (1, 2, 4)),
+        run(3, bounds={"coulomb": 1.5}),  # too little: 1.96 x 1.5 is above half the target
+        run(
+            5,
+            outcome="refused",
+            words="saturation: the port was at the end of its range",
+            bounds={"coulomb": 0.1},
+        ),
+        run(6, outcome="refused", words="count lattice: 600 samples per revolution"),
+        run(7, outcome="not planned"),
+    ]
+    (row,) = table(lines)
+    assert (row["enough_information"], row["not_answered"]) == (4, 2)
+
+
+def test_a_seed_draws_for_each_kind_by_itself() -> None:
+    first = [next(settings_of(9000, "kinematic-error", ())) for _ in range(2)]
+    assert first[0] == first[1]
+    assert next(settings_of(9001, "kinematic-error", ())) != first[0]
+    drawn = [next(settings_of(seed, "velocity-steps", ())) for seed in range(40)]
+    assert {s.rate for s in drawn} == {1000.0, 625.0}
+    assert all(60.0 <= s.values["speeds_rpm"][0] <= 3000.0 for s in drawn)
+    assert next(settings_of(1, "friction", (1800.0,))).values["highest_rpm"] == 1800.0
+
+
+def test_rows_are_taken_up_again_by_the_same_study_alone(tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    mine = {"what": "run", **STUDY.key, "seed": 1, "kind": "warm-up"}
+    other = {**mine, "commit": "another"}
+    text = json.dumps(mine)
+    path.write_text(f"{text}\n{json.dumps(other)}\n{text[:20]}", encoding="utf-8")
+    assert read_rows(path, STUDY) == [mine]
+
+
+def test_a_changed_tree_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Done:
+        stdout = " M model/gear.py"
+
+    monkeypatch.setattr(coverage_study.subprocess, "run", lambda *a, **k: Done())
+    with pytest.raises(SystemExit, match="--uncommitted"):
+        coverage_study.code_commit(uncommitted=False)
+    assert coverage_study.code_commit(uncommitted=True).endswith("+")
+
+
+def test_a_seed_runs_from_draw_to_bound() -> None:
+    lines = run_seed(9000, STUDY)
+    (line,) = [one for one in lines if one["what"] == "run"]
+    assert (line["outcome"], line["kind"]) == ("analysed", "warm-up")
+    assert line["bounds"]["running_torque"] > 0.0
+    assert {one["commit"] for one in lines} == {"c0ffee"}
+    json.dumps(lines)

@@ -1,0 +1,64 @@
+"""U = k u: Welch and Satterthwaite, Student's t."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from model.identify.estimate import (
+    NORMAL_COVERAGE_FACTOR,
+    BudgetLine,
+    Estimate,
+    coverage_factor,
+    effective_degrees_of_freedom,
+)
+
+
+def line(u: float, freedom: float = math.inf) -> BudgetLine:
+    kind = "A" if freedom < math.inf else "B"
+    return BudgetLine("x", kind, u, degrees_of_freedom=freedom)
+
+
+def estimate(*lines: BudgetLine) -> Estimate:
+    return Estimate(name="x", value=1.0, unit="1", low=0.9, high=1.1, budget=lines)
+
+
+@pytest.mark.parametrize(
+    ("freedom", "k"), [(1, 12.706), (5, 2.571), (10, 2.228), (50, 2.009), (math.inf, 1.960)]
+)
+def test_k_is_the_quantile_of_students_t(freedom: float, k: float) -> None:
+    """The table G.2 of the GUM, 95 %."""
+    assert coverage_factor(freedom) == pytest.approx(k, abs=6e-4)
+    assert estimate(line(0.1, freedom)).expanded_uncertainty == pytest.approx(0.1 * k, abs=6e-5)
+
+
+def test_degrees_of_freedom_combine_by_welch_and_satterthwaite() -> None:
+    lines = (line(3.0, 4.0), line(4.0, 9.0), line(5.0))
+    freedom = 50.0**2 / (81.0 / 4.0 + 256.0 / 9.0)
+    assert effective_degrees_of_freedom(lines) == pytest.approx(freedom)
+    made = estimate(*lines)
+    assert made.degrees_of_freedom == pytest.approx(freedom)
+    assert made.expanded_uncertainty == pytest.approx(
+        coverage_factor(freedom) * math.sqrt(50.0), rel=1e-12
+    )
+    assert effective_degrees_of_freedom((line(1.0), line(2.0))) == math.inf
+
+
+def test_json_has_k_and_degrees_of_freedom_and_no_infinity() -> None:
+    answer = estimate(line(3.0, 4.0), line(5.0)).as_json()
+    assert answer["degrees_of_freedom"] == pytest.approx(34.0**2 / (81.0 / 4.0))
+    assert answer["coverage_factor"] == pytest.approx(2.002, abs=1e-3)
+    assert [b["degrees_of_freedom"] for b in answer["budget"]] == [4.0, None]  # type: ignore[attr-defined]
+    assert estimate(line(5.0)).as_json()["degrees_of_freedom"] is None
+
+
+def test_without_a_budget_u_is_the_half_width_of_the_interval() -> None:
+    made = estimate()
+    assert made.expanded_uncertainty == pytest.approx(0.1)
+    assert made.standard_uncertainty == pytest.approx(0.1 / NORMAL_COVERAGE_FACTOR)
+
+
+def test_a_line_that_could_not_be_computed_leaves_no_uncertainty() -> None:
+    assert math.isnan(estimate(line(math.nan, 5.0)).expanded_uncertainty)
+    assert math.isnan(estimate(line(1.0, 5.0), line(math.nan)).expanded_uncertainty)
