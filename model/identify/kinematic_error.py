@@ -44,7 +44,7 @@ from model.identify.counting import (
     slope_sentence,
 )
 from model.identify.estimate import BudgetLine, Cause, Estimate
-from model.identify.order_search import in_orders_of_all
+from model.identify.order_search import followed, in_orders_of_all
 from model.identify.transmission import (
     left_out_mse,
     left_over,
@@ -57,6 +57,8 @@ from model.units import ARCSEC, REVOLUTION
 
 HIGHEST_ORDER = 12
 """Input orders that are fitted unless somebody says otherwise."""
+SLOWEST_SIDEBAND = 0.5
+"""Order from which one belongs to an input order; below, to the output."""
 SLOPE_SIGNIFICANCE = 4.0
 """Standard errors above which a slope is called significant."""
 OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = 8, 4
@@ -328,6 +330,10 @@ def _without_slips(one: KinematicErrorAccumulator) -> _Cleaned:
         one.ratio, first.values[1] / cells.trend_scale, cells.revolutions / one.ratio
     )
     rounding = _rounding(one, first)
+    if one.follows_data:
+        # A slip is a step of whole revolutions: sidebands are fitted before it is looked for, output orders are not.
+        first = followed(first, one.highest_order, rounding, slowest=SLOWEST_SIDEBAND)
+        rounding = _rounding(one, first)
     slips, cleaned = find_slips(
         first,
         output_quantum=one.encoders.output_quantum,
@@ -335,7 +341,7 @@ def _without_slips(one: KinematicErrorAccumulator) -> _Cleaned:
         wander=0.0 if rounding is None else rounding.wander(),
     )
     if slips:
-        first, notes = solve_angle(cleaned, one.basis)
+        first, notes = solve_angle(cleaned, first.basis)
     return _Cleaned(first, notes, slips, rounding)
 
 

@@ -40,23 +40,25 @@ def in_orders_of_all(
     fits: list[AngleFit], highest: int, rounding: list[LockedRounding | None]
 ) -> list[AngleFit]:
     """The fits in one basis, with every order of the lattice that stands above the noise in any of them."""
-    followed = [_followed(fit, highest, locked) for fit, locked in zip(fits, rounding, strict=True)]
-    basis = followed[0].basis
-    for fit in followed[1:]:
+    own = [followed(fit, highest, locked) for fit, locked in zip(fits, rounding, strict=True)]
+    basis = own[0].basis
+    for fit in own[1:]:
         basis = basis.united(fit.basis)
     return [
-        fit if fit.basis.orders == basis.orders else solve_angle(fit.cells, basis)[0]
-        for fit in followed
+        fit if fit.basis.orders == basis.orders else solve_angle(fit.cells, basis)[0] for fit in own
     ]
 
 
-def _followed(fit: AngleFit, highest: int, rounding: LockedRounding | None) -> AngleFit:
+def followed(
+    fit: AngleFit, highest: int, rounding: LockedRounding | None, slowest: float = 0.0
+) -> AngleFit:
+    """The fit with every order of the lattice from `slowest` on that stands above the noise."""
     ratio = fit.basis.ratio
     whole = abs(ratio - round(ratio)) <= LATTICE_TOLERANCE
     if not whole or fit.cells.revolutions < WHOLE_TURN * ratio:
         return fit
     for _ in range(ROUNDS):
-        found = _above_the_noise(fit, highest, rounding)
+        found = _above_the_noise(fit, highest, rounding, slowest)
         if not found:
             break
         labels = tuple(lattice_label(v, ratio) for v in found)
@@ -65,13 +67,14 @@ def _followed(fit: AngleFit, highest: int, rounding: LockedRounding | None) -> A
 
 
 def _above_the_noise(
-    fit: AngleFit, highest: int, rounding: LockedRounding | None
+    fit: AngleFit, highest: int, rounding: LockedRounding | None, slowest: float
 ) -> tuple[float, ...]:
     """Orders outside the basis whose line is too strong for the noise beside it; the strongest of them."""
     basis = fit.basis
     orders, power = _lattice_power(fit.cells, fit.residual, basis.ratio, highest)
     taken = np.array(basis.orders)
     new = np.abs(orders[:, None] - taken[None, :]).min(axis=1) > 1e-9
+    new &= orders >= slowest
     orders, power = orders[new], power[new]
     if not len(orders):
         return ()

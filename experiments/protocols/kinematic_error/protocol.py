@@ -34,7 +34,14 @@ from experiments.planning.shared_parameters import (
     SyncRate,
     ZeroTime,
 )
-from experiments.planning.speeds import first_resonances, lattice_distance, refuse_speed
+from experiments.planning.speeds import (
+    CORRECTED,
+    JUDGED_ORDER,
+    QUASI_STATIC,
+    first_resonances,
+    off_lattice,
+    refuse_speed,
+)
 from experiments.protocols.kinematic_error.plots import (
     kinematic_error_plots,
     order_table,
@@ -62,9 +69,11 @@ from model.identify.kinematic_error import (
 from model.identify.torsion import Torsion
 from model.kinematic_error import normalised_mse, order_of_label, series_value
 from model.linear import dynamic_parameters
-from model.units import RPM
+from model.units import REVOLUTION, RPM
 
 NAME = "kinematic-error"
+MAXIMUM_SPEED = 300.0 * RPM
+"""rad/s; above it no kinematic error is measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,17 +112,22 @@ class Parameters:
 
 
 def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Torque zero; forward and reverse over whole output revolutions at constant speed, repeated; torque zero."""
+    """Torque zero; forward and reverse over whole output revolutions at constant speed, repeated; torque zero.
+
+    A speed at which samples fall on the output counts again and again is moved by up to 1.5 %.
+    Raises `PlanError` for one at which the orders come near the first torsional mode.
+    """
     checked(parameters, Parameters, NAME)
     refuse_speed(parameters.speed_rpm, gear, f"{NAME}.speed_rpm")
     output_travel(gear, parameters.mounting, 1.0, NAME)
-    return between_zeros(_traverses(parameters, gear), parameters.zero_time)
+    speed = _speed(parameters, gear)
+    _refuse_near_mode(speed, gear)
+    return between_zeros(_traverses(parameters, gear, speed), parameters.zero_time)
 
 
-def _traverses(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    speed = p.speed_rpm * RPM
+def _traverses(p: Parameters, gear: HarmonicDrive, speed: float) -> Iterator[Step]:
     travel = output_travel(gear, p.mounting, p.output_revolutions, NAME)
-    yield from _remarks(p, gear)
+    yield from _remarks(p, gear, speed)
     for repeat in range(p.repeats):
         for direction in (1, -1):
             setpoint = direction * speed
@@ -130,21 +144,48 @@ def _traverses(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
             yield stop(p.acceleration)
 
 
-def _remarks(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Events that say how far the speed is from the first mode and from the lattice of the output counts."""
-    speed = p.speed_rpm * RPM
-    highest = max((h.order for h in gear.kinematic_error), default=4.0)
-    margin = first_resonances(gear)[0] / (highest * speed)
-    text = f"order {highest:g} at {p.speed_rpm:g} r/min is {margin:.1f} times below the first torsional mode"
-    yield Mark("quasi-static" if margin >= 10.0 else "not-quasi-static", text)
-    lattice = p.output_counts / gear.mounted_ratio(p.mounting)  # type: ignore[arg-type]
-    distance = lattice_distance(speed, p.sync_rate, lattice)
-    if distance < 0.01:
-        text = (
-            f"{p.speed_rpm:g} r/min at {p.sync_rate:g} Hz samples the {lattice:g} output counts per input revolution "
-            "almost in step: quantisation does not average out"
+def _speed(p: Parameters, gear: HarmonicDrive) -> float:
+    """The input speed [rad/s]: the stated one, or the next at which the output's counts average out."""
+    wanted = p.speed_rpm * RPM
+    ratio = gear.mounted_ratio(p.mounting)  # type: ignore[arg-type]
+    highest = min(gear.ratings.maximum_input_speed, MAXIMUM_SPEED)
+    return off_lattice(
+        wanted, p.sync_rate, p.output_counts / ratio, ratio, ceiling=max(highest, wanted)
+    )
+
+
+def _judged_order(gear: HarmonicDrive) -> float:
+    return max(JUDGED_ORDER, *(h.order for h in gear.kinematic_error), 0.0)
+
+
+def _refuse_near_mode(speed: float, gear: HarmonicDrive) -> None:
+    """Raise `PlanError` where the torsional vibration would make too much of the highest order."""
+    order, first = _judged_order(gear), first_resonances(gear)[0]
+    highest = math.sqrt(CORRECTED) * first / order
+    if speed > highest * (1.0 + 1e-9):
+        raise PlanError(
+            f"order {order:g} of the kinematic error comes near the first torsional mode, "
+            f"{first / REVOLUTION:.3g} Hz by the parameter set",
+            where=f"{NAME}.speed_rpm",
+            value=f"{speed / RPM:.4g} r/min",
+            limit=f"<= {math.floor(10.0 * highest / RPM) / 10.0:g} r/min",
+            remedy="Choose a slower speed, or a smaller inertia at the output.",
         )
-        yield Mark("commensurate-speed", text)
+
+
+def _remarks(p: Parameters, gear: HarmonicDrive, speed: float) -> Iterator[Step]:
+    """Events that say how far the speed is from the first mode and from the lattice of the output counts."""
+    order = _judged_order(gear)
+    margin = first_resonances(gear)[0] / (order * speed)
+    text = f"order {order:g} at {speed / RPM:.4g} r/min is {margin:.1f} times below the first torsional mode"
+    quasi_static = margin**-2 <= QUASI_STATIC
+    yield Mark("quasi-static" if quasi_static else "not-quasi-static", text)
+    if speed != p.speed_rpm * RPM:
+        text = (
+            f"{p.speed_rpm:g} r/min at {p.sync_rate:g} Hz samples the output counts almost in step with the "
+            f"input: the run turns at {speed / RPM:.5g} r/min, where their rounding averages out"
+        )
+        yield Mark("speed-moved", text)
 
 
 HIGHEST_ORDER = 12
