@@ -1,462 +1,582 @@
-"""Resonance and damping of a gear from velocity steps, driven by the input that was measured.
+"""The torsional mode of a gear from all velocity steps of a run, by one fit on a ladder of models.
 
-With the input prescribed, the output follows u = theta_i/N + ke(theta_i) through one torsional mode
-(the reduced form of equation 2; the modes of the flexspline lie above 6 kHz):
+    rigid       theta_o = theta_i/N                                                    nothing fitted
+    paper       equation 2 with the values of a parameter set                          nothing fitted
+    linear      one spring with the damping of the wave-generator bearing              `model.identify.torsional_mode`
+    hardening   the spring hardens at T1 and T2 (K1, K2, K3)
+    hysteresis  and a Dahl element beside it
 
-    J_o theta_o'' + D (theta_o' - u') + K (theta_o - u) = friction ,   K/J_o = w^2 ,   D/J_o = 2 zeta w
-
-Identified are K/J_o and zeta: what these data determine. Offset, wind-up by friction and skew
-between the channels are linear nuisances, solved inside (variable projection). Scored is x =
-theta_o - theta_i/N - ke, never the raw angle (a rigid gear is almost perfect there), against the
-null models rigid (theta_i/N) and rigid with kinematic error (x = 0).
+Every fitted rung has the kinematic error as part of its input, so that an order which passes at a step's speed is
+never taken for the mode. A rung is chosen by how well it predicts a step that was left out; how
+far the next richer rung moves a number is a line of its budget. Stated is the secant stiffness over inertia at a
+torque amplitude, beside it the mode's own frequency, which damping raises.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
 from model.errors import IdentificationError
+from model.gear import Harmonic
 from model.identify.checks import Array
-from model.identify.estimate import Estimate, Identifiable
-from model.identify.least_squares import LinearFit, solve, student_quantile
-from model.identify.step_data import Driven, StepData, StepScore, drive_of, score_step, step_data
+from model.identify.estimate import BudgetLine, Estimate
+from model.identify.least_squares import student_quantile
+from model.identify.step_data import StepData
+from model.identify.step_fit import (
+    BASIS,
+    Problem,
+    Shape,
+    Solution,
+    StepArrays,
+    fit_all,
+    reweighted,
+    step_arrays,
+)
+from model.identify.torsional_mode import TorsionModel, relaxation_of
 from model.units import ARCSEC, REVOLUTION, RPM
 
-SCAN = (0.84, 0.88, 0.92, 0.95, 0.975, 1.0, 1.025, 1.05, 1.08, 1.12, 1.16)
-SCAN_STEP = 0.025
-"""Factors around a start that are tried, on a grid of this step in log frequency, so that no place is tried twice."""
-LOWEST_HZ, HIGHEST_HZ = 4.0, 450.0
-
-__all__ = [
-    "CombinedSteps",
-    "StepData",
-    "StepFit",
-    "StepScore",
-    "combine_steps",
-    "fit_step",
-    "score_step",
-    "step_data",
-]
-
-STRAY_LIMIT = 0.15
-"""Distance from the median of K/J_o at which a step is taken for a stray; hardening within a run is less."""
+LADDER = ("rigid", "paper", "linear", "hardening", "hysteresis")
+FITTED = LADDER[2:]
+WORTH = 0.001
+"""Share by which a richer rung must predict left-out steps better to be chosen."""
+UNKNOWN_ERROR, GIVEN_ERROR = 20.0 * ARCSEC, 5.0 * ARCSEC
+"""How wide coefficients of the kinematic error are believed to lie, from nothing and about an identified error."""
+BEARING_TORQUE = 1.0
+"""N m; how large the friction of the output's bearing is believed to be."""
+SCANNED, SCAN_TIME = 6, 0.5
+"""Steps, and seconds of each, in which the first look for the mode is made."""
+KNOWN_WITHIN = 1.7
+"""Factor to either side of an expected frequency within which the mode is looked for."""
+LOWEST_HZ, HIGHEST_SHARE = 4.0, 0.4
+STRAY = 3.0
+"""How many times the median of the steps' residuals makes a step a bad one."""
+PASSES, ROUNDS_PER_PASS = 5, 5
+"""How often the weights of the steps are looked at again, and rounds of Gauss-Newton between."""
+SHARE_DOUBT = 0.3
+"""Relative standard uncertainty of the share of the compliance that is damped."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class StepFit:
-    """Resonance and damping from one velocity step.
+class Expected:
+    """What is known before the fit, of the gear's card: where the search begins and what a run can't tell.
 
-    estimates: stiffness_over_inertia [1/s2], frequency [Hz], damping_ratio, wind_up [rad], skew [s]. metrics: those of
-    `StepScore`, transient_counts (largest torsional transient in output counts), speed [rad/s]. resolvable: whether the
-    transient is larger than one count.
+    `stiffness` K/J_o [1/s2], `share` of the wave-generator bearing in the compliance, `inertia` J_o [kg m2] (turns
+    torques into accelerations), `torques` T1 and T2 [N m], `hardening` K2/K1 and K3/K1, `loss` hysteresis [rad],
+    `amplitude` [N m] at which the secant stiffness is stated. `is_known`: whether it is this gear's.
     """
 
-    speed: float
-    resolvable: bool
+    stiffness: float
+    share: float
+    inertia: float
+    torques: tuple[float, float]
+    hardening: tuple[float, float]
+    loss: float
+    amplitude: float
+    is_known: bool = True
+
+    @property
+    def frequency(self) -> float:
+        """sqrt(K/J_o) [Hz]."""
+        return math.sqrt(self.stiffness) / REVOLUTION
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rung:
+    """One model of the ladder on every step: root mean square of what it leaves [rad], fitted and left out (steps,).
+
+    `left_out` is how it does on a step that the fit has not seen; for what was not fitted the same as `rms`.
+    """
+
+    name: str
+    rms: Array
+    left_out: Array
+    counts: Array
+
+    @property
+    def prediction(self) -> float:
+        """Root mean square over all left-out steps [rad]; a bad step counts no more than three times the median."""
+        ceiling = STRAY * float(np.median(self.left_out))
+        return math.sqrt(
+            float(np.average(np.minimum(self.left_out, ceiling) ** 2, weights=self.counts))
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LadderFit:
+    """What all steps of a run say of the mode.
+
+    estimates: stiffness_over_inertia (secant, with _forward and _reverse), mode_squared [1/s2], frequency [Hz],
+    damping_ratio, skew [s]. `rungs` in the order of the ladder, `chosen` the name of one of them; `predicted` the
+    output angle of the chosen rung at the stamps of every step and `ideal` that of a rigid gear with kinematic
+    error, `acceleration` its torque in the gear over J_o
+    [rad/s2], `transient` the largest torsion of every step [rad]; `weights` of the steps.
+    """
+
     estimates: dict[str, Estimate]
+    warnings: tuple[str, ...]
+    rungs: tuple[Rung, ...]
+    chosen: str
+    model: TorsionModel
+    predicted: tuple[Array, ...]
+    ideal: tuple[Array, ...]
+    acceleration: tuple[Array, ...]
+    transient: Array
+    weights: Array
+    skew: float
+    error: dict[tuple[int, int], tuple[float, float]]
     metrics: dict[str, float]
-    warnings: tuple[str, ...]
-    score: StepScore
-    predicted_acceleration: Array
 
-
-def _filters(frequency: float, damping: float, interval: float) -> tuple[Array, Array, Array]:
-    """Exact first-order-hold filters: u -> theta_o - u, friction -> theta_o (unit wind-up), common denominator."""
-    w = 2.0 * math.pi * frequency
-    state = _oscillator_step(w, damping, interval)
-    system = np.array([[0.0, 1.0], [-w * w, -2.0 * damping * w]])
-    inverse = np.array([[-2.0 * damping / w, -1.0 / (w * w)], [1.0, 0.0]])
-    push = np.array([0.0, 1.0])
-    held = inverse @ (state - np.eye(2)) @ push
-    late = inverse @ inverse @ (state - np.eye(2) - system * interval) @ push / interval
-    drive = held - late + state @ late
-    trace, determinant = (
-        state[0, 0] + state[1, 1],
-        state[0, 0] * state[1, 1] - state[0, 1] * state[1, 0],
-    )
-    denominator = np.array([1.0, -trace, determinant])
-    numerators = []
-    for output in (np.array([w * w, 2.0 * damping * w]), np.array([w * w, 0.0])):
-        through = float(output @ late)
-        first, second = float(output @ drive), float(output @ (state @ drive - trace * drive))
-        numerators.append(through * denominator + np.array([0.0, first, second]))
-    return numerators[0] - denominator, numerators[1], denominator
-
-
-def _oscillator_step(w: float, damping: float, interval: float) -> Array:
-    """exp(A h) of x'' + 2 zeta w x' + w^2 x = 0, zeta < 1, in closed form (2, 2)."""
-    turn = w * math.sqrt(1.0 - damping * damping)
-    decay, c, s = (
-        math.exp(-damping * w * interval),
-        math.cos(turn * interval),
-        math.sin(turn * interval) / turn,
-    )
-    return decay * np.array([[c + damping * w * s, s], [-w * w * s, c - damping * w * s]])
-
-
-def _fine_columns(drive: Driven, frequency: float, damping: float) -> tuple[Array, Array]:
-    """x on the fine grid for this mode, and the nuisance columns.
-
-    Nuisances: offset, wind-up by friction, skew, and a free ring-down from the onset of motion,
-    which takes up what the samples do not resolve of the onset (a drive starts within a sample or
-    two) and a start that was not at rest.
-    """
-    deviate, wind, denominator = _filters(frequency, damping, drive.interval)
-    moved = drive.ideal - drive.ideal[0]
-    x = scipy.signal.lfilter(deviate, denominator, moved)
-    friction = scipy.signal.lfilter(wind, denominator, drive.moving - drive.moving[0])
-    rate = np.gradient(moved + x, drive.interval)
-    w = 2.0 * math.pi * frequency
-    since = drive.fine - drive.fine[drive.onset]
-    ring = np.where(since >= 0.0, np.exp(-damping * w * np.maximum(since, 0.0)), 0.0)
-    turn = w * math.sqrt(1.0 - damping**2) * since
-    return x, np.column_stack(
-        [np.ones_like(x), friction, rate, ring * np.cos(turn), ring * np.sin(turn)]
-    )
-
-
-def _columns(drive: Driven, frequency: float, damping: float) -> tuple[Array, Array]:
-    """The same at the stamps of the samples."""
-    x, nuisance = _fine_columns(drive, frequency, damping)
-    at = [np.interp(drive.stamps, drive.fine, part) for part in (x, *nuisance.T[1:])]
-    return at[0], np.column_stack([np.ones_like(at[0]), *at[1:]])
-
-
-def _measured_deviation(data: StepData, drive: Driven) -> Array:
-    ideal = np.interp(drive.stamps, drive.fine, drive.ideal)
-    return data.output_angle - ideal
-
-
-def _projected(
-    drive: Driven, measured: Array, frequency: float, damping: float
-) -> tuple[Array, Array, Array]:
-    """Residual with the nuisances at their best, the model's x, and the coefficients of the nuisances."""
-    x, nuisance = _columns(drive, frequency, damping)
-    coefficients = np.asarray(
-        np.linalg.lstsq(nuisance, measured - x, rcond=1e-9)[0], dtype=np.float64
-    )
-    return measured - x - nuisance @ coefficients, x, coefficients
-
-
-def _starting_frequencies(data: StepData, measured: Array, expected: float | None) -> list[float]:
-    """Where the spectrum of x peaks, and the frequency that a parameter set predicts."""
-    period = float(np.median(np.diff(data.time)))
-    even = np.arange(data.time[0], data.time[-1], period)
-    x = np.interp(even, data.time, measured)
-    x = (x - x.mean()) * np.hanning(len(x))
-    power = np.abs(np.fft.rfft(x, 4 * len(x))) ** 2
-    frequency = np.fft.rfftfreq(4 * len(x), period)
-    power = power * frequency**2
-    top = min(HIGHEST_HZ, 0.45 / period)
-    inside = (frequency >= LOWEST_HZ) & (frequency <= top)
-    peaks, _ = scipy.signal.find_peaks(
-        np.where(inside, power, 0.0), distance=max(int(3.0 / frequency[1]), 1)
-    )
-    frequencies = [float(frequency[k]) for k in peaks[np.argsort(-power[peaks])][:2]]
-    return ([expected] if expected else []) + frequencies
-
-
-def _descend(
-    drive: Driven, measured: Array, frequency: float, damping: float
-) -> tuple[float, float, float]:
-    """Levenberg-Marquardt on (log f, log zeta) of the projected residual."""
-    parameters = np.log([frequency, damping])
-    low, high = np.log([LOWEST_HZ, 1e-4]), np.log([HIGHEST_HZ, 0.7])
-
-    def residual(p: Array) -> Array:
-        return _projected(drive, measured, math.exp(p[0]), math.exp(p[1]))[0]
-
-    scale = max(float(np.std(measured)), 1e-12)
-    result = scipy.optimize.least_squares(
-        lambda p: residual(p) / scale,
-        np.clip(parameters, low + 1e-6, high - 1e-6),
-        bounds=(low, high),
-        x_scale=[0.02, 0.5],
-        diff_step=[1e-5, 1e-4],
-        max_nfev=25,
-        xtol=1e-6,
-        ftol=1e-7,
-    )
-    return (
-        float(math.exp(result.x[0])),
-        float(math.exp(result.x[1])),
-        float(2.0 * result.cost) * scale**2,
-    )
-
-
-def _search(drive: Driven, measured: Array, starts: list[float]) -> tuple[float, float]:
-    """The best mode: a scan around each start, then descent from the two best places."""
-    grid = {round(math.log(start * factor) / SCAN_STEP) for start in starts for factor in SCAN}
-    trials = []
-    for place in grid:
-        f = min(max(math.exp(place * SCAN_STEP), LOWEST_HZ), HIGHEST_HZ)
-        r = _projected(drive, measured, f, 0.02)[0]
-        trials.append((float(r @ r), f))
-    trials.sort()
-    chosen = [trials[0][1]]
-    chosen += [
-        f for sse, f in trials[1:] if abs(f / chosen[0] - 1.0) > 0.1 and sse < 1.3 * trials[0][0]
-    ][:1]
-    minima = [_descend(drive, measured, f, 0.02) for f in chosen]
-    best = min(minima, key=lambda item: item[2])
-    return best[0], best[1]
-
-
-def fit_step(data: StepData, *, expected_frequency: float | None = None) -> StepFit:
-    """K/J_o and damping of the torsional mode from one velocity step, with scores against the null models.
-
-    `expected_frequency` [Hz]: where a parameter set expects the mode; the search begins there and
-    at the peaks of the spectrum. A transient below one output count gives identifiable "no" and
-    `resolvable` False.
-    """
-    drive = drive_of(data)
-    measured = _measured_deviation(data, drive)
-    measured = measured - measured[: max(len(measured) // 100, 4)].mean()
-    frequency, damping = _search(
-        drive, measured, _starting_frequencies(data, measured, expected_frequency)
-    )
-    residual, x, coefficients = _projected(drive, measured, frequency, damping)
-    linear = _linearised(drive, residual, frequency, damping, coefficients)
-    transient = float(np.max(np.abs(x)))
-    resolvable = transient > data.output_quantum
-    estimates = _step_estimates(linear, frequency, damping, data, transient)
-    warnings = []
-    if not resolvable:
-        warnings.append(
-            f"{abs(data.target) / RPM:.0f} r/min: the torsional transient of "
-            f"{transient / ARCSEC:.2g} arcsec is below one output "
-            f"count ({data.output_quantum / ARCSEC:.3g} arcsec): not resolvable."
+    def series(self, ratio: float) -> tuple[Harmonic, ...]:
+        """The kinematic error that was fitted, beside what was given; over the input angle."""
+        return tuple(
+            Harmonic(n + k / ratio, cosine, sine) for (n, k), (cosine, sine) in self.error.items()
         )
-    turns = abs(data.input_angle[-1] - data.input_angle[0]) / REVOLUTION
-    if turns < 3.0:
-        warnings.append(
-            f"The step lasts {turns:.2g} input revolutions; at least three are needed for its ripple."
+
+
+def fit_ladder(
+    steps: Sequence[StepData],
+    expected: Expected,
+    *,
+    richest: str = "hardening",
+    paper: Sequence[Array] = (),
+    error_given: bool = False,
+) -> LadderFit:
+    """Fit every rung up to `richest` to all steps, choose one, and state what it says.
+
+    `paper`: the output angle that equation 2 gives for each step at its stamps, where a parameter set is at hand.
+    `error_given`: the steps carry a kinematic error that was identified elsewhere. Raises `IdentificationError`
+    where no step rings by a count of the output encoder.
+    """
+    if richest not in FITTED:
+        raise IdentificationError(
+            "no such rung", where="ladder", value=repr(richest), limit=", ".join(FITTED)
         )
-    ideal = np.interp(drive.stamps, drive.fine, drive.ideal)
-    score = score_step(data, ideal + measured - residual, ideal=ideal)
-    w = 2.0 * math.pi * frequency
-    x_fine, columns = _fine_columns(drive, frequency, damping)
-    push = coefficients[1] * (drive.moving - drive.moving[0])
-    torsion = x_fine + coefficients[1] * columns[:, 1] + columns[:, 3:] @ coefficients[3:]
-    rate = np.gradient(torsion, drive.interval)
-    acceleration = w * w * (push - torsion) - 2.0 * damping * w * rate
-    metrics = {
-        **score.metrics,
-        "transient_counts": transient / data.output_quantum,
-        "speed": data.target,
-        "residual_rms": float(np.sqrt(np.mean(residual**2))),
+    period = float(np.median(np.concatenate([np.diff(s.time) for s in steps])))
+    interval = period / max(2, math.ceil(period * 12.0 * expected.frequency))
+    noise = math.hypot(
+        steps[0].output_quantum, steps[0].input_quantum / steps[0].ratio
+    ) / math.sqrt(12.0)
+    problem = Problem(
+        steps=tuple(step_arrays(step, interval, BASIS) for step in steps),
+        basis=BASIS,
+        error_width=GIVEN_ERROR if error_given else UNKNOWN_ERROR,
+        model=_models(expected),
+    )
+    solutions = _climb(problem, expected, noise, richest, period)
+    rungs = _null_rungs(steps, solutions["linear"].values["skew"], paper)
+    rungs += [_rung(name, solution) for name, solution in solutions.items()]
+    chosen = _chosen([r for r in rungs if r.name in solutions])
+    return _stated(steps, problem, solutions, tuple(rungs), chosen, expected)
+
+
+def _models(expected: Expected) -> Callable[[Mapping[str, float]], TorsionModel]:
+    first, second = (torque / expected.inertia for torque in expected.torques)
+
+    def model(values: Mapping[str, float]) -> TorsionModel:
+        hardens = "second" in values
+        later = math.exp(values.get("kink", 0.0))
+        stiffer = math.exp(values.get("second", 0.0))
+        return TorsionModel(
+            stiffness=math.exp(values["stiffness"]),
+            relaxation=math.exp(values["relaxation"]),
+            share=expected.share,
+            second=stiffer,
+            third=stiffer * math.exp(values.get("third", 0.0)),
+            torques=(first * later, second * later) if hardens else (math.inf, math.inf),
+            hysteresis=(math.exp(values["soft"]), math.exp(values["limit"]))
+            if "soft" in values
+            else (0.0, 0.0),
+        )
+
+    return model
+
+
+def _shapes(
+    expected: Expected, frequency: float
+) -> tuple[dict[str, Shape], dict[str, dict[str, float]]]:
+    """The numbers of each rung, and where those begin that it adds."""
+    damped = math.log(relaxation_of(REVOLUTION * frequency, 0.02, expected.share))
+    second, third = expected.hardening
+    slides = expected.stiffness * 0.5 * expected.loss
+    added = {
+        "linear": {
+            "stiffness": 2.0 * math.log(REVOLUTION * frequency),
+            "relaxation": damped,
+            "bearing": 0.0,
+            "skew": 0.0,
+        },
+        "hardening": {"second": math.log(second), "third": math.log(third / second), "kink": 0.0},
+        "hysteresis": {"soft": math.log(0.05 * expected.stiffness), "limit": math.log(slides)},
     }
-    return StepFit(
-        speed=data.target,
-        resolvable=resolvable,
-        estimates=estimates,
-        metrics=metrics,
-        warnings=tuple(warnings),
-        score=score,
-        predicted_acceleration=np.interp(drive.stamps, drive.fine, acceleration),
-    )
-
-
-def _linearised(
-    drive: Driven, residual: Array, frequency: float, damping: float, coefficients: Array
-) -> LinearFit:
-    """Least squares on derivatives by log f and zeta beside the nuisances, whose values are put back in afterwards."""
-
-    def model(f: float, zeta: float) -> Array:
-        x, nuisance = _columns(drive, f, zeta)
-        return x + nuisance @ coefficients
-
-    h, g = 1e-4, max(1e-4, 0.02 * damping)
-    by_frequency = (model(frequency * (1 + h), damping) - model(frequency * (1 - h), damping)) / (
-        2 * h
-    )
-    by_damping = (model(frequency, damping + g) - model(frequency, damping)) / g
-    nuisance = _columns(drive, frequency, damping)[1]
-    solution = solve(
-        np.column_stack([by_frequency, by_damping, nuisance]), residual, where="velocity step"
-    )
-    return replace(solution, values=solution.values + np.concatenate([[0.0, 0.0], coefficients]))
-
-
-def _step_estimates(
-    linear: LinearFit, frequency: float, damping: float, data: StepData, transient: float
-) -> dict[str, Estimate]:
-    t = student_quantile(linear.freedom)
-    error = t * linear.standard_error
-    w2 = (2.0 * math.pi * frequency) ** 2
-    verdict: Identifiable = "yes" if transient > data.output_quantum else "no"
-    note = "" if verdict == "yes" else "the torsional transient is below one output count"
-    if verdict == "yes" and error[0] > 0.1:
-        verdict, note = "weakly", "the frequency is known to no better than 10 %"
-    poor = verdict if verdict != "yes" else "weakly" if error[1] > damping else "yes"
-    ratio = Estimate(
-        name="stiffness_over_inertia",
-        value=w2,
-        unit="1/s2",
-        low=w2 * (1 - 2 * error[0]),
-        high=w2 * (1 + 2 * error[0]),
-        identifiable=verdict,
-        note=note,
-    )
-    return {
-        "stiffness_over_inertia": ratio,
-        "frequency": Estimate(
-            name="frequency",
-            value=frequency,
-            unit="Hz",
-            low=frequency * (1 - error[0]),
-            high=frequency * (1 + error[0]),
-            identifiable=verdict,
-            note=note,
-        ),
-        "damping_ratio": Estimate(
-            name="damping_ratio",
-            value=damping,
-            unit="1",
-            low=max(damping - error[1], 0.0),
-            high=damping + error[1],
-            identifiable=poor,
-            note=note,
-        ),
-        "wind_up": _nuisance("wind_up", linear, 3, error, "rad"),
-        "skew": _nuisance("skew", linear, 4, error, "s"),
+    prior = {
+        "relaxation": (damped, 1.5),
+        "bearing": (0.0, BEARING_TORQUE / expected.inertia),
+        "skew": (0.0, 2e-3),
+        "second": (math.log(second), 0.3),
+        "third": (math.log(third / second), 0.15),
+        "kink": (0.05, 0.15),
+        "soft": (math.log(0.05 * expected.stiffness), 1.5),
+        "limit": (math.log(slides), 1.0),
     }
+    names: tuple[str, ...] = ()
+    shapes: dict[str, Shape] = {}
+    for rung, more in added.items():
+        names = (*names, *more)
+        shapes[rung] = Shape(names=names, prior=prior)
+    return shapes, added
 
 
-def _nuisance(name: str, linear: LinearFit, index: int, error: Array, unit: str) -> Estimate:
-    value = float(linear.values[index])
-    note = (
-        "a nuisance of the fit: friction of the output bearing is part of it"
-        if name == "wind_up"
-        else ""
+def _climb(
+    problem: Problem, expected: Expected, noise: float, richest: str, period: float
+) -> dict[str, Solution]:
+    """The fits of the rungs, each begun where the one below ended."""
+    error = np.zeros(2 * len(problem.basis))
+    frequency = _first_look(problem, expected, noise, period)
+    shapes, added = _shapes(expected, frequency)
+    solution = _settled(problem, shapes["linear"], added["linear"], error, noise)
+    solutions = {"linear": solution}
+    if richest != "linear":
+        # Near a resonance a hardening spring has two answers: it is bent from the linear one towards the card's by and
+        # by, so that each fit begins on the branch of the one before.
+        values, error, weights = solution.values, solution.error, solution.weights
+        for share in (0.25, 0.5, 0.75, 1.0):
+            bent = {name: share * value for name, value in added["hardening"].items()}
+            begun = fit_all(
+                problem,
+                shapes["linear"],
+                values | bent,
+                error,
+                noise=noise,
+                weights=weights,
+                rounds=2,
+            )
+            values, error, weights = begun.values, begun.error, reweighted(begun)
+        solutions["hardening"] = _settled(problem, shapes["hardening"], values, error, noise)
+    if richest == "hysteresis":
+        below = solutions["hardening"]
+        values = below.values | added["hysteresis"]
+        values["stiffness"] = below.values["stiffness"] - 0.05
+        solutions["hysteresis"] = _settled(
+            problem, shapes["hysteresis"], values, below.error, noise, below.weights
+        )
+    return solutions
+
+
+def _settled(
+    problem: Problem,
+    shape: Shape,
+    values: Mapping[str, float],
+    error: Array,
+    noise: float,
+    weights: Array | None = None,
+) -> Solution:
+    """A fit in which steps that fit badly count little: weights and numbers in turn until neither changes."""
+    if weights is None:
+        at_start = problem.normals(shape, values, error, gradient=False)
+        rms = np.array([n.rms for n in at_start])
+        weights = np.minimum(1.0, (1.5 * np.median(rms) / rms) ** 4)
+    for _ in range(PASSES):
+        solution = fit_all(
+            problem, shape, values, error, noise=noise, weights=weights, rounds=ROUNDS_PER_PASS
+        )
+        values, error = solution.values, solution.error
+        wanted = reweighted(solution)
+        if float(np.max(np.abs(wanted - weights))) < 0.05:
+            break
+        weights = wanted
+    return solution
+
+
+def _first_look(problem: Problem, expected: Expected, noise: float, period: float) -> float:
+    """The frequency [Hz] at which the rises of the liveliest steps are best explained, kinematic error included."""
+    lively = sorted(problem.steps, key=lambda s: -_liveliness(s))[:SCANNED]
+    basis = tuple(pair for pair in problem.basis if pair[1] == 0)
+    short = replace(problem, steps=tuple(_shortened(s) for s in lively), basis=basis)
+    low, high = LOWEST_HZ, HIGHEST_SHARE / period
+    if expected.is_known:
+        low = max(low, expected.frequency / KNOWN_WITHIN)
+        high = min(high, expected.frequency * KNOWN_WITHIN)
+    count = max(3, round(math.log(high / low) / 0.04))
+    error = np.zeros(2 * len(basis))
+    shape = Shape(names=("bearing", "skew"))
+    trials: list[tuple[float, float]] = []
+    for frequency in np.geomspace(low, high, count):
+        values = {
+            "stiffness": 2.0 * math.log(REVOLUTION * frequency),
+            "relaxation": math.log(relaxation_of(REVOLUTION * frequency, 0.03, expected.share)),
+            "bearing": 0.0,
+            "skew": 0.0,
+        }
+        normals = short.normals(shape, values, error)
+        total = sum((n.matrix for n in normals), np.zeros_like(normals[0].matrix))
+        pull = sum((n.gradient for n in normals), np.zeros_like(normals[0].gradient))
+        widths = np.array(
+            [BEARING_TORQUE / expected.inertia, 2e-3, *np.full(len(error), problem.error_width)]
+        )
+        total = total + np.diag((noise / widths) ** 2)
+        left = sum(n.square for n in normals) - float(pull @ np.linalg.solve(total, pull))
+        trials.append((left, float(frequency)))
+    return min(trials)[1]
+
+
+def _liveliness(step: StepArrays) -> float:
+    """How hard a step pulls: the largest change of speed of theta_i/N within 5 ms."""
+    width = max(1, round(5e-3 / step.interval))
+    speed = np.diff(step.rigid)
+    return float(np.max(np.abs(speed[width:] - speed[:-width])))
+
+
+def _shortened(step: StepArrays) -> StepArrays:
+    """The first half second of a step."""
+    rows = int(np.searchsorted(step.fine, SCAN_TIME))
+    samples = int(np.searchsorted(step.stamps, SCAN_TIME - 3e-3))
+    return replace(
+        step,
+        fine=step.fine[:rows],
+        rigid=step.rigid[:rows],
+        moving=step.moving[:rows],
+        whole=np.ascontiguousarray(step.whole[:, :, :rows]),
+        slow=np.ascontiguousarray(step.slow[:, :, :rows]),
+        stamps=step.stamps[:samples],
+        measured=step.measured[:samples],
+        own=step.own[:samples],
     )
-    return Estimate(
+
+
+def _null_rungs(steps: Sequence[StepData], skew: float, paper: Sequence[Array]) -> list[Rung]:
+    """The rows in which nothing is fitted; offset and skew are the bench's and taken out of them as well."""
+    counts = np.array([float(len(s.time)) for s in steps])
+
+    def row(name: str, angles: Sequence[Array]) -> Rung:
+        left: list[float] = []
+        for step, angle in zip(steps, angles, strict=True):
+            away = step.output_angle - np.interp(step.time + skew, step.time, angle)
+            left.append(float(np.std(away)))
+        return Rung(name=name, rms=np.array(left), left_out=np.array(left), counts=counts)
+
+    rungs = [row("rigid", [s.input_angle / s.ratio for s in steps])]
+    return [*rungs, row("paper", paper)] if paper else rungs
+
+
+def _rung(name: str, solution: Solution) -> Rung:
+    """A fitted rung with its prediction of each step from all the others."""
+    counts = np.array([n.count for n in solution.normals], dtype=np.float64)
+    left = np.array([solution.predicted_square(k) for k in range(len(counts))])
+    return Rung(
         name=name,
-        value=value,
-        unit=unit,
-        low=value - float(error[index]),
-        high=value + float(error[index]),
-        identifiable="weakly",
-        note=note,
+        rms=np.array([n.rms for n in solution.normals]),
+        left_out=np.sqrt(np.maximum(left, 0.0) / counts),
+        counts=counts,
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class CombinedSteps:
-    """All steps of a run together: weighted mean of K/J_o and damping, by all and by direction, and each step's value.
-
-    speed, stiffness_over_inertia, damping_ratio with their low and high (k,) of the resolvable
-    steps: stiffness hardens with torque, so a trend over speed is shown and not averaged away.
-    """
-
-    estimates: dict[str, Estimate]
-    warnings: tuple[str, ...]
-    speed: Array
-    stiffness_over_inertia: Array
-    low: Array
-    high: Array
-    damping_ratio: Array
+def _chosen(rungs: Sequence[Rung]) -> str:
+    """The lowest rung that no higher one predicts left-out steps better than by `WORTH`."""
+    best = min(r.prediction for r in rungs)
+    return next(r.name for r in rungs if r.prediction <= best * (1.0 + WORTH))
 
 
-def combine_steps(fits: Sequence[StepFit]) -> CombinedSteps:
-    """Weighted means over the resolvable steps; the interval widens by the scatter between steps (Birge ratio)."""
-    usable = [
-        f
-        for f in fits
-        if f.resolvable and f.estimates["stiffness_over_inertia"].identifiable != "no"
-    ]
-    warnings = _merged_warnings(fits)
-    if not usable:
+def _stated(
+    steps: Sequence[StepData],
+    problem: Problem,
+    solutions: Mapping[str, Solution],
+    rungs: tuple[Rung, ...],
+    chosen: str,
+    expected: Expected,
+) -> LadderFit:
+    solution = solutions[chosen]
+    model = problem.model(solution.values)
+    richer = FITTED[FITTED.index(chosen) + 1 :][:1]
+    beside = solutions.get(richer[0]) if richer else None
+    tables = model.step(problem.interval)
+    predicted: list[Array] = []
+    rigid: list[Array] = []
+    acceleration: list[Array] = []
+    transient: list[float] = []
+    for step, arrays in zip(steps, problem.steps, strict=True):
+        ideal = problem.ideal(arrays, solution.error)
+        angle, speed, _ = problem.response(arrays, solution.values, ideal, tables)
+        at = step.time + solution.values["skew"]
+        predicted.append(np.interp(at, arrays.fine, angle) + step.output_angle[0])
+        rigid.append(np.interp(at, arrays.fine, ideal) + step.output_angle[0])
+        acceleration.append(np.interp(step.time, arrays.fine, np.gradient(speed, arrays.interval)))
+        transient.append(float(np.max(np.abs(ideal - angle))))
+    largest = np.array(transient)
+    quantum = steps[0].output_quantum
+    if not np.any(largest > quantum):
         raise IdentificationError(
             "no step has a transient above one output count",
             where="velocity steps",
-            value=f"{len(fits)} steps",
+            value=f"{len(steps)} steps",
             remedy="Use faster steps, more inertia at the output, or a finer output encoder.",
         )
-    usable, strays = _without_strays(usable)
-    warnings += [
-        f"{abs(f.speed) / RPM:.0f} r/min {'forward' if f.speed > 0 else 'reverse'}: left out of the mean, a mode at "
-        f"{f.estimates['frequency'].value:.1f} Hz is not that of the other steps (an order of "
-        "the input was taken for it)."
-        for f in strays
-    ]
-    estimates: dict[str, Estimate] = {}
-    groups: dict[str, Callable[[StepFit], bool]] = {
-        "": lambda f: True,
-        "_forward": lambda f: f.speed > 0.0,
-        "_reverse": lambda f: f.speed < 0.0,
-    }
-    for suffix, belongs in groups.items():
-        part = [f for f in usable if belongs(f)]
-        for name in ("stiffness_over_inertia", "damping_ratio", "frequency") if part else ():
-            estimates[name + suffix] = _weighted(name + suffix, [f.estimates[name] for f in part])
-    ratio = [f.estimates["stiffness_over_inertia"] for f in usable]
-    whole = estimates["stiffness_over_inertia"]
-    spread = float(np.ptp([e.value for e in ratio])) / whole.value
-    if (
-        len(usable) > 2
-        and spread > 0.05
-        and spread * whole.value > 3.0 * max(e.high - e.low for e in ratio)
-    ):
-        warnings.append(
-            f"K/J_o varies by {100 * spread:.0f} % between steps, more than their intervals: "
-            "the stiffness depends on the "
-            "torque, so read it per speed."
-        )
-    return CombinedSteps(
+    estimates = _estimates(steps, problem, solution, beside, expected)
+    return LadderFit(
         estimates=estimates,
-        warnings=tuple(dict.fromkeys(warnings)),
-        speed=np.array([f.speed for f in usable]),
-        stiffness_over_inertia=np.array([e.value for e in ratio]),
-        low=np.array([e.low for e in ratio]),
-        high=np.array([e.high for e in ratio]),
-        damping_ratio=np.array([f.estimates["damping_ratio"].value for f in usable]),
+        warnings=tuple(_warnings(steps, solution, largest, quantum)),
+        rungs=rungs,
+        chosen=chosen,
+        model=model,
+        predicted=tuple(predicted),
+        ideal=tuple(rigid),
+        acceleration=tuple(acceleration),
+        transient=largest,
+        weights=solution.weights,
+        skew=solution.values["skew"],
+        error={
+            pair: (float(a), float(b))
+            for pair, (a, b) in zip(problem.basis, solution.error.reshape(-1, 2), strict=True)
+        },
+        metrics={"largest_torque": float(np.max(largest)) * model.stiffness * expected.inertia},
     )
 
 
-def _merged_warnings(fits: Sequence[StepFit]) -> list[str]:
-    """The warnings of all steps; those that only say "not resolvable" in one sentence."""
-    small = [f for f in fits if not f.resolvable]
-    others = [w for f in fits for w in f.warnings if "not resolvable" not in w]
-    if not small:
-        return others
-    speeds = ", ".join(f"{s:.0f}" for s in sorted({round(abs(f.speed) / RPM) for f in small}))
-    return [
-        f"{len(small)} steps ({speeds} r/min) have a torsional transient below one output count: not resolvable.",
-        *others,
+def _warnings(
+    steps: Sequence[StepData], solution: Solution, transient: Array, quantum: float
+) -> list[str]:
+    warnings: list[str] = []
+    small = sorted(
+        {round(abs(s.target) / RPM) for s, t in zip(steps, transient, strict=True) if t <= quantum}
+    )
+    if small:
+        speeds = ", ".join(str(s) for s in small)
+        warnings.append(
+            f"Steps at {speeds} r/min have a torsional transient below one output count: not resolvable."
+        )
+    short = [
+        s for s in steps if abs(s.input_angle[-1] - s.input_angle[0]) < 3.0 * REVOLUTION * 0.99
     ]
+    if short:
+        warnings.append(
+            f"{len(short)} steps last less than three input revolutions, too few for their ripple."
+        )
+    rms = np.array([n.rms for n in solution.normals])
+    for step, left, weight in zip(steps, rms, solution.weights, strict=True):
+        if left > 1.5 * float(np.median(rms)):
+            way = "forward" if step.target > 0 else "reverse"
+            warnings.append(
+                f"{abs(step.target) / RPM:.0f} r/min {way}: leaves {left / ARCSEC:.2g} arcsec, the median step "
+                f"{float(np.median(rms)) / ARCSEC:.2g}; it counts {100.0 * weight:.0f} % in the fit."
+            )
+    return warnings
 
 
-def _without_strays(fits: list[StepFit]) -> tuple[list[StepFit], list[StepFit]]:
-    """The steps that share a mode, and those whose K/J_o is further than STRAY_LIMIT from the median of all.
+def _estimates(
+    steps: Sequence[StepData],
+    problem: Problem,
+    solution: Solution,
+    beside: Solution | None,
+    expected: Expected,
+) -> dict[str, Estimate]:
+    names = solution.shape.names
+    amplitude = expected.amplitude / expected.inertia
 
-    A narrow line of the ripple can be fitted as a sharp mode of its own, with a small error: weights would follow it.
-    """
-    if len(fits) < 4:
-        return fits, []
-    values = np.array([f.estimates["stiffness_over_inertia"].value for f in fits])
-    near = np.abs(values / np.median(values) - 1.0) <= STRAY_LIMIT
-    return [f for f, n in zip(fits, near, strict=True) if n], [
-        f for f, n in zip(fits, near, strict=True) if not n
-    ]
+    def numbers(vector: Array, shape: tuple[str, ...] = names) -> Array:
+        there = {**solution.values, **dict(zip(shape, vector[: len(shape)].tolist(), strict=True))}
+        if shape is not names:
+            there = dict(zip(shape, vector[: len(shape)].tolist(), strict=True))
+        model = problem.model(there)
+        frequency, damping = model.mode(amplitude)
+        return np.array(
+            [
+                math.log(model.secant(amplitude)),
+                2.0 * math.log(frequency),
+                math.log(frequency / REVOLUTION),
+                math.log(damping),
+                there["skew"],
+            ]
+        )
 
-
-def _weighted(name: str, parts: Sequence[Estimate]) -> Estimate:
-    values = np.array([e.value for e in parts])
-    errors = np.array([max(0.25 * (e.high - e.low), 1e-9 * abs(e.value) + 1e-300) for e in parts])
-    weights = errors**-2.0 / np.sum(errors**-2.0)
-    mean = float(weights @ values)
-    birge = math.sqrt(
-        max(float(np.sum(((values - mean) / errors) ** 2)) / max(len(values) - 1, 1), 1.0)
+    here = solution.vector
+    centre = numbers(here)
+    changes = np.array([numbers(here + change) - centre for change in solution.jackknife()])
+    error, freedom = _jackknife_error(changes)
+    away = np.zeros(len(centre))
+    if beside is not None:
+        away = np.abs(numbers(beside.vector, beside.shape.names) - centre)
+    frequency, _ = problem.model(solution.values).mode(amplitude)
+    # Damping stiffens the bearing's share of the compliance: (w tau)^2 of it, which rests on the card's share.
+    stiffened = 2.0 * math.log(frequency) - math.log(
+        problem.model(solution.values).secant(amplitude)
     )
-    half = (
-        student_quantile(max(len(values) - 1, 1) if birge > 1.0 else 1e6)
-        * birge
-        / math.sqrt(float(np.sum(errors**-2.0)))
+    share = np.array([SHARE_DOUBT * abs(stiffened), 0.0, 0.0, 0.0, 0.0])
+    kinds = (
+        ("stiffness_over_inertia", "1/s2"),
+        ("mode_squared", "1/s2"),
+        ("frequency", "Hz"),
+        ("damping_ratio", "1"),
+        ("skew", "s"),
     )
-    return Estimate(name=name, value=mean, unit=parts[0].unit, low=mean - half, high=mean + half)
+    estimates: dict[str, Estimate] = {}
+    for index, (name, unit) in enumerate(kinds):
+        is_log = name != "skew"
+        value = math.exp(centre[index]) if is_log else float(centre[index])
+        scale = value if is_log else 1.0
+        half = student_quantile(freedom[index]) * float(error[index]) * scale
+        lines = [
+            BudgetLine(
+                "scatter between the steps (jackknife)",
+                "A",
+                float(error[index] * scale),
+                degrees_of_freedom=float(freedom[index]),
+            )
+        ]
+        if beside is not None:
+            lines.append(
+                BudgetLine(
+                    "choice of the rung", "B", float(away[index] * scale), "to the next richer rung"
+                )
+            )
+        if share[index] > 0.0:
+            lines.append(
+                BudgetLine(
+                    "share of the damped compliance",
+                    "B",
+                    float(share[index] * scale),
+                    "of the parameter set",
+                )
+            )
+        estimates[name] = Estimate(
+            name=name,
+            value=value,
+            unit=unit,
+            low=value - half,
+            high=value + half,
+            budget=tuple(lines),
+        )
+    direction = np.array([math.copysign(1.0, s.target) for s in steps])
+    for way, sign in (("forward", 1.0), ("reverse", -1.0)):
+        others = np.flatnonzero(direction == -sign)
+        if 0 < len(others) < len(steps):
+            moved = numbers(here + solution.left_out(others.tolist())) - centre
+            for index, name in (
+                (0, "stiffness_over_inertia"),
+                (2, "frequency"),
+                (3, "damping_ratio"),
+            ):
+                value = math.exp(centre[index] + moved[index])
+                half = (
+                    student_quantile(freedom[index]) * float(error[index]) * value * math.sqrt(2.0)
+                )
+                estimates[f"{name}_{way}"] = Estimate(
+                    name=f"{name}_{way}",
+                    value=value,
+                    unit=estimates[name].unit,
+                    low=value - half,
+                    high=value + half,
+                )
+    return estimates
+
+
+def _jackknife_error(changes: Array) -> tuple[Array, Array]:
+    """Standard error of each number by the steps' influence on it, and its effective degrees of freedom."""
+    count = len(changes)
+    centred = changes - changes.mean(axis=0)
+    square = centred**2
+    variance = (count - 1) / count * square.sum(axis=0)
+    effective = square.sum(axis=0) ** 2 / np.maximum((square**2).sum(axis=0), 1e-300)
+    return np.sqrt(variance), np.clip(effective - 1.0, 1.0, count - 1.0)

@@ -1,186 +1,141 @@
-"""The inertia at the output, from the torque port during a step whose mode has been identified.
+"""The inertia at the output, from the torque port during steps whose mode has been identified.
 
-    T = J_i theta_i'' + J_o (1/N + ke'(theta_i)) theta_o'' + friction
+    T + tau T' = J_i theta_i'' + J_o (1/N + ke'(theta_i)) theta_o'' + friction(theta_i') + T_0
 
-The output's acceleration is that of the identified mode, free of counting noise. Torque and
-regressors get the average that local polynomials put on the input's acceleration (parallel filter).
-Together with K/J_o the inertia gives the stiffness.
+The output's acceleration is that of the identified mode, free of counting noise; tau is the lag of the port. All
+sides go through one smooth kernel b (a Gaussian) before they are compared: derivatives are taken of the kernel,
+never of the data, so that what it leaves out is left out on both sides alike. Only the rise and the ring-down
+count. All steps are one fit; the scatter between them is the error. Together with K/J_o the inertia gives the
+stiffness.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike
 
-from model.identify.checks import Array, channels
-from model.identify.differentiation import DEGREE, speed_from_counts
-from model.identify.dynamics import StepFit
-from model.identify.estimate import Estimate, Identifiable
-from model.identify.least_squares import LinearFit, solve
+from model.errors import IdentificationError
+from model.gear import Harmonic
+from model.identify.checks import Array
 from model.identify.step_data import SPEED_SMOOTHING, StepData
+from model.identify.step_fit import FALLING
 from model.kinematic_error import series_slope
 
-TIMING = 0.1
-"""Share of a sample by which torque and angle may disagree in time; steep torque counts for less accordingly."""
-INPUT_WIDTH = 9
-"""Samples under the polynomials of the input: narrower than the rise of a drive."""
+WIDTH = 1.2
+"""Standard deviation of the kernel in samples: wide enough that sums stand for integrals."""
+LIVELY = 0.25
+"""s after the onset of a step in which the output rings and the rotor gains speed."""
+LEAST_STEPS = 4
+COLUMNS = ("lag", "input_inertia", "output_inertia")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class InertiaFit:
-    """Inertias from the torque of a step: estimates output_inertia and input_inertia [kg m2], coulomb [N m], viscous.
+    """Inertias [kg m2] and the port's lag [s] from torque, with standard errors and their degrees of freedom."""
 
-    With K/J_o it gives output_stiffness [N m/rad] (dynamic, small-signal).
-    """
-
-    estimates: dict[str, Estimate]
-    metrics: dict[str, float]
-    warnings: tuple[str, ...]
-    time: Array
-    measured: Array
-    predicted: Array
+    values: dict[str, float]
+    errors: dict[str, float]
+    freedom: dict[str, float]
+    residual: float
 
 
-def _averaged(values: Array, width: int) -> Array:
-    """The average that the second derivative of a local polynomial contains, along the samples of (n,) or (n, k).
-
-    Slope of slope over a window is a weighted mean of the true acceleration; torque and regressors
-    get the same weights.
-    """
-    second = scipy.signal.savgol_coeffs(width, DEGREE, deriv=2, use="dot")
-    kernel = np.cumsum(np.cumsum(second))[:-2]
-    shaped = kernel if values.ndim == 1 else kernel[:, None]
-    return scipy.signal.fftconvolve(values, shaped, mode="same", axes=0)
-
-
-def fit_step_inertia(
-    data: StepData,
-    fit: StepFit,
-    torque: ArrayLike,
-    *,
-    stribeck_velocity: float = 6.0,
-    lags: ArrayLike = (0.0, 0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004),
+def fit_inertia(
+    steps: Sequence[StepData],
+    torques: Sequence[Array],
+    accelerations: Sequence[Array],
+    series: Sequence[Harmonic],
 ) -> InertiaFit:
-    """J_o (and the inertia on the input shaft) from the torque port during a step whose mode has been identified.
+    """J_i, J_o and the lag of the torque port from all steps (`torques` [N m], zero taken off, at the stamps).
 
-        T = J_i theta_i'' + J_o (1/N + ke'(theta_i)) theta_o''
-            + {F_c + F_1 exp(-|theta_i'|/v_s) + F_2 ke'(theta_i)} sgn theta_i' + F_v theta_i' + T_0
-
-    Torque and regressors get the average that the local polynomials put on the acceleration.
-    theta_o'' (and with it the torque in the gear) is that of the identified mode. The lag of the
-    torque port [s] is a nuisance, taken from `lags`. J_o shows only where the output rings: its
-    interval says how well.
+    `accelerations`: the torque that the gear puts on the output, over J_o, at the stamps [rad/s2]; `series`: the
+    kinematic error. Raises `IdentificationError` for fewer than four steps.
     """
-    (effort,) = channels(64, torque=torque)
-    period = float(np.median(np.diff(data.time)))
-    motion = speed_from_counts(
-        data.time, data.input_angle, data.input_quantum, window=INPUT_WIDTH * period
-    )
-    moving = np.tanh(motion.speed / SPEED_SMOOTHING)
-    lever = 1.0 / data.ratio + series_slope(data.kinematic_error, motion.angle)
-    slope = np.sign(data.target) * moving * (lever - 1.0 / data.ratio) * data.ratio
-    falling = moving * np.exp(-np.abs(motion.speed) / stribeck_velocity)
-    width = 2 * int(0.5 * motion.window / period) + 1
-    smooth = _averaged(effort, width)
-    noise = 1.05 * float(np.median(np.abs(np.diff(effort)))) + 1e-12
-    weight = noise / np.hypot(noise, TIMING * period * np.gradient(smooth, data.time))
-    best: tuple[float, float, LinearFit] | None = None
-    for lag in np.asarray(lags, dtype=np.float64):
-        alpha = np.interp(data.time - lag, data.time, motion.acceleration)
-        output = np.interp(data.time - lag, data.time, fit.predicted_acceleration * lever)
-        design = np.column_stack(
-            [output, alpha, moving, motion.speed, np.ones_like(alpha), falling, slope]
+    if len(steps) < LEAST_STEPS:
+        raise IdentificationError(
+            "too few steps for an inertia",
+            where="torque",
+            value=len(steps),
+            limit=f">= {LEAST_STEPS}",
         )
-        others = [0, 2, 3, 5, 6]
-        design[:, others] = _averaged(design[:, others], width)
-        inner = slice(width, -width)
-        solution = solve(
-            design[inner] * weight[inner, None],
-            smooth[inner] * weight[inner],
-            where="torque of the step",
-        )
-        if best is None or solution.relative_error < best[0]:
-            best = (solution.relative_error, float(lag), solution)
-    assert best is not None
-    error, lag, solution = best
-    units = {
-        "output_inertia": "kg m2",
-        "input_inertia": "kg m2",
-        "coulomb": "N m",
-        "viscous": "N m s/rad",
-        "offset": "N m",
-    }
-    estimates: dict[str, Estimate] = {}
-    for index, (name, unit) in enumerate(units.items()):
-        low, high = solution.interval(index)
-        value = float(solution.values[index])
-        if name == "output_inertia":
-            half = math.hypot(0.5 * (high - low), 2.0 * abs(value) * _ring_error(data, fit))
-            low, high = value - half, value + half
-        verdict: Identifiable = (
-            "yes" if high - low < abs(value) else "weakly" if high - low < 4 * abs(value) else "no"
-        )
-        verdict = "no" if name == "output_inertia" and not fit.resolvable else verdict
-        estimates[name] = Estimate(
-            name=name,
-            value=value,
-            unit=unit,
-            low=low,
-            high=high,
-            identifiable=verdict,
-            note="" if verdict == "yes" else "the output hardly rings",
-        )
-    ratio, inertia = fit.estimates["stiffness_over_inertia"], estimates["output_inertia"]
-    relative = 0.5 * math.hypot(
-        (inertia.high - inertia.low) / inertia.value, (ratio.high - ratio.low) / ratio.value
-    )
-    stiffness = ratio.value * inertia.value
-    half = abs(stiffness) * relative
-    estimates["output_stiffness"] = Estimate(
-        name="output_stiffness",
-        value=stiffness,
-        unit="N m/rad",
-        low=stiffness - half,
-        high=stiffness + half,
-        identifiable=inertia.identifiable,
-        note="dynamic, small-signal: from the resonance, not from a loaded output",
-    )
-    warnings = (
-        ()
-        if inertia.identifiable == "yes"
-        else ("The torque of this step does not identify the output's inertia.",)
-    )
+    parts = [
+        _equations(step, torque, acceleration, series)
+        for step, torque, acceleration in zip(steps, torques, accelerations, strict=True)
+    ]
+    matrices = [design.T @ design for design, _ in parts]
+    pulls = [design.T @ right for design, right in parts]
+    whole, pull = sum(matrices[1:], matrices[0]), sum(pulls[1:], pulls[0])
+    found = _solved(whole, pull)
+    left = np.array([_solved(whole - m, pull - p) for m, p in zip(matrices, pulls, strict=True)])[
+        :, : len(COLUMNS)
+    ]
+    centred = left - left.mean(axis=0)
+    count = len(steps)
+    variance = (count - 1) / count * (centred**2).sum(axis=0)
+    effective = (centred**2).sum(axis=0) ** 2 / np.maximum((centred**4).sum(axis=0), 1e-300)
+    square = sum(float(np.sum((right - design @ found) ** 2)) for design, right in parts)
     return InertiaFit(
-        estimates,
-        {
-            "relative_error_percent": 100.0 * error,
-            "torque_lag": lag,
-            "condition": solution.condition,
-        },
-        warnings,
-        data.time,
-        effort,
-        _padded(
-            smooth[width:-width] - solution.residual / weight[width:-width], len(effort), width
+        values=dict(zip(COLUMNS, found.tolist(), strict=False)),
+        errors=dict(zip(COLUMNS, np.sqrt(variance).tolist(), strict=True)),
+        freedom=dict(
+            zip(COLUMNS, np.clip(effective - 1.0, 1.0, count - 1.0).tolist(), strict=True)
         ),
+        residual=math.sqrt(square / sum(len(right) for _, right in parts)),
     )
 
 
-def _ring_error(data: StepData, fit: StepFit) -> float:
-    """Relative standard error of the amplitude of the identified ringing, from counting noise and its duration."""
-    period = float(np.median(np.diff(data.time)))
-    decay = fit.estimates["damping_ratio"].value * 2.0 * math.pi * fit.estimates["frequency"].value
-    samples = min(0.5 / max(decay * period, 1e-9), float(len(data.time)))
-    amplitude = fit.metrics["transient_counts"] * data.output_quantum
-    return fit.metrics["residual_rms"] * math.sqrt(2.0 / max(samples, 2.0)) / max(amplitude, 1e-15)
+def _solved(matrix: Array, pull: Array) -> Array:
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return scale * (np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-10) @ (pull * scale))
 
 
-def _padded(values: Array, count: int, edge: int) -> Array:
-    """Values of the inner samples with NaN at the edges, so that curves keep their axis."""
-    whole = np.full(count, math.nan)
-    whole[edge : edge + len(values)] = values
-    return whole
+def _equations(
+    step: StepData, torque: Array, acceleration: Array, series: Sequence[Harmonic]
+) -> tuple[Array, Array]:
+    """Columns and right-hand side of one step, its own offset taken out."""
+    period = float(np.median(np.diff(step.time)))
+    even = np.arange(step.time[0], step.time[-1], period)
+    angle, effort, pulled = (
+        scipy.interpolate.CubicSpline(step.time, values)(even)
+        for values in (step.input_angle, torque, acceleration)
+    )
+    smooth, first, second = _kernels(period)
+
+    def through(values: Array, kernel: Array) -> Array:
+        return np.convolve(values, kernel, mode="same")
+
+    speed = through(angle - angle[0], first)
+    moving = np.tanh(speed / SPEED_SMOOTHING)
+    slope = series_slope(series, angle) if series else np.zeros_like(angle)
+    falling = moving * np.exp(-np.abs(speed) / FALLING)
+    columns = np.column_stack(
+        [
+            -through(effort, first),
+            through(angle - angle[0], second),
+            through(pulled * (1.0 / step.ratio + slope), smooth),
+            through(moving, smooth),
+            speed,
+            through(falling, smooth),
+            through(moving * slope * step.ratio, smooth),
+            *(through(wave(n * angle), smooth) for n in (1, 2, 4) for wave in (np.cos, np.sin)),
+        ]
+    )
+    edge = len(smooth)
+    inside = np.zeros(len(even), dtype=bool)
+    inside[edge:-edge] = True
+    inside &= even < LIVELY
+    right = through(effort, smooth)[inside]
+    columns = columns[inside]
+    return columns - columns.mean(axis=0), right - right.mean()
+
+
+def _kernels(period: float) -> tuple[Array, Array, Array]:
+    """The Gaussian and its first and second derivative by time, as sums over samples."""
+    width = WIDTH * period
+    lag = np.arange(-math.ceil(6.0 * WIDTH), math.ceil(6.0 * WIDTH) + 1) * period
+    bell = np.exp(-0.5 * (lag / width) ** 2)
+    bell /= bell.sum()
+    return bell, -lag / width**2 * bell, (lag**2 / width**4 - 1.0 / width**2) * bell

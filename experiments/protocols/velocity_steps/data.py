@@ -33,7 +33,7 @@ SLOW = 300.0 * RPM
 """Input speed up to which a step's steady part shows the kinematic error as it is (its orders far
 below the first mode).
 """
-SLOW_ORDERS = (1, 2, 3, 4, 6)
+SLOW_ORDERS = (1, 2, 3, 4, 5, 6)
 
 
 @dataclass(frozen=True)

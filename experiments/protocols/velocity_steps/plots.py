@@ -9,11 +9,12 @@ import math
 import numpy as np
 
 from experiments.protocols.velocity_steps.data import RecordedStep
-from experiments.result import Plot, Series, Table, both_ways, way_of
+from experiments.result import Plot, Series, Table, way_of
+from model.arrays import FloatArray
 from model.errors import ModelError
-from model.identify.dynamics import CombinedSteps, StepFit
+from model.identify.dynamics import LadderFit
 from model.identify.sensitivity import Identifiability
-from model.identify.step_data import StepScore
+from model.identify.step_data import StepScore, score_step
 from model.kinematic_error import order_spectrum
 from model.units import ARCSEC, RPM
 
@@ -24,15 +25,19 @@ LEAST_REVOLUTIONS = 6.0
 
 
 def fitted_step_plots(
-    steps: list[RecordedStep], fits: list[StepFit], combined: CombinedSteps
+    steps: list[RecordedStep], scores: list[StepScore], ladder: LadderFit, paper: list[FloatArray]
 ) -> tuple[Plot, ...]:
-    """Figure 19 per speed with the identified mode, K/J_o over speed, skills, and the orders of the deviation."""
-    figures = _figure_19(steps, [f.score for f in fits], "simulated, measured input")
+    """Figure 19 per speed with the chosen rung beside the paper's model, what each rung leaves, and skills."""
+    published = [
+        score_step(step.data, angle).predicted_speed
+        for step, angle in zip(steps, paper, strict=True)
+    ]
+    figures = _figure_19(steps, scores, "simulated, measured input", published)
     return (
         *figures,
-        _resonance(combined),
-        _skills(steps, [f.score for f in fits]),
-        *_orders(steps, fits),
+        _rungs(steps, ladder),
+        _skills(steps, scores),
+        *_orders(steps, scores),
     )
 
 
@@ -43,16 +48,22 @@ def scored_step_plots(
     return (*_figure_19(steps, scores, f"{name}, measured input"), _skills(steps, scores))
 
 
-def _figure_19(steps: list[RecordedStep], scores: list[StepScore], label: str) -> list[Plot]:
+def _figure_19(
+    steps: list[RecordedStep],
+    scores: list[StepScore],
+    label: str,
+    paper: list[FloatArray] | None = None,
+) -> list[Plot]:
     """One figure per speed: the first forward step of it (reverse where there is none)."""
-    chosen: dict[int, tuple[RecordedStep, StepScore]] = {}
-    for step, score in zip(steps, scores, strict=True):
+    chosen: dict[int, int] = {}
+    for place, step in enumerate(steps):
         key = round(abs(step.segment.setpoint) / RPM)
         other = chosen.get(key)
-        if other is None or (other[0].segment.direction < 0 < step.segment.direction):
-            chosen[key] = (step, score)
+        if other is None or (steps[other].segment.direction < 0 < step.segment.direction):
+            chosen[key] = place
     plots = []
-    for rpm, (_, score) in sorted(chosen.items(), key=lambda item: item[0]):
+    for rpm, place in sorted(chosen.items()):
+        score = scores[place]
         shown = score.time <= max(SHOWN, 3.0 * 60.0 / max(rpm, 1))
         x = score.time[shown]
         series = (
@@ -64,6 +75,17 @@ def _figure_19(steps: list[RecordedStep], scores: list[StepScore], label: str) -
                 label="rigid gear", x=x, y=score.rigid_speed[shown] / RPM, style="line", group=2
             ),
         )
+        if paper is not None:
+            published = paper[place][shown] / RPM
+            series += (
+                Series(
+                    label="equation 2, nothing fitted",
+                    x=score.time[shown],
+                    y=published,
+                    style="line",
+                    group=3,
+                ),
+            )
         note = f"skill on the output speed {score.metrics['skill_speed']:.2f} against a rigid gear with kinematic error"
         plots.append(
             Plot(
@@ -79,25 +101,51 @@ def _figure_19(steps: list[RecordedStep], scores: list[StepScore], label: str) -
     return plots
 
 
-def _resonance(combined: CombinedSteps) -> Plot:
-    low, high = (
-        np.sqrt(np.maximum(v, 0.0)) / (2.0 * math.pi) for v in (combined.low, combined.high)
-    )
-    y = np.sqrt(combined.stiffness_over_inertia) / (2.0 * math.pi)
-    series = both_ways(combined.speed, np.abs(combined.speed) / RPM, y, low=low, high=high)
-    mean = combined.estimates["frequency"].value
-    ends = np.array([np.abs(combined.speed).min(), np.abs(combined.speed).max()]) / RPM
-    series.append(
-        Series(label="weighted mean", x=ends, y=np.array([mean, mean]), style="line", group=2)
+def _rungs(steps: list[RecordedStep], ladder: LadderFit) -> Plot:
+    """What each rung leaves of the output angle, over speed; steps that the fit has not seen."""
+    speeds, rows = _by_speed(steps, ladder)
+    series = tuple(
+        Series(label=rung.name, x=speeds, y=rows[:, k], style="points", group=k)
+        for k, rung in enumerate(ladder.rungs)
     )
     return Plot(
-        name="step-resonance",
-        title="Torsional resonance per step",
+        name="step-ladder",
+        title="What each model leaves of the output angle",
         x_label="input speed [r/min]",
-        y_label="frequency [Hz]",
-        series=tuple(series),
-        note="a trend is the hardening of the stiffness",
+        y_label="root mean square [arcsec]",
+        series=series,
+        x_scale="log",
+        y_scale="log",
+        note=f"chosen: {ladder.chosen}; steps that the fit has not seen",
     )
+
+
+def _by_speed(steps: list[RecordedStep], ladder: LadderFit) -> tuple[FloatArray, FloatArray]:
+    """Speeds [r/min] and, per speed, what each rung leaves of the left-out steps [arcsec]."""
+    speed = np.array([round(abs(s.segment.setpoint) / RPM) for s in steps])
+    speeds = np.unique(speed)
+    rows = np.array(
+        [
+            [float(np.sqrt(np.mean(r.left_out[speed == v] ** 2))) / ARCSEC for r in ladder.rungs]
+            for v in speeds
+        ]
+    )
+    return speeds.astype(np.float64), rows
+
+
+def ladder_table(steps: list[RecordedStep], ladder: LadderFit) -> Table:
+    """Per speed what each rung leaves of the output angle, on steps that the fit has not seen."""
+    speeds, values = _by_speed(steps, ladder)
+    rows: list[tuple[float | int | str, ...]] = [
+        (float(v), *(float(x) for x in row)) for v, row in zip(speeds, values, strict=True)
+    ]
+    rows.append(("all", *(rung.prediction / ARCSEC for rung in ladder.rungs)))
+    columns = ("speed [r/min]", *(f"{rung.name} [arcsec]" for rung in ladder.rungs))
+    note = (
+        f"Root mean square of the output angle that each model leaves; chosen: {ladder.chosen}. Rigid and paper "
+        "(equation 2 with the set's values) have nothing fitted; the others are shown on steps left out of their fit."
+    )
+    return Table("ladder", "What each rung of the ladder gains", columns, tuple(rows), note)
 
 
 def _skills(steps: list[RecordedStep], scores: list[StepScore]) -> Plot:
@@ -118,14 +166,14 @@ def _skills(steps: list[RecordedStep], scores: list[StepScore]) -> Plot:
     )
 
 
-def _orders(steps: list[RecordedStep], fits: list[StepFit]) -> list[Plot]:
+def _orders(steps: list[RecordedStep], scores: list[StepScore]) -> list[Plot]:
     """Orders of theta_o - theta_i/N - ke over the input in the second half of the fast forward steps."""
     series = []
-    for step, fit in zip(steps, fits, strict=True):
+    for step, score in zip(steps, scores, strict=True):
         if step.segment.direction < 0 or step.segment.repeat:
             continue
         half = len(step.data.time) // 2
-        angle, value = step.data.input_angle[half:], fit.score.measured_deviation[half:]
+        angle, value = step.data.input_angle[half:], score.measured_deviation[half:]
         if abs(angle[-1] - angle[0]) < LEAST_REVOLUTIONS * 2.0 * math.pi:
             continue
         try:
@@ -159,23 +207,21 @@ def _orders(steps: list[RecordedStep], fits: list[StepFit]) -> list[Plot]:
 _SCORE_COLUMNS = ("skill", "skill_rigid", "skill_speed", "skill_speed_rigid", "mse_speed")
 
 
-def step_table(steps: list[RecordedStep], fits: list[StepFit]) -> Table:
-    """Every step: what it identifies and how it scores."""
+def step_table(steps: list[RecordedStep], scores: list[StepScore], ladder: LadderFit) -> Table:
+    """Every step: whether the gear winds by a count in it, how it scores, and how much it counts in the fit."""
     rows: list[tuple[float | int | str, ...]] = []
-    for step, fit in zip(steps, fits, strict=True):
-        ratio, damping = fit.estimates["stiffness_over_inertia"], fit.estimates["damping_ratio"]
+    for step, score, transient, weight in zip(
+        steps, scores, ladder.transient, ladder.weights, strict=True
+    ):
+        counts = float(transient) / step.data.output_quantum
         rows.append(
             (
                 *_which(step),
-                "yes" if fit.resolvable else "not resolvable",
-                ratio.value,
-                0.5 * (ratio.high - ratio.low),
-                fit.estimates["frequency"].value,
-                damping.value,
-                0.5 * (damping.high - damping.low),
-                *_scores(fit.metrics),
-                fit.metrics["rms"] / ARCSEC,
-                fit.metrics["transient_counts"],
+                "yes" if counts > 1.0 else "not resolvable",
+                counts,
+                float(weight),
+                *_scores(score.metrics),
+                score.metrics["rms"] / ARCSEC,
             )
         )
     columns = (
@@ -183,14 +229,10 @@ def step_table(steps: list[RecordedStep], fits: list[StepFit]) -> Table:
         "direction",
         "repeat",
         "resolvable",
-        "K/J_o [1/s2]",
-        "half width",
-        "frequency [Hz]",
-        "damping ratio",
-        "half width of it",
+        "transient [counts]",
+        "weight",
         *_SCORE_HEADS,
         "rms of x [arcsec]",
-        "transient [counts]",
     )
     return Table("steps", "Every step", columns, tuple(rows))
 

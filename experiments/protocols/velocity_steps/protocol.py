@@ -1,9 +1,10 @@
 """Velocity steps: the input jumps to a speed, the output follows; simulated output against measured output per speed.
 
 (2) with the measured input prescribed; figure 19. Steps test K/J_o, damping and kinematic error,
-not friction. Scored are the output's speed and x = theta_o - theta_i/N - ke against null models
-(rigid gear, rigid gear with kinematic error), never the raw angle. K/J_o and damping are reported
-per speed and direction, because the stiffness hardens with torque.
+not friction. One fit over all steps climbs a ladder: the rigid gear and equation 2 with the card's
+values, nothing fitted; then a linear spring, hardening, hysteresis (`model.identify.dynamics`).
+Scored are the output's speed and x = theta_o - theta_i/N - ke against null models, never the raw
+angle.
 """
 
 from __future__ import annotations
@@ -24,7 +25,13 @@ from experiments.errors import AnalysisError, PlanError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base, rotary_ratio
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, stop
-from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
+from experiments.planning.shared_parameters import (
+    Acceleration,
+    Repeats,
+    SlowSpeed,
+    SyncRate,
+    ZeroTime,
+)
 from experiments.planning.speeds import first_resonances, refuse_speed
 from experiments.protocols.velocity_steps.data import (
     RecordedStep,
@@ -36,6 +43,7 @@ from experiments.protocols.velocity_steps.data import (
 from experiments.protocols.velocity_steps.plots import (
     fitted_step_plots,
     identifiability_table,
+    ladder_table,
     score_table,
     scored_step_plots,
     step_table,
@@ -47,12 +55,12 @@ from experiments.steps.vocabulary import HoldTime, MoveToAngle, SegmentLabel, Sp
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import torque_zero
 from model.gear import HarmonicDrive, Origin
-from model.identify.dynamics import StepFit, combine_steps, fit_step
+from model.identify.dynamics import Expected, LadderFit, fit_ladder
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
 from model.identify.sensitivity import Identifiability, step_identifiability
-from model.identify.step_data import score_step
-from model.identify.step_inertia import InertiaFit, fit_step_inertia
+from model.identify.step_data import StepScore, score_step
+from model.identify.step_inertia import LEAST_STEPS, fit_inertia
 from model.linear import Mode, dynamic_parameters, modes
 from model.stiffness import drive_stiffness
 from model.units import REVOLUTION, RPM
@@ -80,6 +88,7 @@ class Parameters:
     approach_rpm: SlowSpeed = 30.0
     acceleration: Acceleration = 500.0
     zero_time: ZeroTime = 3.0
+    sync_rate: SyncRate = 1000.0
 
 
 def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
@@ -95,6 +104,15 @@ def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
         )
     for rpm in (*parameters.speeds_rpm, parameters.approach_rpm):
         refuse_speed(rpm, gear, f"{NAME}.speeds_rpm")
+    expected = first_resonances(gear)[-1] / REVOLUTION
+    if expected > RESONANCE_SHARE * parameters.sync_rate:
+        raise PlanError(
+            "the resonance that the card predicts lies too near half the sampling rate",
+            where=f"{NAME}.sync_rate",
+            value=f"{expected:.4g} Hz at {parameters.sync_rate:g} Hz",
+            limit=f"<= {RESONANCE_SHARE * parameters.sync_rate:.4g} Hz",
+            remedy=f"Record at {expected / RESONANCE_SHARE:.0f} Hz or more (--sample-rate).",
+        )
     return between_zeros(_steps(parameters), parameters.zero_time)
 
 
@@ -124,62 +142,141 @@ def _steps(p: Parameters) -> Iterator[Step]:
                 yield stop(p.acceleration)
 
 
-SETTINGS = ("kinematic_error",)
-INERTIA_ABOVE = 1000.0 * RPM
+SETTINGS = ("kinematic_error", "ladder")
+LADDERS = {"linear": "linear", "hardening": "hardening", "full": "hysteresis"}
+"""The setting `ladder`: up to which rung is fitted; full costs several times as much."""
+INERTIA_ABOVE = 250.0 * RPM
 """Input speed from which the torque of a step is asked for the inertia of the output."""
-CONSISTENT = 0.15
-"""Relative scatter between steps up to which the inertia from torque counts as identified."""
-ERROR_FROM_SET, ERROR_FROM_RUN = 0.003, 0.015
-"""Relative standard uncertainty of K/J_o by a kinematic error that is not exactly the gear's:
-identified by a run of its own,
-and from slow steps (without sidebands and output orders)."""
+RESONANCE_SHARE = 0.4
+"""Share of the sampling rate above which no resonance is identified."""
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
-    """Resonance (K/J_o) and damping per speed and direction, scores against the null models,
-    inertia where torque shows it.
+    """Secant stiffness over inertia, mode and damping by one fit over all steps; inertia where torque shows it.
 
     Setting kinematic_error: "auto" (the set's if it was identified and the run saw the index marks,
-    else the run's own slow steps), "set", "run". K, C_b, K_m and J_o alone cannot be told from
-    these data, and it is said.
+    else the run's own steps), "set", "run"; it is fitted in any case, about the set's where that is
+    given. Setting ladder: "linear", "hardening" (default), "full" (with hysteresis). K, C_b, K_m and
+    J_o alone cannot be told from the angles, and it is said.
     """
-    steps, origin, warnings = _steps_of(recording, evidence.gear, evidence)
-    expected = first_resonances(evidence.gear)[-1] / REVOLUTION
+    gear = evidence.gear
+    richest = _choice(evidence, "ladder", "hardening", tuple(LADDERS))
+    steps, origin, warnings = _steps_of(recording, gear, evidence)
+    given = "parameter set" in origin
+    if not given:
+        steps = [_without_error(step) for step in steps]
+        origin = "this run's own steps, fitted with the mode"
+    is_known = recording.metadata.gear is not None
     with analysing(recording.metadata.run_id):
-        fits = [fit_step(s.data, expected_frequency=expected) for s in steps]
-        combined = combine_steps(fits)
-        inertias = _inertias(steps, fits)
-    own = "slow steps" in origin
-    estimates = _with_budget(combined.estimates, ERROR_FROM_RUN if own else ERROR_FROM_SET)
-    estimates |= _output_inertia(recording, inertias, estimates["stiffness_over_inertia"])
-    warnings += combined.warnings
-    identifiability = _identifiability(steps, evidence.gear)
-    warnings.append(f"{identifiability.sentence()} Friction is not tested by the output of a step.")
-    if own:
-        warnings.append(
-            "The kinematic error is from this run's slow steps, without sidebands and output "
-            "orders: K/J_o is better with "
-            "one that a kinematic-error run identified."
+        paper = [simulated_output(step, gear) for step in steps]
+        ladder = fit_ladder(
+            [step.data for step in steps],
+            expected_of(gear, is_known=is_known),
+            richest=LADDERS[richest],
+            paper=paper,
+            error_given=given,
         )
+        scores = [
+            score_step(step.data, angle, ideal=ideal)
+            for step, angle, ideal in zip(steps, ladder.predicted, ladder.ideal, strict=True)
+        ]
+    estimates = dict(ladder.estimates)
+    _refuse_alias(recording, estimates["frequency"].value)
+    if not is_known:
+        estimates = _with_alias(recording, estimates)
+    skew = estimates.pop("skew")
+    estimates |= _output_inertia(recording, steps, ladder, estimates["stiffness_over_inertia"])
+    warnings += ladder.warnings
+    identifiability = _identifiability(steps, gear)
+    warnings.append(f"{identifiability.sentence()} Friction is not tested by the output of a step.")
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
         quantities=QUANTITIES,
         estimates=estimates,
-        metrics=_metrics(fits),
+        metrics={
+            **_metrics(scores, ladder, steps),
+            "skew": skew.value,
+            "torque_amplitude": amplitude_of(gear),
+        },
         warnings=tuple(dict.fromkeys(warnings)),
-        plots=fitted_step_plots(steps, fits, combined),
+        plots=fitted_step_plots(steps, scores, ladder, paper),
         tables=(
-            step_table(steps, fits),
+            ladder_table(steps, ladder),
+            step_table(steps, scores, ladder),
             identifiability_table(identifiability),
             budget_table(estimates.values()),
         ),
         options={
             "kinematic_error": origin,
             "input": "measured",
-            "stiffness": "dynamic, small-signal",
+            "ladder": richest,
+            "rung": ladder.chosen,
+            "stiffness": f"secant, at +-{amplitude_of(gear):.3g} N m at the output",
         },
     )
+
+
+def amplitude_of(gear: HarmonicDrive) -> float:
+    """The torque at the output [N m] at which stiffness and damping are stated: T1/4."""
+    return 0.25 * gear.ratings.torque_1
+
+
+def expected_of(gear: HarmonicDrive, *, is_known: bool = True) -> Expected:
+    """What the card of a gear lets a fit of its steps expect."""
+    stiffness, ratings = drive_stiffness(gear), gear.ratings
+    p = dynamic_parameters(gear)
+    return Expected(
+        stiffness=stiffness.combined_output / gear.inertia.output,
+        share=stiffness.combined_output / (p.bearing_stiffness * p.radial_lever**2),
+        inertia=gear.inertia.output,
+        torques=(ratings.torque_1, ratings.torque_2),
+        hardening=(
+            ratings.stiffness_2 / ratings.stiffness_1,
+            ratings.stiffness_3 / ratings.stiffness_1,
+        ),
+        loss=ratings.hysteresis_loss,
+        amplitude=amplitude_of(gear),
+        is_known=is_known,
+    )
+
+
+def _choice(evidence: Evidence, name: str, default: str, allowed: tuple[str, ...]) -> str:
+    wanted = evidence.settings.get(name, default)
+    if wanted not in allowed:
+        raise AnalysisError(
+            "no such choice", where=f"{NAME}.{name}", value=repr(wanted), limit=", ".join(allowed)
+        )
+    return wanted
+
+
+def _without_error(step: RecordedStep) -> RecordedStep:
+    return dataclasses.replace(step, data=dataclasses.replace(step.data, kinematic_error=()))
+
+
+def _refuse_alias(recording: Recording, frequency: float) -> None:
+    """A mode that lies too near half the sampling rate may be another's alias."""
+    rate = recording.metadata.sample_rate
+    if frequency > RESONANCE_SHARE * rate:
+        raise AnalysisError(
+            "the resonance lies too near half the sampling rate: it, or its alias, would be stated",
+            where=recording.metadata.run_id,
+            value=f"{frequency:.4g} Hz at {rate:g} Hz",
+            limit=f"<= {RESONANCE_SHARE * rate:.4g} Hz",
+            remedy=f"Record at {frequency / RESONANCE_SHARE:.0f} Hz or more.",
+        )
+
+
+def _with_alias(recording: Recording, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Where nothing says how large f_1 is, what was sampled may be the alias of a higher one."""
+    alias = recording.metadata.sample_rate - estimates["frequency"].value
+    note = (
+        f"f_1, or its alias: then f_1 is {alias:.4g} Hz (the run carries no gear that would tell)"
+    )
+    return {
+        name: dataclasses.replace(e, identifiable="weakly", note=note)
+        for name, e in estimates.items()
+    }
 
 
 def _steps_of(
@@ -197,14 +294,7 @@ def _steps_of(
             where=recording.metadata.run_id,
             remedy='Give segments labelled "step" when importing.',
         )
-    wanted = evidence.settings.get("kinematic_error", "auto")
-    if wanted not in ("auto", "set", "run"):
-        raise AnalysisError(
-            "no such choice",
-            where=f"{NAME}.kinematic_error",
-            value=repr(wanted),
-            limit="auto, set, run",
-        )
+    wanted = _choice(evidence, "kinematic_error", "auto", ("auto", "set", "run"))
     reference = phase_reference(recording)
     use_set = wanted == "set" or (wanted == "auto" and carries(gear, reference))
     zero = torque_zero(recording) if recording.has("torque") else None
@@ -237,111 +327,84 @@ def _identifiability(steps: list[RecordedStep], gear: HarmonicDrive) -> Identifi
     )
 
 
-def _inertias(steps: list[RecordedStep], fits: list[StepFit]) -> list[tuple[StepFit, InertiaFit]]:
-    """The torque of the fast, resolvable steps asked for the inertia of the output."""
-    return [
-        (fit, fit_step_inertia(step.data, fit, step.torque))
-        for step, fit in zip(steps, fits, strict=True)
-        if step.torque is not None and fit.resolvable and abs(fit.speed) >= INERTIA_ABOVE
-    ]
-
-
 def _output_inertia(
-    recording: Recording, inertias: list[tuple[StepFit, InertiaFit]], ratio: Estimate
+    recording: Recording, steps: list[RecordedStep], ladder: LadderFit, ratio: Estimate
 ) -> dict[str, Estimate]:
-    """J_o, the inertia on the input shaft and K from torque: mean over the steps, and how well the steps agree."""
-    if len(inertias) < 3:
+    """J_o, the inertia on the input shaft and K from the torque of the steps in which the output rings."""
+    rings = ladder.transient > steps[0].data.output_quantum
+    asked = [
+        (step.data, step.torque, acceleration)
+        for step, acceleration, rung in zip(steps, ladder.acceleration, rings, strict=True)
+        if step.torque is not None and rung and abs(step.data.target) >= INERTIA_ABOVE
+    ]
+    if len(asked) < LEAST_STEPS:
         return {}
+    data, torques, accelerations = zip(*asked, strict=True)
+    series = (*steps[0].data.kinematic_error, *ladder.series(steps[0].data.ratio))
+    found = fit_inertia(data, torques, accelerations, series)
     estimates: dict[str, Estimate] = {}
     for name in ("output_inertia", "input_inertia"):
-        parts = [inertia.estimates[name] for _, inertia in inertias]
-        values = np.array([e.value for e in parts])
-        mean = float(values.mean())
-        error = float(values.std(ddof=1)) / math.sqrt(len(values))
-        scatter = float(values.std(ddof=1)) / abs(mean) if mean else math.inf
-        half = student_quantile(len(values) - 1) * max(float(values.std(ddof=1)), error)
-        verdict = (
-            "yes" if scatter <= CONSISTENT else "weakly" if scatter <= 3.0 * CONSISTENT else "no"
-        )
-        note = (
-            ""
-            if verdict == "yes"
-            else f"the steps differ by {100.0 * scatter:.0f} % (standard deviation)"
-        )
-        budget = (
-            BudgetLine("between steps", "A", max(0.5 * half, error)),
-            scale_line(recording, mean),
+        value, error = found.values[name], found.errors[name]
+        half = student_quantile(found.freedom[name]) * error
+        line = BudgetLine(
+            "scatter between the steps (jackknife)",
+            "A",
+            error,
+            degrees_of_freedom=found.freedom[name],
         )
         estimates[name] = Estimate(
             name=name,
-            value=mean,
-            unit=parts[0].unit,
-            low=mean - half,
-            high=mean + half,
-            identifiable=verdict,
-            note=note,
-            budget=budget,
+            value=value,
+            unit="kg m2",
+            low=value - half,
+            high=value + half,
+            identifiable="yes" if value > 2.0 * half else "weakly" if value > half else "no",
+            note="" if value > 2.0 * half else "the torque of the ringing hardly shows it",
+            budget=(line, scale_line(recording, value)),
         )
     inertia = estimates["output_inertia"]
     value = inertia.value * ratio.value
-    relative = math.hypot(
-        0.5 * (inertia.high - inertia.low) / abs(inertia.value),
+    half = abs(value) * math.hypot(
+        0.5 * (inertia.high - inertia.low) / inertia.value,
         0.5 * (ratio.high - ratio.low) / ratio.value,
     )
-    note = "dynamic, small-signal: K/J_o times the inertia from torque" + (
-        f"; {inertia.note}" if inertia.note else ""
-    )
+    lines = [
+        dataclasses.replace(line, standard_uncertainty=line.standard_uncertainty * factor)
+        for estimate, factor in ((inertia, ratio.value), (ratio, abs(inertia.value)))
+        for line in estimate.budget
+    ]
     estimates["output_stiffness"] = Estimate(
         name="output_stiffness",
         value=value,
         unit="N m/rad",
-        low=value * (1.0 - relative),
-        high=value * (1.0 + relative),
+        low=value - half,
+        high=value + half,
         identifiable=inertia.identifiable,
-        note=note,
-        budget=(
-            BudgetLine("inertia and resonance", "A", 0.5 * relative * abs(value)),
-            scale_line(recording, value),
-        ),
+        note=inertia.note,
+        budget=tuple(lines),
     )
     return estimates
 
 
-def _with_budget(combined: dict[str, Estimate], by_error: float) -> dict[str, Estimate]:
-    """The combined estimates with type A and what the kinematic error does to the resonance (type B)."""
-    estimates: dict[str, Estimate] = {}
-    for name, estimate in combined.items():
-        lines = [
-            BudgetLine(
-                "fit of the steps and their scatter", "A", 0.25 * (estimate.high - estimate.low)
-            )
-        ]
-        share = (
-            by_error
-            if name.startswith("stiffness")
-            else 0.5 * by_error
-            if name.startswith("frequency")
-            else 5.0 * by_error
-        )
-        lines.append(
-            BudgetLine(
-                "kinematic error",
-                "B",
-                share * abs(estimate.value),
-                "what it leaves out rings the mode",
-            )
-        )
-        estimates[name] = estimate.with_budget(lines)
-    return estimates
-
-
-def _metrics(fits: list[StepFit]) -> dict[str, float]:
-    resolvable = [f for f in fits if f.resolvable]
+def _metrics(
+    scores: list[StepScore], ladder: LadderFit, steps: list[RecordedStep]
+) -> dict[str, float]:
+    rings = ladder.transient > steps[0].data.output_quantum
     names = ("skill", "skill_rigid", "skill_speed", "skill_speed_rigid", "mse_speed")
     metrics = {
-        f"median_{name}": float(np.median([f.metrics[name] for f in resolvable])) for name in names
+        f"median_{name}": float(
+            np.median([s.metrics[name] for s, rung in zip(scores, rings, strict=True) if rung])
+        )
+        for name in names
     }
-    return {"steps": float(len(fits)), "resolvable_steps": float(len(resolvable)), **metrics}
+    left = {f"left_out_{r.name}": r.prediction for r in ladder.rungs}
+    return {
+        "steps": float(len(steps)),
+        "resolvable_steps": float(np.count_nonzero(rings)),
+        **metrics,
+        **left,
+        **ladder.metrics,
+    }
 
 
 def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:
@@ -382,7 +445,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
 def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
     """The gear with the output inertia and the damping that make equation 2 ring as the run did.
 
-    The run tells K/J_o, not K: the stiffness of the set stays, and J_o follows from it. The radial
+    The run tells the mode, not K: the stiffness of the set stays, and J_o follows from it. The radial
     damping C_b is that which gives the damping ratio; where no C_b does, the structural damping C_t
     takes the rest.
     """
@@ -390,7 +453,7 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
         raise AnalysisError(
             "is the result of another protocol", where=result.run, value=result.kind, limit=NAME
         )
-    ratio, damping = result.estimates["stiffness_over_inertia"], result.estimates["damping_ratio"]
+    ratio, damping = result.estimates["mode_squared"], result.estimates["damping_ratio"]
     path, value = "bearing.damping", gear.bearing.damping
     for _ in range(4):
         # Damping moves the mode a little, and the inertia moves the damping ratio: both settle within a few rounds.
@@ -401,7 +464,10 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
         path, value = _damping_for(gear, damping.value)
         gear = gear.with_values({path: value})
     stiffness = drive_stiffness(gear).combined_output
-    source = f"run {result.run}: K/J_o = {ratio.value:.6g} 1/s2 with the set's own stiffness {stiffness:.5g} N m/rad"
+    source = (
+        f"run {result.run}: K/J_o from the mode's {ratio.value:.6g} 1/s2 with the set's own stiffness "
+        f"{stiffness:.5g} N m/rad"
+    )
     spread = ratio.standard_uncertainty / ratio.value * gear.inertia.output
     gear = gear.with_values(
         {"inertia.output": gear.inertia.output}, Origin("identified", source, spread)
@@ -446,17 +512,23 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=2,
+    version=3,
     live=("speed", "steps", "torque"),
     builds_on=("kinematic-error",),
     terms=(
         KINEMATIC_ERROR,
         NORMALISED_MSE,
         Term(
-            "Dynamic stiffness over inertia, K/J",
-            "Square of the frequency of the pole from input to output angle. A stiffness taken "
-            "from it is dynamic and for small signals; it is not the static torsional stiffness "
-            "of the catalogue.",
+            "Secant stiffness over inertia, K/J",
+            "Torque over torsion between reversals at a stated torque, a quarter of T1, over the "
+            "output's inertia. The stiffness grows with torque; this is not the static torsional "
+            "stiffness of the catalogue, and the square of the mode's frequency is higher, because "
+            "damping stiffens.",
+        ),
+        Term(
+            "Rung",
+            "One of the models that are tried on all steps, the simplest first. It is chosen by how "
+            "well it predicts a step that the fit has not seen.",
         ),
         Term(
             "Skill",

@@ -11,9 +11,9 @@ _FREQUENCY_REASON = "as far as speeds are kept clear of resonances"
 ESTIMATES = (
     Quantity(
         name="stiffness_over_inertia",
-        title="dynamic stiffness over inertia K/J_o",
+        title="secant stiffness over inertia K/J_o",
         unit="1/s2",
-        definition="square of the frequency of the pole from input to output angle; dynamic, small-signal",
+        definition="torque over torsion between reversals at +-T1/4 at the output, over the output's inertia",
         target_share=0.1,
         target_reason=_STIFFNESS_REASON,
         is_key=True,
@@ -27,10 +27,18 @@ ESTIMATES = (
         is_key=True,
     ),
     Quantity(
+        name="mode_squared",
+        title="square of the mode's angular frequency",
+        unit="1/s2",
+        definition="(2 pi f_1)^2 of the pole from input to output angle; damping raises it above K/J_o",
+        target_share=0.1,
+        target_reason=_STIFFNESS_REASON,
+    ),
+    Quantity(
         name="damping_ratio",
         title="damping ratio",
         unit="1",
-        definition="of the first torsional mode",
+        definition="of the first torsional mode, at a torque amplitude of T1/4",
         target_uncertainty=0.01,
         target_reason=_DAMPING_REASON,
         is_key=True,
@@ -47,7 +55,7 @@ ESTIMATES = (
         name="frequency",
         title="frequency",
         unit="Hz",
-        definition="of the first torsional mode: the resonance of the output on the gear's compliance",
+        definition="of the first torsional mode, at a torque amplitude of T1/4 at the output",
         target_share=0.05,
         target_reason=_FREQUENCY_REASON,
         is_key=True,
@@ -71,7 +79,7 @@ ESTIMATES = (
         name="output_stiffness",
         title="output stiffness",
         unit="N m/rad",
-        definition="K/J_o times the inertia from torque; dynamic, small-signal",
+        definition="K/J_o times the inertia from torque: secant, at a torque amplitude of T1/4",
         target_share=0.2,
         target_reason="catalogues state stiffness as a mean with a scatter of 20 to 30 %",
     ),
@@ -85,6 +93,10 @@ METRICS = (
     Quantity(name="median_skill_speed", title="median skill speed", unit="1"),
     Quantity(name="median_skill_speed_rigid", title="median skill speed rigid", unit="1"),
     Quantity(name="median_mse_speed", title="median MSE speed", unit="1"),
+    Quantity(name="left_out_{rung}", title="left by {rung} on steps left out", unit="rad"),
+    Quantity(name="torque_amplitude", title="torque amplitude", unit="N m"),
+    Quantity(name="largest_torque", title="largest torque in the gear", unit="N m"),
+    Quantity(name="skew", title="skew of the encoders", unit="s"),
 )
 
 SCORES = (

@@ -1,0 +1,437 @@
+"""One least-squares fit over all velocity steps of a run: the mode, and the kinematic error that rings it.
+
+Gauss-Newton on the output angle itself. What belongs to one step alone (offset, a start that was not at rest,
+the wind-up by friction) is projected out of it; the mode's numbers, the skew between the channels and the
+kinematic error (orders n + k/N of the input, with k = 0 and sidebands, and orders k/N of the output) are the
+same in all steps. Each step leaves its normal equations behind, so that predicting a step that was left out, and
+the scatter that a step brings into a number, cost next to nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy
+
+from model.errors import IdentificationError
+from model.identify.checks import Array
+from model.identify.differentiation import speed_from_counts
+from model.identify.step_data import SPEED_SMOOTHING, StepData
+from model.identify.torsional_mode import TorsionModel
+from model.kinematic_error import series_value
+from model.units import REVOLUTION
+
+LARGEST_SKEW = 2.5e-3
+"""s by which the output may be latched beside the input."""
+LONGEST = 3.0
+"""s of a step that are fitted: its ring-down and a few revolutions."""
+FALLING = 6.0
+"""rad/s over which the wind-up by friction falls from rest (the Stribeck velocity, roughly)."""
+ROUNDS = 12
+CONVERGED = 3e-5
+"""Relative gain of the sum of squares below which a fit has converged."""
+BASIS: tuple[tuple[int, int], ...] = (
+    *((n, k) for n in range(1, 7) for k in (0, -1, 1)),
+    (2, -2),
+    (2, 2),
+    (4, 4),
+    (8, 0),
+    *((0, k) for k in range(1, 9)),
+)
+"""Orders n + k/N of the kinematic error that are fitted; (0, k) takes up the output encoder's own as well."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """The numbers that all steps share, beside the kinematic error; logarithms where a number is positive.
+
+    `prior`: mean and standard deviation of those that a run may not tell.
+    """
+
+    names: tuple[str, ...]
+    prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepArrays:
+    """One step on a fine even grid (m,), and the samples (n,) that are fitted.
+
+    `rigid`: theta_i/N with the kinematic error that is taken as given; `moving` the smoothed sign of the speed.
+    """
+
+    data: StepData
+    fine: Array
+    interval: float
+    rigid: Array
+    moving: Array
+    whole: Array
+    slow: Array
+    stamps: Array
+    measured: Array
+    own: Array
+
+
+def step_arrays(data: StepData, interval: float, basis: Sequence[tuple[int, int]]) -> StepArrays:
+    """A step made ready for the fit, on a fine grid of this interval [s], which is that of all steps."""
+    motion = speed_from_counts(data.time, data.input_angle, data.input_quantum, longest=0.03)
+    last = min(float(data.time[-1]), LONGEST)
+    fine = np.arange(data.time[0], last + 0.5 * interval, interval)
+    fine = fine[fine <= data.time[-1]]
+    angle = scipy.interpolate.CubicSpline(data.time, data.input_angle)(fine)
+    speed = np.interp(fine, motion.time, motion.speed)
+    rigid = angle / data.ratio + series_value(data.kinematic_error, angle)
+    inside = (data.time >= fine[0] + LARGEST_SKEW) & (data.time <= fine[-1] - LARGEST_SKEW)
+    moving = np.tanh(speed / SPEED_SMOOTHING)
+    falling = moving * np.exp(-np.abs(speed) / FALLING)
+    stamps = data.time[inside]
+    own = np.column_stack([np.interp(stamps, fine, moving), np.interp(stamps, fine, falling)])
+    return StepArrays(
+        data=data,
+        fine=fine,
+        interval=interval,
+        rigid=np.asarray(rigid - rigid[0]),
+        moving=moving,
+        whole=_waves(angle, max(n for n, _ in basis)),
+        slow=_waves(angle / data.ratio, max(abs(k) for _, k in basis)),
+        stamps=stamps,
+        measured=data.output_angle[inside] - rigid[0],
+        own=own,
+    )
+
+
+def _waves(angle: Array, highest: int) -> Array:
+    """Cosine and sine of 0 .. highest times an angle (highest + 1, 2, m)."""
+    orders = np.arange(highest + 1)[:, None] * np.remainder(angle, REVOLUTION)
+    return np.ascontiguousarray(np.stack([np.cos(orders), np.sin(orders)], axis=1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Normal:
+    """Normal equations of one step after what is its own was projected out: J'J, J'r, r'r, and how many samples."""
+
+    matrix: Array
+    gradient: Array
+    square: float
+    count: int
+    residual: Array
+
+    @property
+    def rms(self) -> float:
+        return math.sqrt(self.square / self.count)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """All steps, the basis of the kinematic error and how wide its coefficients are believed to lie [rad]."""
+
+    steps: tuple[StepArrays, ...]
+    basis: tuple[tuple[int, int], ...]
+    error_width: float
+    model: Callable[[Mapping[str, float]], TorsionModel]
+
+    @property
+    def interval(self) -> float:
+        return self.steps[0].interval
+
+    def ideal(self, step: StepArrays, error: Array) -> Array:
+        """theta_i/N + ke on the fine grid, from its first value."""
+        from model.kernels import steps as kernel
+
+        ideal = step.rigid.copy()
+        orders, bands = self._orders()
+        kernel.error_signal(
+            step.whole, step.slow, orders, bands, error[0::2].copy(), error[1::2].copy(), ideal
+        )
+        # Straight lines between samples cut the corners: this puts back what they lose on the mean.
+        ideal[1:-1] -= np.diff(ideal, 2) / 12.0
+        return ideal
+
+    def _orders(self) -> tuple[Array, Array]:
+        pairs = np.array(self.basis, dtype=np.int64)
+        return np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])
+
+    def response(
+        self, step: StepArrays, values: Mapping[str, float], ideal: Array, tables: Array
+    ) -> tuple[Array, Array, Array]:
+        """Output angle, speed and piece of the spring on the fine grid."""
+        from model.kernels import steps as kernel
+
+        model = self.model(values)
+        angle, speed = np.empty_like(ideal), np.empty_like(ideal)
+        piece = np.zeros(len(ideal), dtype=np.int64)
+        push = -values.get("bearing", 0.0) * step.moving
+        kernel.respond(
+            ideal,
+            push,
+            step.interval,
+            tables,
+            model.kinks,
+            model.offsets,
+            np.array(model.hysteresis),
+            np.array([ideal[0], 0.0]),
+            angle,
+            speed,
+            piece,
+        )
+        return angle, speed, piece
+
+    def at_samples(
+        self, step: StepArrays, skew: float, angle: Array, speed: Array
+    ) -> tuple[Array, Array, Array]:
+        """The response at the samples, `skew` later than their stamps, with their places on the fine grid."""
+        from model.kernels import steps as kernel
+
+        where = (step.stamps + skew - step.fine[0]) / step.interval
+        place = np.clip(where.astype(np.int64), 0, len(step.fine) - 2)
+        share = where - place
+        values = np.empty(len(place))
+        kernel.sampled(angle, speed, step.interval, place, share, values)
+        return values, place, share
+
+    def normals(
+        self, shape: Shape, values: Mapping[str, float], error: Array, *, gradient: bool = True
+    ) -> list[Normal]:
+        """The normal equations of every step about these numbers."""
+        tables = self.model(values).step(self.interval)
+        moved = self._moved(shape, values) if gradient else []
+        return [self._normal(step, values, error, tables, moved) for step in self.steps]
+
+    def _moved(
+        self, shape: Shape, values: Mapping[str, float]
+    ) -> list[tuple[str, float, dict[str, float], Array]]:
+        """For each number of the shape: its step of differentiation, and the model's tables there."""
+        moved: list[tuple[str, float, dict[str, float], Array]] = []
+        for name in shape.names:
+            h = STEPS.get(name, 1e-3)
+            there = {**values, name: values[name] + h}
+            moved.append((name, h, there, self.model(there).step(self.interval)))
+        return moved
+
+    def _normal(
+        self,
+        step: StepArrays,
+        values: Mapping[str, float],
+        error: Array,
+        tables: Array,
+        moved: list[tuple[str, float, dict[str, float], Array]],
+    ) -> Normal:
+        from model.kernels import steps as kernel
+
+        ideal = self.ideal(step, error)
+        angle, speed, piece = self.response(step, values, ideal, tables)
+        predicted, place, share = self.at_samples(step, values["skew"], angle, speed)
+        residual = step.measured - predicted
+        columns = np.empty((len(place), len(moved) + (2 * len(self.basis) if moved else 0)))
+        for j, (name, h, there, table) in enumerate(moved):
+            if name == "skew":
+                columns[:, j] = np.interp(step.stamps + values["skew"], step.fine, speed)
+                continue
+            other = self.response(step, there, ideal, table)
+            columns[:, j] = (
+                self.at_samples(step, values["skew"], other[0], other[1])[0] - predicted
+            ) / h
+        if moved:
+            orders, bands = self._orders()
+            waves = np.empty((len(place), 2 * len(self.basis)))
+            kernel.sensitivities(
+                step.whole,
+                step.slow,
+                orders,
+                bands,
+                step.interval,
+                tables,
+                piece,
+                place,
+                share,
+                waves,
+            )
+            columns[:, len(moved) :] = waves
+        own = self._own(step, tables, place, share)
+        left = np.linalg.qr(own)[0]
+        residual = residual - left @ (left.T @ residual)
+        columns = columns - left @ (left.T @ columns)
+        return Normal(
+            matrix=columns.T @ columns,
+            gradient=columns.T @ residual,
+            square=float(residual @ residual),
+            count=len(residual),
+            residual=residual,
+        )
+
+    def _own(self, step: StepArrays, tables: Array, place: Array, share: Array) -> Array:
+        """What belongs to one step alone: offset, wind-up, and a ring-down from before it began."""
+        from model.kernels import steps as kernel
+
+        still = np.zeros(len(step.fine))
+        linear = np.repeat(tables[:1], 3, axis=0)
+        none, piece = np.zeros(0), np.zeros(len(still), dtype=np.int64)
+        own = [np.ones(len(place)), *step.own.T]
+        for start in ([1.0, 0.0], [0.0, 100.0]):
+            angle, speed, values = np.empty_like(still), np.empty_like(still), np.empty(len(place))
+            kernel.respond(
+                still,
+                still,
+                step.interval,
+                linear,
+                none,
+                np.zeros(1),
+                np.zeros(2),
+                np.array(start),
+                angle,
+                speed,
+                piece,
+            )
+            kernel.sampled(angle, speed, step.interval, place, share, values)
+            own.append(values)
+        return np.column_stack(own)
+
+
+STEPS: Mapping[str, float] = {
+    "stiffness": 1e-4,
+    "relaxation": 1e-2,
+    "drag": 1e-2,
+    "bearing": 1e-2,
+    "skew": 1e-6,
+}
+"""Steps of differentiation; 1e-3 for the rest."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """A fit: the shape's values, the coefficients of the kinematic error, and the normal equations left behind."""
+
+    shape: Shape
+    values: dict[str, float]
+    error: Array
+    normals: tuple[Normal, ...]
+    weights: Array
+    noise: float
+    penalty: Array
+
+    @property
+    def vector(self) -> Array:
+        return np.concatenate([[self.values[n] for n in self.shape.names], self.error])
+
+    @property
+    def square(self) -> float:
+        """Weighted sum of squares of all steps [rad2]."""
+        return float(sum(w * n.square for w, n in zip(self.weights, self.normals, strict=True)))
+
+    def _inverse(self, without: Sequence[int] = ()) -> Array:
+        total = np.diag(self.penalty * self.noise**2)
+        for index, (weight, normal) in enumerate(zip(self.weights, self.normals, strict=True)):
+            if index not in without:
+                total = total + weight * normal.matrix
+        return np.linalg.inv(_regular(total))
+
+    def left_out(self, group: Sequence[int]) -> Array:
+        """How the numbers change where these steps are left out (p,), to first order."""
+        pull = sum(
+            (self.weights[i] * self.normals[i].gradient for i in group), np.zeros(len(self.vector))
+        )
+        return -self._inverse(group) @ pull
+
+    def predicted_square(self, index: int) -> float:
+        """Sum of squares of a step where the fit has not seen it, to second order [rad2]."""
+        change, normal = self.left_out((index,)), self.normals[index]
+        bend = float(change @ normal.matrix @ change)
+        return normal.square - 2.0 * float(change @ normal.gradient) + bend
+
+    def jackknife(self) -> Array:
+        """Change of every number where one step is left out (steps, p)."""
+        return np.array([self.left_out((i,)) for i in range(len(self.normals))])
+
+
+def _regular(matrix: Array) -> Array:
+    """A matrix with a hair on its diagonal, for columns that a run does not show at all."""
+    return matrix + np.diag(1e-12 * np.maximum(np.diag(matrix), 1e-30))
+
+
+def fit_all(
+    problem: Problem,
+    shape: Shape,
+    start: Mapping[str, float],
+    error: Array,
+    *,
+    noise: float,
+    weights: Array | None = None,
+    rounds: int = ROUNDS,
+) -> Solution:
+    """Gauss-Newton with step halving from a start; numbers with a prior are drawn to it."""
+    names, size = shape.names, len(shape.names)
+    weights = np.ones(len(problem.steps)) if weights is None else weights
+    penalty = np.concatenate([np.zeros(size), np.full(len(error), problem.error_width**-2.0)])
+    centre = np.zeros(size + len(error))
+    for index, name in enumerate(names):
+        if name in shape.prior:
+            centre[index], width = shape.prior[name]
+            penalty[index] = width**-2.0
+    values = dict(start)
+
+    def cost(vector: Array, normals: Sequence[Normal]) -> float:
+        fitted = sum(w * n.square for w, n in zip(weights, normals, strict=True))
+        return float(fitted) / noise**2 + float(penalty @ (vector - centre) ** 2)
+
+    vector = np.concatenate([[values[n] for n in names], error])
+    normals = problem.normals(shape, values, error)
+    best = cost(vector, normals)
+    for _ in range(rounds):
+        total = sum(
+            (w * n.matrix for w, n in zip(weights, normals, strict=True)),
+            np.diag(penalty * noise**2),
+        )
+        pull = sum(
+            (w * n.gradient for w, n in zip(weights, normals, strict=True)),
+            -penalty * noise**2 * (vector - centre),
+        )
+        change = np.linalg.solve(_regular(total), pull)
+        change[:size] *= min(1.0, 1.0 / max(_excess(names, change[:size]), 1e-9))
+        scale = 1.0
+        while scale > 0.1:
+            trial = vector + scale * change
+            there = {**values, **dict(zip(names, trial[:size].tolist(), strict=True))}
+            there["skew"] = min(max(there["skew"], -LARGEST_SKEW), LARGEST_SKEW)
+            found = cost(trial, problem.normals(shape, there, trial[size:], gradient=False))
+            if found <= best:
+                break
+            scale *= 0.4
+        else:
+            break
+        gained, best = best - found, found
+        vector, values = trial, there
+        normals = problem.normals(shape, values, vector[size:])
+        if gained < CONVERGED * best:
+            break
+    if not math.isfinite(best):
+        raise IdentificationError("the fit of the steps diverged", where="velocity steps")
+    return Solution(
+        shape=shape,
+        values=values,
+        error=vector[size:],
+        normals=tuple(normals),
+        weights=weights,
+        noise=noise,
+        penalty=penalty,
+    )
+
+
+_LARGEST: Mapping[str, float] = {"stiffness": 0.1, "relaxation": 1.0, "skew": 5e-4}
+
+
+def _excess(names: Sequence[str], change: Array) -> float:
+    """How much larger a change is than one that Gauss-Newton is believed over."""
+    sizes = [
+        abs(c) / _LARGEST.get(n, 0.5)
+        for n, c in zip(names, change, strict=True)
+        if n not in ("drag", "bearing")
+    ]
+    return max(sizes, default=0.0)
+
+
+def reweighted(solution: Solution) -> Array:
+    """Weights of the steps: one, less where a step's residual is well above the others' (more than 1.5 times)."""
+    rms = np.array([n.rms for n in solution.normals])
+    return np.minimum(1.0, (1.5 * np.median(rms) / rms) ** 4)

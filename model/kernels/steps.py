@@ -1,0 +1,149 @@
+"""Compiled response of the torsional mode to a prescribed input, for the fit of velocity steps.
+
+    theta_o'' = k_s (u - theta_o - b) + stiffening(u - theta_o) - g theta_o' + push + h ,   u = theta_i/N + ke
+    b' = (p (u - theta_o) - q b) ,   h' = s (1 - h sgn(phi')/H) phi' ,   phi = u - theta_o
+
+b is the torsion of the wave-generator bearing, the only element with damping; stiffening is piecewise
+linear in the torsion phi (K1, K2, K3), so that within a piece the step is a matrix exponential with
+first-order hold on u. Rows of a step matrix are the states (theta_o, theta_o', b); its columns the states,
+u at the start and the end of the step, and a constant acceleration. h is a Dahl element, taken in the
+middle of the step.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+_FAST = {"contract", "nsz", "nnan", "ninf"}
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def error_signal(whole, slow, orders, bands, cosine, sine, ideal):
+    """Add sum a cos((n + k/N) theta) + b sin(..) to `ideal` (m,).
+
+    `whole` (n_max + 1, 2, m) and `slow` (k_max + 1, 2, m) are cosine and sine of n theta and k theta/N.
+    """
+    for j in range(orders.size):
+        n, k = orders[j], abs(bands[j])
+        turn = 1.0 if bands[j] >= 0 else -1.0
+        a, b = cosine[j], sine[j]
+        for i in range(ideal.size):
+            c, s, d, t = whole[n, 0, i], whole[n, 1, i], slow[k, 0, i], turn * slow[k, 1, i]
+            ideal[i] += a * (c * d - s * t) + b * (s * d + c * t)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def respond(ideal, push, interval, step, kinks, offsets, dahl, start, angle, speed, piece):
+    """Output angle and speed on the fine grid (m,), and the piece of the spring in each step.
+
+    `step` (pieces, 3, 6), `kinks` (pieces - 1) torsions at which the next piece begins, `offsets` (pieces) its
+    acceleration at zero torsion; `dahl` (2): stiffness over inertia and limit over inertia, 0 for none;
+    `start` theta_o and theta_o' at the first sample.
+    """
+    theta, omega, bearing = start[0], start[1], 0.0
+    last_kink = kinks.size
+    memory, torsion = 0.0, ideal[0] - theta
+    for i in range(ideal.size - 1):
+        angle[i], speed[i] = theta, omega
+        before, after = ideal[i], ideal[i + 1]
+        middle = 0.5 * (before + after) - theta - 0.5 * interval * omega
+        size = abs(middle)
+        r = 0
+        while r < last_kink and size > kinks[r]:
+            r += 1
+        piece[i] = r
+        force = push[i] + (offsets[r] if middle > 0.0 else -offsets[r])
+        if dahl[1] > 0.0:
+            moved = middle - torsion
+            pull = 1.0 - math.copysign(memory / dahl[1], memory * moved)
+            memory = min(max(memory + dahl[0] * moved * pull, -dahl[1]), dahl[1])
+            torsion = middle
+            force += memory
+        m = step[r]
+        new = (m[0, 0] * theta + m[0, 1] * omega + m[0, 2] * bearing) + (
+            m[0, 3] * before + m[0, 4] * after + m[0, 5] * force
+        )
+        new_omega = (m[1, 0] * theta + m[1, 1] * omega + m[1, 2] * bearing) + (
+            m[1, 3] * before + m[1, 4] * after + m[1, 5] * force
+        )
+        bearing = (m[2, 0] * theta + m[2, 1] * omega + m[2, 2] * bearing) + (
+            m[2, 3] * before + m[2, 4] * after + m[2, 5] * force
+        )
+        theta, omega = new, new_omega
+    angle[ideal.size - 1], speed[ideal.size - 1] = theta, omega
+    piece[ideal.size - 1] = 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def sensitivities(whole, slow, orders, bands, interval, step, piece, place, share, columns):
+    """What unit cosines and sines of the kinematic error add to the output at the samples.
+
+    The tangent of `respond` along its own pieces: `columns` (n, 2 j) gets cosine and sine of each order beside
+    each other. Sample n lies at `share` (0..1) of the fine step `place`.
+    """
+    count = piece.size
+    for j in range(orders.size):
+        n, k = orders[j], abs(bands[j])
+        turn = 1.0 if bands[j] >= 0 else -1.0
+        theta_c, omega_c, bearing_c = 0.0, 0.0, 0.0
+        theta_s, omega_s, bearing_s = 0.0, 0.0, 0.0
+        c, s, d, t = whole[n, 0, 0], whole[n, 1, 0], slow[k, 0, 0], turn * slow[k, 1, 0]
+        cosine, sine = c * d - s * t, s * d + c * t
+        theta_c, theta_s = cosine, sine
+        sample = 0
+        for i in range(count - 1):
+            c, s, d, t = (
+                whole[n, 0, i + 1],
+                whole[n, 1, i + 1],
+                slow[k, 0, i + 1],
+                turn * slow[k, 1, i + 1],
+            )
+            next_cosine, next_sine = c * d - s * t, s * d + c * t
+            m = step[piece[i]]
+            new_c = (m[0, 0] * theta_c + m[0, 1] * omega_c + m[0, 2] * bearing_c) + (
+                m[0, 3] * cosine + m[0, 4] * next_cosine
+            )
+            fast_c = (m[1, 0] * theta_c + m[1, 1] * omega_c + m[1, 2] * bearing_c) + (
+                m[1, 3] * cosine + m[1, 4] * next_cosine
+            )
+            bearing_c = (m[2, 0] * theta_c + m[2, 1] * omega_c + m[2, 2] * bearing_c) + (
+                m[2, 3] * cosine + m[2, 4] * next_cosine
+            )
+            new_s = (m[0, 0] * theta_s + m[0, 1] * omega_s + m[0, 2] * bearing_s) + (
+                m[0, 3] * sine + m[0, 4] * next_sine
+            )
+            fast_s = (m[1, 0] * theta_s + m[1, 1] * omega_s + m[1, 2] * bearing_s) + (
+                m[1, 3] * sine + m[1, 4] * next_sine
+            )
+            bearing_s = (m[2, 0] * theta_s + m[2, 1] * omega_s + m[2, 2] * bearing_s) + (
+                m[2, 3] * sine + m[2, 4] * next_sine
+            )
+            while sample < place.size and place[sample] == i:
+                f = share[sample]
+                rise = f * f * (3.0 - 2.0 * f)
+                leave = f * (1.0 - f) * (1.0 - f) * interval
+                arrive = f * f * (f - 1.0) * interval
+                columns[sample, 2 * j] = (
+                    theta_c + rise * (new_c - theta_c) + leave * omega_c + arrive * fast_c
+                )
+                columns[sample, 2 * j + 1] = (
+                    theta_s + rise * (new_s - theta_s) + leave * omega_s + arrive * fast_s
+                )
+                sample += 1
+            theta_c, omega_c, theta_s, omega_s = new_c, fast_c, new_s, fast_s
+            cosine, sine = next_cosine, next_sine
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def sampled(angle, speed, interval, place, share, values):
+    """Cubic Hermite interpolation of a response at the samples (n,)."""
+    for k in range(place.size):
+        i, f = place[k], share[k]
+        values[k] = (
+            angle[i]
+            + f * f * (3.0 - 2.0 * f) * (angle[i + 1] - angle[i])
+            + f * (1.0 - f) * (1.0 - f) * interval * speed[i]
+            + f * f * (f - 1.0) * interval * speed[i + 1]
+        )
