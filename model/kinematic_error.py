@@ -16,6 +16,7 @@ notation.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -158,6 +159,30 @@ def basis_orders(
             )
         unique.setdefault(round(order.order * 1e9), order)
     return sorted(unique.values(), key=lambda order: order.order)
+
+
+def lattice_label(order: float, ratio: float) -> str:
+    """The name of an order v = n + k/N: "2", "1/N", "2-1/N"; one off that lattice is its number."""
+    whole = round(order)
+    part = (order - whole) * ratio
+    side = round(part)
+    if abs(part - side) > 1e-6 or whole < 0:
+        return f"{order:g}"
+    if side == 0:
+        return str(whole)
+    return f"{whole or ''}{'-' if side < 0 else '+' if whole else ''}{abs(side)}/N"
+
+
+def order_of_label(label: str, ratio: float) -> float:
+    """The order that `lattice_label` or a basis calls so; raises `ModelError` for a name that is none."""
+    match = re.fullmatch(r"(\d+)(?:([+-])(\d+)/N)?|(\d+)/N", label)
+    if match is not None:
+        side = int(match[3] or match[4] or 0) * (-1 if match[2] == "-" else 1)
+        return int(match[1] or 0) + side / ratio
+    try:
+        return float(label)
+    except ValueError:
+        raise ModelError("is not the name of an order", where="order", value=label) from None
 
 
 def design_matrix(

@@ -23,6 +23,16 @@ HIGHEST_ORDER = 120
 slots and their harmonics).
 """
 _CANDIDATES = 61
+LOCK_HARMONICS, LOCK_REACH, LOCK_SIDEBANDS = 24, 45, 8
+"""Harmonics of a counter's saw-tooth; orders over which the error spreads the first; sidebands looked at."""
+LOCK_ALLOWED = 0.1
+"""Share of the saw-tooth that may be locked to the input angle: at 18 arcsec a count, half an arcsecond on one order."""
+JUDGED_ORDER = 6.0
+"""Highest input order that a kinematic error is expected to have."""
+QUASI_STATIC, CORRECTED = 0.02, 0.1
+"""Squares of frequency over the first mode's, at the highest order: below the one it matters little, up to
+the other it is corrected with an uncertainty that leaves something of the order.
+"""
 
 
 def alias_leak(speed: float, sample_rate: float, seconds: float) -> float:
@@ -68,15 +78,42 @@ def incommensurate(
     return best
 
 
-def lattice_distance(speed: float, sample_rate: float, lattice: float) -> float:
-    """How far the samples per input revolution are from a simple multiple or fraction p/q (q <= 12) of a count lattice.
+def lattice_lock(speed: float, sample_rate: float, lattice: float, ratio: float) -> float:
+    """How much of the output count's rounding falls on orders of the input at a speed [rad/s]: 0 none, 1 all.
 
     The output encoder gives exactly `lattice` counts per input revolution, phase-locked to the
-    input. Returned is the smallest |x q - p| of x = lattice * speed/(2 pi f): near 0 the
-    quantisation repeats at the same angles and does not average.
+    input. Harmonic j of its saw-tooth, of size 1/j, is sampled down to |j lattice - i M|, M samples
+    per revolution. On a whole order or one of its sidebands k/N it does not average out, and no
+    residual shows it; the kinematic error spreads it over some tens of orders about that.
     """
-    x = lattice * abs(speed) / (REVOLUTION * sample_rate)
-    return min(abs(x * q - round(x * q)) for q in range(1, 13))
+    per_turn = REVOLUTION * sample_rate / abs(speed)
+    worst = 0.0
+    for j in range(1, LOCK_HARMONICS + 1):
+        folded = j * lattice - per_turn * round(j * lattice / per_turn)
+        whole = round(folded)
+        if abs(whole) <= LOCK_REACH * j:
+            side = abs(folded - whole) * ratio
+            worst = max(worst, (1.0 - side / LOCK_SIDEBANDS) / j)
+    return worst
+
+
+def off_lattice(
+    speed: float,
+    sample_rate: float,
+    lattice: float,
+    ratio: float,
+    *,
+    within: float = 0.015,
+    ceiling: float = math.inf,
+) -> float:
+    """The speed [rad/s] nearest to `speed` (within the share `within`, not above `ceiling`) at which
+    rounding averages out; where none does, the one at which least is locked.
+    """
+    steps = (0.5 * within * k / _CANDIDATES for k in range(2 * _CANDIDATES + 1))
+    candidates = [speed * (1.0 + sign * step) for step in steps for sign in (1.0, -1.0)]
+    allowed = [w for w in candidates if w <= ceiling] or [speed]
+    locks = [(lattice_lock(w, sample_rate, lattice, ratio), w) for w in allowed]
+    return next((w for lock, w in locks if lock <= LOCK_ALLOWED), min(locks)[1])
 
 
 def log_speeds(low_rpm: float, high_rpm: float, count: int) -> tuple[float, ...]:

@@ -1,42 +1,54 @@
-"""Streaming least squares of any value over the input angle: trend, input orders, sidebands and output orders.
+"""Least squares of any value over the input angle: trend, input orders, sidebands and output orders.
 
     y(theta) = a_0 + s theta + sum_v (a_v cos v theta + b_v sin v theta)          (equation 16 with orders v = n + m/N)
 
-Samples that follow each other inside one narrow cell of angle are summed before they enter the
-normal equations. The sums of the regressors are exact (power sums about the centre of the cell), so
-nothing is biased; only the contrast inside a cell is not used, which costs the highest order 5 % of
-its information and order 2 none. Normal equations are kept per block of whole input revolutions;
-when the table of blocks is full, neighbours merge, so that a day of data needs the memory of a
-minute. The blocks carry the autocorrelation into the intervals (cluster sandwich) and show where a
-count slipped.
+A stream of samples is summed into narrow cells of angle (`AngleRegression`, one pass, constant
+memory); which orders are fitted is decided afterwards (`solve_angle` on the `Cells`), so that the
+basis can follow the data. The mean of a regressor over the samples of a cell is taken about their
+centroid to third order: exact to 1e-4 of an amplitude at order 12, to 1e-6 at order 4.
+
+Intervals come from the residual itself: its spectrum beside an order is the noise at that order.
+Encoders that count lay their rounding on lines, not evenly, so that a mean over a wide band would
+be too large at most orders and too small at a few.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg.blas import dsyrk
 
 from model.errors import IdentificationError
 from model.identify.checks import Array, channels, positive
 from model.identify.least_squares import CONDITION_LIMIT, student_quantile
 from model.kernels import regression as kernels
 from model.kinematic_error import basis_orders
+from model.units import REVOLUTION
 
-CELLS_PER_PERIOD = 8
-"""Cells per period of the highest order."""
-MAXIMUM_BLOCKS = 128
-"""Blocks kept before neighbours merge."""
+CELLS = 128
+"""Cells of one input revolution."""
+MAXIMUM_TURNS = 1024
+"""Input revolutions that are kept apart; beyond, whole output revolutions are laid on each other."""
+PIECE = 256 * CELLS
+"""Cells whose regressors are held in memory at a time."""
 LATTICE_TOLERANCE = 1e-6
+WHOLE_TURN = 0.98
+"""Output revolutions from which output orders and slope can be told apart."""
+NEIGHBOURS = 24
+"""Lines of the residual's spectrum beside an order that tell its noise."""
+LEAST_TURNS = 6
+"""Input revolutions below which the residual has no spectrum worth the name."""
 
 
 @dataclass(frozen=True)
 class Basis:
     """The regressors over the input angle: constant, trend and orders v (cycles per input revolution), ratio N.
 
-    input_order, output_order: v = n + m/N; n = -1 marks an order off that lattice, which is evaluated directly.
+    `decomposed` gives v = n + m/N; n = -1 marks an order off that lattice, which is evaluated directly.
     """
 
     ratio: float
@@ -82,204 +94,300 @@ class Basis:
         on_lattice = np.abs(m - np.rint(m)) < LATTICE_TOLERANCE
         return np.where(on_lattice, n, -1), np.where(on_lattice, np.rint(m), 0).astype(np.int64)
 
+    def united(self, other: Basis) -> Basis:
+        """The orders of both, each once, ascending."""
+        pairs = dict(zip(other.orders, other.labels, strict=True))
+        pairs |= dict(zip(self.orders, self.labels, strict=True))
+        unique = {round(order * 1e9): (order, label) for order, label in pairs.items()}
+        orders, labels = zip(*sorted(unique.values()), strict=True)
+        return Basis(self.ratio, orders, labels)
+
 
 def standard_basis(ratio: float, highest: int = 12) -> Basis:
-    """The basis for a kinematic error: input orders 1..highest, output orders k/N (k = 1..4) and the sidebands."""
+    """What every kinematic error is fitted with: input orders 1..highest, output orders 1..8 and
+    the sidebands of the wave.
+    """
     positive("ratio", ratio)
-    orders = basis_orders(ratio, range(1, highest + 1))
+    orders = basis_orders(ratio, range(1, highest + 1), output_orders=range(1, 9))
     return Basis(
         ratio, tuple(order.order for order in orders), tuple(order.label for order in orders)
     )
 
 
-NEIGHBOURS = 2
-"""Blocks to each side whose correlation counts."""
-
-
 @dataclass(frozen=True, kw_only=True)
-class Sums:
-    """What a stream of samples leaves behind: normal equations per block, bins over one input revolution, totals.
+class Cells:
+    """What a stream of samples leaves behind: sums over cells of angle along the way, and totals.
 
-    normal (b, p, p), right (b, p); bin_basis (cells, p), bin_value (cells,); value sums are about
-    `reference`. angle of block k runs from `first_angle + direction k length`; `length` in rad is a
-    whole number of input revolutions.
+    count (c,) samples of each cell; offset, spread, skew (c,): mean offset from the cell's centre,
+    its variance and third central moment [rad, rad2, rad3]; mean (m, c) of the values. Cell k is
+    the k-th along the way, `CELLS` to an input revolution. reference, square, lowest, highest (m,):
+    of the values.
     """
 
-    basis: Basis
-    normal: Array
-    right: Array
+    ratio: float
+    count: Array
+    offset: Array
+    spread: Array
+    skew: Array
+    mean: Array
+    reference: Array
     square: Array
-    bin_basis: Array
-    bin_value: Array
-    count: int
-    sum_square: float
-    between_square: float
-    lowest: float
-    highest: float
-    reference: float
+    lowest: Array
+    highest: Array
+    samples: int
+    first_cell: int
     first_angle: float
     last_angle: float
     direction: float
-    length: float
-    trend_scale: float
+    layers: int
 
     @property
     def revolutions(self) -> float:
         """Input revolutions covered."""
-        return abs(self.last_angle - self.first_angle) / (2.0 * math.pi)
+        return abs(self.last_angle - self.first_angle) / REVOLUTION
+
+    @property
+    def trend_scale(self) -> float:
+        """The angle over which the trend is stated: one output revolution [rad of the input]."""
+        return REVOLUTION * self.ratio
+
+    @property
+    def rows(self) -> int:
+        """Input revolutions that are kept apart, the last of them perhaps not whole."""
+        return len(self.count) // CELLS
+
+    @cached_property
+    def angle(self) -> Array:
+        """Mean input angle of each cell's samples [rad], (c,)."""
+        cell = self.first_cell + self.direction * np.arange(len(self.count), dtype=np.float64)
+        angle: Array = (cell + 0.5) * (REVOLUTION / CELLS) + self.offset
+        return angle
+
+    @cached_property
+    def trend(self) -> Array:
+        """The regressor of the trend, (c,); where output revolutions lie on each other it is their mean."""
+        way = self.angle - self.first_angle
+        if self.layers > 1:
+            layer = np.arange(len(self.count)) // (CELLS * round(self.ratio))
+            way = way + self.direction * self.trend_scale * (
+                layer * (self.layers - 1) + 0.5 * (self.layers - 1)
+            )
+        return way / self.trend_scale
+
+    @cached_property
+    def place(self) -> np.ndarray:
+        """Which cell of the input revolution each one is, 0..CELLS - 1."""
+        steps = np.arange(len(self.count)) * int(self.direction)
+        place: np.ndarray = (self.first_cell + steps) % CELLS
+        return place
+
+    def row_sums(self, values: Array) -> Array:
+        """Sums over the cells of each row, (rows,)."""
+        return values.reshape(self.rows, CELLS).sum(axis=1)
+
+    def without_rows(self, rows: list[int]) -> Cells:
+        """These revolutions left out."""
+        count = self.count.copy().reshape(self.rows, CELLS)
+        count[rows] = 0.0
+        return replace(self, count=count.ravel())
+
+    def shifted(self, row: int, size: float) -> Cells:
+        """`size` taken off the first value from the start of a row on."""
+        mean = self.mean.copy()
+        mean[0, row * CELLS :] -= size
+        return replace(self, mean=mean)
+
+    @property
+    def pieces(self) -> list[slice]:
+        """The cells in pieces of whole revolutions whose regressors fit into memory."""
+        return [slice(k, min(k + PIECE, len(self.count))) for k in range(0, len(self.count), PIECE)]
+
+    def columns(self, basis: Basis, chosen: np.ndarray, piece: slice = slice(None)) -> Array:
+        """The regressors' means over the samples of each cell, (2 + 2 chosen orders, cells of the piece)."""
+        orders = np.array(basis.orders)
+        n, m = basis.decomposed()
+        wanted = [k for k in np.flatnonzero(chosen)]
+        angle = self.angle[piece]
+        out = np.empty((2 + 2 * len(wanted), len(angle)))
+        out[0], out[1] = 1.0, self.trend[piece]
+        held = self._held if len(self.pieces) == 1 else {}
+        missing = [k for k in wanted if orders[k] not in held]
+        if missing:
+            turning = _powers(angle, int(np.max(n[missing], initial=0)))
+            output = _powers(angle / self.ratio, int(np.max(np.abs(m[missing]), initial=0)))
+        for row, at in enumerate(wanted, 1):
+            pair = out[2 * row : 2 * row + 2]
+            if orders[at] in held:
+                pair[:] = held[orders[at]]
+                continue
+            if n[at] < 0:
+                wave = np.exp(1j * orders[at] * angle)
+            else:
+                side = output[abs(m[at])] if m[at] >= 0 else output[abs(m[at])].conj()
+                wave = turning[n[at]] * side
+            shrink = 1.0 - (0.5 * orders[at] ** 2) * self.spread[piece]
+            turn = (orders[at] ** 3 / 6.0) * self.skew[piece]
+            pair[0] = wave.real * shrink + wave.imag * turn
+            pair[1] = wave.imag * shrink - wave.real * turn
+            if len(self.pieces) == 1:
+                held[orders[at]] = pair.copy()
+        return out
+
+    @cached_property
+    def _held(self) -> dict[float, Array]:
+        """Regressors that were computed before, by order."""
+        return {}
+
+    def series(self, basis: Basis, values: Array) -> Array:
+        """The orders of `values` (p,) over the cells without constant and trend, (c,)."""
+        chosen = np.any(values[2:].reshape(-1, 2) != 0.0, axis=1)
+        some = np.concatenate([[0.0, 0.0], values[2:][np.repeat(chosen, 2)]])
+        return np.concatenate([some @ self.columns(basis, chosen, k) for k in self.pieces])
+
+    def normal_equations(
+        self, basis: Basis, chosen: np.ndarray, weight: Array, value: Array
+    ) -> tuple[Array, Array]:
+        """X' W X and X' W y of the chosen orders."""
+        parameters = 2 + 2 * int(chosen.sum())
+        normal, right = np.zeros((parameters, parameters)), np.zeros(parameters)
+        for piece in self.pieces:
+            design = self.columns(basis, chosen, piece)
+            right += design @ (weight[piece] * value[piece])
+            design *= np.sqrt(weight[piece])
+            normal += dsyrk(1.0, design.T, trans=1)
+        return np.triu(normal) + np.triu(normal, 1).T, right
+
+    def per_place(self, *curves: Array, weight: Array | None = None) -> tuple[np.ndarray, Array]:
+        """Which cells of the input revolution hold samples, (CELLS,) mask, and the curves' means there."""
+        counts = self.count if weight is None else weight
+        total = np.bincount(self.place, counts, CELLS)
+        filled = total > 0.0
+        means = [np.bincount(self.place, counts * c, CELLS)[filled] / total[filled] for c in curves]
+        return filled, np.array(means)
+
+
+def _powers(angle: Array, highest: int) -> list[np.ndarray]:
+    """exp(i n angle) for n = 0..highest."""
+    first = np.exp(1j * angle)
+    powers = [np.ones(len(angle), dtype=np.complex128)]
+    for _ in range(highest):
+        powers.append(powers[-1] * first)
+    return powers
 
 
 class AngleRegression:
-    """Accumulates (angle, value) blocks of one steady stretch in one direction; `sums()` at any time.
+    """Accumulates (angle, values) blocks of one steady stretch in one direction; `cells()` at any time.
 
-    Constant memory, whatever the length. The way in which the samples are cut into blocks changes nothing.
+    `values` is how many values there are to an angle. Constant memory, whatever the length. The way
+    in which the samples are cut into blocks changes nothing.
     """
 
-    def __init__(self, basis: Basis) -> None:
-        self.basis = basis
-        p = basis.parameters
-        orders = np.array(basis.orders)
-        self.cells = max(CELLS_PER_PERIOD * math.ceil(float(orders.max())), 96)
-        n, m = basis.decomposed()
-        self._orders = (n, m, orders, kernels.taylor_table(orders))
-        self._scale = 2.0 * math.pi * basis.ratio
-        self._normal = np.zeros((MAXIMUM_BLOCKS, p, p))
-        self._right = np.zeros((MAXIMUM_BLOCKS, p))
-        self._square = np.zeros(MAXIMUM_BLOCKS)
-        self._rows = np.zeros((4, p))
-        self._group = np.zeros(kernels.GROUP_SIZE)
-        self._bin_basis = np.zeros((self.cells, p))
-        self._bin_value = np.zeros(self.cells)
-        self._totals = np.zeros(8)
-        self._block = 0
-        self._length = 1
-        self._first_cell: float | None = None
+    def __init__(self, ratio: float, values: int = 1) -> None:
+        self.ratio = positive("ratio", ratio)
+        self._turn = max(round(ratio), 1)
+        self._turns = max(MAXIMUM_TURNS // self._turn // 2 * 2, 2) * self._turn
+        self._grid = np.zeros((self._turns * CELLS, kernels.LANES + values))
+        self._totals = np.zeros((values, 4))
+        self._totals[:, 2:] = (math.inf, -math.inf)
+        self._halvings = 0
+        self._samples = 0
+        self._direction = 0.0
         self._first = self._last = 0.0
-        self._pending: tuple[list[Array], list[Array]] | None = ([], [])
+        self._first_cell = 0
+        self._pending: list[tuple[Array, Array]] = []
 
-    def add(self, angle: ArrayLike, value: ArrayLike) -> None:
-        """Add samples: angle [rad] and value, shape (n,), in order of time. An empty block is allowed."""
-        if np.size(angle) == 0 and np.size(value) == 0:
+    def add(self, angle: ArrayLike, *values: ArrayLike) -> None:
+        """Add samples: angle [rad] and its values, shape (n,), in order of time. An empty block is allowed."""
+        if np.size(angle) == 0 and all(np.size(value) == 0 for value in values):
             return
-        x, y = channels(1, angle=angle, value=value)
-        if self._first_cell is None:
-            x, y = self._begin(x, y)
-            if not len(x):
+        named = {"angle": angle} | {f"value {k}": value for k, value in enumerate(values)}
+        theta, *rows = channels(1, **named)
+        self.take(theta, np.array(rows))
+
+    def take(self, angle: Array, values: Array) -> None:
+        """Add samples that are known to be sound: angle (n,), values (m, n)."""
+        if self._direction == 0.0:
+            angle, values = self._begin(angle, values)
+            if not len(angle):
                 return
-        self._last = float(x[-1])
-        self._take(x, y)
-
-    def _begin(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Hold the first samples back until the direction of travel is seen (a tenth of a revolution)."""
-        assert self._pending is not None
-        self._pending[0].append(x)
-        self._pending[1].append(y)
-        travel = float(x[-1]) - float(self._pending[0][0][0])
-        if abs(travel) < 0.2 * math.pi:
-            return x[:0], y[:0]
-        x, y = np.concatenate(self._pending[0]), np.concatenate(self._pending[1])
-        self._pending = None
-        self._first = float(x[0])
-        self._totals[3:7] = (math.inf, -math.inf, math.copysign(1.0, travel), float(y[0]))
-        self._first_cell = math.floor(self._first * (self.cells / (2.0 * math.pi)))
-        return x, y
-
-    def _take(self, x: Array, y: Array) -> None:
-        assert self._first_cell is not None
-        n, m, orders, taylor = self._orders
-        basis = (self._first, self._scale, n, m, orders, taylor, self.basis.ratio)
-        direction = self._totals[5]
+        self._last = float(angle[-1])
+        self._samples += len(angle)
         at = 0
-        while True:
-            end = self._first_cell + direction * self.cells * self._length * (self._block + 1)
-            before = self._totals[2]
-            at = kernels.accumulate(
-                x,
-                y,
-                at,
-                self._group,
-                self._rows,
-                self._normal[self._block],
-                self._right[self._block],
-                self._bin_basis,
-                self._bin_value,
-                self._totals,
-                self.cells,
-                end,
-                basis,
+        while at < len(angle):
+            layout = (
+                CELLS / REVOLUTION,
+                self._first_cell,
+                self._direction,
+                self._turn * CELLS,
+                self._halvings,
             )
-            self._square[self._block] += self._totals[2] - before
-            if at >= len(x):
-                return
-            cell = math.floor(
-                x[at] * (self.cells / (2.0 * math.pi))
-            )  # the kernel's own expression: rounding must agree
-            while direction * (cell - end) >= 0.0:
-                self._block += 1
-                if self._block == MAXIMUM_BLOCKS:
-                    self._merge()
-                end = self._first_cell + direction * self.cells * self._length * (self._block + 1)
+            at = kernels.bin_samples(angle, values, at, self._grid, self._totals, layout)
+            if at < len(angle):
+                self._make_room()
 
-    def _merge(self) -> None:
-        half = MAXIMUM_BLOCKS // 2
-        for table in (self._normal, self._right, self._square):
-            for k in range(half):
-                table[k] = table[2 * k] + table[2 * k + 1]
-            table[half:] = 0.0
-        self._block = half
-        self._length *= 2
+    def _begin(self, angle: Array, values: Array) -> tuple[Array, Array]:
+        """Hold the first samples back until the direction of travel is seen (a tenth of a revolution)."""
+        self._pending.append((angle, values))
+        travel = float(angle[-1]) - float(self._pending[0][0][0])
+        if abs(travel) < 0.2 * math.pi:
+            return angle[:0], values[:, :0]
+        angle = np.concatenate([part[0] for part in self._pending])
+        values = np.concatenate([part[1] for part in self._pending], axis=1)
+        self._pending = []
+        self._first, self._direction = float(angle[0]), math.copysign(1.0, travel)
+        self._totals[:, 0] = values[:, 0]
+        self._first_cell = math.floor(self._first * (CELLS / REVOLUTION))
+        return angle, values
 
-    def sums(self) -> Sums:
+    def _make_room(self) -> None:
+        """The table is full: output revolutions are laid on each other in pairs."""
+        if abs(self.ratio - self._turn) > LATTICE_TOLERANCE:
+            raise IdentificationError(
+                "is too long for a ratio that is not whole: its output revolutions cannot be laid on each other",
+                where="angle",
+                value=f"more than {self._turns} input revolutions",
+                limit=f"<= {self._turns}",
+                remedy="Fit it in pieces.",
+            )
+        turns = self._grid.reshape(-1, self._turn * CELLS, self._grid.shape[1])
+        half = len(turns) // 2
+        for k in range(half):
+            np.add(turns[2 * k], turns[2 * k + 1], out=turns[k])
+        turns[half:] = 0.0
+        self._halvings += 1
+
+    def cells(self) -> Cells:
         """The sums so far; the accumulator can go on afterwards. Raises `IdentificationError` for too little data."""
-        if self._first_cell is None:
-            held = sum(len(part) for part in self._pending[0]) if self._pending else 0
+        if self._direction == 0.0:
+            held = sum(len(part[0]) for part in self._pending)
             raise IdentificationError(
                 "holds no motion",
                 where="angle",
                 value=f"{held} samples",
                 limit="at least a tenth of an input revolution",
             )
-        normal, right, square = (
-            self._normal[: self._block + 1].copy(),
-            self._right[: self._block + 1].copy(),
-            self._square,
-        )
-        square = square[: self._block + 1].copy()
-        bins, values, totals, group = (
-            self._bin_basis.copy(),
-            self._bin_value.copy(),
-            self._totals.copy(),
-            self._group.copy(),
-        )
-        n, m, orders, taylor = self._orders
-        basis = (self._first, self._scale, n, m, orders, taylor, self.basis.ratio)
-        rows = np.zeros_like(self._rows)
-        before = totals[2]
-        used = kernels.close_group(
-            group, rows, 0, normal[-1], right[-1], bins, values, totals, self.cells, basis
-        )
-        kernels.rank_update(normal[-1], rows, used)
-        square[-1] += totals[2] - before
-        for part in normal:  # one by one: a copy of the whole table would double the memory
-            part += np.triu(part, 1).T
-        return Sums(
-            basis=self.basis,
-            normal=normal,
-            right=right,
-            square=square,
-            bin_basis=bins,
-            bin_value=values,
-            count=int(totals[0]),
-            sum_square=float(totals[1]),
-            between_square=float(totals[2]),
-            lowest=float(totals[3]),
-            highest=float(totals[4]),
-            reference=float(totals[6]),
+        used = -(-(int(np.flatnonzero(self._grid[:, 0])[-1]) + 1) // CELLS) * CELLS
+        table = self._grid[:used].T
+        count = table[0].copy()
+        share = 1.0 / np.maximum(count, 1.0)
+        offset = table[1] * share
+        return Cells(
+            ratio=self.ratio,
+            count=count,
+            offset=offset,
+            spread=np.maximum(table[2] * share - offset**2, 0.0),
+            skew=(table[3] - 3.0 * offset * table[2]) * share + 2.0 * offset**3,
+            mean=table[kernels.LANES :] * share,
+            reference=self._totals[:, 0].copy(),
+            square=self._totals[:, 1].copy(),
+            lowest=self._totals[:, 2].copy(),
+            highest=self._totals[:, 3].copy(),
+            samples=self._samples,
+            first_cell=self._first_cell,
             first_angle=self._first,
             last_angle=self._last,
-            direction=float(totals[5]),
-            length=2.0 * math.pi * self._length,
-            trend_scale=self._scale,
+            direction=self._direction,
+            layers=2**self._halvings,
         )
 
 
@@ -288,40 +396,52 @@ class AngleFit:
     """The solved regression: which columns were kept, values and covariance over all columns (zero where left out).
 
     values (p,), covariance (p, p) of the type A part; freedom of its variance; residual_variance of single samples;
-    block_residual (b,): mean residual of each block; scores (b, p) of the blocks.
+    residual (c,) of the cells; noise (orders,): standard uncertainty of a cosine or sine by the residual beside it.
     """
 
-    sums: Sums
+    cells: Cells
+    basis: Basis
     used: np.ndarray
     values: Array
     covariance: Array
     freedom: float
     condition: float
     residual_variance: float
-    block_count: Array
-    block_residual: Array
-    scores: Array
+    residual: Array
     inverse: Array
+    normal: Array
+    doubt: Array | None = None
+    """Change of the values (p,) by one standard uncertainty of what was corrected (type B); None: nothing was."""
 
     def quantile(self) -> float:
         return student_quantile(self.freedom)
 
     def complex_amplitude(self, order: float) -> tuple[complex, Array]:
         """a - ib of one order, so that y = Re[(a - ib) e^{i v theta}], and the covariance of (a, b)."""
-        at = self.sums.basis.index(order)
+        at = self.basis.index(order)
         return complex(self.values[at], -self.values[at + 1]), self.covariance[
             at : at + 2, at : at + 2
         ]
 
+    @cached_property
+    def row_count(self) -> Array:
+        """Samples of each input revolution, (rows,)."""
+        return self.cells.row_sums(self.cells.count)
 
-def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
+    @cached_property
+    def row_residual(self) -> Array:
+        """Mean residual of each input revolution, (rows,)."""
+        total = self.cells.row_sums(self.cells.count * self.residual)
+        return total / np.maximum(self.row_count, 1.0)
+
+
+def _choose_columns(cells: Cells, basis: Basis) -> tuple[np.ndarray, list[str]]:
     """Leave out what a short stretch cannot separate: output orders and sidebands below one output revolution."""
-    basis = sums.basis
     orders = np.array(basis.orders)
     used = np.ones(basis.parameters, dtype=bool)
     notes: list[str] = []
-    turns = sums.revolutions
-    if turns < 0.98 * basis.ratio:
+    turns = cells.revolutions
+    if turns < WHOLE_TURN * basis.ratio:
         n, m = basis.decomposed()
         whole = (n >= 1) & (m == 0)
         used[2:] = np.repeat(whole | (n < 0), 2)
@@ -336,7 +456,7 @@ def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
             value=f"{turns:.2f} revolutions",
             limit=">= 1",
         )
-    samples = sums.count / max(turns, 1.0)
+    samples = cells.samples / max(turns, 1.0)
     too_high = 2.0 * orders >= samples
     used[2:] &= ~np.repeat(too_high, 2)
     if too_high[(orders >= 0.5)].any() and not used[2::2][orders >= 0.5].any():
@@ -351,49 +471,61 @@ def _choose_columns(sums: Sums, total: Array) -> tuple[np.ndarray, list[str]]:
         notes.append(
             f"{samples:.3g} samples per revolution cannot carry orders from {orders[too_high].min():g} on."
         )
-    if sums.count <= used.sum() + 2:
+    if cells.samples <= used.sum() + 2:
         raise IdentificationError(
             "too few samples for this basis",
             where="samples",
-            value=sums.count,
+            value=cells.samples,
             limit=f"> {used.sum() + 2}",
         )
     return used, notes
 
 
-def _block_covariance(
-    sums: Sums, scores: Array, inverse: Array, used: np.ndarray
-) -> tuple[Array, float]:
-    """Cluster sandwich with Bartlett weights for neighbouring blocks (Newey and West 1987).
+@dataclass(frozen=True)
+class Spectrum:
+    """Lines of a residual over the input angle: orders k x spacing, complex amplitude 2/n sum w r e^{-i v theta}."""
 
-    The rounding of two counters that turn together is anticorrelated from revolution to revolution:
-    blocks taken as independent give intervals a third too wide. Each order is corrected for how
-    many orders share its neighbourhood with it.
-    """
-    blocks = len(scores)
-    meat = scores.T @ scores
-    for lag in range(1, min(NEIGHBOURS, blocks // 8) + 1):
-        shifted = scores[lag:].T @ scores[:-lag]
-        meat += (1.0 - lag / (NEIGHBOURS + 1.0)) * (shifted + shifted.T)
-    raw = inverse @ meat @ inverse
-    centres = np.concatenate([[0.0, 0.0], np.repeat(sums.basis.orders, 2)])[used]
-    near = np.array([np.sum(np.abs(centres - c) <= 0.5) for c in centres], dtype=np.float64)
-    share = np.where(centres < 0.5, near, 0.5 * near)
-    factor = np.sqrt(blocks / np.maximum(blocks - np.minimum(share, 0.7 * blocks), 1.0))
-    freedom = max(float(blocks - np.median(share)), 1.0)
-    return raw * np.outer(factor, factor), freedom
+    spacing: float
+    lines: np.ndarray
+
+    @classmethod
+    def of(cls, cells: Cells, residual: Array) -> Spectrum:
+        """The spectrum over all revolutions of the cells."""
+        filled = int(np.flatnonzero(cells.count)[-1]) + 1
+        rows = max(round(filled / CELLS), 1)
+        weighted = (cells.count * residual)[: rows * CELLS]
+        lines = np.fft.rfft(weighted) * (2.0 / max(float(cells.count.sum()), 1.0))
+        return cls(1.0 / rows, lines)
+
+    def noise(self, orders: Array, taken: Array) -> tuple[Array, int]:
+        """Mean square of the `NEIGHBOURS` nearest lines that none of the `taken` orders of the basis
+        has emptied, at each order; and how many these are.
+        """
+        free = np.ones(len(self.lines), dtype=bool)
+        free[0] = False
+        at = np.concatenate([taken, [0.0]]) / self.spacing
+        for low in (np.floor(at), np.floor(at) + 1.0):
+            index = low[np.abs(low - at) < 0.6].astype(np.int64)
+            free[index[index < len(free)]] = False
+        places = np.flatnonzero(free)
+        power = np.concatenate([[0.0], np.cumsum(np.abs(self.lines[places]) ** 2)])
+        wanted = min(NEIGHBOURS, len(places))
+        middle = np.searchsorted(places, np.asarray(orders) / self.spacing)
+        low = np.clip(middle - wanted // 2, 0, len(places) - wanted)
+        return (power[low + wanted] - power[low]) / max(wanted, 1), wanted
 
 
-def solve_angle(sums: Sums, *, columns: np.ndarray | None = None) -> tuple[AngleFit, list[str]]:
-    """Solve the accumulated regression and give its covariance by blocks; the list holds what had to be left out."""
-    total = sums.normal.sum(axis=0)
-    right = sums.right.sum(axis=0)
-    used, notes = _choose_columns(sums, total)
+def solve_angle(
+    cells: Cells, basis: Basis, *, value: int = 0, columns: np.ndarray | None = None
+) -> tuple[AngleFit, list[str]]:
+    """Fit one value of the cells in a basis, with its covariance; the list holds what had to be left out."""
+    used, notes = _choose_columns(cells, basis)
     if columns is not None:
         used &= columns
-    part = np.ix_(used, used)
-    scale = np.sqrt(np.maximum(np.diag(total)[used], np.finfo(float).tiny))
-    eigen, vectors = np.linalg.eigh(total[part] / np.outer(scale, scale))
+    mean = cells.mean[value]
+    normal, right = cells.normal_equations(basis, used[2::2], cells.count, mean)
+    scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    eigen, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
     condition = math.sqrt(float(eigen[-1] / max(eigen[0], np.finfo(float).tiny)))
     if eigen[0] <= 0.0 or condition**2 > CONDITION_LIMIT:
         raise IdentificationError(
@@ -405,43 +537,43 @@ def solve_angle(sums: Sums, *, columns: np.ndarray | None = None) -> tuple[Angle
             "sampling, or ask for fewer orders.",
         )
     inverse = (vectors / eigen) @ vectors.T / np.outer(scale, scale)
-    solution = inverse @ right[used]
-    squares = max(sums.sum_square - float(solution @ right[used]), 0.0)
-    variance = squares / max(sums.count - int(used.sum()), 1)
-    scores = np.array(
-        [
-            right_b[used] - normal_b[part] @ solution
-            for right_b, normal_b in zip(sums.right, sums.normal, strict=True)
-        ]
-    )
-    counts = sums.normal[:, 0, 0]
-    full = counts > 0.5 * np.median(counts)
-    if full.sum() >= 6:
-        covariance, freedom = _block_covariance(sums, scores, inverse, used)
-    else:
-        covariance, freedom = inverse * variance, float(sums.count - used.sum())
-        notes.append(
-            f"Only {int(full.sum())} blocks of whole revolutions: the intervals assume white noise."
-        )
-    p = sums.basis.parameters
-    values, everything = np.zeros(p), np.zeros((p, p))
+    solution = inverse @ right
+    p = basis.parameters
+    values = np.zeros(p)
     values[used] = solution
-    everything[part] = covariance
-    inverse_all, scores_all = np.zeros((p, p)), np.zeros((len(scores), p))
-    inverse_all[part] = inverse
-    scores_all[:, used] = scores
-    values[0] += sums.reference
+    fitted = values[0] + values[1] * cells.trend + cells.series(basis, values)
+    residual = np.where(cells.count > 0.0, mean - fitted, 0.0)
+    within = max(float(cells.square[value] - cells.count @ mean**2), 0.0)
+    left = float(cells.count @ residual**2) + within
+    variance = left / max(cells.samples - len(solution), 1)
+    if cells.revolutions >= LEAST_TURNS:
+        orders = np.array(basis.orders)[used[2::2]]
+        density, lines = Spectrum.of(cells, residual).noise(
+            np.concatenate([[0.0, 0.0], np.repeat(orders, 2)]), orders
+        )
+        # A line of mean square s2 is a cosine and a sine of variance s2/2 each; white noise has s2 = 4 variance/n.
+        level = np.sqrt(density * float(cells.count.sum()) / 4.0)
+        covariance, freedom = inverse * np.outer(level, level), float(2 * lines)
+    else:
+        covariance, freedom = inverse * variance, float(cells.samples - len(solution))
+        notes.append(
+            f"Only {cells.revolutions:.3g} input revolutions: the intervals assume white noise."
+        )
+    part = np.ix_(used, used)
+    everything, inverse_all, normal_all = np.zeros((p, p)), np.zeros((p, p)), np.zeros((p, p))
+    everything[part], inverse_all[part], normal_all[part] = covariance, inverse, normal
+    values[0] += cells.reference[value]
     fit = AngleFit(
-        sums=sums,
+        cells=cells,
+        basis=basis,
         used=used,
         values=values,
         covariance=everything,
         freedom=freedom,
         condition=condition,
         residual_variance=variance,
-        block_count=counts,
-        block_residual=np.where(counts > 0, scores[:, 0] / np.maximum(counts, 1.0), 0.0),
-        scores=scores_all,
+        residual=residual,
         inverse=inverse_all,
+        normal=normal_all,
     )
     return fit, notes

@@ -10,20 +10,30 @@ that is not the gear's, or counts that are lost all the time, are a slope.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from model.errors import IdentificationError
-from model.identify.angle_regression import AngleFit, Sums, solve_angle
+from model.identify.angle_regression import CELLS, WHOLE_TURN, AngleFit, Basis, Cells, solve_angle
+from model.identify.checks import Array
 from model.units import ARCSEC, REVOLUTION
 
 GROSS_SLOPE = 1e-4
 """A slope times N above this (130 arcsec per output revolution) is not a property of any gear."""
-WHOLE_TURN = 0.98
-"""Output revolutions from which output orders and slope can be told apart."""
 STEP_SIGNIFICANCE = 6.0
 MAXIMUM_STEPS = 6
+APART = 8
+"""Input revolutions that two steps lie apart; nearer ones could cancel."""
+WHOLE_COUNT = 0.25
+"""How far from a whole number of counts a step may be, beside what its own noise explains."""
+HARMONICS = 40
+"""Harmonics of the saw-tooth of a counter that are looked at."""
+LEAST_WIDTH = 0.4
+"""Orders, or sidebands, over which a line that nothing modulates is spread: one."""
+WANDERS = 4.0
+CURVE_ORDERS = 16
+"""Output orders beside which a step must stand: a smooth curve over the output turn has no more."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,7 @@ class Slip:
     standard_error: float
     output_counts: float
     input_counts: float
+    is_whole: bool = True
 
     def sentence(self) -> str:
         """The finding in words."""
@@ -54,7 +65,10 @@ class Slip:
             text += f": {self.output_counts:+.2f} output counts"
         if math.isfinite(self.input_counts):
             text += f" or {self.input_counts:+.1f} input counts"
-        return text + ". A count slipped there; the step has been taken out before the fit."
+        return (
+            text + ". A count slipped there; the step has been taken out before the fit, and these "
+            "revolutions are left out of it."
+        )
 
 
 def lattice_aliases(
@@ -96,161 +110,212 @@ def alias_warning(aliases: tuple[Alias, ...], samples_per_revolution: float) -> 
     )
 
 
-def _noise_per_sample(sums: Sums, scores: np.ndarray) -> float:
-    """Effective noise of one sample from block to block, robust against the steps that are sought [value squared]."""
-    counts = np.maximum(sums.normal[:, 0, 0], 1.0)
-    scaled = np.diff(scores[:, 0] / counts) * np.sqrt(0.5 * np.minimum(counts[1:], counts[:-1]))
-    return float(max((1.4826 * np.median(np.abs(scaled))) ** 2, np.finfo(float).tiny))
+@dataclass(frozen=True)
+class LockedRounding:
+    """Rounding of the output's counts that sampling folds onto orders of the input: its power there.
+
+    Harmonic j of the saw-tooth has the power (quantum/(pi j))^2/2. Its phase follows the output
+    angle: over the input it is a wave of order j L, L counts per input revolution, whose frequency
+    the kinematic error modulates. Sampled at M samples per revolution it lies about j L - i M, and
+    spreads as the slope of the error does (a slow, wide frequency modulation: its spectrum has the
+    shape of the distribution of its frequency). Only where it falls on whole orders and their
+    sidebands does no line beside an order show it.
+    """
+
+    ratio: float
+    order: Array
+    side: Array
+    power: Array
+    width: Array
+    side_width: Array
+
+    @classmethod
+    def of(cls, fit: AngleFit, samples_per_revolution: float, quantum: float) -> LockedRounding:
+        """By the orders of a fit; `quantum` of the output's count [rad]."""
+        ratio = fit.basis.ratio
+        j = np.arange(1, HARMONICS + 1, dtype=np.float64)
+        line = j * REVOLUTION / quantum / ratio
+        folded = line - samples_per_revolution * np.rint(line / samples_per_revolution)
+        n, m = fit.basis.decomposed()
+        size = np.hypot(fit.values[2::2], fit.values[3::2])
+        index = REVOLUTION * j / quantum
+        slope, side = (
+            math.sqrt(0.5 * float(np.sum((k * size) ** 2))) for k in (np.maximum(n, 0), m)
+        )
+        order = np.rint(folded)
+        return cls(
+            ratio=ratio,
+            order=order,
+            side=(folded - order) * ratio,
+            power=0.5 * (quantum / (math.pi * j)) ** 2,
+            width=np.maximum(index * slope, LEAST_WIDTH),
+            side_width=np.maximum(index * side, LEAST_WIDTH),
+        )
+
+    def variance(self, orders: Array) -> Array:
+        """Of a cosine or sine at each order, by rounding alone [rad2], (orders,)."""
+        whole = np.rint(orders)[:, None]
+        part = (np.asarray(orders)[:, None] - whole) * self.ratio
+        total = np.zeros(len(whole))
+        for sign in (1.0, -1.0):
+            near = _bell(whole - sign * self.order, self.width)
+            beside = _bell(part - sign * self.side, self.side_width)
+            total += (self.power * near * beside).sum(axis=1)
+        return total
+
+    def wander(self) -> float:
+        """How far rounding alone moves the mean of an input revolution over the output turn, r.m.s. [rad]."""
+        slow = np.arange(0.0, CURVE_ORDERS + 1.0) / self.ratio
+        return math.sqrt(float(self.variance(slow).sum()))
 
 
-def _step_columns(sums: Sums, at: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """X'h (p, k) and h'h (k, k) of unit steps that begin with the given blocks."""
-    column = np.cumsum(sums.normal[::-1, 0, :], axis=0)[::-1]
-    counts = np.cumsum(sums.normal[::-1, 0, 0])[::-1]
-    gram = np.array([[counts[max(i, j)] for j in at] for i in at])
-    return column[at].T, gram
+def _bell(distance: Array, width: Array) -> Array:
+    density: Array = np.exp(-0.5 * (distance / width) ** 2) / (math.sqrt(2.0 * math.pi) * width)
+    return density
 
 
-def _scan(sums: Sums, fit: AngleFit, taken: list[int]) -> tuple[int, float]:
-    """The block boundary at which one step explains most of the residual, and its significance in standard errors."""
-    column = np.cumsum(sums.normal[::-1, 0, :], axis=0)[::-1][1:]
-    counts = np.cumsum(sums.normal[::-1, 0, 0])[::-1][1:]
-    suffix = np.cumsum(fit.scores[::-1, 0])[::-1][1:]
-    information = counts - np.einsum("bi,ij,bj->b", column, fit.inverse, column)
-    usable = information > np.maximum(1e-4 * counts, 0.5 * np.median(sums.normal[:, 0, 0]))
-    for b in taken:
-        usable[max(b - 3, 0) : b + 2] = False
+def _noise_per_sample(fit: AngleFit) -> float:
+    """Effective noise of one sample from turn to turn, robust against the steps that are sought [value squared].
+
+    The larger one of what the residual changes from one revolution to the next, and of what it is:
+    rounding that is locked to the input wanders slowly.
+    """
+    counts = np.maximum(fit.row_count, 1.0)
+    changes = np.diff(fit.row_residual) * np.sqrt(0.5 * np.minimum(counts[1:], counts[:-1]))
+    levels = fit.row_residual * np.sqrt(counts)
+    sizes = (1.4826 * float(np.median(np.abs(scaled))) for scaled in (changes, levels))
+    return max(max(sizes) ** 2, float(np.finfo(float).tiny))
+
+
+def _suffix_sums(values: Array) -> Array:
+    """Sums from each row on, along the last axis."""
+    total: Array = np.cumsum(values[..., ::-1], axis=-1)[..., ::-1]
+    return total
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """Unit steps that begin with each row: X'h (p, rows) over the used columns, and h'h (rows,)."""
+
+    column: Array
+    count: Array
+
+    @classmethod
+    def of(cls, fit: AngleFit) -> _Steps:
+        cells = fit.cells
+        rows = []
+        for piece in cells.pieces:
+            design = cells.columns(fit.basis, fit.used[2::2], piece) * cells.count[piece]
+            rows.append(design.reshape(len(design), -1, CELLS).sum(axis=2))
+        return cls(_suffix_sums(np.hstack(rows)), _suffix_sums(fit.row_count))
+
+    def information(self, fit: AngleFit, at: list[int]) -> Array:
+        """Information (k, k) about the sizes of steps at these rows that the orders leave."""
+        part = np.ix_(fit.used, fit.used)
+        cross = self.column[:, at]
+        gram = self.count[np.maximum.outer(at, at)]
+        left: Array = gram - cross.T @ fit.inverse[part] @ cross
+        return left
+
+
+def _scan(fit: AngleFit, steps: _Steps, refused: list[int]) -> tuple[int, float]:
+    """The row at which one step explains most of the residual, and its significance in standard errors."""
+    part = np.ix_(fit.used, fit.used)
+    column, counts = steps.column[:, 1:], steps.count[1:]
+    suffix = _suffix_sums(fit.row_residual * fit.row_count)[1:]
+    information = counts - np.einsum("ib,ij,jb->b", column, fit.inverse[part], column)
+    usable = information > np.maximum(1e-4 * counts, 0.5 * np.median(fit.row_count))
+    for b in refused:
+        usable[max(b - APART, 0) : b + APART] = False
     if not usable.any():
         return -1, 0.0
     score = np.where(usable, np.abs(suffix) / np.sqrt(np.where(usable, information, 1.0)), 0.0)
     best = int(np.argmax(score))
-    return best + 1, float(score[best]) / math.sqrt(_noise_per_sample(sums, fit.scores))
+    return best + 1, float(score[best]) / math.sqrt(_noise_per_sample(fit))
 
 
 def find_slips(
-    sums: Sums, fit: AngleFit, *, output_quantum: float = math.nan, input_quantum: float = math.nan
-) -> tuple[tuple[Slip, ...], Sums]:
-    """Steps in the residual, and the sums with the steps taken out (whole output counts where a quantum says so).
+    fit: AngleFit,
+    *,
+    output_quantum: float = math.nan,
+    input_quantum: float = math.nan,
+    wander: float = 0.0,
+) -> tuple[tuple[Slip, ...], Cells]:
+    """Steps of whole counts that every later revolution keeps, and the cells with the steps taken out.
 
-    One by one: the boundary of blocks at which a step explains most; the two blocks beside it are
-    dropped (the step lies somewhere in them), all sizes are estimated together with the parameters
-    of the fit, taken out, and the search goes on.
+    One by one: the revolution at which a step explains most; the two revolutions beside it are left
+    out (the step lies somewhere in them), all sizes are estimated together with the parameters of
+    the fit, taken out, and the search goes on. A step is a slip only where it stands out beside a
+    smooth curve over the output turn and `WANDERS` times what rounding alone moves the residual
+    there (`wander` [rad]), and is a whole number of counts.
     """
     taken: list[int] = []
-    cleaned, now = sums, fit
+    cleaned, now = fit.cells, fit
     slips: tuple[Slip, ...] = ()
     refused: list[int] = []
-    while len(refused) < MAXIMUM_STEPS and len(fit.scores) - 2 * len(taken) >= 8:
-        at, score = _scan(cleaned, now, refused)
+    curve = basis_of_curve(fit.basis)
+    steps = _Steps.of(fit)
+    while len(refused) < MAXIMUM_STEPS and fit.cells.rows - 2 * len(taken) >= 8:
+        at, score = _scan(now, steps, refused)
         if at < 0 or score < STEP_SIGNIFICANCE:
             break
         refused.append(at)
-        if not _is_local(now, at):
+        trial = sorted([*taken, at])
+        without = fit.cells.without_rows([k for b in trial for k in (b - 1, b)])
+        found = _sizes(without, curve, trial, _noise_per_sample(now), output_quantum, input_quantum)
+        if not all(slip.is_whole and abs(slip.size) > WANDERS * wander for slip in found):
             continue
-        taken = sorted([*taken, at])
-        remaining = _without_blocks(sums, taken)
-        sizes, errors = _step_sizes(remaining, fit, taken, _noise_per_sample(cleaned, now.scores))
-        slips = tuple(
-            _slip(sums, b, float(size), float(error), output_quantum, input_quantum)
-            for b, size, error in zip(taken, sizes, errors, strict=True)
-        )
-        cleaned = remaining
-        for b, slip in zip(taken, slips, strict=True):
-            cleaned = _shifted(cleaned, b, slip.size)
-        now, _ = solve_angle(cleaned)
+        taken, slips, cleaned = trial, found, without
+        for b, slip in zip(trial, found, strict=True):
+            cleaned = cleaned.shifted(b, slip.size)
+        now, _ = solve_angle(cleaned, fit.basis)
+        steps = _Steps.of(now)
     return slips, cleaned
 
 
-def _is_local(fit: AngleFit, block: int) -> bool:
-    """Whether the residual really jumps there: three blocks before against three after, beyond a
-    drift and the noise.
-    """
-    residual, full = (
-        fit.block_residual,
-        fit.block_count > 0.5 * np.median(fit.block_count[fit.block_count > 0]),
+def basis_of_curve(basis: Basis) -> Basis:
+    """The basis with all the output orders that a smooth curve over the output turn may have."""
+    highest = min(CURVE_ORDERS, math.ceil(basis.ratio / 4.0) - 1)
+    return basis.united(Basis(basis.ratio, tuple(k / basis.ratio for k in range(1, highest + 1))))
+
+
+def _sizes(
+    cells: Cells,
+    basis: Basis,
+    rows: list[int],
+    noise: float,
+    output_quantum: float,
+    input_quantum: float,
+) -> tuple[Slip, ...]:
+    """The steps that begin with these rows, all sizes estimated together with a smooth curve."""
+    fit, _ = solve_angle(cells, basis)
+    information = _Steps.of(fit).information(fit, rows)
+    suffix = _suffix_sums(fit.row_residual * fit.row_count)[rows]
+    sizes = np.linalg.solve(information, suffix)
+    errors = np.sqrt(noise * np.diag(np.linalg.inv(information)))
+    return tuple(
+        _slip(cells, b, float(size), float(error), output_quantum, input_quantum)
+        for b, size, error in zip(rows, sizes, errors, strict=True)
     )
-    before = residual[max(block - 4, 0) : block - 1][full[max(block - 4, 0) : block - 1]]
-    after = residual[block + 1 : block + 4][full[block + 1 : block + 4]]
-    if len(before) < 2 or len(after) < 2:
-        return False
-    jump = abs(float(after.mean() - before.mean()))
-    drift = max(abs(float(before[-1] - before[0])), abs(float(after[-1] - after[0])))
-    steps = np.diff(residual[full])
-    noise = 1.4826 * float(np.median(np.abs(steps - np.median(steps))))
-    return jump > 4.0 * drift and jump > 5.0 * noise / math.sqrt(3.0)
 
 
 def _slip(
-    sums: Sums, block: int, size: float, error: float, output_quantum: float, input_quantum: float
+    cells: Cells, row: int, size: float, error: float, output_quantum: float, input_quantum: float
 ) -> Slip:
     counts = size / output_quantum
     whole = round(counts) if math.isfinite(counts) else 0
-    if whole and abs(counts - whole) < 0.25:
+    of_output = bool(whole) and abs(counts - whole) < WHOLE_COUNT
+    if of_output:
         size = whole * output_quantum
-    edges = [sums.first_angle + sums.direction * (block + k) * sums.length for k in (-1, 1)]
-    return Slip(
-        min(edges), max(edges), size, error, counts, -size * sums.basis.ratio / input_quantum
+    of_input = -size * cells.ratio / input_quantum
+    scatter = error * cells.ratio / input_quantum
+    of_input_too = abs(of_input) > 1.0 - WHOLE_COUNT and (
+        abs(of_input - round(of_input)) < WHOLE_COUNT + 2.0 * scatter
     )
-
-
-def _without_blocks(sums: Sums, boundaries: list[int]) -> Sums:
-    """Drop the two blocks beside each boundary: the step lies somewhere in them."""
-    normal, right, square = sums.normal.copy(), sums.right.copy(), sums.square.copy()
-    lost_square = 0.0
-    for b in boundaries:
-        for k in (b - 1, b):
-            if len(normal) - len(boundaries) * 2 >= 4:
-                lost_square += float(square[k])
-                normal[k], right[k], square[k] = 0.0, 0.0, 0.0
-    weight = float(normal[:, 0, 0].sum())
-    share = weight / max(sums.count, 1)
-    within = max(sums.sum_square - sums.between_square, 0.0) * share
-    between = sums.between_square - lost_square
-    return replace(
-        sums,
-        normal=normal,
-        right=right,
-        square=square,
-        count=round(weight),
-        between_square=between,
-        sum_square=between + within,
-    )
-
-
-def _step_sizes(
-    sums: Sums, fit: AngleFit, boundaries: list[int], noise: float
-) -> tuple[np.ndarray, np.ndarray]:
-    used = fit.used
-    cross, gram = _step_columns(sums, boundaries)
-    total = sums.normal.sum(axis=0)[np.ix_(used, used)]
-    scale = np.sqrt(np.diag(total))
-    inverse = np.linalg.pinv(total / np.outer(scale, scale), hermitian=True) / np.outer(
-        scale, scale
-    )
-    right = np.array([sums.right[b:, 0].sum() for b in boundaries])
-    information = gram - cross[used].T @ inverse @ cross[used]
-    sizes = np.linalg.solve(
-        information, right - cross[used].T @ inverse @ sums.right.sum(axis=0)[used]
-    )
-    return sizes, np.sqrt(noise * np.diag(np.linalg.inv(information)))
-
-
-def _shifted(sums: Sums, block: int, size: float) -> Sums:
-    """The sums with `size` subtracted from every value from `block` on; the bins lose their common share."""
-    right, square = sums.right.copy(), sums.square.copy()
-    counts = sums.normal[block:, 0, 0]
-    change = -2.0 * size * right[block:, 0] + size**2 * counts
-    right[block:] -= size * sums.normal[block:, 0, :]
-    square[block:] += change
-    share = counts.sum() / max(sums.normal[:, 0, 0].sum(), 1.0)
-    return replace(
-        sums,
-        right=right,
-        square=square,
-        sum_square=sums.sum_square + float(change.sum()),
-        between_square=sums.between_square + float(change.sum()),
-        bin_value=sums.bin_value - size * share * sums.bin_basis[:, 0],
-    )
+    counted = of_output or of_input_too or not math.isfinite(of_input)
+    is_whole = abs(size) > STEP_SIGNIFICANCE * error and counted
+    edges = [cells.first_angle + cells.direction * (row + k) * REVOLUTION for k in (-1, 1)]
+    return Slip(min(edges), max(edges), size, error, counts, of_input, is_whole)
 
 
 def ratio_from_slope(ratio: float, slope: float) -> float:

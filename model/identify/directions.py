@@ -20,10 +20,11 @@ from typing import Literal
 import numpy as np
 
 from model.errors import IdentificationError
+from model.identify import polar
 from model.identify.angle_regression import AngleFit, Basis
 from model.identify.checks import Array
-from model.identify.estimate import BudgetLine, Estimate
-from model.identify.kinematic_error import KinematicErrorFit, above_encoders, phase_budget
+from model.identify.estimate import Cause, Estimate
+from model.identify.kinematic_error import KinematicErrorFit, doubts, with_encoders
 from model.identify.least_squares import student_quantile
 from model.units import DEGREE
 
@@ -78,7 +79,10 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     mean = 0.5 * (ahead.values + back.values)
     half = 0.5 * (ahead.values - back.values)
     covariance = 0.25 * (ahead.covariance + back.covariance)[2:, 2:]
-    freedom = min(ahead.freedom, back.freedom)
+    doubt = None
+    if ahead.doubt is not None and back.doubt is not None:
+        doubt = 0.5 * (ahead.doubt + back.doubt)
+    freedom = ahead.freedom + back.freedom
     basis = forward.basis
     estimates = {
         "transmission_accuracy_forward": forward.estimates["transmission_accuracy"],
@@ -86,22 +90,27 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
         "lost_motion": _lost_motion(forward, reverse),
     }
     for k, label in enumerate(basis.labels):
-        block = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         if forward.orders[k].significant or reverse.orders[k].significant:
-            amplitude, phase = polar_estimates(
-                label, mean[2 + 2 * k], mean[3 + 2 * k], block, freedom, "rad"
+            at = 2 + 2 * k
+            found = polar.polar(
+                label,
+                mean[at : at + 2],
+                covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2],
+                freedom,
+                "rad",
+                doubts(doubt, at),
             )
             # What the encoders put on an order is the same in both directions: the mean does not lessen it.
-            lines = [line for line in forward.orders[k].amplitude.budget if line.kind == "B"]
-            amplitude = above_encoders(amplitude.with_budget(lines))
-            tangential = (
-                0.5 * (phase.high - phase.low) / student_quantile(freedom) * amplitude.value
-            )
-            phase = phase.with_budget(phase_budget(amplitude, tangential))
-            estimates[f"amplitude_{label}"] = amplitude
-            estimates[f"phase_{label}"] = replace(
-                phase, identifiable=amplitude.identifiable, note=amplitude.note
-            )
+            lines = [
+                line
+                for line in forward.orders[k].amplitude.budget
+                if line.cause in (Cause.OUTPUT_ENCODER, Cause.MOTOR_ENCODER)
+            ]
+            amplitude, phase = with_encoders(found, tuple(lines))
+            if forward.orders[k].amplitude.identifiable == "no":
+                refusal = {"identifiable": "no", "note": forward.orders[k].amplitude.note}
+                amplitude, phase = replace(amplitude, **refusal), replace(phase, **refusal)
+            estimates[f"amplitude_{label}"], estimates[f"phase_{label}"] = amplitude, phase
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     curves = [_whole_orders(basis, values, angle) for values in (ahead.values, back.values)]
     warnings = [f"forward: {w}" for w in forward.warnings] + [
@@ -130,10 +139,10 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
 def _lost_motion(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> Estimate:
     """Offset between the directions: wind-up by friction plus skew times speed, forward minus reverse [rad]."""
     ahead, back = forward.regression, reverse.regression
-    middle = 0.5 * (ahead.sums.first_angle + ahead.sums.last_angle)
+    middle = 0.5 * (ahead.cells.first_angle + ahead.cells.last_angle)
     value, variance = 0.0, 0.0
     for fit, sign in ((ahead, 1.0), (back, -1.0)):
-        weights = np.array([1.0, (middle - fit.sums.first_angle) / fit.sums.trend_scale])
+        weights = np.array([1.0, (middle - fit.cells.first_angle) / fit.cells.trend_scale])
         value += sign * float(weights @ fit.values[:2])
         variance += float(weights @ fit.covariance[:2, :2] @ weights)
     half = student_quantile(min(ahead.freedom, back.freedom)) * math.sqrt(max(variance, 0.0))
@@ -157,46 +166,6 @@ def _whole_orders(basis: Basis, values: Array, angle: Array) -> Array:
                 order * angle
             )
     return total
-
-
-def polar_estimates(
-    label: str, a: float, b: float, block: Array, freedom: float, unit: str
-) -> tuple[Estimate, Estimate]:
-    """Amplitude and phase of a cos + b sin = amplitude cos(v theta - phase), with 95 % intervals
-    from the covariance.
-    """
-    size = math.hypot(a, b)
-    t = student_quantile(freedom)
-    along = np.array([a, b]) / size if size > 0.0 else np.array([1.0, 0.0])
-    across = np.array([-along[1], along[0]])
-    error = math.sqrt(max(float(along @ block @ along), 0.0))
-    radial, turn = t * error, math.pi
-    if size > 0.0:
-        turn = min(t * math.sqrt(max(float(across @ block @ across), 0.0)) / size, math.pi)
-    phase = math.atan2(b, a)
-    verdict = "yes" if radial < size and turn < math.pi else "weakly"
-    note = "" if verdict == "yes" else "not above the noise"
-    return (
-        Estimate(
-            name=f"amplitude_{label}",
-            value=size,
-            unit=unit,
-            low=max(size - radial, 0.0),
-            high=size + radial,
-            identifiable=verdict,
-            note=note,
-            budget=(BudgetLine("residual, blocks of whole revolutions", "A", error),),
-        ),
-        Estimate(
-            name=f"phase_{label}",
-            value=phase,
-            unit="rad",
-            low=phase - turn,
-            high=phase + turn,
-            identifiable=verdict,
-            note=note,
-        ),
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,7 +201,7 @@ def phase_relation(
     angle. `torque_lag_angle`: value and standard uncertainty of the torque's lag times input speed
     [rad of input angle]; the lag turns the phase of each direction the opposite way.
     """
-    if torque_forward.sums.direction < 0.0:
+    if torque_forward.cells.direction < 0.0:
         torque_forward, torque_reverse = torque_reverse, torque_forward
     ahead, block_a = torque_forward.complex_amplitude(order)
     back, block_b = torque_reverse.complex_amplitude(order)
@@ -246,18 +215,21 @@ def phase_relation(
     block = 0.25 * (block_a + block_b) + 0.5 * (
         order * lag_error * abs(conservative)
     ) ** 2 * np.eye(2)
-    f_amp, f_phase = polar_estimates(label, friction.real, -friction.imag, block, freedom, "N m")
-    e_amp, e_phase = polar_estimates(
-        label, float(error.cosine[at]), float(error.sine[at]), e_block, freedom, "rad"
+    of_friction = polar.polar(
+        label, np.array([friction.real, -friction.imag]), block, freedom, "N m"
     )
-    c_amp, _ = polar_estimates(label, conservative.real, -conservative.imag, block, freedom, "N m")
-    difference = math.remainder(f_phase.value - e_phase.value, 2.0 * math.pi)
-    half = min(
-        math.hypot(0.5 * (f_phase.high - f_phase.low), 0.5 * (e_phase.high - e_phase.low)), math.pi
+    of_error = polar.polar(
+        label, np.array([error.cosine[at], error.sine[at]]), e_block, freedom, "rad"
     )
+    of_wedge = polar.polar(
+        label, np.array([conservative.real, -conservative.imag]), block, freedom, "N m"
+    )
+    difference = math.remainder(of_friction.phase.value - of_error.phase.value, 2.0 * math.pi)
+    turns = [0.5 * (one.phase.high - one.phase.low) for one in (of_friction, of_error)]
+    half = min(math.hypot(*turns), math.pi)
     verdict = _phase_verdict(difference, half)
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
-    basis = torque_forward.sums.basis
+    basis = torque_forward.basis
     curves = [_whole_orders(basis, fit.values, angle) for fit in (torque_forward, torque_reverse)]
     identifiable = "yes" if half < 0.5 * math.pi else "no"
     return PhaseRelation(
@@ -276,9 +248,9 @@ def phase_relation(
                 if identifiable == "yes"
                 else "the friction torque at this order is not above the noise",
             ),
-            "friction_amplitude": f_amp,
-            "conservative_amplitude": c_amp,
-            "error_amplitude": e_amp,
+            "friction_amplitude": of_friction.amplitude,
+            "conservative_amplitude": of_wedge.amplitude,
+            "error_amplitude": of_error.amplitude,
         },
         input_angle=angle,
         friction_torque=0.5 * (curves[0] - curves[1]),

@@ -2,7 +2,7 @@
 
     rigid       theta_o = theta_i/N                                                    nothing fitted
     paper       equation 2 with the values of a parameter set                          nothing fitted
-    linear      one spring with the damping of the wave-generator bearing              `model.identify.torsion`
+    linear      one spring with the damping of the wave-generator bearing              `model.identify.torsional_mode`
     hardening   the spring hardens at T1 and T2 (K1, K2, K3)
     hysteresis  and a Dahl element beside it
 
@@ -36,7 +36,7 @@ from model.identify.step_fit import (
     reweighted,
     step_arrays,
 )
-from model.identify.torsion import TorsionModel, relaxation_of
+from model.identify.torsional_mode import TorsionModel, relaxation_of
 from model.units import ARCSEC, REVOLUTION, RPM
 
 LADDER = ("rigid", "paper", "linear", "hardening", "hysteresis")

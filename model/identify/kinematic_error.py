@@ -3,8 +3,8 @@
     ke(theta_i) = theta_o - theta_i/N ,   y = a_0 + s theta_i + sum_v (a_v cos v theta_i + b_v sin v theta_i)
 
 theta_o counts positive in the direction in which an ideal gear turns its output when theta_i grows;
-positive = the output leads. One accumulator takes one direction; `model.identify.directions` puts
-two directions together.
+positive = the output leads. One accumulator takes one direction; `fit_traverses` fits several in
+one basis that follows their data; `model.identify.directions` puts two directions together.
 
 Transmission accuracy is the peak-to-peak of the fitted curve over one output revolution, one
 direction (catalogue definition), up to a stated order; raw peak-to-peak and the 360-degree closure
@@ -15,23 +15,27 @@ ratio, lost counts, slip), never as a parameter of the gear.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
+from model.identify import polar, torsion
 from model.identify.angle_regression import (
+    WHOLE_TURN,
     AngleFit,
     AngleRegression,
     Basis,
-    Sums,
+    Cells,
     solve_angle,
     standard_basis,
 )
 from model.identify.checks import Array, channels, positive
 from model.identify.counting import (
-    WHOLE_TURN,
+    WANDERS,
+    LockedRounding,
     Slip,
     alias_warning,
     find_slips,
@@ -40,27 +44,95 @@ from model.identify.counting import (
     slope_sentence,
 )
 from model.identify.estimate import BudgetLine, Cause, Estimate
-from model.identify.transmission import measured_curve, repeatability, transmission_accuracy
+from model.identify.order_search import followed, in_orders_of_all
+from model.identify.transmission import (
+    left_out_mse,
+    left_over,
+    measured_curve,
+    repeatability,
+    transmission_accuracy,
+)
 from model.kinematic_error import normalised_mse
 from model.units import ARCSEC, REVOLUTION
 
+HIGHEST_ORDER = 12
+"""Input orders that are fitted unless somebody says otherwise."""
+SLOWEST_SIDEBAND = 0.5
+"""Order from which one belongs to an input order; below, to the output."""
 SLOPE_SIGNIFICANCE = 4.0
 """Standard errors above which a slope is called significant."""
+OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = 8, 4
+"""Orders of an encoder's own revolution over which the variance of its curve is spread in equal shares."""
+TORSION = BudgetLine("torsional amplification, corrected: resonance of the parameter set", "B", 0.0)
 
 
 @dataclass(frozen=True)
 class Encoders:
-    """What the two encoders can do: size of one count [rad] and standard uncertainty of their position [rad].
+    """What the two encoders can do: size of one count [rad] and the class of each [rad].
 
-    Quanta are of the counts as recorded (after multiplication). Accuracies include eccentricity of
-    the scale; they cannot be told from the gear's own output order 1 and input orders 1 and 2, so
-    they enter the budget (type B).
+    Quanta are of the counts as recorded (after multiplication). An accuracy is that of a data
+    sheet: a bound on the whole curve of errors over one revolution of the encoder, eccentricity of
+    the scale included. The curve cannot be told from the gear's own output orders and input orders,
+    so it enters the budget (type B): with a rectangular distribution as a whole (u = a/sqrt 3),
+    and at single orders with equal shares of that variance, output encoder orders 1 to 8, motor
+    encoder orders 1 to 4.
     """
 
     output_quantum: float = math.nan
     input_quantum: float = math.nan
     output_accuracy: float = 0.0
     input_accuracy: float = 0.0
+
+    def at_order(self, order: float, ratio: float) -> tuple[BudgetLine, ...]:
+        """What they may add to one order of the kinematic error, per component of the vector [rad at the output]."""
+        of_output = order * ratio
+        whole_turn = abs(of_output - round(of_output)) < 1e-6
+        if self.output_accuracy > 0.0 and whole_turn and of_output < OUTPUT_ENCODER_ORDERS + 0.5:
+            share = math.sqrt(3.0 * OUTPUT_ENCODER_ORDERS)
+            return (
+                BudgetLine(
+                    "output encoder at this order",
+                    "B",
+                    self.output_accuracy / share,
+                    "its class, equal shares of orders 1 to 8; cannot be told from the gear",
+                    Cause.OUTPUT_ENCODER,
+                ),
+            )
+        whole = abs(order - round(order)) < 1e-9
+        if self.input_accuracy > 0.0 and whole and order < MOTOR_ENCODER_ORDERS + 0.5:
+            share = math.sqrt(3.0 * MOTOR_ENCODER_ORDERS) * ratio
+            return (
+                BudgetLine(
+                    "motor encoder at this order",
+                    "B",
+                    self.input_accuracy / share,
+                    "its class, equal shares of orders 1 to 4; cannot be told from the gear",
+                    Cause.MOTOR_ENCODER,
+                ),
+            )
+        return ()
+
+    def of_curve(self, ratio: float) -> tuple[BudgetLine, ...]:
+        """What they may add to the peak-to-peak of the kinematic error [rad]."""
+        lines = (
+            (
+                "output encoder, whole curve",
+                self.output_accuracy,
+                "its class; cannot be told from the gear without turning the gear on the encoder",
+                Cause.OUTPUT_ENCODER,
+            ),
+            (
+                "motor encoder, whole curve",
+                self.input_accuracy / ratio,
+                "its class over the ratio",
+                Cause.MOTOR_ENCODER,
+            ),
+        )
+        return tuple(
+            BudgetLine(source, "B", half_width / math.sqrt(3.0), note, cause)
+            for source, half_width, note, cause in lines
+            if half_width > 0.0
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,11 +156,12 @@ class KinematicErrorFit:
     """The kinematic error of one direction, fitted, with what is needed to judge and to plot it.
 
     estimates: transmission_accuracy, slope, ratio, and amplitude_v, phase_v of the significant
-    orders. orders: all orders. metrics [SI]: mse_curve, mse_raw (equation 22), raw_peak_to_peak,
-    closure, residual_rms, repeatability, input_revolutions, output_revolutions, samples,
-    samples_per_revolution, condition. Arrays: input_angle (c,) over one input revolution with
-    measured_curve and fitted_curve; output_curve over one output revolution at output_curve_angle
-    [input angle, rad]; block_angle, block_residual: mean residual per whole revolution.
+    orders. orders: all orders. metrics [SI]: mse_curve, mse_left_out, mse_raw (equation 22) with
+    harmonics, raw_peak_to_peak, closure, residual_rms, left_over, repeatability, input_revolutions,
+    output_revolutions, samples, samples_per_revolution, condition. Arrays: input_angle (c,) over
+    one input revolution with measured_curve and fitted_curve; output_curve over one output
+    revolution at output_curve_angle [input angle, rad]; block_angle, block_residual: mean residual
+    per input revolution. delay [s]: output behind input, corrected; speed: of the input [rad/s].
     """
 
     ratio: float
@@ -107,39 +180,38 @@ class KinematicErrorFit:
     block_angle: Array
     block_residual: Array
     regression: AngleFit
+    speed: float = 0.0
+    delay: float = 0.0
 
     @property
     def basis(self) -> Basis:
-        return self.regression.sums.basis
+        return self.regression.basis
 
     def order(self, order: float) -> OrderEstimate:
         """The estimate of one order; raises if the basis lacks it."""
         return self.orders[(self.basis.index(order) - 2) // 2]
 
 
-def edges(input_angle: ArrayLike, output_angle: ArrayLike) -> tuple[Array, Array]:
-    """Only the instants at which the output count changes: midpoints of both angles around each change, shape (m,).
+def edges(table: Array) -> Array:
+    """Only the instants at which the output count changes: midpoints around each change, (rows, m).
+
+    Row 0 of `table` (rows, n) is the input angle, row 1 the output angle, others go along.
 
     Half way between two counts the output is known to a fraction of a count; everything in between is redundant.
     """
-    theta_i, theta_o = channels(2, input_angle=input_angle, output_angle=output_angle)
-    at = np.flatnonzero(np.diff(theta_o) != 0.0)
-    if at.size == 0:
-        raise IdentificationError(
-            "never changes",
-            where="output_angle",
-            value=theta_o[0],
-            remedy="Check the output encoder.",
-        )
-    return 0.5 * (theta_i[at] + theta_i[at + 1]), 0.5 * (theta_o[at] + theta_o[at + 1])
+    at = np.flatnonzero(np.diff(table[1]) != 0.0)
+    middle: Array = 0.5 * (table[:, at] + table[:, at + 1])
+    return middle
 
 
 class KinematicErrorAccumulator:
     """Takes blocks of (input angle, output angle) of one steady stretch in one direction; memory does not grow.
 
     `ratio` is that of the mounting (N with the circular spline fixed, N + 1 with the flexspline
-    fixed); `output_angle` counts positive as an ideal output turns. `edge_triggered` keeps only the
-    samples at which the output count changes.
+    fixed); `output_angle` counts positive as an ideal output turns. `basis` fixes the orders;
+    without one they follow the data from `standard_basis` on. `edge_triggered` keeps only the
+    samples at which the output count changes. `beside` is how many further values go along with
+    each sample (time, torque), to be fitted over the same angle.
     """
 
     def __init__(
@@ -149,69 +221,173 @@ class KinematicErrorAccumulator:
         basis: Basis | None = None,
         encoders: Encoders | None = None,
         edge_triggered: bool = False,
+        highest_order: int = HIGHEST_ORDER,
+        beside: int = 0,
     ) -> None:
         self.ratio = positive("ratio", ratio)
         self.encoders = Encoders() if encoders is None else encoders
         self.edge_triggered = edge_triggered
-        self._regression = AngleRegression(standard_basis(ratio) if basis is None else basis)
-        self._carry: tuple[float, float] | None = None
-        self._samples = 0
+        self.highest_order = highest_order
+        self.follows_data = basis is None
+        self.basis = standard_basis(ratio, highest_order) if basis is None else basis
+        self.samples = 0
+        self._regression = AngleRegression(ratio, 1 + beside)
+        self._carry: Array | None = None
 
-    def add(self, input_angle: ArrayLike, output_angle: ArrayLike) -> None:
+    def add(self, input_angle: ArrayLike, output_angle: ArrayLike, *beside: ArrayLike) -> None:
         """Add a block of samples, in order of time; the cutting into blocks changes nothing."""
         if np.size(input_angle) == 0 and np.size(output_angle) == 0:
             return
-        theta_i, theta_o = channels(1, input_angle=input_angle, output_angle=output_angle)
-        self._samples += len(theta_i)
-        if not self.edge_triggered:
-            self._regression.add(theta_i, theta_o - theta_i / self.ratio)
-            return
-        if self._carry is not None:
-            theta_i, theta_o = (
-                np.append(self._carry[0], theta_i),
-                np.append(self._carry[1], theta_o),
-            )
-        self._carry = (float(theta_i[-1]), float(theta_o[-1]))
-        if np.any(np.diff(theta_o) != 0.0):
-            theta_i, theta_o = edges(theta_i, theta_o)
-            self._regression.add(theta_i, theta_o - theta_i / self.ratio)
+        named = {"input_angle": input_angle, "output_angle": output_angle}
+        named |= {f"value {k}": value for k, value in enumerate(beside)}
+        theta_i, theta_o, *others = channels(1, **named)
+        self.samples += len(theta_i)
+        if self.edge_triggered:
+            table = np.array([theta_i, theta_o, *others])
+            whole = table if self._carry is None else np.hstack([self._carry, table])
+            self._carry = whole[:, -1:].copy()
+            theta_i, theta_o, *others = edges(whole)
+            if not len(theta_i):
+                return
+        values = np.empty((1 + len(others), len(theta_i)))
+        np.multiply(theta_i, -1.0 / self.ratio, out=values[0])
+        values[0] += theta_o
+        for row, other in zip(values[1:], others, strict=True):
+            row[:] = other
+        self._regression.take(theta_i, values)
+
+    def cells(self) -> Cells:
+        """The sums so far."""
+        return self._regression.cells()
 
     def fit(self, *, accuracy_order: float | None = None) -> KinematicErrorFit:
         """The fit of all samples so far; `accuracy_order`: highest order of the transmission
         accuracy (all by default).
         """
-        return _finish(
-            self._regression.sums(),
-            self.encoders,
-            accuracy_order,
-            self._samples,
-            self.edge_triggered,
-        )
+        return fit_traverses([self], accuracy_order=accuracy_order)[0]
+
+
+def fit_traverses(
+    accumulators: Sequence[KinematicErrorAccumulator],
+    *,
+    accuracy_order: float | None = None,
+    spring: torsion.Torsion | None = None,
+    time: int | None = None,
+) -> list[KinematicErrorFit]:
+    """The fits of several traverses of one gear, in one basis that follows the data of all.
+
+    `spring` takes the torsional amplification out; `time` is the number of the value beside the
+    angles that is the time of the samples [s], from which speed, input ripple and the output's
+    delay follow.
+    """
+    cleaned = [_without_slips(one) for one in accumulators]
+    fits = [one.fit for one in cleaned]
+    rounding = [one.rounding for one in cleaned]
+    if accumulators[0].follows_data:
+        fits = in_orders_of_all(fits, max(one.highest_order for one in accumulators), rounding)
+    fits = [with_rounding(fit, locked) for fit, locked in zip(fits, rounding, strict=True)]
+    seen = [torsion.traverse(fit, None if time is None else 1 + time) for fit in fits]
+    ahead = next((s for s in seen if s.fit.cells.direction > 0.0), None)
+    back = next((s for s in seen if s.fit.cells.direction < 0.0), None)
+    delay = torsion.delay_between(ahead, back)[0] if ahead is not None and back is not None else 0.0
+    return [
+        _finish(one, clean, raw, spring, delay, accuracy_order)
+        for one, clean, raw in zip(accumulators, cleaned, seen, strict=True)
+    ]
+
+
+def _rounding(one: KinematicErrorAccumulator, fit: AngleFit) -> LockedRounding | None:
+    """The output count's rounding where every sample counts; edges know the angle to a fraction of a count."""
+    if one.edge_triggered or not one.encoders.output_quantum > 0.0:
+        return None
+    per_turn = one.samples / max(fit.cells.revolutions, 1e-9)
+    return LockedRounding.of(fit, per_turn, one.encoders.output_quantum)
+
+
+def with_rounding(fit: AngleFit, rounding: LockedRounding | None) -> AngleFit:
+    """The fit with what rounding locked to the input angle may add to its orders in its covariance."""
+    if rounding is None:
+        return fit
+    variance = rounding.variance(np.array(fit.basis.orders)) * fit.used[2::2]
+    added = np.concatenate([[0.0, 0.0], np.repeat(variance, 2)])
+    return replace(fit, covariance=fit.covariance + np.diag(added))
+
+
+@dataclass(frozen=True)
+class _Cleaned:
+    """A fit of one traverse with slipped counts taken out, and what has to be said."""
+
+    fit: AngleFit
+    notes: list[str]
+    slips: tuple[Slip, ...]
+    rounding: LockedRounding | None
+
+
+def _without_slips(one: KinematicErrorAccumulator) -> _Cleaned:
+    cells = one.cells()
+    first, notes = solve_angle(cells, one.basis)
+    refuse_wrong_ratio(
+        one.ratio, first.values[1] / cells.trend_scale, cells.revolutions / one.ratio
+    )
+    rounding = _rounding(one, first)
+    if one.follows_data:
+        # A slip is a step of whole revolutions: sidebands are fitted before it is looked for, output orders are not.
+        first = followed(first, one.highest_order, rounding, slowest=SLOWEST_SIDEBAND)
+        rounding = _rounding(one, first)
+    slips, cleaned = find_slips(
+        first,
+        output_quantum=one.encoders.output_quantum,
+        input_quantum=one.encoders.input_quantum,
+        wander=0.0 if rounding is None else rounding.wander(),
+    )
+    if slips:
+        first, notes = solve_angle(cleaned, first.basis)
+    return _Cleaned(first, notes, slips, rounding)
 
 
 def _finish(
-    sums: Sums, encoders: Encoders, accuracy_order: float | None, samples: int, edge_triggered: bool
+    one: KinematicErrorAccumulator,
+    clean: _Cleaned,
+    raw: torsion.Traverse,
+    spring: torsion.Torsion | None,
+    delay: float,
+    accuracy_order: float | None,
 ) -> KinematicErrorFit:
-    ratio = sums.basis.ratio
-    first, _ = solve_angle(sums)
-    refuse_wrong_ratio(ratio, first.values[1] / sums.trend_scale, sums.revolutions / ratio)
-    slips, cleaned = find_slips(
-        sums, first, output_quantum=encoders.output_quantum, input_quantum=encoders.input_quantum
-    )
-    fit, notes = solve_angle(cleaned) if slips else solve_angle(sums)
-    warnings = [slip.sentence() for slip in slips] + notes
-    highest = max(sums.basis.orders) if accuracy_order is None else accuracy_order
-    estimates, sentences = _slope(fit, encoders)
+    """What is to be said of one traverse; its curve over the input is the one that the encoders show."""
+    fit = torsion.corrected(raw, spring, delay)
+    cells, ratio, encoders = fit.cells, fit.basis.ratio, one.encoders
+    warnings = [slip.sentence() for slip in clean.slips] + clean.notes
+    highest = max(fit.basis.orders) if accuracy_order is None else accuracy_order
+    wander = 0.0 if clean.rounding is None else clean.rounding.wander()
+    estimates, sentences = _slope(fit, encoders, WANDERS * wander)
     warnings += sentences
+    near = torsion.too_near(raw, spring)
     accuracy, angle, curve = transmission_accuracy(fit, highest)
-    accuracy = accuracy.with_budget(_encoder_budget(fit, accuracy, encoders))
-    if sentences:
-        accuracy = replace(
-            accuracy, identifiable="no", note="the kinematic error does not close: see the slope"
+    lines = [*encoders.of_curve(ratio)]
+    rest = left_over(fit, highest)
+    if rest > 0.0:
+        lines.append(
+            BudgetLine(
+                "residual that the fitted orders leave",
+                "B",
+                math.sqrt(2.0) * rest,
+                "r.m.s. above the noise, at two places of the curve",
+            )
         )
-    elif cleaned.revolutions < WHOLE_TURN * ratio:
-        accuracy = replace(accuracy, identifiable="no", note="needs one complete output revolution")
-    orders = tuple(_order(fit, k, encoders) for k in range(len(sums.basis.orders)))
+    accuracy = accuracy.with_budget(lines)
+    orders = tuple(
+        _order(fit, k, encoders, "too near the first torsional mode" if near[k] else "")
+        for k in range(len(fit.basis.orders))
+    )
+    reason = ""
+    if sentences:
+        reason = "the kinematic error does not close: see the slope"
+    elif cells.revolutions < WHOLE_TURN * ratio:
+        reason = "needs one complete output revolution"
+    elif any(o.significant and n for o, n in zip(orders, near, strict=True)):
+        reason = "an order is too near the first torsional mode"
+    if reason:
+        accuracy = replace(accuracy, identifiable="no", note=reason)
     estimates = {"transmission_accuracy": accuracy, **estimates}
     for order in orders:
         if order.significant:
@@ -219,56 +395,60 @@ def _finish(
                 order.amplitude,
                 order.phase,
             )
-    bins, measured, fitted = measured_curve(fit)
-    if not edge_triggered:
-        per_turn = samples / max(sums.revolutions, 1e-9)
-        warnings += _sampling_warnings(per_turn, ratio, encoders, max(sums.basis.orders))
+    bins, measured, fitted = measured_curve(raw.fit)
+    if not one.edge_triggered:
+        per_turn = one.samples / max(cells.revolutions, 1e-9)
+        warnings += _sampling_warnings(per_turn, ratio, encoders, max(fit.basis.orders))
     return KinematicErrorFit(
         ratio=ratio,
-        direction=sums.direction,
+        direction=cells.direction,
         accuracy_order=highest,
         estimates=estimates,
         orders=orders,
-        metrics=_metrics(fit, measured, fitted, samples),
+        metrics=_metrics(raw.fit, measured, fitted, one.samples) | {"left_over": rest},
         warnings=tuple(warnings),
-        slips=slips,
+        slips=clean.slips,
         input_angle=bins,
         measured_curve=measured,
         fitted_curve=fitted,
         output_curve_angle=angle,
         output_curve=curve,
-        block_angle=sums.first_angle
-        + sums.direction
-        * (np.arange(len(first.block_residual), dtype=np.float64) + 0.5)
-        * sums.length,
-        block_residual=first.block_residual,
+        block_angle=cells.first_angle
+        + cells.direction * (np.arange(cells.rows, dtype=np.float64) + 0.5) * REVOLUTION,
+        block_residual=fit.row_residual,
         regression=fit,
+        speed=raw.speed,
+        delay=delay,
     )
 
 
 def _metrics(fit: AngleFit, measured: Array, fitted: Array, samples: int) -> dict[str, float]:
-    sums = fit.sums
-    mean = float(sums.right[:, 0].sum()) / sums.count
-    raw_variance = sums.sum_square / sums.count - mean**2
+    cells = fit.cells
+    mean = float(cells.count @ cells.mean[0]) / cells.samples
+    raw_variance = float(cells.square[0]) / cells.samples - mean**2
     varies = float(np.var(measured)) > 0.0
     return {
         "mse_curve": normalised_mse(measured, fitted) if varies else math.nan,
+        "mse_left_out": left_out_mse(fit) if varies else math.nan,
         "mse_raw": 100.0 * fit.residual_variance / raw_variance if raw_variance > 0.0 else math.nan,
-        "raw_peak_to_peak": sums.highest - sums.lowest,
+        "harmonics": float(fit.used[2::2].sum()),
+        "raw_peak_to_peak": float(cells.highest[0] - cells.lowest[0]),
         "closure": float(fit.values[1]),
         "residual_rms": math.sqrt(fit.residual_variance),
         "repeatability": repeatability(fit),
-        "input_revolutions": sums.revolutions,
-        "output_revolutions": sums.revolutions / sums.basis.ratio,
+        "input_revolutions": cells.revolutions,
+        "output_revolutions": cells.revolutions / fit.basis.ratio,
         "samples": float(samples),
-        "samples_per_revolution": samples / max(sums.revolutions, 1e-9),
+        "samples_per_revolution": samples / max(cells.revolutions, 1e-9),
         "condition": fit.condition,
     }
 
 
-def _slope(fit: AngleFit, encoders: Encoders) -> tuple[dict[str, Estimate], list[str]]:
+def _slope(
+    fit: AngleFit, encoders: Encoders, wander: float
+) -> tuple[dict[str, Estimate], list[str]]:
     """Slope and ratio with their intervals, and a sentence when the slope is significant and matters."""
-    scale, ratio = fit.sums.trend_scale, fit.sums.basis.ratio
+    scale, ratio = fit.cells.trend_scale, fit.basis.ratio
     closure, error = float(fit.values[1]), math.sqrt(max(float(fit.covariance[1, 1]), 0.0))
     half = fit.quantile() * error
     slope = Estimate(
@@ -287,8 +467,8 @@ def _slope(fit: AngleFit, encoders: Encoders) -> tuple[dict[str, Estimate], list
         ),
     }
     quantum = encoders.output_quantum if math.isfinite(encoders.output_quantum) else 2.0 * ARCSEC
-    matters = abs(closure) > max(0.1 * quantum, 0.5 * ARCSEC)
-    turns = fit.sums.revolutions / ratio
+    matters = abs(closure) > max(0.1 * quantum, 0.5 * ARCSEC, wander)
+    turns = fit.cells.revolutions / ratio
     if abs(closure) > SLOPE_SIGNIFICANCE * error and matters and turns >= WHOLE_TURN:
         return estimates, [
             slope_sentence(ratio, closure, encoders.output_quantum, encoders.input_quantum)
@@ -296,158 +476,63 @@ def _slope(fit: AngleFit, encoders: Encoders) -> tuple[dict[str, Estimate], list
     return estimates, []
 
 
-def _order(fit: AngleFit, index: int, encoders: Encoders) -> OrderEstimate:
+def _order(fit: AngleFit, index: int, encoders: Encoders, refusal: str) -> OrderEstimate:
     at = 2 + 2 * index
-    order, label = fit.sums.basis.orders[index], fit.sums.basis.labels[index]
-    a, b = float(fit.values[at]), float(fit.values[at + 1])
+    order, label = fit.basis.orders[index], fit.basis.labels[index]
     block = fit.covariance[at : at + 2, at : at + 2]
-    t = fit.quantile()
-    half_a, half_b = t * math.sqrt(max(block[0, 0], 0.0)), t * math.sqrt(max(block[1, 1], 0.0))
-    size = math.hypot(a, b)
-    left_out = not fit.used[at]
-    radial, tangential = _polar_errors(a, b, block)
-    determinant = float(block[0, 0] * block[1, 1] - block[0, 1] ** 2)
-    distance = 0.0
-    if determinant > 0.0:
-        distance = float(np.array([a, b]) @ np.linalg.solve(block, [a, b]))
-    significant = distance > 9.21
-    verdict = "no" if left_out else "yes" if significant else "weakly"
-    note = "left out of this fit" if left_out else "" if significant else "not above the noise"
-    phase = math.atan2(b, a)
-    turn = min(t * tangential / size, math.pi) if size > 0.0 else math.pi
-    accuracy = _encoder_accuracy(order, fit.sums.basis.ratio, encoders)
-    lines = [BudgetLine("residual, blocks of whole revolutions", "A", radial)]
-    if accuracy > 0.0:
-        lines.append(
-            BudgetLine(
-                "encoder accuracy at this order",
-                "B",
-                accuracy,
-                "cannot be told from the gear",
-                Cause.BOTH_ENCODERS,
-            )
-        )
-    amplitude = Estimate(
-        name=f"amplitude_{label}",
-        value=size,
-        unit="rad",
-        low=max(size - t * radial, 0.0),
-        high=size + t * radial,
-        identifiable=verdict,
-        note=note,
-        budget=tuple(lines),
+    found = polar.polar(
+        label, fit.values[at : at + 2], block, fit.freedom, "rad", doubts(fit.doubt, at)
     )
-    amplitude = above_encoders(amplitude)
-    verdict, note = amplitude.identifiable, amplitude.note
+    amplitude, phase = with_encoders(found, encoders.at_order(order, fit.basis.ratio))
+    if not fit.used[at] or refusal:
+        reason = refusal or "left out of this fit"
+        amplitude = replace(amplitude, identifiable="no", note=reason)
+        phase = replace(phase, identifiable="no", note=reason)
+    halves = [fit.quantile() * math.sqrt(max(block[k, k], 0.0)) for k in (0, 1)]
+    cosine, sine = (
+        Estimate(
+            name=f"{part}_{label}",
+            value=float(value),
+            unit="rad",
+            low=float(value) - half,
+            high=float(value) + half,
+            identifiable=amplitude.identifiable,
+            note=amplitude.note,
+        )
+        for part, value, half in zip(
+            ("cosine", "sine"), fit.values[at : at + 2], halves, strict=True
+        )
+    )
     return OrderEstimate(
         order=order,
         label=label,
-        cosine=Estimate(
-            name=f"cosine_{label}",
-            value=a,
-            unit="rad",
-            low=a - half_a,
-            high=a + half_a,
-            identifiable=verdict,
-            note=note,
-        ),
-        sine=Estimate(
-            name=f"sine_{label}",
-            value=b,
-            unit="rad",
-            low=b - half_b,
-            high=b + half_b,
-            identifiable=verdict,
-            note=note,
-        ),
+        cosine=cosine,
+        sine=sine,
         amplitude=amplitude,
-        phase=Estimate(
-            name=f"phase_{label}",
-            value=phase,
-            unit="rad",
-            low=phase - turn,
-            high=phase + turn,
-            identifiable=verdict,
-            note=note,
-            budget=phase_budget(amplitude, tangential),
-        ),
-        significant=significant and not left_out,
+        phase=phase,
+        significant=found.significant and bool(fit.used[at]),
     )
 
 
-def above_encoders(amplitude: Estimate) -> Estimate:
-    """The amplitude of an order, told "weakly" where the encoders alone may make all of it."""
-    of_encoders = any(line.kind == "B" for line in amplitude.budget)
-    if (
-        amplitude.identifiable != "yes"
-        or not of_encoders
-        or amplitude.expanded_uncertainty < amplitude.value
-    ):
-        return amplitude
-    return replace(amplitude, identifiable="weakly", note="not above what the encoders may add")
-
-
-def phase_budget(amplitude: Estimate, tangential: float) -> tuple[BudgetLine, ...]:
-    """The budget of a phase [rad]: standard error across the phasor, and what encoders add to the
-    order, over its amplitude.
-
-    No line exceeds that of a phase of which nothing is known.
-    """
-    if not amplitude.value > 0.0:
+def doubts(doubt: Array | None, at: int) -> tuple[tuple[BudgetLine, Array], ...]:
+    """The torsional correction as a shared error of one order's vector."""
+    if doubt is None or not doubt[at : at + 2].any():
         return ()
-    lines = [BudgetLine("residual, blocks of whole revolutions", "A", tangential)]
-    lines += [line for line in amplitude.budget if line.kind == "B"]
-    unknown = math.pi / math.sqrt(3.0)
-    return tuple(
-        replace(e, standard_uncertainty=min(e.standard_uncertainty / amplitude.value, unknown))
-        for e in lines
-    )
+    return ((TORSION, doubt[at : at + 2]),)
 
 
-def _polar_errors(a: float, b: float, block: Array) -> tuple[float, float]:
-    """Standard errors along and across the direction of (a, b)."""
-    size = math.hypot(a, b)
-    along = np.array([a, b]) / size if size > 0.0 else np.array([1.0, 0.0])
-    across = np.array([-along[1], along[0]])
-    return math.sqrt(max(float(along @ block @ along), 0.0)), math.sqrt(
-        max(float(across @ block @ across), 0.0)
-    )
-
-
-def _encoder_accuracy(order: float, ratio: float, encoders: Encoders) -> float:
-    """Type B standard uncertainty that the encoders put on one order [rad at the output]."""
-    if abs(order * ratio - 1.0) < 1e-6 or abs(order * ratio - 2.0) < 1e-6:
-        return encoders.output_accuracy
-    if order in (1.0, 2.0):
-        return encoders.input_accuracy / ratio
-    return 0.0
-
-
-def _encoder_budget(fit: AngleFit, accuracy: Estimate, encoders: Encoders) -> list[BudgetLine]:
-    spread = 0.5 * (accuracy.high - accuracy.low) / max(fit.quantile(), 1.0)
-    lines = [BudgetLine("residual, blocks of whole revolutions", "A", spread)]
-    if encoders.output_accuracy > 0.0:
-        lines.append(
-            BudgetLine(
-                "output encoder, eccentricity of the scale",
-                "B",
-                math.sqrt(2.0) * encoders.output_accuracy,
-                "cannot be told from the gear's output order 1 without re-clocking the encoder",
-                Cause.OUTPUT_ENCODER,
-            )
+def with_encoders(found: polar.Polar, lines: tuple[BudgetLine, ...]) -> tuple[Estimate, Estimate]:
+    """Amplitude and phase with what the encoders may add; "weakly" where they alone may make all of it."""
+    amplitude = found.amplitude.with_budget(lines)
+    phase = found.phase.with_budget(polar.over_amplitude(lines, amplitude.value))
+    loud = bool(lines) and not amplitude.expanded_uncertainty < amplitude.value
+    if amplitude.identifiable == "yes" and loud:
+        note = "not above what the encoders may add"
+        return (
+            replace(amplitude, identifiable="weakly", note=note),
+            replace(phase, identifiable="weakly", note=note),
         )
-    if encoders.input_accuracy > 0.0:
-        u = math.sqrt(2.0) * encoders.input_accuracy / fit.sums.basis.ratio
-        lines.append(
-            BudgetLine(
-                "motor encoder, once and twice per revolution",
-                "B",
-                u,
-                "cannot be told from orders 1 and 2",
-                Cause.MOTOR_ENCODER,
-            )
-        )
-    return lines
+    return amplitude, phase
 
 
 def _sampling_warnings(
@@ -475,21 +560,14 @@ class KinematicErrorScore:
 
 
 def score_kinematic_error(fit: KinematicErrorFit, other: KinematicErrorFit) -> KinematicErrorScore:
-    """MSE (22) of `fit` on the averaged curve of another run (same basis, same index mark, same
-    gear); offsets are free.
+    """MSE (22) of `fit` on the averaged curve of another run (same index mark, same gear);
+    offsets are free.
     """
-    if fit.basis.orders != other.basis.orders or fit.ratio != other.ratio:
-        raise IdentificationError(
-            "the two fits differ in basis or ratio",
-            where="basis",
-            remedy="Fit both with the same orders.",
-        )
+    if fit.ratio != other.ratio:
+        raise IdentificationError("the two fits differ in ratio", where="ratio")
     bins, measured, _ = measured_curve(other.regression)
-    sums = other.regression.sums
-    counts = sums.bin_basis[:, 0]
-    filled = counts > 0
-    values = fit.regression.values.copy()
-    values[:2] = 0.0
-    predicted = (sums.bin_basis[filled] @ values) / counts[filled]
-    predicted += np.mean(measured) - np.mean(predicted)
+    _, (predicted,) = other.regression.cells.per_place(
+        other.regression.cells.series(fit.basis, fit.regression.values)
+    )
+    predicted = predicted + np.mean(measured - predicted)
     return KinematicErrorScore(normalised_mse(measured, predicted), bins, measured, predicted)

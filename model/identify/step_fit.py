@@ -20,7 +20,7 @@ from model.errors import IdentificationError
 from model.identify.checks import Array
 from model.identify.differentiation import speed_from_counts
 from model.identify.step_data import SPEED_SMOOTHING, StepData
-from model.identify.torsion import TorsionModel
+from model.identify.torsional_mode import TorsionModel
 from model.kinematic_error import series_value
 from model.units import REVOLUTION
 

@@ -1,141 +1,149 @@
-"""The torsional mode as a velocity step shows it: the output on the gear's compliance, with everything in units of J_o.
+"""What an output that is carried by a spring makes of a kinematic error, and how it is taken out again.
 
-    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + h - g theta_o' + push ,   phi = u - theta_o
-    tau b' = beta/(1 - beta) (phi - b) - b ,   k_s = (K/J_o)/(1 - beta)
+Equation 2 with the input prescribed is linear: at the order v of an input that turns with w the
+output is theta_o = H(j v w) (theta_i/N + ke), H about 1/(1 - r^2) with r = v w/w_1 below the first
+mode. Input ripple is amplified like the error. An output that is read later than the input by a
+time tau is turned by exp(j v w tau) beside. So per order, complex,
 
-the reduced form of equation 2 (the modes of the flexspline lie above 6 kHz): b is the torsion of the
-wave-generator bearing, which has the share beta of the compliance and the only damping, tau = C_b/K_b.
-Damping in one of several springs in series stiffens it, so the mode's frequency is not sqrt(K/J_o). At
-beta near one all of the gear is damped (structural damping). Beyond equation 2: the spring hardens from
-K1 to K2 and K3 at the torques T1 and T2, and h is a Dahl element for the hysteresis.
+    ke = theta_o exp(-j v w tau)/H - theta_i/N
+
+The time tau has opposite senses in the two directions of travel, H's amplitude the same: both
+directions together tell tau from the data, never H.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 
+from model.identify.angle_regression import AngleFit, solve_angle
 from model.identify.checks import Array
+from model.linear import (
+    DynamicParameters,
+    damping_matrix,
+    mass_matrix,
+    stiffness_matrix,
+    undamped_frequencies,
+)
 
-LARGEST_SHARE = 0.98
-"""Share of the compliance at which all of the gear counts as damped; the model is singular at one."""
+HIGHEST_SHARE = 0.25
+"""r^2 above which an order is too near the mode for a correction by stated parameters."""
+LEAST_ORDER = 0.5
+"""Orders that turn with the output are too slow to tell a time."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class TorsionModel:
-    """One set of numbers of the mode: K/J_o [1/s2], tau [s], beta [1], drag g [1/s] of the output's bearing.
+class Torsion:
+    """The gear's spring and the inertia that it carries, and how well w_1^2 is known (relative, standard)."""
 
-    `second`, `third`: K2/K1 and K3/K1; `torques`: T1/J_o and T2/J_o [rad/s2]; `hysteresis`: stiffness over J_o
-    [1/s2] and limit over J_o [rad/s2] of the Dahl element, 0 for none.
+    parameters: DynamicParameters
+    relative_uncertainty: float
+
+    @property
+    def first_mode(self) -> float:
+        """w_1, undamped [rad/s]."""
+        return float(undamped_frequencies(self.parameters)[0])
+
+    def response(self, frequency: Array) -> np.ndarray:
+        """H(j w) of theta_i/N + ke -> theta_o at angular frequencies of either sign [rad/s]; 1 at w = 0."""
+        p = self.parameters
+        s = 1j * np.asarray(frequency, dtype=np.float64)[:, None, None]
+        dynamic = stiffness_matrix(p) + s * damping_matrix(p) + s * s * mass_matrix(p)
+        push = np.zeros((len(dynamic), 3, 1), dtype=np.complex128)
+        push[:, 0, 0] = p.bearing_stiffness + s[:, 0, 0] * p.bearing_damping
+        follows: np.ndarray = np.linalg.solve(dynamic, push)[:, 2, 0] / math.tan(p.tooth_angle)
+        return follows
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traverse:
+    """A fit of what the encoders show, with the input's mean speed [rad/s, signed] and its ripple.
+
+    ripple (orders,): complex amplitude of theta_i less its mean motion [rad at the input], a - ib.
     """
 
-    stiffness: float
-    relaxation: float
-    share: float
-    drag: float = 0.0
-    second: float = 1.0
-    third: float = 1.0
-    torques: tuple[float, float] = (math.inf, math.inf)
-    hysteresis: tuple[float, float] = (0.0, 0.0)
+    fit: AngleFit
+    speed: float
+    ripple: np.ndarray
 
     @property
-    def kinks(self) -> Array:
-        """Torsions at which the spring hardens [rad]."""
-        first = self.torques[0] / self.stiffness
-        return np.array(
-            [first, first + (self.torques[1] - self.torques[0]) / (self.stiffness * self.second)]
-        )
-
-    @property
-    def offsets(self) -> Array:
-        """Acceleration of each piece of the spring at zero torsion [rad/s2]."""
-        if self.second == self.third == 1.0 or not math.isfinite(self.torques[0]):
-            return np.zeros(3)
-        first, second = self.kinks
-        bend = (1.0 - self.second) * self.stiffness * first
-        return np.array([0.0, bend, bend + (self.second - self.third) * self.stiffness * second])
-
-    def step(self, interval: float) -> Array:
-        """Exact steps (3, 3, 6) of the pieces of the spring: states, u at start and end, constant acceleration."""
-        tables = np.empty((3, 3, 6))
-        for piece, factor in enumerate((1.0, self.second, self.third)):
-            tables[piece] = (
-                tables[0]
-                if piece and factor == 1.0
-                else self._step(interval, (factor - 1.0) * self.stiffness)
-            )
-        return tables
-
-    def system(self, extra: float = 0.0) -> Array:
-        """d/dt of (theta_o, theta_o', b) (3, 3) with a spring of `extra` [1/s2] beside the gear."""
-        series = self.stiffness / (1.0 - self.share)
-        yielding = self.share / (1.0 - self.share)
-        return np.array(
-            [
-                [0.0, 1.0, 0.0],
-                [-series - extra, -self.drag, -series],
-                [-yielding / self.relaxation, 0.0, -(1.0 + yielding) / self.relaxation],
-            ]
-        )
-
-    def _step(self, interval: float, extra: float) -> Array:
-        whole = np.zeros((6, 6))
-        system = self.system(extra)
-        whole[:3, :3] = system
-        whole[:3, 3] = -system[:, 0]
-        whole[3, 4] = 1.0
-        whole[1, 5] = 1.0
-        exact = scipy.linalg.expm(whole * interval)[:3]
-        late = exact[:, 4] / interval
-        return np.column_stack([exact[:, :3], exact[:, 3] - late, late, exact[:, 5]])
-
-    def mode(self, acceleration: float = 0.0) -> tuple[float, float]:
-        """Natural frequency |pole| [rad/s] and damping ratio of the mode at a torque amplitude over J_o [rad/s2].
-
-        The Dahl element acts as the spring and the damper that do over a swing what it does.
-        """
-        soft, limit = self.hysteresis
-        frequency, lost = math.sqrt(self.stiffness), 0.0
-        if limit > 0.0 and acceleration > 0.0:
-            swing = acceleration / self.secant(acceleration)
-            pull = limit * math.tanh(swing * soft / limit)
-            lost = 4.0 * limit * (swing - pull / soft) / (math.pi * swing**2)
-            soft = pull / swing
-        pole = 1j * frequency
-        for _ in range(3):
-            system = self.system(soft)
-            system[1, 1] -= lost / abs(pole)
-            poles = np.linalg.eigvals(system)
-            pole = poles[int(np.argmax(poles.imag))]
-        return float(abs(pole)), float(-pole.real / abs(pole))
-
-    def secant(self, acceleration: float) -> float:
-        """Secant stiffness over inertia [1/s2] between reversals at +- this torque over J_o [rad/s2].
-
-        Between reversals at +-phi the Dahl element carries H tanh(phi s/H).
-        """
-        soft, limit = self.hysteresis
-        torsion = acceleration / (self.stiffness + soft)
-        for _ in range(40):
-            pull = limit * math.tanh(torsion * soft / limit) if limit > 0.0 else 0.0
-            carried = self.elastic(torsion) + pull
-            torsion *= acceleration / carried
-        return acceleration / torsion
-
-    def elastic(self, torsion: float) -> float:
-        """Torque of the hardening spring over J_o at a torsion >= 0 [rad/s2]."""
-        first, second = (float(kink) for kink in self.kinks)
-        torque = self.stiffness * torsion
-        if torsion > first:
-            torque += (self.second - 1.0) * self.stiffness * (torsion - first)
-        if torsion > second:
-            torque += (self.third - self.second) * self.stiffness * (torsion - second)
-        return torque
+    def output(self) -> np.ndarray:
+        """Complex amplitude of the output angle at each order [rad], (orders,)."""
+        return amplitudes(self.fit) + self.ripple / self.fit.basis.ratio
 
 
-def relaxation_of(frequency: float, damping: float, share: float) -> float:
-    """tau [s] that gives the mode about this damping ratio (light damping): zeta = w tau beta/2."""
-    return 2.0 * damping / (frequency * share)
+def amplitudes(fit: AngleFit) -> np.ndarray:
+    """a - ib of every order, (orders,)."""
+    complex_values: np.ndarray = fit.values[2::2] - 1j * fit.values[3::2]
+    return complex_values
+
+
+def traverse(fit: AngleFit, time: int | None, speed: float = 0.0) -> Traverse:
+    """With speed and ripple from the time of the samples, which is value number `time` of the cells; else without."""
+    ripple = np.zeros(len(fit.basis.orders), dtype=np.complex128)
+    if time is None:
+        return Traverse(fit=fit, speed=speed, ripple=ripple)
+    timed, _ = solve_angle(fit.cells, fit.basis, value=time, columns=fit.used)
+    speed = fit.cells.trend_scale / float(timed.values[1])
+    return Traverse(fit=fit, speed=speed, ripple=-speed * amplitudes(timed))
+
+
+def corrected(one: Traverse, torsion: Torsion | None, delay: float = 0.0) -> AngleFit:
+    """The fit with torsion and delay taken out; `doubt` is its change by one standard uncertainty of w_1^2."""
+    orders = np.array(one.fit.basis.orders)
+    frequency = orders * one.speed
+    turn = np.exp(-1j * frequency * delay)
+    stretch = np.ones(len(orders), dtype=np.complex128)
+    if torsion is not None and one.speed != 0.0:
+        stretch = 1.0 / torsion.response(frequency)
+    output = one.output * turn
+    own = output * stretch - one.ripple / one.fit.basis.ratio
+    used = one.fit.used[2::2]
+    values = one.fit.values.copy()
+    values[2::2], values[3::2] = np.where(used, own.real, 0.0), np.where(used, -own.imag, 0.0)
+    if torsion is None:
+        return replace(one.fit, values=values)
+    change = np.where(used, output * (1.0 - stretch) * torsion.relative_uncertainty, 0.0)
+    doubt = np.zeros(len(values))
+    doubt[2::2], doubt[3::2] = change.real, -change.imag
+    return replace(one.fit, values=values, doubt=doubt)
+
+
+def too_near(one: Traverse, torsion: Torsion | None) -> np.ndarray:
+    """Orders (mask) whose frequency is too near the first mode for a correction."""
+    orders = np.array(one.fit.basis.orders)
+    if torsion is None:
+        return np.zeros(len(orders), dtype=bool)
+    near: np.ndarray = (orders * one.speed / torsion.first_mode) ** 2 > HIGHEST_SHARE
+    return near
+
+
+def delay_between(forward: Traverse, reverse: Traverse) -> tuple[float, float]:
+    """How much later the output is read than the input [s], and its standard uncertainty, from both directions.
+
+    An order of the error differs between the directions by j v tau (w theta_o) forward less reverse;
+    what friction adds to an order is in phase with it, so that only what is across it counts. (0, 0)
+    where no order stands above the noise.
+    """
+    orders = np.array(forward.fit.basis.orders)
+    seen = [amplitudes(one.fit) for one in (forward, reverse)]
+    middle = 0.5 * (seen[0] + seen[1])
+    variance = np.zeros(len(orders))
+    for one in (forward, reverse):
+        spread = np.diag(one.fit.covariance)
+        variance += 0.5 * (spread[2::2] + spread[3::2])
+    size = np.abs(middle)
+    use = (orders > LEAST_ORDER) & (size > 5.0 * np.sqrt(variance)) & forward.fit.used[2::2]
+    if not use.any() or forward.speed == reverse.speed:
+        return 0.0, 0.0
+    along = (middle.conj() / np.where(size > 0.0, size, 1.0))[use]
+    later = orders * (forward.speed * forward.output - reverse.speed * reverse.output)
+    across = np.imag((seen[0] - seen[1])[use] * along)
+    lever = np.imag(1j * later[use] * along)
+    weight = 1.0 / variance[use]
+    information = float(np.sum(weight * lever**2))
+    delay = float(np.sum(weight * lever * across)) / information
+    left = float(np.sum(weight * (across - lever * delay) ** 2)) / max(int(use.sum()) - 1, 1)
+    return delay, math.sqrt(max(left, 1.0) / information)

@@ -1,4 +1,4 @@
-"""Curves and single numbers from a fitted kinematic error: transmission accuracy, averaged curve, repeatability."""
+"""Curves and single numbers from a fitted kinematic error: transmission accuracy, averaged curve, goodness of fit."""
 
 from __future__ import annotations
 
@@ -6,19 +6,25 @@ import math
 
 import numpy as np
 
-from model.identify.angle_regression import AngleFit
+from model.identify.angle_regression import CELLS, LEAST_TURNS, WHOLE_TURN, AngleFit, Spectrum
 from model.identify.checks import Array
-from model.identify.estimate import Estimate
+from model.identify.estimate import BudgetLine, Estimate
 from model.kernels import regression as kernels
+from model.kinematic_error import normalised_mse
 from model.units import REVOLUTION
 
 POINTS_PER_PERIOD = 16
+DRAWS = 2000
+EXTREMES = 200
+"""Local extremes of the curve on either side that may become its largest when it is drawn anew."""
+FLOOR_BAND = 0.25
+"""Orders over which the noise floor of a spectrum is taken as level."""
 
 
 def curve_over_output(fit: AngleFit, highest_order: float) -> tuple[Array, Array]:
     """The fitted curve without constant and trend over one output revolution: input angles [rad] and values."""
-    ratio = fit.sums.basis.ratio
-    orders = np.array(fit.sums.basis.orders)
+    ratio = fit.basis.ratio
+    orders = np.array(fit.basis.orders)
     cosine, sine = fit.values[2::2].copy(), fit.values[3::2].copy()
     left_out = orders > highest_order + 1e-9
     cosine[left_out], sine[left_out] = 0.0, 0.0
@@ -37,30 +43,87 @@ def transmission_accuracy(fit: AngleFit, highest_order: float) -> tuple[Estimate
     """Largest positive plus largest negative deviation of the fitted curve over one output
     revolution, with 95 % interval.
 
-    Returns the estimate, and the curve with its input angles. The interval is that of the
-    difference of the fitted curve at its two extremes; extremes of a noisy curve lie too far apart
-    by less than that.
+    Returns the estimate, and the curve with its input angles. The orders are drawn anew from their
+    distribution (Monte Carlo, JCGM 101), each curve has its own extremes: their mean distance is
+    larger than that of the curve itself. By as much the curve's own is larger than the true one;
+    it is taken off, and the interval reflected.
     """
     angle, curve = curve_over_output(fit, highest_order)
-    top, bottom = int(np.argmax(curve)), int(np.argmin(curve))
-    value = float(curve[top] - curve[bottom])
-    orders = np.array(fit.sums.basis.orders)
-    use = orders <= highest_order + 1e-9
-    gradient = np.zeros(fit.sums.basis.parameters)
-    gradient[2::2] = use * (np.cos(orders * angle[top]) - np.cos(orders * angle[bottom]))
-    gradient[3::2] = use * (np.sin(orders * angle[top]) - np.sin(orders * angle[bottom]))
-    half = fit.quantile() * math.sqrt(max(float(gradient @ fit.covariance @ gradient), 0.0))
-    return (
-        Estimate(
-            name="transmission_accuracy",
-            value=value,
-            unit="rad",
-            low=max(value - half, 0.0),
-            high=value + half,
-        ),
-        angle,
-        curve,
+    orders = np.array(fit.basis.orders)
+    use = np.repeat(orders <= highest_order + 1e-9, 2)
+    value = float(np.ptp(curve))
+    places = [_extremes(sign * curve) for sign in (1.0, -1.0)]
+    columns = [_waves(orders, angle[at]) * use for at in places]
+    random = np.random.default_rng(1)
+    spread, freedom = fit.covariance[2:, 2:], fit.freedom
+    scale, vectors = np.linalg.eigh(spread)
+    shape = vectors * np.sqrt(np.maximum(scale, 0.0))
+    draws = random.standard_normal((DRAWS, len(shape))) @ shape.T
+    draws *= np.sqrt(freedom / random.chisquare(freedom, DRAWS))[:, None]
+    doubt = np.zeros(len(shape)) if fit.doubt is None else fit.doubt[2:]
+    data = _peak_to_peak(curve, places, columns, draws)
+    whole = data
+    lines = [
+        BudgetLine("residual, Monte Carlo", "A", float(data.std()), degrees_of_freedom=freedom)
+    ]
+    if doubt.any():
+        shaken = random.standard_normal((DRAWS, 1)) * doubt
+        whole = _peak_to_peak(curve, places, columns, draws + shaken)
+        only = _peak_to_peak(curve, places, columns, shaken)
+        source = "torsional amplification, corrected: resonance of the parameter set"
+        lines.append(BudgetLine(source, "B", float(only.std())))
+    low, high = np.quantile(whole, [0.025, 0.975])
+    estimate = Estimate(
+        name="transmission_accuracy",
+        value=max(2.0 * value - float(data.mean()), 0.0),
+        unit="rad",
+        low=max(2.0 * value - float(high), 0.0),
+        high=max(2.0 * value - float(low), 0.0),
+        budget=tuple(lines),
     )
+    return estimate, angle, curve
+
+
+def _extremes(curve: Array) -> np.ndarray:
+    """Places of the largest local maxima of a periodic curve."""
+    tops = np.flatnonzero((curve >= np.roll(curve, 1)) & (curve > np.roll(curve, -1)))
+    if not len(tops):
+        return np.array([int(np.argmax(curve))])
+    largest: np.ndarray = tops[np.argsort(curve[tops])[-EXTREMES:]]
+    return largest
+
+
+def _waves(orders: Array, angle: Array) -> Array:
+    """Cosines and sines of the orders at these angles, (angles, 2 orders)."""
+    phase = angle[:, None] * orders[None, :]
+    waves = np.empty((len(angle), 2 * len(orders)))
+    waves[:, 0::2], waves[:, 1::2] = np.cos(phase), np.sin(phase)
+    return waves
+
+
+def _peak_to_peak(
+    curve: Array, places: list[np.ndarray], columns: list[Array], draws: Array
+) -> Array:
+    """Peak-to-peak of the curve with each draw (draws, 2 orders) added, at the places that may be its extremes."""
+    top = (curve[places[0]] + draws @ columns[0].T).max(axis=1)
+    bottom = (curve[places[1]] + draws @ columns[1].T).min(axis=1)
+    distance: Array = top - bottom
+    return distance
+
+
+def left_over(fit: AngleFit, highest_order: float) -> float:
+    """R.m.s. of what the residual holds above its noise up to an order: orders that the fit has not [rad]."""
+    spectrum = Spectrum.of(fit.cells, fit.residual)
+    last = math.floor((highest_order + 0.5) / spectrum.spacing)
+    power = np.abs(spectrum.lines[1 : last + 1]) ** 2
+    band = max(round(FLOOR_BAND / spectrum.spacing), 8)
+    pieces = [power[k : k + band] for k in range(0, len(power), band)]
+    # The median of the squares of noise is ln 2 of their mean.
+    excess = sum(
+        float(piece.sum()) - len(piece) * float(np.median(piece)) / math.log(2.0)
+        for piece in pieces
+    )
+    return math.sqrt(max(0.5 * excess, 0.0))
 
 
 def measured_curve(fit: AngleFit) -> tuple[Array, Array, Array]:
@@ -69,31 +132,52 @@ def measured_curve(fit: AngleFit) -> tuple[Array, Array, Array]:
     Constant and trend are taken out of both. Returns input angles in [0, 2 pi), measured and
     fitted, shape (cells filled,).
     """
-    sums = fit.sums
-    counts = sums.bin_basis[:, 0]
-    filled = counts > 0
-    cells = len(counts)
-    values = fit.values.copy()
-    values[0] -= sums.reference
-    common = sums.bin_basis[filled][:, :2] @ values[:2]
-    fitted = (sums.bin_basis[filled][:, 2:] @ values[2:]) / counts[filled]
-    measured = (sums.bin_value[filled] - common) / counts[filled]
-    angle: Array = (np.arange(cells, dtype=np.float64)[filled] + 0.5) * (REVOLUTION / cells)
-    return angle, measured, fitted
+    series = fit.cells.series(fit.basis, fit.values)
+    filled, (fitted, rest) = fit.cells.per_place(series, fit.residual)
+    angle: Array = (np.arange(CELLS, dtype=np.float64)[filled] + 0.5) * (REVOLUTION / CELLS)
+    return angle, fitted + rest, fitted
+
+
+def left_out_mse(fit: AngleFit) -> float:
+    """MSE (22) on revolutions that were left out: every second one is predicted from the others,
+    and those from it; NaN where there are too few.
+
+    The curves are averaged per cell of input angle, as for the MSE of the fit.
+    """
+    cells, used = fit.cells, fit.used
+    if cells.revolutions < WHOLE_TURN * fit.basis.ratio or cells.rows < LEAST_TURNS:
+        return math.nan
+    part = np.ix_(used, used)
+    mean = cells.mean[0]
+    odd = cells.count * np.repeat(np.arange(cells.rows) % 2, CELLS)
+    normal, right = cells.normal_equations(fit.basis, used[2::2], odd, mean)
+    both = normal, fit.normal[part] - normal
+    whole = fit.normal[part] @ (fit.values[used] - np.eye(len(right))[0] * cells.reference[0])
+    scores = []
+    for seen, target, new in zip(
+        both, (right, whole - right), (cells.count - odd, odd), strict=True
+    ):
+        values = np.zeros(len(used))
+        values[used] = np.linalg.solve(seen, target)
+        series = cells.series(fit.basis, values)
+        away = mean - values[0] - values[1] * cells.trend
+        _, (measured, predicted) = cells.per_place(away, series, weight=new)
+        scores.append(normalised_mse(measured, predicted + np.mean(measured - predicted)))
+    return float(np.mean(scores))
 
 
 def repeatability(fit: AngleFit) -> float:
-    """Scatter of the curve from one block of whole input revolutions to the next: rms over angle [unit of the value].
+    """Scatter of the curve from one input revolution to the next: rms over angle [unit of the value].
 
-    Each block's own deviation in the whole input orders follows from its scores; noise of the samples is part of it.
+    Each revolution's own deviation in the whole input orders; noise of the samples is part of it.
     """
-    sums = fit.sums
-    orders = np.array(sums.basis.orders)
-    whole = np.flatnonzero((np.abs(orders - np.rint(orders)) < 1e-9) & fit.used[2::2])
-    counts = fit.block_count
+    cells = fit.cells
+    orders = np.array(fit.basis.orders)
+    whole = np.rint(orders[(np.abs(orders - np.rint(orders)) < 1e-9) & fit.used[2::2]])
+    counts = fit.row_count
     full = counts > 0.5 * np.median(counts)
     if whole.size == 0 or full.sum() < 3:
         return math.nan
-    columns = np.sort(np.concatenate([2 + 2 * whole, 3 + 2 * whole]))
-    deviation = 2.0 * fit.scores[full][:, columns] / counts[full][:, None]
-    return math.sqrt(float(np.mean(np.sum(0.5 * deviation**2, axis=1))))
+    rows = (cells.count * fit.residual).reshape(cells.rows, CELLS)[full]
+    lines = 2.0 * np.fft.rfft(rows, axis=1)[:, whole.astype(np.int64)] / counts[full][:, None]
+    return math.sqrt(float(np.mean(np.sum(0.5 * np.abs(lines) ** 2, axis=1))))

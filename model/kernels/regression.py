@@ -1,4 +1,4 @@
-"""Compiled accumulation of normal equations over angle, and the chi-square of the friction curve."""
+"""Compiled sums of samples over cells of angle, and the chi-square of the friction curve."""
 
 from __future__ import annotations
 
@@ -7,171 +7,42 @@ import math
 import numpy as np
 from numba import njit
 
-TERMS = 12
-"""Powers of the offset inside a cell that are summed: (n delta)^12/12! < 1e-15 for n delta <= pi/12."""
-GROUP_SIZE = TERMS + 6
-"""Length of the group state: count, cell, sum of value, sum of value squared, two spare, then the power sums."""
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def rank_update(normal, rows, used):
-    """normal += rows[:used]' rows[:used], upper triangle only."""
-    p = normal.shape[0]
-    if used == 4:
-        for i in range(p):
-            a, b, c, d = rows[0, i], rows[1, i], rows[2, i], rows[3, i]
-            for j in range(i, p):
-                normal[i, j] += a * rows[0, j] + b * rows[1, j] + c * rows[2, j] + d * rows[3, j]
-    else:
-        for k in range(used):
-            for i in range(p):
-                a = rows[k, i]
-                for j in range(i, p):
-                    normal[i, j] += a * rows[k, j]
-
-
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def basis_sums(row, group, centre, origin, scale, input_order, output_order, order, taylor, ratio):
-    """row = sum over the samples of a cell of (1, trend, cos, sin, ...), by power sums about the centre of the cell."""
-    count = group[0]
-    row[0] = count
-    row[1] = (count * (centre - origin) + group[7]) / scale
-    highest_input = 0
-    highest_output = 0
-    for k in range(len(input_order)):
-        highest_input = max(highest_input, abs(input_order[k]))
-        highest_output = max(highest_output, abs(output_order[k]))
-    c1, s1 = math.cos(centre), math.sin(centre)
-    c2, s2 = math.cos(centre / ratio), math.sin(centre / ratio)
-    ci = np.empty(highest_input + 1)
-    si = np.empty(highest_input + 1)
-    co = np.empty(highest_output + 1)
-    so = np.empty(highest_output + 1)
-    ci[0], si[0], co[0], so[0] = 1.0, 0.0, 1.0, 0.0
-    for k in range(highest_input):
-        ci[k + 1] = ci[k] * c1 - si[k] * s1
-        si[k + 1] = si[k] * c1 + ci[k] * s1
-    for k in range(highest_output):
-        co[k + 1] = co[k] * c2 - so[k] * s2
-        so[k + 1] = so[k] * c2 + co[k] * s2
-    orders = len(order)
-    even = np.zeros(orders)
-    odd = np.zeros(orders)
-    for j in range(0, TERMS, 2):
-        p0, p1 = group[6 + j], group[7 + j]
-        for k in range(orders):
-            even[k] += taylor[j, k] * p0
-            odd[k] += taylor[j + 1, k] * p1
-    for k in range(orders):
-        n, m = input_order[k], output_order[k]
-        if n < 0:
-            cosine, sine = math.cos(order[k] * centre), math.sin(order[k] * centre)
-        else:
-            cb = co[abs(m)]
-            sb = so[abs(m)] if m >= 0 else -so[abs(m)]
-            cosine = ci[n] * cb - si[n] * sb
-            sine = si[n] * cb + ci[n] * sb
-        row[2 + 2 * k] = cosine * even[k] - sine * odd[k]
-        row[3 + 2 * k] = sine * even[k] + cosine * odd[k]
+LANES = 4
+"""Columns of a cell before its values: number of samples, sums of their offsets from its centre, squares and cubes."""
 
 
 @njit(cache=True, nogil=True)
-def taylor_table(order):
-    """Signed v^j/j! for each power j and order v: cos from the even rows, sin from the odd ones."""
-    table = np.empty((TERMS, len(order)))
-    for k in range(len(order)):
-        factor = 1.0
-        for j in range(TERMS):
-            table[j, k] = factor if (j // 2) % 2 == 0 else -factor
-            factor *= order[k] / (j + 1.0)
-    return table
+def bin_samples(angle, values, start, grid, totals, layout):
+    """Add samples from `start` on to their cells of angle; returns the index of the first that found no room.
 
-
-@njit(cache=True, nogil=True)
-def close_group(group, rows, used, normal, right, bin_basis, bin_value, totals, cells, basis):
-    """Add the finished cell to the normal equations of the current block; returns how many buffered rows are in use."""
-    origin, scale, input_order, output_order, order, taylor, ratio = basis
-    count = group[0]
-    if count == 0.0:
-        return used
-    cell = int(group[1])
-    row = rows[used]
-    centre = (cell + 0.5) * 2.0 * math.pi / cells
-    basis_sums(row, group, centre, origin, scale, input_order, output_order, order, taylor, ratio)
-    place = cell % cells
-    mean = group[2] / count
-    weight = 1.0 / math.sqrt(count)
-    for i in range(len(row)):
-        bin_basis[place, i] += row[i]
-        right[i] += row[i] * mean
-        row[i] *= weight
-    bin_value[place] += group[2]
-    totals[0] += count
-    totals[1] += group[3]
-    totals[2] += group[2] * mean
-    group[0] = 0.0
-    used += 1
-    if used == 4:
-        rank_update(normal, rows, used)
-        used = 0
-    return used
-
-
-@njit(cache=True, nogil=True)
-def accumulate(
-    angle,
-    value,
-    start,
-    group,
-    rows,
-    normal,
-    right,
-    bin_basis,
-    bin_value,
-    totals,
-    cells,
-    last_cell,
-    basis,
-):
-    """Add samples from `start` on until the block ends; returns the index of the first sample that was not taken.
-
-    The block covers cells below `last_cell` in the direction of travel that `totals[5]` (+1 or -1) names.
+    grid (cells, LANES + m): of each cell the LANES columns and the sums of its m values about their
+    reference; totals (m, 4): reference, sum of squares about it, lowest, highest. layout: cells per
+    radian, first cell, direction of travel, cells per turn of the output, halvings of the turns.
     """
-    used = 0
-    per_angle = cells / (2.0 * math.pi)
+    per_angle, first, direction, turn, halvings = layout
     width = 1.0 / per_angle
-    offset_value = totals[6]
-    direction = totals[5]
-    n = len(angle)
-    stop = n
-    for k in range(start, n):
+    room = grid.shape[0]
+    m = values.shape[0]
+    for k in range(start, angle.shape[0]):
         x = angle[k]
         cell = math.floor(x * per_angle)
-        if cell != group[1] or group[0] == 0.0:
-            used = close_group(
-                group, rows, used, normal, right, bin_basis, bin_value, totals, cells, basis
-            )
-            if direction * (cell - last_cell) >= 0.0:
-                stop = k
-                break
-            group[1] = cell
-            for j in range(2, 6 + TERMS):
-                group[j] = 0.0
-        y = value[k] - offset_value
+        place = max(int(direction * (cell - first)), 0)
+        if halvings > 0:
+            place = ((place // turn) >> halvings) * turn + place % turn
+        if place >= room:
+            return k
         delta = x - (cell + 0.5) * width
-        group[0] += 1.0
-        group[2] += y
-        group[3] += y * y
-        power = 1.0
-        for j in range(TERMS):
-            group[6 + j] += power
-            power *= delta
-        if y < totals[3]:
-            totals[3] = y
-        if y > totals[4]:
-            totals[4] = y
-    rank_update(normal, rows, used)
-    return stop
+        grid[place, 0] += 1.0
+        grid[place, 1] += delta
+        grid[place, 2] += delta * delta
+        grid[place, 3] += delta * delta * delta
+        for j in range(m):
+            y = values[j, k] - totals[j, 0]
+            grid[place, LANES + j] += y
+            totals[j, 1] += y * y
+            totals[j, 2] = min(totals[j, 2], y)
+            totals[j, 3] = max(totals[j, 3], y)
+    return angle.shape[0]
 
 
 @njit(cache=True, nogil=True)

@@ -15,7 +15,7 @@ from experiments import catalogue
 from experiments.errors import PlanError
 from experiments.parameters import ParameterField, parameter_fields
 from experiments.planning.parts import LABELS, ZERO_AFTER, ZERO_BEFORE
-from experiments.planning.speeds import alias_leak, incommensurate, lattice_distance
+from experiments.planning.speeds import alias_leak, first_resonances, incommensurate, lattice_lock
 from experiments.protocols.friction import protocol as friction
 from experiments.protocols.kinematic_error import protocol as kinematic_error
 from experiments.protocols.velocity_steps import protocol as velocity_steps
@@ -204,18 +204,38 @@ def test_fast_speeds_are_moved_off_the_sampling_lattice() -> None:
     assert abs(found / wanted - 1.0) <= 0.015
 
 
-def test_the_default_low_speed_is_off_the_lattice_of_the_output_counts() -> None:
-    assert lattice_distance(60.0 * RPM, 1000.0, 600.0) < 1e-6
-    assert lattice_distance(30.3 * RPM, 1000.0, 600.0) > 0.01
-    marks = [
-        getattr(s, "code", "") for s in kinematic_error.plan(kinematic_error.Parameters(), GEAR)
-    ]
-    assert "commensurate-speed" not in marks
-    marks = [
-        getattr(s, "code", "")
-        for s in kinematic_error.plan(kinematic_error.Parameters(speed_rpm=60.0), GEAR)
-    ]
-    assert "commensurate-speed" in marks
+def _marks(**values: Any) -> list[str]:
+    steps = kinematic_error.plan(kinematic_error.Parameters(**values), GEAR)
+    return [getattr(s, "code", "") for s in steps]
+
+
+def _speeds(**values: Any) -> set[float]:
+    steps = kinematic_error.plan(kinematic_error.Parameters(**values), GEAR)
+    return {abs(s.speed) / RPM for s in steps if isinstance(s, Ramp)} - {0.0}
+
+
+def test_a_speed_on_the_lattice_of_the_output_counts_is_moved() -> None:
+    """18 000 lines x 4 over 120 are 600 counts per input revolution: 100 r/min at 1 kHz takes 600 samples of it."""
+    for rpm in (60.0, 100.0, 50.0):
+        assert lattice_lock(rpm * RPM, 1000.0, 600.0, 120.0) > 0.15
+        (moved,) = _speeds(speed_rpm=rpm)
+        assert lattice_lock(moved * RPM, 1000.0, 600.0, 120.0) <= 0.1
+        assert 0.0 < abs(moved / rpm - 1.0) <= 0.015
+        assert "speed-moved" in _marks(speed_rpm=rpm)
+    for rpm in (30.3, 61.8):
+        (stated,) = _speeds(speed_rpm=rpm)
+        assert stated == pytest.approx(rpm, rel=1e-12)
+        assert "speed-moved" not in _marks(speed_rpm=rpm)
+
+
+def test_orders_near_the_first_mode_are_refused_by_the_plan() -> None:
+    first = first_resonances(GEAR)[0]
+    highest = math.sqrt(0.1) * first / 6.0 / RPM
+    assert "not-quasi-static" in _marks(speed_rpm=0.98 * highest)
+    assert "quasi-static" in _marks(speed_rpm=30.3)
+    with pytest.raises(PlanError, match="torsional mode") as refused:
+        kinematic_error.plan(kinematic_error.Parameters(speed_rpm=1.05 * highest), GEAR)
+    assert refused.value.where == "kinematic-error.speed_rpm"
 
 
 def test_steps_start_from_stated_angles_approached_from_one_side() -> None:

@@ -45,7 +45,7 @@ def kinematic_error_plots(
 
 def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseReference) -> Plot:
     """Figure 12: some input revolutions of raw samples and the fitted curve through them."""
-    start = fit.regression.sums.first_angle
+    start = fit.regression.cells.first_angle
     sign = fit.direction
     angles, values = [], []
     segment_rows = _rows_from(recording, start + reference.input_angle, sign)

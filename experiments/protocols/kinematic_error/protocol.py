@@ -4,7 +4,8 @@
 (16) ke_sim(theta_i) = a_0 + sum (a_n cos n theta_i + b_n sin n theta_i)
 (22) MSE = 100/(N_0 sigma^2) sum (ke_sim - ke)^2, on the curve averaged per input angle; on raw samples beside it
 
-One streaming fit per traverse (constant memory), both directions combined; figures 12, 13 and 16.
+Each traverse is streamed (constant memory); all are fitted in the orders that they have, and both
+directions combined; figures 12, 13 and 16.
 """
 
 from __future__ import annotations
@@ -33,7 +34,14 @@ from experiments.planning.shared_parameters import (
     SyncRate,
     ZeroTime,
 )
-from experiments.planning.speeds import first_resonances, lattice_distance, refuse_speed
+from experiments.planning.speeds import (
+    CORRECTED,
+    JUDGED_ORDER,
+    QUASI_STATIC,
+    first_resonances,
+    off_lattice,
+    refuse_speed,
+)
 from experiments.protocols.kinematic_error.plots import (
     kinematic_error_plots,
     order_table,
@@ -48,25 +56,24 @@ from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.gear import Harmonic, HarmonicDrive, Origin
 from model.gear_file import harmonic_path
-from model.identify.angle_regression import (
-    AngleFit,
-    AngleRegression,
-    Basis,
-    solve_angle,
-    standard_basis,
-)
+from model.identify.angle_regression import AngleFit, solve_angle
 from model.identify.directions import CombinedKinematicError, PhaseRelation, combine, phase_relation
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.kinematic_error import (
     Encoders,
     KinematicErrorAccumulator,
     KinematicErrorFit,
+    fit_traverses,
     score_kinematic_error,
 )
-from model.kinematic_error import normalised_mse, series_value
-from model.units import RPM
+from model.identify.torsion import Torsion
+from model.kinematic_error import normalised_mse, order_of_label, series_value
+from model.linear import dynamic_parameters
+from model.units import REVOLUTION, RPM
 
 NAME = "kinematic-error"
+MAXIMUM_SPEED = 300.0 * RPM
+"""rad/s; above it no kinematic error is measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,17 +112,22 @@ class Parameters:
 
 
 def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Torque zero; forward and reverse over whole output revolutions at constant speed, repeated; torque zero."""
+    """Torque zero; forward and reverse over whole output revolutions at constant speed, repeated; torque zero.
+
+    A speed at which samples fall on the output counts again and again is moved by up to 1.5 %.
+    Raises `PlanError` for one at which the orders come near the first torsional mode.
+    """
     checked(parameters, Parameters, NAME)
     refuse_speed(parameters.speed_rpm, gear, f"{NAME}.speed_rpm")
     output_travel(gear, parameters.mounting, 1.0, NAME)
-    return between_zeros(_traverses(parameters, gear), parameters.zero_time)
+    speed = _speed(parameters, gear)
+    _refuse_near_mode(speed, gear)
+    return between_zeros(_traverses(parameters, gear, speed), parameters.zero_time)
 
 
-def _traverses(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    speed = p.speed_rpm * RPM
+def _traverses(p: Parameters, gear: HarmonicDrive, speed: float) -> Iterator[Step]:
     travel = output_travel(gear, p.mounting, p.output_revolutions, NAME)
-    yield from _remarks(p, gear)
+    yield from _remarks(p, gear, speed)
     for repeat in range(p.repeats):
         for direction in (1, -1):
             setpoint = direction * speed
@@ -132,21 +144,48 @@ def _traverses(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
             yield stop(p.acceleration)
 
 
-def _remarks(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Events that say how far the speed is from the first mode and from the lattice of the output counts."""
-    speed = p.speed_rpm * RPM
-    highest = max((h.order for h in gear.kinematic_error), default=4.0)
-    margin = first_resonances(gear)[0] / (highest * speed)
-    text = f"order {highest:g} at {p.speed_rpm:g} r/min is {margin:.1f} times below the first torsional mode"
-    yield Mark("quasi-static" if margin >= 10.0 else "not-quasi-static", text)
-    lattice = p.output_counts / gear.mounted_ratio(p.mounting)  # type: ignore[arg-type]
-    distance = lattice_distance(speed, p.sync_rate, lattice)
-    if distance < 0.01:
-        text = (
-            f"{p.speed_rpm:g} r/min at {p.sync_rate:g} Hz samples the {lattice:g} output counts per input revolution "
-            "almost in step: quantisation does not average out"
+def _speed(p: Parameters, gear: HarmonicDrive) -> float:
+    """The input speed [rad/s]: the stated one, or the next at which the output's counts average out."""
+    wanted = p.speed_rpm * RPM
+    ratio = gear.mounted_ratio(p.mounting)  # type: ignore[arg-type]
+    highest = min(gear.ratings.maximum_input_speed, MAXIMUM_SPEED)
+    return off_lattice(
+        wanted, p.sync_rate, p.output_counts / ratio, ratio, ceiling=max(highest, wanted)
+    )
+
+
+def _judged_order(gear: HarmonicDrive) -> float:
+    return max(JUDGED_ORDER, *(h.order for h in gear.kinematic_error), 0.0)
+
+
+def _refuse_near_mode(speed: float, gear: HarmonicDrive) -> None:
+    """Raise `PlanError` where the torsional vibration would make too much of the highest order."""
+    order, first = _judged_order(gear), first_resonances(gear)[0]
+    highest = math.sqrt(CORRECTED) * first / order
+    if speed > highest * (1.0 + 1e-9):
+        raise PlanError(
+            f"order {order:g} of the kinematic error comes near the first torsional mode, "
+            f"{first / REVOLUTION:.3g} Hz by the parameter set",
+            where=f"{NAME}.speed_rpm",
+            value=f"{speed / RPM:.4g} r/min",
+            limit=f"<= {math.floor(10.0 * highest / RPM) / 10.0:g} r/min",
+            remedy="Choose a slower speed, or a smaller inertia at the output.",
         )
-        yield Mark("commensurate-speed", text)
+
+
+def _remarks(p: Parameters, gear: HarmonicDrive, speed: float) -> Iterator[Step]:
+    """Events that say how far the speed is from the first mode and from the lattice of the output counts."""
+    order = _judged_order(gear)
+    margin = first_resonances(gear)[0] / (order * speed)
+    text = f"order {order:g} at {speed / RPM:.4g} r/min is {margin:.1f} times below the first torsional mode"
+    quasi_static = margin**-2 <= QUASI_STATIC
+    yield Mark("quasi-static" if quasi_static else "not-quasi-static", text)
+    if speed != p.speed_rpm * RPM:
+        text = (
+            f"{p.speed_rpm:g} r/min at {p.sync_rate:g} Hz samples the output counts almost in step with the "
+            f"input: the run turns at {speed / RPM:.5g} r/min, where their rounding averages out"
+        )
+        yield Mark("speed-moved", text)
 
 
 HIGHEST_ORDER = 12
@@ -154,6 +193,8 @@ HIGHEST_ORDER = 12
 SETTINGS = ("highest_order", "accuracy_order", "edge_triggered")
 TORQUE_LAG = 0.002
 """s; what the torque port may lag (filters and settling), standard uncertainty of a lag that is taken as zero."""
+STIFFNESS_TOLERANCE = 0.4
+"""Half-width of the rectangular distribution of K over the stiffness of a parameter set that no run identified."""
 
 
 @dataclass(frozen=True)
@@ -171,10 +212,11 @@ class _Context:
 
     recording: Recording
     ratio: float
-    basis: Basis
     encoders: Encoders
+    spring: Torsion
     reference: PhaseReference
     zero: TorqueZero | None
+    highest_order: int
     accuracy_order: float | None
     edge_triggered: bool
 
@@ -189,16 +231,13 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     check_settings(evidence.settings, SETTINGS, NAME)
     context, segments, warnings = _prepare(recording, evidence)
     with analysing(recording.metadata.run_id):
-        traverses = [_traverse(context, segment) for segment in segments]
+        traverses = _traverses_of(context, segments)
         pairs = _pairs(traverses)
         if not pairs:
             return _one_direction(context, traverses, evidence, warnings)
         combined = [combine(ahead.fit, back.fit) for ahead, back in pairs]
         relation = _figure_16(pairs[0], combined[0], abs(segments[0].setpoint))
     estimates = _pooled([c.estimates for c in combined])
-    estimates = with_amplification(
-        estimates, evidence.gear, context.ratio, abs(segments[0].setpoint)
-    )
     metrics = _metrics(context, traverses, combined, evidence.gear, abs(segments[0].setpoint))
     options: dict[str, object] = _options(context)
     for one in combined:
@@ -265,17 +304,16 @@ def _prepare(
     zero = torque_zero(recording) if recording.has("torque") else None
     warnings += zero.warnings if zero else ("No torque was recorded: figure 16 cannot be drawn.",)
     settings = evidence.settings
-    basis = standard_basis(ratio, int(settings.get("highest_order", HIGHEST_ORDER)))
-    accuracy_order = settings.get("accuracy_order")
     return (
         _Context(
             recording=recording,
             ratio=ratio,
-            basis=basis,
             encoders=encoders,
+            spring=spring_of(evidence.gear, ratio),
             reference=reference,
             zero=zero,
-            accuracy_order=accuracy_order,
+            highest_order=int(settings.get("highest_order", HIGHEST_ORDER)),
+            accuracy_order=settings.get("accuracy_order"),
             edge_triggered=bool(settings.get("edge_triggered", False)),
         ),
         segments,
@@ -283,60 +321,69 @@ def _prepare(
     )
 
 
-def _traverse(context: _Context, segment: Segment) -> Traverse:
-    """Stream one segment through the regressions of kinematic error and torque."""
+def spring_of(gear: HarmonicDrive, ratio: float) -> Torsion:
+    """The gear's spring with what its output carries, and the relative standard uncertainty of 1/w_1^2.
+
+    Where a run identified the resonance (it stands in the set's output inertia) its uncertainty
+    counts; else the stiffness is one within `STIFFNESS_TOLERANCE` of the set's.
+    """
+    parameters = dynamic_parameters(gear, ratio=ratio)
+    origin = gear.value("inertia.output").origin
+    if origin.provenance == "identified" and origin.standard_uncertainty is not None:
+        return Torsion(
+            parameters=parameters,
+            relative_uncertainty=origin.standard_uncertainty / gear.inertia.output,
+        )
+    low, high = 1.0 - STIFFNESS_TOLERANCE, 1.0 + STIFFNESS_TOLERANCE
+    mean = math.log(high / low) / (high - low)
+    return Torsion(
+        parameters=parameters, relative_uncertainty=math.sqrt(1.0 / (low * high) - mean**2)
+    )
+
+
+def _traverses_of(context: _Context, segments: tuple[Segment, ...]) -> list[Traverse]:
+    """Stream the segments, then fit kinematic error and torque of all in the orders that they have."""
+    recording = context.recording
+    timed = recording.metadata.time_base != "none"
+    sums = [_streamed(context, segment, timed) for segment in segments]
+    fits = fit_traverses(
+        sums,
+        accuracy_order=context.accuracy_order,
+        spring=context.spring if timed else None,
+        time=0 if timed else None,
+    )
+    traverses = []
+    for segment, fit in zip(segments, fits, strict=True):
+        torque = None
+        if context.zero is not None:
+            cells = fit.regression.cells
+            torque, _ = solve_angle(cells, fit.basis, value=len(cells.mean) - 1)
+        traverses.append(Traverse(segment, fit, torque))
+    return traverses
+
+
+def _streamed(context: _Context, segment: Segment, timed: bool) -> KinematicErrorAccumulator:
+    """One segment's angles, with its time and its torque where they were recorded."""
     recording = context.recording
     error = KinematicErrorAccumulator(
         context.ratio,
-        basis=context.basis,
         encoders=context.encoders,
         edge_triggered=context.edge_triggered,
+        highest_order=context.highest_order,
+        beside=int(timed) + int(context.zero is not None),
     )
-    torque = AngleRegression(context.basis) if context.zero is not None else None
     for rows in recording.blocks(segment):
         good = usable(recording, rows)
-        angle = recording.si("input_angle", rows)[good] - context.reference.input_angle
-        error.add(angle, recording.output_angle(rows)[good])
-        if torque is not None and context.zero is not None:
-            torque.add(
-                angle,
-                recording.si("torque", rows)[good] - context.zero.at(recording.time(rows)[good]),
-            )
-    fit = error.fit(accuracy_order=context.accuracy_order)
-    return Traverse(segment, fit, solve_angle(torque.sums())[0] if torque is not None else None)
-
-
-def with_amplification(
-    estimates: dict[str, Estimate], gear: HarmonicDrive, ratio: float, speed: float
-) -> dict[str, Estimate]:
-    """The estimates with what the torsional vibration adds to them in their budgets.
-
-    An output that is carried by a spring answers the order n of a kinematic error at the input
-    speed w amplified by 1/(1 - r^2), r = n w/w_1, w_1 the first torsional mode of the parameter
-    set: far below w_1 by the share r^2/(1 - r^2), which is not corrected. It is taken as the
-    half-width of a rectangular distribution.
-    """
-    first = first_resonances(gear)[0]
-    lines: dict[str, float] = {}
-    for name, estimate in estimates.items():
-        if name.startswith("amplitude_"):
-            share = (_order_of(name.removeprefix("amplitude_"), ratio) * speed / first) ** 2
-            lines[name] = (
-                share / abs(1.0 - share) * estimate.value / math.sqrt(3.0)
-                if share != 1.0
-                else math.inf
-            )
-    whole = 2.0 * sum(u for name, u in lines.items() if estimates[name].identifiable == "yes")
-    lines |= {name: whole for name in estimates if name.startswith("transmission_accuracy")}
-    note = f"first torsional mode {first / (2.0 * math.pi):.0f} Hz by the parameter set; less at a lower speed"
-    return {
-        name: estimate.with_budget(
-            [BudgetLine("torsional amplification, not corrected", "B", lines[name], note)]
+        time = recording.time(rows)[good] if timed or context.zero is not None else None
+        beside = [time] if timed and time is not None else []
+        if context.zero is not None and time is not None:
+            beside.append(recording.si("torque", rows)[good] - context.zero.at(time))
+        error.add(
+            recording.si("input_angle", rows)[good] - context.reference.input_angle,
+            recording.output_angle(rows)[good],
+            *beside,
         )
-        if lines.get(name, 0.0) > 0.0 and estimate.budget
-        else estimate
-        for name, estimate in estimates.items()
-    }
+    return error
 
 
 def _pairs(traverses: list[Traverse]) -> list[tuple[Traverse, Traverse]]:
@@ -375,9 +422,6 @@ def _one_direction(
     """A recording of one direction only: no half-difference, so nothing about wind-up, friction or figure 16."""
     warnings = [*warnings, "One direction only: wind-up and skew stand in the kinematic error."]
     estimates = _pooled([t.fit.estimates for t in traverses])
-    estimates = with_amplification(
-        estimates, evidence.gear, context.ratio, abs(traverses[0].segment.setpoint)
-    )
     metrics = _metrics(context, traverses, [], evidence.gear, abs(traverses[0].segment.setpoint))
     for t in traverses:
         warnings += t.fit.warnings
@@ -456,6 +500,7 @@ def _metrics(
     highest = max((h.order for h in gear.kinematic_error), default=4.0)
     if speed > 0.0:
         metrics["margin_to_first_mode"] = first_resonances(gear)[0] / (highest * speed)
+    metrics["delay"] = traverses[0].fit.delay
     metrics["slipped_counts"] = float(sum(len(t.fit.slips) for t in traverses))
     return metrics
 
@@ -468,7 +513,7 @@ def _options(context: _Context) -> dict[str, object]:
         "sign": "positive: output leads in the direction of travel of a positive input",
         "phases_count_from": context.reference.what,
         "phase_reference_angle": context.reference.input_angle,
-        "highest_order": max(context.basis.orders),
+        "highest_order": context.highest_order,
         "edge_triggered": context.edge_triggered,
     }
 
@@ -500,7 +545,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
     check_settings(evidence.settings, SETTINGS, NAME)
     context, segments, warnings = _prepare(recording, evidence)
     with analysing(recording.metadata.run_id):
-        traverses = [_traverse(context, segment) for segment in segments]
+        traverses = _traverses_of(context, segments)
     if not gear.kinematic_error:
         raise AnalysisError(
             "the parameter set has no kinematic error", where="kinematic_error.orders"
@@ -562,7 +607,7 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
             continue
         label = name.removeprefix("amplitude_")
         phase = result.estimates[f"phase_{label}"].value
-        order = _order_of(label, ratio)
+        order = order_of_label(label, ratio)
         series.append(
             Harmonic(order, amplitude.value * math.cos(phase), amplitude.value * math.sin(phase))
         )
@@ -577,14 +622,6 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
         kinematic_error=tuple(sorted(series, key=lambda h: h.order)),
         origins=MappingProxyType(origins),
     )
-
-
-def _order_of(label: str, ratio: float) -> float:
-    """The order of the standard basis that carries this label."""
-    basis = standard_basis(ratio, 200)
-    if label in basis.labels:
-        return basis.orders[basis.labels.index(label)]
-    return float(label)
 
 
 EXPERIMENT = Experiment(

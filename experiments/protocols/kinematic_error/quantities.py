@@ -109,12 +109,25 @@ ESTIMATES = (
 
 METRICS = (
     Quantity(name="mse_curve_{way}", title="MSE curve {way}", unit="1"),
+    Quantity(
+        name="mse_left_out_{way}",
+        title="MSE curve {way}, revolutions left out",
+        unit="1",
+        definition="every second input revolution predicted from the others, and those from it",
+    ),
+    Quantity(name="harmonics_{way}", title="harmonics fitted {way}", unit="1"),
     Quantity(name="mse_raw_{way}", title="MSE raw {way}", unit="1"),
     Quantity(
         name="raw_peak_to_peak_{way}", title="raw peak to peak {way}", unit="rad", shown="arcmin"
     ),
     Quantity(name="closure_{way}", title="closure {way}", unit="rad", shown="arcmin"),
     Quantity(name="residual_rms_{way}", title="residual rms {way}", unit="rad"),
+    Quantity(
+        name="left_over_{way}",
+        title="residual above its noise {way}",
+        unit="rad",
+        definition="r.m.s. of what the fitted orders leave, above the noise, up to the highest order",
+    ),
     Quantity(name="repeatability_{way}", title="repeatability {way}", unit="rad"),
     Quantity(name="input_revolutions_{way}", title="input revolutions {way}", unit="1"),
     Quantity(name="output_revolutions_{way}", title="output revolutions {way}", unit="1"),
@@ -123,6 +136,12 @@ METRICS = (
     Quantity(name="condition_{way}", title="condition {way}", unit="1"),
     Quantity(name="agreement_of_directions", title="agreement of directions", unit="rad"),
     Quantity(name="mse_on_other_repeats", title="MSE on other repeats", unit="1"),
+    Quantity(
+        name="delay",
+        title="output read after the input",
+        unit="s",
+        definition="by the phases of the orders in the two directions; taken out",
+    ),
     Quantity(name="margin_to_first_mode", title="margin to first mode", unit="1"),
     Quantity(name="slipped_counts", title="slipped counts", unit="1"),
 )

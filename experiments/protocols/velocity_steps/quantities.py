@@ -31,6 +31,8 @@ ESTIMATES = (
         title="square of the mode's angular frequency",
         unit="1/s2",
         definition="(2 pi f_1)^2 of the pole from input to output angle; damping raises it above K/J_o",
+        target_share=0.1,
+        target_reason=_STIFFNESS_REASON,
     ),
     Quantity(
         name="damping_ratio",

@@ -125,12 +125,10 @@ def _compile_ahead(protocol: str) -> None:
         return
     import numpy as np
 
-    from model.identify.angle_regression import AngleRegression, standard_basis
+    from model.identify.angle_regression import AngleRegression
 
     angle = np.linspace(0.0, 60.0, 6000)
-    regression = AngleRegression(standard_basis(120.0))
-    regression.add(angle, np.cos(2.0 * angle))
-    regression.sums()
+    AngleRegression(120.0).add(angle, np.cos(2.0 * angle))
 
 
 def _wait_for_turn(protocol: str, begun: Mapping[str, Any], shared: Any) -> None:

@@ -4,6 +4,7 @@ and friction are given.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,12 @@ from model.friction import friction_torque
 from model.gear import HarmonicDrive
 from model.identify.angle_regression import AngleFit, AngleRegression, Basis, solve_angle
 from model.identify.checks import channels
-from model.identify.kinematic_error import Encoders, KinematicErrorAccumulator, KinematicErrorFit
+from model.identify.kinematic_error import (
+    Encoders,
+    KinematicErrorAccumulator,
+    KinematicErrorFit,
+    fit_traverses,
+)
 from model.identify.running_torque import RunningTorque, average_torque
 from model.units import ARCMIN, REVOLUTION, RPM
 
@@ -149,9 +155,22 @@ def fit_kinematic_error(
     return accumulator.fit(accuracy_order=accuracy_order)
 
 
+def fit_both_ways(
+    runs: Sequence[SlowRun], *, wind_up: float = 0.0, encoders: Encoders | None = None
+) -> list[KinematicErrorFit]:
+    """Traverses of one gear in the orders that all have; what `wind_up` [rad] takes off changes sign with the way."""
+    sums = []
+    for run in runs:
+        way = float(np.sign(run.input_angle[-1] - run.input_angle[0]))
+        accumulator = KinematicErrorAccumulator(RATIO, encoders=encoders)
+        accumulator.add(run.input_angle, run.output_angle - way * wind_up)
+        sums.append(accumulator)
+    return fit_traverses(sums)
+
+
 def fit_over_angle(angle: ArrayLike, value: ArrayLike, basis: Basis) -> AngleFit:
     """Any channel over the input angle by the same streaming regression: trend, orders, covariance by blocks."""
     x, y = channels(16, angle=angle, value=value)
-    regression = AngleRegression(basis)
+    regression = AngleRegression(basis.ratio)
     regression.add(x, y)
-    return solve_angle(regression.sums())[0]
+    return solve_angle(regression.cells(), basis)[0]

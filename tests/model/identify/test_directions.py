@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,18 +13,12 @@ from model.identify.angle_regression import standard_basis
 from model.identify.directions import combine, phase_relation
 from model.identify.kinematic_error import Encoders
 from model.units import ARCMIN, ARCSEC, DEGREE
-from tests.model.identify.rigs import RATIO, TRUTH, fit_kinematic_error, fit_over_angle, slow_run
+from tests.model.identify.rigs import RATIO, TRUTH, fit_both_ways, fit_over_angle, slow_run
 
 
 def pair(wind_up: float = 0.0):
-    fits, runs = [], []
-    for direction in (1.0, -1.0):
-        run = slow_run(11 + int(direction), direction=direction)
-        fits.append(
-            fit_kinematic_error(run.input_angle, run.output_angle - direction * wind_up, RATIO)
-        )
-        runs.append(run)
-    return fits, runs
+    runs = [slow_run(11 + int(direction), direction=direction) for direction in (1.0, -1.0)]
+    return fit_both_ways(runs, wind_up=wind_up), runs
 
 
 def torque_fits(runs, phase: float, amplitude: float, noise: float, conservative: float = 0.002):
@@ -51,32 +46,28 @@ def test_the_mean_is_the_error_and_the_difference_the_wind_up() -> None:
 def test_what_the_encoders_add_is_not_lessened_by_the_mean_of_both_directions() -> None:
     encoders = Encoders(ARCSEC, ARCSEC, output_accuracy=2.0 * ARCSEC, input_accuracy=20.0 * ARCSEC)
     runs = [slow_run(11 + int(direction), direction=direction) for direction in (1.0, -1.0)]
-    both = combine(
-        *(
-            fit_kinematic_error(r.input_angle, r.output_angle, RATIO, encoders=encoders)
-            for r in runs
-        )
-    )
+    both = combine(*fit_both_ways(runs, encoders=encoders))
     systematic = {
         name: [line.standard_uncertainty for line in e.budget if line.kind == "B"]
         for name, e in both.estimates.items()
     }
-    assert systematic["amplitude_1/N"] == [2.0 * ARCSEC]
-    assert systematic["amplitude_2"] == [20.0 * ARCSEC / RATIO]
-    assert systematic["phase_2"] == [20.0 * ARCSEC / RATIO / both.estimates["amplitude_2"].value]
-    assert systematic["amplitude_4"] == systematic["phase_4"] == []
-    assert both.estimates["amplitude_4"].standard_uncertainty > 0.0
+    # A class of +-2 arcsec: a rectangle of that half width has the variance of eight orders in equal shares.
+    of_output, of_motor = 2.0 * ARCSEC / math.sqrt(24.0), 20.0 * ARCSEC / RATIO / math.sqrt(12.0)
+    assert systematic["amplitude_1/N"] == [pytest.approx(of_output)]
+    assert systematic["amplitude_2"] == systematic["amplitude_4"] == [pytest.approx(of_motor)]
+    turned = of_motor / both.estimates["amplitude_2"].value
+    assert systematic["phase_2"] == [pytest.approx(turned)]
+    assert systematic["amplitude_2-1/N"] == systematic["phase_2-1/N"] == []
+    assert both.estimates["amplitude_2-1/N"].standard_uncertainty > 0.0
     # An order that the encoders alone may make is not said to be the gear's.
     loud = replace(encoders, output_accuracy=400.0 * ARCSEC)
-    both = combine(
-        *(fit_kinematic_error(r.input_angle, r.output_angle, RATIO, encoders=loud) for r in runs)
-    )
+    both = combine(*fit_both_ways(runs, encoders=loud))
     assert (
         both.estimates["amplitude_1/N"].identifiable
         == both.estimates["phase_1/N"].identifiable
         == "weakly"
     )
-    assert both.estimates["amplitude_4"].identifiable == "yes"
+    assert both.estimates["amplitude_2-1/N"].identifiable == "yes"
 
 
 def test_two_fits_of_one_direction_are_refused() -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from model.errors import IdentificationError
 from model.gear import Harmonic
-from model.identify.angle_regression import AngleRegression, Basis, solve_angle, standard_basis
+from model.identify.angle_regression import AngleRegression, Basis, solve_angle
 from model.identify.kinematic_error import (
     Encoders,
     KinematicErrorAccumulator,
@@ -135,9 +135,9 @@ def test_streaming_equals_ordinary_least_squares(
     value = design_matrix(angle, basis.orders) @ np.concatenate(
         [truth[:1], truth[1:2] / (REVOLUTION * RATIO), truth[2:]]
     )
-    regression = AngleRegression(basis)
+    regression = AngleRegression(basis.ratio)
     regression.add(angle, value)
-    fit, _ = solve_angle(regression.sums())
+    fit, _ = solve_angle(regression.cells(), basis)
     expected = truth.copy()
     expected[0] += truth[1] * angle[0] / (REVOLUTION * RATIO)
     np.testing.assert_allclose(fit.values, expected, atol=1e-8)
@@ -158,10 +158,9 @@ def test_intervals_cover_the_truth() -> None:
 
 
 def test_memory_does_not_grow_with_the_recording() -> None:
-    basis = standard_basis(RATIO)
     peaks = []
     for revolutions in (800, 3200):
-        regression = AngleRegression(basis)
+        regression = AngleRegression(RATIO)
         regression.add(np.linspace(0.0, 10.0, 100), np.zeros(100))
         tracemalloc.start()
         for turn in range(2, revolutions, 20):
@@ -169,22 +168,22 @@ def test_memory_does_not_grow_with_the_recording() -> None:
             regression.add(angle, np.cos(2.0 * angle))
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-        assert regression.sums().revolutions > revolutions - 3
+        assert regression.cells().revolutions > revolutions - 3
     assert peaks[1] < 1.05 * peaks[0] + 1e4
 
 
-def test_blocks_merge_without_losing_anything() -> None:
+def test_output_revolutions_laid_on_each_other_lose_nothing() -> None:
     basis = Basis(1.0, (1.0, 2.0))
-    regression = AngleRegression(basis)
-    angle = np.linspace(0.0, 900.0 * REVOLUTION, 90_000)
-    value = 0.5 + np.cos(angle) + 0.2 * np.sin(2.0 * angle)
+    regression = AngleRegression(1.0)
+    angle = np.linspace(0.0, 3000.0 * REVOLUTION, 300_000)
+    value = 0.5 + np.cos(angle) + 0.2 * np.sin(2.0 * angle) + 1e-3 * angle / REVOLUTION
     regression.add(angle, value)
-    sums = regression.sums()
-    assert sums.count == len(angle)
-    assert len(sums.normal) <= 128
-    assert sums.length == pytest.approx(8 * REVOLUTION)
-    fit, _ = solve_angle(sums)
-    np.testing.assert_allclose(fit.values, [0.5, 0.0, 1.0, 0.0, 0.0, 0.2], atol=1e-8)
+    cells = regression.cells()
+    assert cells.samples == cells.count.sum() == len(angle)
+    assert cells.rows <= 1024
+    assert cells.layers == 4
+    fit, _ = solve_angle(cells, basis)
+    np.testing.assert_allclose(fit.values, [0.5, 1e-3, 1.0, 0.0, 0.0, 0.2], atol=2e-6)
 
 
 def test_a_short_run_leaves_out_what_it_cannot_separate() -> None:

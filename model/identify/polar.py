@@ -1,0 +1,130 @@
+"""Amplitude and phase of an order: a cos(v theta) + b sin(v theta) = amplitude cos(v theta - phase), with intervals.
+
+The length of a vector that has noise follows Rice's distribution: it is never below zero and is
+biased upwards where it is small. The interval of the true amplitude is every one that would have
+given the found length with more than 2.5 % on either side; its low end is 0 where noise alone would.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chndtr, chndtrinc
+
+from model.identify.checks import Array
+from model.identify.estimate import BudgetLine, Estimate
+from model.identify.least_squares import student_quantile
+
+NORMAL_QUANTILE = 1.959963984540054
+ALMOST_NORMAL = 8.0
+"""Amplitude in standard uncertainties from which Rice's distribution is a normal one."""
+LEAST_CHANCE = 0.06
+"""Square of the length, in variances, below which any smaller amplitude is as likely: the high end falls no further."""
+SIGNIFICANT = 9.21
+"""Squared length in variances that noise alone exceeds in 1 % of the cases."""
+RESIDUAL = "residual, spectrum beside the order"
+UNKNOWN = math.pi / math.sqrt(3.0)
+"""Standard uncertainty of a phase of which nothing is known [rad]."""
+
+
+def rice_interval(length: float, error: float) -> tuple[float, float]:
+    """The 95 % interval of an amplitude whose found length has the standard uncertainty `error` per component."""
+    if not error > 0.0:
+        return length, length
+    if length > ALMOST_NORMAL * error:
+        return length - NORMAL_QUANTILE * error, length + NORMAL_QUANTILE * error
+    square = (length / error) ** 2
+    low = float(chndtrinc(square, 2.0, 0.975)) if chndtr(square, 2.0, 0.0) > 0.975 else 0.0
+    high = float(chndtrinc(max(square, LEAST_CHANCE), 2.0, 0.025))
+    return error * math.sqrt(low), error * math.sqrt(high)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Polar:
+    """An order as amplitude and phase with their estimates; `significant`: above what noise explains (99 %)."""
+
+    amplitude: Estimate
+    phase: Estimate
+    significant: bool
+
+
+def polar(
+    label: str,
+    vector: Array,
+    covariance: Array,
+    freedom: float,
+    unit: str,
+    shared: tuple[tuple[BudgetLine, Array], ...] = (),
+) -> Polar:
+    """Amplitude and phase of (a, b) with covariance (2, 2) of the data.
+
+    `shared` are errors of type B that belong to the interval all the same, because they come from a
+    correction of this vector: the line that names each (its u is filled in) and the change of the
+    vector by one standard uncertainty.
+    """
+    a, b = float(vector[0]), float(vector[1])
+    size, phase = math.hypot(a, b), math.atan2(b, a)
+    along = np.array([math.cos(phase), math.sin(phase)])
+    across = np.array([-along[1], along[0]])
+    radial, tangential = (_error(e, covariance) for e in (along, across))
+    lines, turned = [], []
+    whole = np.array(covariance)
+    for line, change in shared:
+        whole = whole + np.outer(change, change)
+        lines.append(replace(line, standard_uncertainty=abs(float(along @ change))))
+        turned.append(replace(line, standard_uncertainty=abs(float(across @ change))))
+    widened = student_quantile(freedom) / NORMAL_QUANTILE
+    wide_radial, wide_tangential = _error(along, whole), _error(across, whole)
+    error = wide_radial
+    if size <= ALMOST_NORMAL * wide_radial:
+        error = math.sqrt(0.5 * (wide_radial**2 + wide_tangential**2))
+    low, high = rice_interval(size, widened * error)
+    turn = math.pi
+    if size > 0.0:
+        turn = min(student_quantile(freedom) * wide_tangential / size, math.pi)
+    determinant = float(np.linalg.det(whole))
+    distance = float(vector @ np.linalg.solve(whole, vector)) if determinant > 0.0 else 0.0
+    significant = distance > SIGNIFICANT
+    verdict = "yes" if significant else "weakly"
+    note = "" if significant else f"not distinguishable from zero, below {high:.3g} {unit}"
+    amplitude = Estimate(
+        name=f"amplitude_{label}",
+        value=size,
+        unit=unit,
+        low=low,
+        high=max(high, size),
+        identifiable=verdict,
+        note=note,
+        budget=(BudgetLine(RESIDUAL, "A", radial, degrees_of_freedom=freedom), *lines),
+    )
+    first = BudgetLine(RESIDUAL, "A", tangential, degrees_of_freedom=freedom)
+    return Polar(
+        amplitude=amplitude,
+        phase=Estimate(
+            name=f"phase_{label}",
+            value=phase,
+            unit="rad",
+            low=phase - turn,
+            high=phase + turn,
+            identifiable=verdict,
+            note=note,
+            budget=over_amplitude((first, *turned), size),
+        ),
+        significant=significant,
+    )
+
+
+def over_amplitude(lines: tuple[BudgetLine, ...], amplitude: float) -> tuple[BudgetLine, ...]:
+    """Lines across a vector as lines of its phase [rad]; none exceeds that of a phase of which nothing is known."""
+    if not amplitude > 0.0:
+        return ()
+    return tuple(
+        replace(line, standard_uncertainty=min(line.standard_uncertainty / amplitude, UNKNOWN))
+        for line in lines
+    )
+
+
+def _error(direction: Array, covariance: Array) -> float:
+    return math.sqrt(max(float(direction @ covariance @ direction), 0.0))
