@@ -12,6 +12,8 @@ friction. At 30 degrees the two balances differ by a factor of 3.9 in the mesh, 
 F_s, c_v mean nothing without the balance they belong to (`ModelOptions.torque_balance`);
 `conversion_factor` is between them. Equations 18-20 as printed in Zou et al. 2015 with the
 absolute values restored; units and the low-speed branch after Palmgren (Harris and Kotzalas).
+
+F_s may lie below F_c: friction then rises from rest, and equation 19 has no dip (no Stribeck effect).
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from model.friction import (
     speed_sign,
     stribeck_magnitude,
 )
-from model.gear import HarmonicDrive
+from model.gear import HarmonicDrive, MeshFriction
 from model.gear_file import shipped_gear
 from model.units import RPM
 
@@ -110,3 +110,11 @@ def test_the_factor_between_the_balances_keeps_the_mesh_torque() -> None:
     published = with_options(GEAR, torque_balance="published")
     factors = [mesh_lever(gear) for gear in (GEAR, published)]
     assert factors[0] == pytest.approx(conversion_factor(GEAR) * factors[1], rel=1e-12)
+
+
+def test_friction_may_rise_from_rest() -> None:
+    """F_s < F_c: no Stribeck dip, and the curve never falls."""
+    mesh = MeshFriction(coulomb=1.0, static=0.6, stribeck_velocity=4.0, shape=1.0, viscous=0.01)
+    force = stribeck_magnitude(mesh, np.linspace(0.0, 40.0, 400))
+    assert force[0] == 0.6
+    assert np.all(np.diff(force) > 0.0)
