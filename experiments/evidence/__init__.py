@@ -21,6 +21,9 @@ BAD_CYCLE = 1 | 8 | 16 | 32
 SATURATED = 64
 """Flag of a cycle in which the analogue input was at the end of its range."""
 
+UNFINISHED = ("ABORTED", "TRIPPED", "ERROR", "INTERRUPTED")
+"""Outcomes of a run that did not come to the end of its plan."""
+
 MARK_REPEATABILITY = 2
 """Counts by which an index mark may come back elsewhere without saying anything."""
 
@@ -60,13 +63,7 @@ def check_recording(
             limit=f">= {least_rows} cycles",
             remedy="Record longer.",
         )
-    missed = unrecorded = _unrecorded(recording)
-    saturated = 0
-    for rows in recording.blocks(size=1 << 20):
-        flags = recording.flags(rows)
-        missed += int(np.count_nonzero(flags & BAD_CYCLE))
-        saturated += int(np.count_nonzero(flags & SATURATED))
-    cycles = recording.rows + unrecorded
+    cycles, missed, saturated = cycles_of(recording)
     share = missed / cycles
     if share > maximum_missed_share:
         raise AnalysisError(
@@ -83,12 +80,23 @@ def check_recording(
         warnings.append(
             f"The torque input was at the end of its range in {saturated} cycles: torques are too small there."
         )
-    if recording.metadata.outcome in ("ABORTED", "TRIPPED", "ERROR", "INTERRUPTED"):
+    if recording.metadata.outcome in UNFINISHED:
         warnings.append(
             f"The run ended as {recording.metadata.outcome}: only what was recorded until then is analysed."
         )
     warnings += index_remarks(recording) + skew_remark(recording)
     return Checked(cycles, missed, tuple(warnings))
+
+
+def cycles_of(recording: Recording) -> tuple[int, int, int]:
+    """SYNC cycles of a recording, those of them that cannot be used, and those at the end of the torque's range."""
+    missed = unrecorded = _unrecorded(recording)
+    saturated = 0
+    for rows in recording.blocks(size=1 << 20):
+        flags = recording.flags(rows)
+        missed += int(np.count_nonzero(flags & BAD_CYCLE))
+        saturated += int(np.count_nonzero(flags & SATURATED))
+    return recording.rows + unrecorded, missed, saturated
 
 
 def _unrecorded(recording: Recording) -> int:

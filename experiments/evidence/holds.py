@@ -26,6 +26,8 @@ TRANSIENT = ("step", "home-input", "home-output")
 ZERO_BEFORE, ZERO_AFTER = "torque-zero-before", "torque-zero-after"
 SETTLED_SHARE = 0.25
 """Share at the start of a servo-off segment that is left out."""
+STILL = 0.1
+"""rad of the input within which a segment without a set-point has not turned."""
 LARGEST = 1_000_000
 """Rows of one segment that are looked at; of a longer one the last."""
 
@@ -47,8 +49,14 @@ class Hold:
 
     @property
     def turns(self) -> bool:
-        """Whether it turned at a constant speed."""
-        return self.segment.label in TURNING
+        """Whether it turned at a constant speed, or was to: a hold at standstill was not."""
+        wanted = self.segment.setpoint != 0.0 or abs(self.input_travel) > STILL
+        return wanted and self.segment.label in TURNING
+
+    @property
+    def works(self) -> bool:
+        """Whether friction stood against a motion, or against one that was about to begin."""
+        return self.turns or self.segment.label in PUSHING
 
     @property
     def speed(self) -> float:

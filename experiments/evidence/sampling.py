@@ -7,7 +7,7 @@ from datetime import datetime
 
 import numpy as np
 
-from experiments.evidence import TRUE_TIME, rotary_ratio
+from experiments.evidence import TRUE_TIME, UNFINISHED, cycles_of, rotary_ratio
 from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded
 from model.identify.counting import lattice_aliases
@@ -33,12 +33,25 @@ NEAR_AN_ORDER = 0.05
 """Orders apart from which on a folded line does not stand on an order of one output revolution's fit."""
 
 
+def end_of_run(recorded: Recorded) -> Finding:
+    """Whether the run came to the end of its plan: what was not reached may have been the worst of it."""
+    outcome = recorded.recording.metadata.outcome
+    if outcome in UNFINISHED:
+        return not_checked(f"the run ended as {outcome}")
+    return Finding("ok", outcome, "a run to its end")
+
+
 def gaps(recorded: Recorded) -> Finding:
     """Rows that cannot be used in any segment that counts, and gaps of time between rows."""
-    recording = recorded.recording
+    recording, largest = recorded.recording, recorded.evidence.maximum_missed_share
+    cycles, missed, _ = cycles_of(recording)
+    if missed > largest * cycles:
+        found = f"{missed} of {cycles} ({100.0 * missed / cycles:.3g} %)"
+        words = "too many cycles were missed for a result that can be trusted"
+        return Finding("refused", found, f"<= {100.0 * largest:g} %", words)
     if not recorded.holds and recording.segments:
         return Finding("ok", "no segment to be averaged")
-    allowed = max(HOLD_GAP, recorded.evidence.maximum_missed_share)
+    allowed = max(HOLD_GAP, largest)
     worst = max(recorded.holds, key=lambda h: h.unusable / h.rows, default=None)
     share = worst.unusable / worst.rows if worst else 0.0
     shortest, longest = _steps_of_time(recorded)

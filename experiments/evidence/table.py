@@ -75,7 +75,8 @@ def _tare(recorded: Recorded) -> bool:
     return recorded.evidence.tare is not None
 
 
-RECORD_AGAIN = "Repair the acquisition and record again."
+RUN_AGAIN = "Run it again, to its end."
+RECORD_AGAIN = "Repair the acquisition and record again, or allow more missed cycles with --largest-missed-share."
 LOOK_AT_PORT = (
     "Check range, scale, unit and sign of the torque channel (rig.toml, or the map of the import)."
 )
@@ -95,6 +96,7 @@ NEW_TARE = "Take a new tare, or allow more with the setting tare_age_limit."
 SAME_ROOM = "Take a new tare at this temperature."
 
 TABLE: tuple[Row, ...] = (
+    Row("end of the run", _every, sampling.end_of_run, RUN_AGAIN),
     Row("gaps", _every, sampling.gaps, RECORD_AGAIN),
     Row("time axis", _every, sampling.time_axis, LOOK_AT_TIME),
     Row("speed against set-point", _set_speed, motion.speed_against_set_point, LOOK_AT_COUNTS),

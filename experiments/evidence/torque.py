@@ -74,7 +74,7 @@ def plateau(recorded: Recorded) -> Finding:
 
 def sign(recorded: Recorded) -> Finding:
     """Friction takes power: at constant speed, and until it moves, the torque points along the motion."""
-    known = [h for h in recorded.holds if math.isfinite(h.torque)]
+    known = [h for h in recorded.holds if h.works and math.isfinite(h.torque)]
     if not known:
         return not_checked("a torque over segments that count is needed")
     largest = max(abs(h.torque) for h in known)

@@ -319,6 +319,10 @@ def time_going_back(honest: Honest) -> Honest:
     return _with(honest, times=times)
 
 
+def stopped(honest: Honest) -> Honest:
+    return _about(honest, outcome="ABORTED")
+
+
 # The tare.
 
 

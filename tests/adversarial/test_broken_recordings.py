@@ -148,6 +148,16 @@ def test_what_is_widened_is_wider_and_not_wrong(
             assert apart <= estimate.expanded_uncertainty, name
 
 
+def test_a_run_that_was_stopped_is_not_judged(
+    honest: Callable[[str], Honest], result: Callable[[str], Result]
+) -> None:
+    """What it did not reach may have been the worst of it: a gear that would fail is not passed, and not failed."""
+    stopped = acts.stopped(honest("friction"))
+    after = catalogue.load("friction").analyse(stopped.recording, stopped.evidence)
+    assert {v.outcome for v in result("friction").verdicts} == {"FAIL"}
+    assert (after.verdict, after.because) == ("NOT JUDGED", "not checked: end of the run")
+
+
 def test_the_documentation_lists_the_checks_in_their_order() -> None:
     page = (Path(__file__).parents[2] / "docs/explanation/evidence.md").read_text(encoding="utf-8")
     table = page.partition("## The table")[2].partition("## ")[0]
@@ -157,4 +167,4 @@ def test_the_documentation_lists_the_checks_in_their_order() -> None:
 
 def test_every_check_has_a_recording_that_it_refuses_or_widens() -> None:
     tried = {check for _, _, check in REFUSED} | {check for _, _, check, _ in WIDENED}
-    assert {row.name for row in TABLE} - tried == {"count lattice"}
+    assert {row.name for row in TABLE} - tried == {"count lattice", "end of the run"}

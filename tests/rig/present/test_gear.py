@@ -97,7 +97,7 @@ def test_the_verdict_of_the_newest_run_and_the_worst_state_stand_at_the_head(
     assert "newest run of every kind" in verdict.sentence
     assert (state.word, state.style) == ("OUT OF CONTROL", "fail")
     assert context["serial"] == "A1"
-    assert any("95.25 ± 0.40 mN m" in row for row in context["key_results"])
+    assert any("95.25 ± 0.39 mN m" in row for row in context["key_results"])
 
 
 def test_page_and_paper_say_the_same(context: dict[str, Any], both: tuple[str, str]) -> None:
@@ -106,7 +106,7 @@ def test_page_and_paper_say_the_same(context: dict[str, Any], both: tuple[str, s
         "Passport of gear A1",
         "FAIL",
         "OUT OF CONTROL",
-        "95.25 ± 0.40 mN m",
+        "95.25 ± 0.39 mN m",
         "Runs that count",
         "Ada Grün",
         "upper control limit",
@@ -125,7 +125,7 @@ def test_the_catalogue_with_the_conditions_of_both_stands_in_it(
 ) -> None:
     row = context["catalogue"].rows[0]
     assert row[0].startswith("running torque 1000 r/min: torque that keeps the input turning")
-    assert row[1] == "95.25 ± 0.40 mN m"
+    assert row[1] == "95.25 ± 0.39 mN m"
     assert row[2] == "100 mN m"
     assert "at a stated speed and temperature (20 °C)" in row[3]
     assert row[4] == "lubricant SK-1A, torque of gear"
