@@ -69,7 +69,8 @@ class FrictionFit:
     torque (half sums). metrics: chi_square, freedom, birge, residual_rms [N m], relative_rms,
     bracket_drift, points, slowest_speed. speed, torque, standard_error, fitted (n,): friction at
     the input [N m], tare subtracted, and what the points say of their common errors too; tare (n,);
-    curve_speed, curve_torque for plots. `common`: the errors that the points share, `shared` (m,)
+    curve_speed, curve_torque for plots. force, force_error (n,) [N] and columns (n, m) are what the
+    curve was fitted to. `common`: the errors that the points share, `shared` (m,)
     what they say of the fitted ones, in standard uncertainties.
     """
 
@@ -90,7 +91,9 @@ class FrictionFit:
     stribeck: StribeckFit
     holds: tuple[RunningTorque, ...]
     points: FrictionPoints
+    force: Array
     force_error: Array
+    columns: Array | None
     common: tuple[CommonError, ...]
     lever: float
 
@@ -273,7 +276,9 @@ def fit_friction(
         stribeck=fit,
         holds=tuple(holds),
         points=points,
+        force=force,
         force_error=force_error,
+        columns=shared,
         common=tuple(common),
         lever=lever,
     )

@@ -30,8 +30,9 @@ Measurand = Callable[[FloatArray, Mapping[str, float]], float]
 
 def genetic_metrics(fit: FrictionFit, gear: HarmonicDrive, seed: int) -> dict[str, float]:
     """The paper's genetic search on the same data: how far it stays behind variable projection."""
-    force = (fit.torque - fit.fitted) / fit.lever + fit.stribeck.fitted
-    search = fit_stribeck_genetic(fit.speed, force, fit.force_error, seed=seed)
+    search = fit_stribeck_genetic(
+        fit.speed, fit.force, fit.force_error, common=fit.columns, seed=seed
+    )
     best = max(fit.stribeck.chi_square, 1e-12)
     names = {f"genetic_{name}": float(v) for name, v in zip(NAMES, search.values, strict=True)}
     return {

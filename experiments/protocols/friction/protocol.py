@@ -56,11 +56,13 @@ from experiments.protocols.friction.plots import (
     point_table,
 )
 from experiments.protocols.friction.points import (
+    BEARING,
     PLACE,
     PLACE_ORDERS,
     FittedCurve,
     MeasuredFriction,
     bearing_parts,
+    bearing_relative,
     common_errors,
     corrected,
     measure_friction,
@@ -302,7 +304,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     brought = _brought(measured, fit)
     metrics["torque_zero_drift"] = measured.zero.drift
     metrics["reproducibility"] = reproducibility(brought.bracket)
-    metrics |= _conditions(measured, fit, spread) | _housing_temperature(measured)
+    metrics |= _conditions(measured, fit, spread, evidence.gear) | _housing_temperature(measured)
     ratio = rotary_ratio(recording, evidence.gear.ratio)
     metrics |= _bearing_taken_off(measured, fit, ratio)
     estimates = (
@@ -397,13 +399,16 @@ def _brought(measured: MeasuredFriction, fit: FrictionFit) -> MeasuredFriction:
     return dataclasses.replace(measured, holds=moved[:split], bracket=moved[split:])
 
 
-def _conditions(measured: MeasuredFriction, fit: FrictionFit, spread: Spread) -> dict[str, float]:
+def _conditions(
+    measured: MeasuredFriction, fit: FrictionFit, spread: Spread, gear: HarmonicDrive
+) -> dict[str, float]:
     """What else than speed the friction depends on, as the points show it."""
     coulomb, static = (float(v) for v in fit.stribeck.values[:2])
     numbers = {
         "scatter_of_points": spread.point,
         "stribeck_dip": static / coulomb - 1.0 if coulomb > 0.0 else math.nan,
         "dip_by_chance": fit.stribeck.chance,
+        "bearing_torque_factor": 1.0 + bearing_relative(gear, measured.law) * fit.shared[BEARING],
     }
     waves = fit.parts_of(PLACE).reshape(-1, 2) * spread.place
     for order, pair in zip(PLACE_ORDERS, waves, strict=False):
@@ -545,7 +550,8 @@ def _scores(points: FrictionPoints, torque: np.ndarray, predicted: np.ndarray) -
 
 
 def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
-    """The gear with the identified mesh friction and its uncertainty, in the torque balance of the fit.
+    """The gear with the identified mesh friction and its uncertainty, in the torque balance of the fit, and with the
+    factor of the bearing's torque that the fit found beside it.
 
     Friction of motor + gear does not belong in a gear's parameter set: without a valid tare the
     gear comes back as it was.
@@ -556,8 +562,10 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
         )
     if result.options.get("torque_is_of") != "gear":
         return gear
+    factor = result.metrics.get("bearing_torque_factor", 1.0) * gear.bearing.friction_factor
     changed = gear.with_values(
         {f"mesh_friction.{name}": result.estimates[name].value for name in NAMES}
+        | {"bearing.friction_factor": factor}
     )
     origins = dict(changed.origins)
     for name in NAMES:

@@ -148,6 +148,12 @@ METRICS = (
         definition="probability that points of a straight line over speed would look as bent",
     ),
     Quantity(
+        name="bearing_torque_factor",
+        title="bearing torque factor",
+        unit="1",
+        definition="no-load torque of the wave generator's bearing over that of the parameter set",
+    ),
+    Quantity(
         name="output_bearing_subtracted",
         title="output bearing subtracted",
         unit="N",

@@ -120,7 +120,7 @@ class _Waves:
     def mean_product(self, angle: int, torque: int, turn: ComplexArray) -> ComplexArray:
         """-conj(a) T turn, in the mean over blocks (orders,).
 
-        i n of it is the torque, turned by `turn`, times the ripple of the speed over its mean, whose amplitude is i n a.
+        i n of it is the torque, turned by `turn`, times the ripple of the speed over its mean (amplitude i n a).
         """
         return -np.mean(np.conj(self.amplitude[angle]) * self.amplitude[torque], axis=0) * turn
 
