@@ -23,10 +23,10 @@ HIGHEST_ORDER = 120
 slots and their harmonics).
 """
 _CANDIDATES = 61
-LOCK_HARMONICS, LOCK_REACH, LOCK_SIDEBANDS = 24, 45, 8
+LOCK_HARMONICS, LOCK_REACH, LOCK_SIDEBANDS = 24, 45, 24
 """Harmonics of a counter's saw-tooth; orders over which the error spreads the first; sidebands looked at."""
 LOCK_ALLOWED = 0.1
-"""Share of the saw-tooth that may be locked to the input angle: at 18 arcsec a count, half an arcsecond on one order."""
+"""Share of the saw-tooth that may be locked to the input: at 18 arcsec a count, half an arcsecond on one order."""
 JUDGED_ORDER = 6.0
 """Highest input order that a kinematic error is expected to have."""
 QUASI_STATIC, CORRECTED = 0.02, 0.1

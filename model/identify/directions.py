@@ -23,9 +23,10 @@ from model.errors import IdentificationError
 from model.identify import polar
 from model.identify.angle_regression import AngleFit, Basis
 from model.identify.checks import Array
-from model.identify.estimate import Cause, Estimate
-from model.identify.kinematic_error import KinematicErrorFit, doubts, with_encoders
+from model.identify.estimate import BudgetLine, Estimate
+from model.identify.kinematic_error import KinematicErrorFit, doubts, with_bench
 from model.identify.least_squares import student_quantile
+from model.identify.transmission import curve_over_output
 from model.units import DEGREE
 
 PhaseVerdict = Literal["in phase", "not in phase", "cannot tell"]
@@ -85,8 +86,9 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     freedom = ahead.freedom + back.freedom
     basis = forward.basis
     estimates = {
-        "transmission_accuracy_forward": forward.estimates["transmission_accuracy"],
-        "transmission_accuracy_reverse": reverse.estimates["transmission_accuracy"],
+        f"transmission_accuracy_{way}": _beside_mean(fit, mean)
+        for way, fit in (("forward", forward), ("reverse", reverse))
+    } | {
         "lost_motion": _lost_motion(forward, reverse),
     }
     for k, label in enumerate(basis.labels):
@@ -100,13 +102,8 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
                 "rad",
                 doubts(doubt, at),
             )
-            # What the encoders put on an order is the same in both directions: the mean does not lessen it.
-            lines = [
-                line
-                for line in forward.orders[k].amplitude.budget
-                if line.cause in (Cause.OUTPUT_ENCODER, Cause.MOTOR_ENCODER)
-            ]
-            amplitude, phase = with_encoders(found, tuple(lines))
+            # What the bench puts on an order is the same in both directions: the mean does not lessen it.
+            amplitude, phase = with_bench(found, forward.orders[k].bench, forward.orders[k].bound)
             if forward.orders[k].amplitude.identifiable == "no":
                 refusal = {"identifiable": "no", "note": forward.orders[k].amplitude.note}
                 amplitude, phase = replace(amplitude, **refusal), replace(phase, **refusal)
@@ -133,6 +130,25 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
         forward=curves[0],
         reverse=curves[1],
         mean=0.5 * (curves[0] + curves[1]),
+    )
+
+
+def _beside_mean(fit: KinematicErrorFit, mean: Array) -> Estimate:
+    """The transmission accuracy of one direction with what friction adds to it in that direction alone.
+
+    Wind-up varies with the friction over the mesh: it changes sign with the direction, so that the
+    mean of both is without it. The gear's own error lies between the two.
+    """
+    accuracy = fit.estimates["transmission_accuracy"]
+    _, both = curve_over_output(replace(fit.regression, values=mean), fit.accuracy_order)
+    away = float(np.ptp(both)) - float(np.ptp(fit.output_curve))
+    line = BudgetLine(
+        "friction in one direction, by the mean of both", "B", abs(away) / math.sqrt(3.0)
+    )
+    return replace(
+        accuracy.with_budget([line]),
+        low=max(accuracy.low + min(away, 0.0), 0.0),
+        high=accuracy.high + max(away, 0.0),
     )
 
 

@@ -49,6 +49,7 @@ from model.identify.transmission import (
     left_out_mse,
     left_over,
     measured_curve,
+    raised_by,
     repeatability,
     transmission_accuracy,
 )
@@ -59,10 +60,13 @@ HIGHEST_ORDER = 12
 """Input orders that are fitted unless somebody says otherwise."""
 SLOWEST_SIDEBAND = 0.5
 """Order from which one belongs to an input order; below, to the output."""
+CREST = 2.5
+"""Largest value of a curve of many orders over its r.m.s."""
 SLOPE_SIGNIFICANCE = 4.0
 """Standard errors above which a slope is called significant."""
-OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = 8, 4
-"""Orders of an encoder's own revolution over which the variance of its curve is spread in equal shares."""
+OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = (1, 2, 3, 4, 5, 6, 7, 8), (1, 2, 4)
+"""Orders of an encoder's own revolution over which the variance of its curve is spread in equal shares: a scale's
+eccentricity and waviness; a motor encoder's eccentricity, ovality and four-fold error."""
 TORSION = BudgetLine("torsional amplification, corrected: resonance of the parameter set", "B", 0.0)
 
 
@@ -75,75 +79,111 @@ class Encoders:
     the scale included. The curve cannot be told from the gear's own output orders and input orders,
     so it enters the budget (type B): with a rectangular distribution as a whole (u = a/sqrt 3),
     and at single orders with equal shares of that variance, output encoder orders 1 to 8, motor
-    encoder orders 1 to 4.
+    encoder orders 1, 2 and 4. Eccentricities are of the gear's seat, amplitudes at the output once per
+    output and once per input revolution.
     """
 
     output_quantum: float = math.nan
     input_quantum: float = math.nan
     output_accuracy: float = 0.0
     input_accuracy: float = 0.0
+    output_eccentricity: float = 0.0
+    input_eccentricity: float = 0.0
 
     def at_order(self, order: float, ratio: float) -> tuple[BudgetLine, ...]:
         """What they may add to one order of the kinematic error, per component of the vector [rad at the output]."""
-        of_output = order * ratio
-        whole_turn = abs(of_output - round(of_output)) < 1e-6
-        if self.output_accuracy > 0.0 and whole_turn and of_output < OUTPUT_ENCODER_ORDERS + 0.5:
-            share = math.sqrt(3.0 * OUTPUT_ENCODER_ORDERS)
-            return (
-                BudgetLine(
-                    "output encoder at this order",
-                    "B",
-                    self.output_accuracy / share,
-                    "its class, equal shares of orders 1 to 8; cannot be told from the gear",
-                    Cause.OUTPUT_ENCODER,
-                ),
-            )
-        whole = abs(order - round(order)) < 1e-9
-        if self.input_accuracy > 0.0 and whole and order < MOTOR_ENCODER_ORDERS + 0.5:
-            share = math.sqrt(3.0 * MOTOR_ENCODER_ORDERS) * ratio
-            return (
-                BudgetLine(
-                    "motor encoder at this order",
-                    "B",
-                    self.input_accuracy / share,
-                    "its class, equal shares of orders 1 to 4; cannot be told from the gear",
-                    Cause.MOTOR_ENCODER,
-                ),
-            )
-        return ()
+        lines = [
+            *_share("output encoder", self.output_accuracy, order * ratio, OUTPUT_ENCODER_ORDERS),
+            *_share("motor encoder", self.input_accuracy / ratio, order, MOTOR_ENCODER_ORDERS),
+        ]
+        for once, eccentricity in (
+            (1.0 / ratio, self.output_eccentricity),
+            (1.0, self.input_eccentricity),
+        ):
+            if abs(order - once) < 1e-9 and eccentricity > 0.0:
+                lines.append(
+                    BudgetLine(
+                        "eccentricity of the mounting",
+                        "B",
+                        eccentricity / math.sqrt(2.0),
+                        "a wave of any phase; other when the gear is taken off and refitted",
+                    )
+                )
+        return tuple(lines)
+
+    def waves(self, ratio: float) -> dict[float, float]:
+        """Standard uncertainty of a cosine or sine at every order to which they may add [rad]."""
+        orders = [k / ratio for k in OUTPUT_ENCODER_ORDERS] + [
+            float(k) for k in MOTOR_ENCODER_ORDERS
+        ]
+        return {
+            order: math.hypot(*(line.standard_uncertainty for line in self.at_order(order, ratio)))
+            for order in orders
+        }
+
+    def bound(self, order: float, ratio: float) -> float:
+        """What they can add to one order at most: an encoder's order is no larger than its class [rad]."""
+        total = 0.0
+        for line in self.at_order(order, ratio):
+            if line.cause is Cause.OUTPUT_ENCODER:
+                total += self.output_accuracy
+            elif line.cause is Cause.MOTOR_ENCODER:
+                total += self.input_accuracy / ratio
+            else:
+                total += math.sqrt(2.0) * line.standard_uncertainty
+        return total
 
     def of_curve(self, ratio: float) -> tuple[BudgetLine, ...]:
         """What they may add to the peak-to-peak of the kinematic error [rad]."""
+        rectangle = 1.0 / math.sqrt(3.0)
         lines = (
-            (
+            BudgetLine(
                 "output encoder, whole curve",
-                self.output_accuracy,
+                "B",
+                self.output_accuracy * rectangle,
                 "its class; cannot be told from the gear without turning the gear on the encoder",
                 Cause.OUTPUT_ENCODER,
             ),
-            (
+            BudgetLine(
                 "motor encoder, whole curve",
-                self.input_accuracy / ratio,
+                "B",
+                self.input_accuracy / ratio * rectangle,
                 "its class over the ratio",
                 Cause.MOTOR_ENCODER,
             ),
+            BudgetLine(
+                "eccentricity of the mounting",
+                "B",
+                math.hypot(self.output_eccentricity, self.input_eccentricity),
+                "waves of any phase, at two places of the curve",
+            ),
         )
-        return tuple(
-            BudgetLine(source, "B", half_width / math.sqrt(3.0), note, cause)
-            for source, half_width, note, cause in lines
-            if half_width > 0.0
-        )
+        return tuple(line for line in lines if line.standard_uncertainty > 0.0)
+
+
+def _share(what: str, half_width: float, order: float, orders: tuple[int, ...]) -> list[BudgetLine]:
+    """The part of an encoder's class that one of its orders has, as a budget line; none without a class."""
+    if not half_width > 0.0 or min(abs(order - own) for own in orders) > 1e-6:
+        return []
+    cause = Cause.OUTPUT_ENCODER if what.startswith("output") else Cause.MOTOR_ENCODER
+    names = ", ".join(str(own) for own in orders)
+    note = f"its class, equal shares of its orders {names}; cannot be told from the gear"
+    u = half_width / math.sqrt(3.0 * len(orders))
+    return [BudgetLine(f"{what} at this order", "B", u, note, cause)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class OrderEstimate:
     """One order of the kinematic error: a cos + b sin = amplitude cos(v theta - phase), with 95 % intervals.
 
-    `significant`: the amplitude is larger than the noise explains (99 % level).
+    `significant`: the amplitude is larger than the noise explains (99 % level). `bench`: what encoders
+    and mounting may add, `bound`: what they can add at most [rad].
     """
 
     order: float
     label: str
+    bench: tuple[BudgetLine, ...]
+    bound: float
     cosine: Estimate
     sine: Estimate
     amplitude: Estimate
@@ -289,7 +329,11 @@ def fit_traverses(
     seen = [torsion.traverse(fit, None if time is None else 1 + time) for fit in fits]
     ahead = next((s for s in seen if s.fit.cells.direction > 0.0), None)
     back = next((s for s in seen if s.fit.cells.direction < 0.0), None)
-    delay = torsion.delay_between(ahead, back)[0] if ahead is not None and back is not None else 0.0
+    delay = (
+        torsion.delay_between(ahead, back, spring)[0]
+        if ahead is not None and back is not None
+        else 0.0
+    )
     return [
         _finish(one, clean, raw, spring, delay, accuracy_order)
         for one, clean, raw in zip(accumulators, cleaned, seen, strict=True)
@@ -364,14 +408,24 @@ def _finish(
     near = torsion.too_near(raw, spring)
     accuracy, angle, curve = transmission_accuracy(fit, highest)
     lines = [*encoders.of_curve(ratio)]
+    raised = raised_by(angle, curve, encoders.waves(ratio))
+    if raised > 0.0:
+        lines.append(
+            BudgetLine(
+                "peak-to-peak raised by encoders and mounting, not corrected",
+                "B",
+                raised / math.sqrt(3.0),
+                "between nothing and what Monte Carlo finds for their classes",
+            )
+        )
     rest = left_over(fit, highest)
     if rest > 0.0:
         lines.append(
             BudgetLine(
                 "residual that the fitted orders leave",
                 "B",
-                math.sqrt(2.0) * rest,
-                "r.m.s. above the noise, at two places of the curve",
+                2.0 * CREST * rest / math.sqrt(3.0),
+                f"a curve of that r.m.s. above the noise reaches {CREST:g} times it, on either side",
             )
         )
     accuracy = accuracy.with_budget(lines)
@@ -483,7 +537,8 @@ def _order(fit: AngleFit, index: int, encoders: Encoders, refusal: str) -> Order
     found = polar.polar(
         label, fit.values[at : at + 2], block, fit.freedom, "rad", doubts(fit.doubt, at)
     )
-    amplitude, phase = with_encoders(found, encoders.at_order(order, fit.basis.ratio))
+    bench, bound = encoders.at_order(order, fit.basis.ratio), encoders.bound(order, fit.basis.ratio)
+    amplitude, phase = with_bench(found, bench, bound)
     if not fit.used[at] or refusal:
         reason = refusal or "left out of this fit"
         amplitude = replace(amplitude, identifiable="no", note=reason)
@@ -506,6 +561,8 @@ def _order(fit: AngleFit, index: int, encoders: Encoders, refusal: str) -> Order
     return OrderEstimate(
         order=order,
         label=label,
+        bench=bench,
+        bound=bound,
         cosine=cosine,
         sine=sine,
         amplitude=amplitude,
@@ -521,13 +578,15 @@ def doubts(doubt: Array | None, at: int) -> tuple[tuple[BudgetLine, Array], ...]
     return ((TORSION, doubt[at : at + 2]),)
 
 
-def with_encoders(found: polar.Polar, lines: tuple[BudgetLine, ...]) -> tuple[Estimate, Estimate]:
-    """Amplitude and phase with what the encoders may add; "weakly" where they alone may make all of it."""
+def with_bench(
+    found: polar.Polar, lines: tuple[BudgetLine, ...], bound: float
+) -> tuple[Estimate, Estimate]:
+    """Amplitude and phase with what the bench may add; "weakly" where that alone may make all of it."""
     amplitude = found.amplitude.with_budget(lines)
     phase = found.phase.with_budget(polar.over_amplitude(lines, amplitude.value))
-    loud = bool(lines) and not amplitude.expanded_uncertainty < amplitude.value
+    loud = bool(lines) and amplitude.value <= max(amplitude.expanded_uncertainty, bound)
     if amplitude.identifiable == "yes" and loud:
-        note = "not above what the encoders may add"
+        note = "not distinguishable from what encoders and mounting may add"
         return (
             replace(amplitude, identifiable="weakly", note=note),
             replace(phase, identifiable="weakly", note=note),

@@ -120,7 +120,9 @@ def too_near(one: Traverse, torsion: Torsion | None) -> np.ndarray:
     return near
 
 
-def delay_between(forward: Traverse, reverse: Traverse) -> tuple[float, float]:
+def delay_between(
+    forward: Traverse, reverse: Traverse, torsion: Torsion | None = None
+) -> tuple[float, float]:
     """How much later the output is read than the input [s], and its standard uncertainty, from both directions.
 
     An order of the error differs between the directions by j v tau (w theta_o) forward less reverse;
@@ -128,7 +130,7 @@ def delay_between(forward: Traverse, reverse: Traverse) -> tuple[float, float]:
     where no order stands above the noise.
     """
     orders = np.array(forward.fit.basis.orders)
-    seen = [amplitudes(one.fit) for one in (forward, reverse)]
+    seen = [amplitudes(corrected(one, torsion)) for one in (forward, reverse)]
     middle = 0.5 * (seen[0] + seen[1])
     variance = np.zeros(len(orders))
     for one in (forward, reverse):
@@ -139,7 +141,11 @@ def delay_between(forward: Traverse, reverse: Traverse) -> tuple[float, float]:
     if not use.any() or forward.speed == reverse.speed:
         return 0.0, 0.0
     along = (middle.conj() / np.where(size > 0.0, size, 1.0))[use]
-    later = orders * (forward.speed * forward.output - reverse.speed * reverse.output)
+    outputs = [
+        c + one.ripple / one.fit.basis.ratio
+        for c, one in zip(seen, (forward, reverse), strict=True)
+    ]
+    later = orders * (forward.speed * outputs[0] - reverse.speed * outputs[1])
     across = np.imag((seen[0] - seen[1])[use] * along)
     lever = np.imag(1j * later[use] * along)
     weight = 1.0 / variance[use]

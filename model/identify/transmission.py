@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -13,7 +14,8 @@ from model.kernels import regression as kernels
 from model.kinematic_error import normalised_mse
 from model.units import REVOLUTION
 
-POINTS_PER_PERIOD = 16
+POINTS_PER_PERIOD = 48
+"""Of the highest order; the extremes of one of half of it are missed by 5e-4 of its amplitude."""
 DRAWS = 2000
 EXTREMES = 200
 """Local extremes of the curve on either side that may become its largest when it is drawn anew."""
@@ -109,6 +111,19 @@ def _peak_to_peak(
     bottom = (curve[places[1]] + draws @ columns[1].T).min(axis=1)
     distance: Array = top - bottom
     return distance
+
+
+def raised_by(angle: Array, curve: Array, waves: Mapping[float, float]) -> float:
+    """How much larger the peak-to-peak of a curve becomes on average by waves of these orders, whose cosines and
+    sines have these standard uncertainties (Monte Carlo, JCGM 101) [unit of the curve].
+    """
+    sizes = np.repeat(np.array(list(waves.values())), 2)
+    if not sizes.any():
+        return 0.0
+    places = [_extremes(sign * curve) for sign in (1.0, -1.0)]
+    columns = [_waves(np.array(list(waves)), angle[at]) for at in places]
+    draws = np.random.default_rng(2).standard_normal((DRAWS // 4, len(sizes))) * sizes
+    return float(_peak_to_peak(curve, places, columns, draws).mean() - np.ptp(curve))
 
 
 def left_over(fit: AngleFit, highest_order: float) -> float:

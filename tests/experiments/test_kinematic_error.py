@@ -275,3 +275,38 @@ def test_a_traverse_that_was_cut_short_claims_no_accuracy(
         kinematic_error.analyse(
             dataclasses.replace(kinematic_error_run, segments=others), Evidence(gear)
         )
+
+
+def test_goodness_stands_beside_the_papers(result: Result) -> None:
+    """The paper's 0.71, 5 and 1 are told as the paper's, with what differs; ours on samples fitted and on others."""
+    table = next(t for t in result.tables if t.name == "goodness")
+    for figure in ("0.71", "below 5 good", "below 1 excellent"):
+        assert figure in table.note
+    assert "differs" in table.note
+    rows = {row[0]: row[1:] for row in table.rows}
+    fitted, left_out = (
+        rows[f"MSE (22), {what}"]
+        for what in ("samples that were fitted", "revolutions that were left out")
+    )
+    for k, way in enumerate(("forward", "reverse")):
+        assert fitted[k] == result.metrics[f"mse_curve_{way}"]
+        assert left_out[k] == result.metrics[f"mse_left_out_{way}"]
+        assert 0.0 < float(fitted[k]) < float(left_out[k]) < 1.0
+        assert result.metrics[f"harmonics_{way}"] >= 26.0
+
+
+def test_the_mounting_and_the_classes_of_the_encoders_are_lines_of_the_budget(
+    kinematic_error_run: Recording, gear: HarmonicDrive
+) -> None:
+    bare = {"output_eccentricity": 0.0, "input_eccentricity": 0.0}
+    for settings, once in ((bare, 0.0), ({}, 2.0), ({"output_eccentricity": 9.0}, 9.0)):
+        found = kinematic_error.analyse(kinematic_error_run, Evidence(gear, settings=settings))
+        lines = {
+            line.source: line.standard_uncertainty
+            for line in found.estimates["amplitude_1/N"].budget
+        }
+        added = lines.get("eccentricity of the mounting", 0.0)
+        assert added == pytest.approx(once * ARCSEC / math.sqrt(2.0))
+    sources = {line.source for line in found.estimates["transmission_accuracy_forward"].budget}
+    assert "eccentricity of the mounting" in sources
+    assert "peak-to-peak raised by encoders and mounting, not corrected" in sources

@@ -43,6 +43,7 @@ from experiments.planning.speeds import (
     refuse_speed,
 )
 from experiments.protocols.kinematic_error.plots import (
+    goodness_table,
     kinematic_error_plots,
     order_table,
     prediction_plot,
@@ -69,7 +70,7 @@ from model.identify.kinematic_error import (
 from model.identify.torsion import Torsion
 from model.kinematic_error import normalised_mse, order_of_label, series_value
 from model.linear import dynamic_parameters
-from model.units import REVOLUTION, RPM
+from model.units import ARCSEC, REVOLUTION, RPM
 
 NAME = "kinematic-error"
 MAXIMUM_SPEED = 300.0 * RPM
@@ -190,7 +191,15 @@ def _remarks(p: Parameters, gear: HarmonicDrive, speed: float) -> Iterator[Step]
 
 HIGHEST_ORDER = 12
 """Input orders that are fitted unless the setting says otherwise."""
-SETTINGS = ("highest_order", "accuracy_order", "edge_triggered")
+SETTINGS = (
+    "highest_order",
+    "accuracy_order",
+    "edge_triggered",
+    "output_eccentricity",
+    "input_eccentricity",
+)
+OUTPUT_ECCENTRICITY, INPUT_ECCENTRICITY = 2.0, 1.0
+"""arcsec at the output, once per output and once per input revolution: a seat that is trued up to half a micrometre."""
 TORQUE_LAG = 0.002
 """s; what the torque port may lag (filters and settling), standard uncertainty of a lag that is taken as zero."""
 STIFFNESS_TOLERANCE = 0.4
@@ -226,7 +235,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     where torque was recorded.
 
     Settings: highest_order (12) of the input orders, accuracy_order (the highest) of the transmission accuracy,
-    edge_triggered (False). Raises `AnalysisError` for missing channels, too many missed cycles, a wrong ratio.
+    edge_triggered (False), output_eccentricity and input_eccentricity of the mounting (2, 1 arcsec at the output).
+    Raises `AnalysisError` for missing channels, too many missed cycles, a wrong ratio.
     """
     check_settings(evidence.settings, SETTINGS, NAME)
     context, segments, warnings = _prepare(recording, evidence)
@@ -266,7 +276,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         plots=kinematic_error_plots(
             [t.fit for t in traverses], combined[0], relation, recording, context.reference
         ),
-        tables=(order_table(combined[0]), budget_table(estimates.values())),
+        tables=(
+            order_table(combined[0]),
+            goodness_table([t.fit for t in traverses]),
+            budget_table(estimates.values()),
+        ),
         options=options,
         covariance=_covariance(combined, estimates),
     )
@@ -298,6 +312,8 @@ def _prepare(
         ends["input"].quantum or math.nan,
         ends["output"].calibration.accuracy,
         ends["input"].calibration.accuracy,
+        float(evidence.settings.get("output_eccentricity", OUTPUT_ECCENTRICITY)) * ARCSEC,
+        float(evidence.settings.get("input_eccentricity", INPUT_ECCENTRICITY)) * ARCSEC,
     )
     reference = phase_reference(recording)
     warnings += reference.warnings()
@@ -431,7 +447,7 @@ def _one_direction(
     plots = kinematic_error_plots(
         [t.fit for t in traverses], None, None, context.recording, context.reference
     )
-    tables = (budget_table(estimates.values()),)
+    tables = (goodness_table([t.fit for t in traverses]), budget_table(estimates.values()))
     run = context.recording.metadata.run_id
     return Result(
         run=run,
@@ -634,7 +650,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=2,
+    version=3,
     live=("speed", "wave", "torque", "output"),
     terms=(
         KINEMATIC_ERROR,
