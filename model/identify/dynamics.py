@@ -23,7 +23,7 @@ import numpy as np
 from model.errors import IdentificationError
 from model.gear import Harmonic
 from model.identify.checks import Array
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Estimate, Identifiable
 from model.identify.least_squares import student_quantile
 from model.identify.step_data import StepData
 from model.identify.step_fit import (
@@ -36,7 +36,7 @@ from model.identify.step_fit import (
     reweighted,
     step_arrays,
 )
-from model.identify.torsional_mode import TorsionModel, relaxation_of
+from model.identify.torsional_mode import TorsionModel
 from model.units import ARCSEC, REVOLUTION, RPM
 
 LADDER = ("rigid", "paper", "linear", "hardening", "hysteresis")
@@ -54,8 +54,12 @@ KNOWN_WITHIN = 1.7
 LOWEST_HZ, HIGHEST_SHARE = 4.0, 0.4
 STRAY = 3.0
 """How many times the median of the steps' residuals makes a step a bad one."""
-PASSES, ROUNDS_PER_PASS = 5, 5
+BENT = 0.02
+"""Logarithms of K2/K1 and K3/K2 with which the hardening rung begins."""
+PASSES, ROUNDS_PER_PASS = 4, 8
 """How often the weights of the steps are looked at again, and rounds of Gauss-Newton between."""
+LEAST_RELAXATION = 1e-6
+"""s; stands for a wave-generator bearing without damping."""
 SHARE_DOUBT = 0.3
 """Relative standard uncertainty of the share of the compliance that is damped."""
 
@@ -64,13 +68,15 @@ SHARE_DOUBT = 0.3
 class Expected:
     """What is known before the fit, of the gear's card: where the search begins and what a run can't tell.
 
-    `stiffness` K/J_o [1/s2], `share` of the wave-generator bearing in the compliance, `inertia` J_o [kg m2] (turns
+    `stiffness` K/J_o [1/s2], `share` of the wave-generator bearing in the compliance and its `relaxation` C_b/K_b [s],
+    `inertia` J_o [kg m2] (turns
     torques into accelerations), `torques` T1 and T2 [N m], `hardening` K2/K1 and K3/K1, `loss` hysteresis [rad],
     `amplitude` [N m] at which the secant stiffness is stated. `is_known`: whether it is this gear's.
     """
 
     stiffness: float
     share: float
+    relaxation: float
     inertia: float
     torques: tuple[float, float]
     hardening: tuple[float, float]
@@ -180,9 +186,13 @@ def _models(expected: Expected) -> Callable[[Mapping[str, float]], TorsionModel]
         hardens = "second" in values
         later = math.exp(values.get("kink", 0.0))
         stiffer = math.exp(values.get("second", 0.0))
+        frequency, damping = math.exp(0.5 * values["stiffness"]), math.exp(values["damping"])
+        # The bearing damps by no more than its card says; the rest is lost beside the springs and stiffens nothing.
+        bearing = 0.5 * expected.share * max(expected.relaxation, LEAST_RELAXATION) * frequency
         return TorsionModel(
             stiffness=math.exp(values["stiffness"]),
-            relaxation=math.exp(values["relaxation"]),
+            relaxation=2.0 * min(damping, bearing) / (expected.share * frequency),
+            loss=2.0 * max(damping - bearing, 0.0) * frequency,
             share=expected.share,
             second=stiffer,
             third=stiffer * math.exp(values.get("third", 0.0)),
@@ -199,13 +209,13 @@ def _shapes(
     expected: Expected, frequency: float
 ) -> tuple[dict[str, Shape], dict[str, dict[str, float]]]:
     """The numbers of each rung, and where those begin that it adds."""
-    damped = math.log(relaxation_of(REVOLUTION * frequency, 0.02, expected.share))
+    damped = math.log(0.02)
     second, third = expected.hardening
     slides = expected.stiffness * 0.5 * expected.loss
     added = {
         "linear": {
             "stiffness": 2.0 * math.log(REVOLUTION * frequency),
-            "relaxation": damped,
+            "damping": damped,
             "bearing": 0.0,
             "skew": 0.0,
         },
@@ -213,7 +223,7 @@ def _shapes(
         "hysteresis": {"soft": math.log(0.05 * expected.stiffness), "limit": math.log(slides)},
     }
     prior = {
-        "relaxation": (damped, 1.5),
+        "damping": (damped, 1.5),
         "bearing": (0.0, BEARING_TORQUE / expected.inertia),
         "skew": (0.0, 2e-3),
         "second": (math.log(second), 0.3),
@@ -240,22 +250,9 @@ def _climb(
     solution = _settled(problem, shapes["linear"], added["linear"], error, noise)
     solutions = {"linear": solution}
     if richest != "linear":
-        # Near a resonance a hardening spring has two answers: it is bent from the linear one towards the card's by and
-        # by, so that each fit begins on the branch of the one before.
-        values, error, weights = solution.values, solution.error, solution.weights
-        for share in (0.25, 0.5, 0.75, 1.0):
-            bent = {name: share * value for name, value in added["hardening"].items()}
-            begun = fit_all(
-                problem,
-                shapes["linear"],
-                values | bent,
-                error,
-                noise=noise,
-                weights=weights,
-                rounds=2,
-            )
-            values, error, weights = begun.values, begun.error, reweighted(begun)
-        solutions["hardening"] = _settled(problem, shapes["hardening"], values, error, noise)
+        solutions["hardening"] = _bent(
+            problem, shapes["hardening"], added["hardening"], solution, noise
+        )
     if richest == "hysteresis":
         below = solutions["hardening"]
         values = below.values | added["hysteresis"]
@@ -264,6 +261,37 @@ def _climb(
             problem, shapes["hysteresis"], values, below.error, noise, below.weights
         )
     return solutions
+
+
+def _bent(
+    problem: Problem, shape: Shape, added: Mapping[str, float], linear: Solution, noise: float
+) -> Solution:
+    """The hardening rung. Near a resonance such a spring has two answers, and each start leads to one of them.
+
+    Tried are a bend from the linear spring, downhill all the way, and the card's hardening with the steps that
+    then fit badly left aside at first.
+    """
+    values, stiff = linear.values, linear.values["stiffness"]
+    downhill = {**values, **dict.fromkeys(added, BENT), "kink": 0.0}
+    found = [_settled(problem, shape, downhill, linear.error, noise, linear.weights)]
+    aside = _settled(
+        problem, shape, {**values, **added, "stiffness": stiff - BENT}, linear.error, noise
+    )
+    found.append(aside)
+    if float(np.min(aside.weights)) < 0.9:
+        ones = np.ones(len(problem.steps))
+        found.append(
+            fit_all(
+                problem,
+                shape,
+                aside.values,
+                aside.error,
+                noise=noise,
+                weights=ones,
+                rounds=ROUNDS_PER_PASS,
+            )
+        )
+    return min(found, key=lambda s: s.robust_square())
 
 
 def _settled(
@@ -307,7 +335,7 @@ def _first_look(problem: Problem, expected: Expected, noise: float, period: floa
     for frequency in np.geomspace(low, high, count):
         values = {
             "stiffness": 2.0 * math.log(REVOLUTION * frequency),
-            "relaxation": math.log(relaxation_of(REVOLUTION * frequency, 0.03, expected.share)),
+            "damping": math.log(0.03),
             "bearing": 0.0,
             "skew": 0.0,
         }
@@ -465,6 +493,32 @@ def _warnings(
     return warnings
 
 
+STATED = (
+    ("stiffness_over_inertia", "1/s2"),
+    ("mode_squared", "1/s2"),
+    ("frequency", "Hz"),
+    ("damping_ratio", "1"),
+    ("skew", "s"),
+)
+"""What is stated, in the order of `_numbers`: logarithms but for the skew."""
+BOTH_WAYS = (0, 2, 3)
+WEAK, POOR = 0.05, 0.2
+"""Relative standard errors above which a number is identified weakly, and not at all."""
+
+
+def _numbers(model: TorsionModel, skew: float, amplitude: float) -> Array:
+    frequency, damping = model.mode(amplitude)
+    return np.array(
+        [
+            math.log(model.secant(amplitude)),
+            2.0 * math.log(frequency),
+            math.log(frequency / REVOLUTION),
+            math.log(damping),
+            skew,
+        ]
+    )
+
+
 def _estimates(
     steps: Sequence[StepData],
     problem: Problem,
@@ -472,111 +526,125 @@ def _estimates(
     beside: Solution | None,
     expected: Expected,
 ) -> dict[str, Estimate]:
+    """The stated numbers with their budgets, and those of which a direction alone has something to say."""
     names = solution.shape.names
     amplitude = expected.amplitude / expected.inertia
 
-    def numbers(vector: Array, shape: tuple[str, ...] = names) -> Array:
-        there = {**solution.values, **dict(zip(shape, vector[: len(shape)].tolist(), strict=True))}
-        if shape is not names:
-            there = dict(zip(shape, vector[: len(shape)].tolist(), strict=True))
-        model = problem.model(there)
-        frequency, damping = model.mode(amplitude)
-        return np.array(
-            [
-                math.log(model.secant(amplitude)),
-                2.0 * math.log(frequency),
-                math.log(frequency / REVOLUTION),
-                math.log(damping),
-                there["skew"],
-            ]
-        )
+    def numbers(vector: Array) -> Array:
+        there = {**solution.values, **dict(zip(names, vector[: len(names)].tolist(), strict=True))}
+        return _numbers(problem.model(there), there["skew"], amplitude)
 
     here = solution.vector
-    centre = numbers(here)
-    changes = np.array([numbers(here + change) - centre for change in solution.jackknife()])
-    error, freedom = _jackknife_error(changes)
-    away = np.zeros(len(centre))
+    model, centre = problem.model(solution.values), numbers(here)
+    error, freedom = _standard_error(solution, _slopes(numbers, here, len(names)))
+    lines = _lines(model, centre)
     if beside is not None:
-        away = np.abs(numbers(beside.vector, beside.shape.names) - centre)
-    frequency, _ = problem.model(solution.values).mode(amplitude)
-    # Damping stiffens the bearing's share of the compliance: (w tau)^2 of it, which rests on the card's share.
-    stiffened = 2.0 * math.log(frequency) - math.log(
-        problem.model(solution.values).secant(amplitude)
-    )
-    share = np.array([SHARE_DOUBT * abs(stiffened), 0.0, 0.0, 0.0, 0.0])
-    kinds = (
-        ("stiffness_over_inertia", "1/s2"),
-        ("mode_squared", "1/s2"),
-        ("frequency", "Hz"),
-        ("damping_ratio", "1"),
-        ("skew", "s"),
-    )
+        richer = _numbers(problem.model(beside.values), beside.values["skew"], amplitude)
+        lines.append(("choice of the rung", "to the next richer rung", np.abs(richer - centre)))
+    if model.hysteresis[1] == 0.0:
+        lines.append(("hysteresis", "not part of this rung", _unfitted_hysteresis(model)))
     estimates: dict[str, Estimate] = {}
-    for index, (name, unit) in enumerate(kinds):
-        is_log = name != "skew"
-        value = math.exp(centre[index]) if is_log else float(centre[index])
-        scale = value if is_log else 1.0
-        half = student_quantile(freedom[index]) * float(error[index]) * scale
-        lines = [
-            BudgetLine(
-                "scatter between the steps (jackknife)",
-                "A",
-                float(error[index] * scale),
-                degrees_of_freedom=float(freedom[index]),
-            )
-        ]
-        if beside is not None:
-            lines.append(
-                BudgetLine(
-                    "choice of the rung", "B", float(away[index] * scale), "to the next richer rung"
-                )
-            )
-        if share[index] > 0.0:
-            lines.append(
-                BudgetLine(
-                    "share of the damped compliance",
-                    "B",
-                    float(share[index] * scale),
-                    "of the parameter set",
-                )
-            )
-        estimates[name] = Estimate(
-            name=name,
-            value=value,
-            unit=unit,
-            low=value - half,
-            high=value + half,
-            budget=tuple(lines),
-        )
+    for index, (name, unit) in enumerate(STATED):
+        estimates[name] = _estimate(name, unit, index, centre, error, freedom, lines)
     direction = np.array([math.copysign(1.0, s.target) for s in steps])
     for way, sign in (("forward", 1.0), ("reverse", -1.0)):
         others = np.flatnonzero(direction == -sign)
-        if 0 < len(others) < len(steps):
-            moved = numbers(here + solution.left_out(others.tolist())) - centre
-            for index, name in (
-                (0, "stiffness_over_inertia"),
-                (2, "frequency"),
-                (3, "damping_ratio"),
-            ):
-                value = math.exp(centre[index] + moved[index])
-                half = (
-                    student_quantile(freedom[index]) * float(error[index]) * value * math.sqrt(2.0)
-                )
-                estimates[f"{name}_{way}"] = Estimate(
-                    name=f"{name}_{way}",
-                    value=value,
-                    unit=estimates[name].unit,
-                    low=value - half,
-                    high=value + half,
-                )
+        if not 0 < len(others) < len(steps):
+            continue
+        moved = numbers(here + solution.left_out(others.tolist()))
+        for index in BOTH_WAYS:
+            name, unit = STATED[index]
+            alone = _estimate(
+                f"{name}_{way}", unit, index, moved, math.sqrt(2.0) * error, freedom, lines
+            )
+            estimates[alone.name] = alone
     return estimates
 
 
-def _jackknife_error(changes: Array) -> tuple[Array, Array]:
-    """Standard error of each number by the steps' influence on it, and its effective degrees of freedom."""
-    count = len(changes)
-    centred = changes - changes.mean(axis=0)
-    square = centred**2
-    variance = (count - 1) / count * square.sum(axis=0)
-    effective = square.sum(axis=0) ** 2 / np.maximum((square**2).sum(axis=0), 1e-300)
-    return np.sqrt(variance), np.clip(effective - 1.0, 1.0, count - 1.0)
+def _estimate(
+    name: str,
+    unit: str,
+    index: int,
+    centre: Array,
+    error: Array,
+    freedom: Array,
+    lines: Sequence[tuple[str, str, Array]],
+) -> Estimate:
+    is_log = unit != "s"
+    value = math.exp(centre[index]) if is_log else float(centre[index])
+    scale = value if is_log else 1.0
+    relative = float(error[index])
+    half = student_quantile(freedom[index]) * relative * scale
+    budget = [
+        BudgetLine(
+            "noise, and scatter between the steps",
+            "A",
+            relative * scale,
+            degrees_of_freedom=float(freedom[index]),
+        )
+    ]
+    budget += [
+        BudgetLine(source, "B", float(share[index]) * scale, note)
+        for source, note, share in lines
+        if share[index] > 0.0
+    ]
+    verdict: Identifiable = "yes"
+    if is_log and relative > WEAK:
+        verdict = "weakly" if relative <= POOR else "no"
+    return Estimate(
+        name=name,
+        value=value,
+        unit=unit,
+        low=value - half,
+        high=value + half,
+        identifiable=verdict,
+        note="" if verdict == "yes" else f"the steps tell it to {100.0 * relative:.0f} %",
+        budget=tuple(budget),
+    )
+
+
+def _lines(model: TorsionModel, centre: Array) -> list[tuple[str, str, Array]]:
+    """Type B: how much damping stiffens rests on the share of the compliance that is damped."""
+    bare = replace(model, relaxation=LEAST_RELAXATION).mode()[0]
+    stiffened = 2.0 * math.log(model.mode()[0] / bare)
+    doubt = np.zeros(len(centre))
+    doubt[0] = SHARE_DOUBT * abs(stiffened)
+    return [("share of the damped compliance", "of the parameter set", doubt)]
+
+
+def _unfitted_hysteresis(model: TorsionModel) -> Array:
+    """What a hysteresis that a rung leaves out may do to its numbers: relative standard uncertainties.
+
+    A Dahl element of stiffness s beside K that slides over a travel l has, at the amplitude x l, the damping ratio
+    zeta = 2 s x/(3 pi K), and softens from its smallest amplitudes by s x^2/(3 K) = (pi/2) zeta x, with x <= 1.
+    The damping beyond that of the bearing is the most that it can be; what is stated lies between none and all of it.
+    """
+    frequency, damping = model.mode()
+    lost = 0.5 * model.loss / frequency
+    uniform = 1.0 / math.sqrt(3.0)
+    softer = 0.5 * math.pi * lost * uniform
+    return np.array([softer, softer, 0.5 * softer, uniform * lost / damping, 0.0])
+
+
+def _slopes(numbers: Callable[[Array], Array], here: Array, size: int) -> Array:
+    """Derivatives of the stated numbers by those of the shape (numbers, p); none depends on the kinematic error."""
+    slopes = np.zeros((len(numbers(here)), len(here)))
+    for k in range(size):
+        h = np.zeros(len(here))
+        h[k] = 1e-4 if abs(here[k]) > 1e-2 else 1e-7
+        slopes[:, k] = (numbers(here + h) - numbers(here - h)) / (2.0 * h[k])
+    return slopes
+
+
+def _standard_error(solution: Solution, slopes: Array) -> tuple[Array, Array]:
+    """Standard error of each number, and its degrees of freedom.
+
+    The larger of what the noise of the samples gives and what the steps pull each their own way.
+    """
+    white = np.sqrt(np.einsum("ij,jk,ik->i", slopes, solution.covariance(), slopes))
+    pulls = solution.influence() @ slopes.T
+    count = len(pulls)
+    square = (pulls**2).sum(axis=0)
+    between = np.sqrt(square * count / (count - 1))
+    effective = square**2 / np.maximum((pulls**4).sum(axis=0), 1e-300)
+    return np.hypot(white, between), np.clip(effective, 3.0, count - 1.0)

@@ -31,6 +31,8 @@ LONGEST = 3.0
 FALLING = 6.0
 """rad/s over which the wind-up by friction falls from rest (the Stribeck velocity, roughly)."""
 ROUNDS = 12
+NEARBY = 0.05
+"""Share of the largest change of a number within which derivatives by the kinematic error are used again."""
 CONVERGED = 3e-5
 """Relative gain of the sum of squares below which a fit has converged."""
 BASIS: tuple[tuple[int, int], ...] = (
@@ -116,7 +118,7 @@ class Normal:
     gradient: Array
     square: float
     count: int
-    residual: Array
+    waves: Array
 
     @property
     def rms(self) -> float:
@@ -192,12 +194,26 @@ class Problem:
         return values, place, share
 
     def normals(
-        self, shape: Shape, values: Mapping[str, float], error: Array, *, gradient: bool = True
+        self,
+        shape: Shape,
+        values: Mapping[str, float],
+        error: Array,
+        *,
+        gradient: bool = True,
+        near: Sequence[Normal] = (),
     ) -> list[Normal]:
-        """The normal equations of every step about these numbers."""
+        """The normal equations of every step about these numbers.
+
+        `near`: those of numbers nearby, whose derivatives by the kinematic error are used again; without `gradient`
+        only the sums of squares.
+        """
         tables = self.model(values).step(self.interval)
         moved = self._moved(shape, values) if gradient else []
-        return [self._normal(step, values, error, tables, moved) for step in self.steps]
+        again = near or (None,) * len(self.steps)
+        return [
+            self._normal(step, values, error, tables, moved, old)
+            for step, old in zip(self.steps, again, strict=True)
+        ]
 
     def _moved(
         self, shape: Shape, values: Mapping[str, float]
@@ -217,6 +233,7 @@ class Problem:
         error: Array,
         tables: Array,
         moved: list[tuple[str, float, dict[str, float], Array]],
+        near: Normal | None,
     ) -> Normal:
         from model.kernels import steps as kernel
 
@@ -224,7 +241,7 @@ class Problem:
         angle, speed, piece = self.response(step, values, ideal, tables)
         predicted, place, share = self.at_samples(step, values["skew"], angle, speed)
         residual = step.measured - predicted
-        columns = np.empty((len(place), len(moved) + (2 * len(self.basis) if moved else 0)))
+        columns = np.empty((len(place), len(moved)))
         for j, (name, h, there, table) in enumerate(moved):
             if name == "skew":
                 columns[:, j] = np.interp(step.stamps + values["skew"], step.fine, speed)
@@ -233,7 +250,14 @@ class Problem:
             columns[:, j] = (
                 self.at_samples(step, values["skew"], other[0], other[1])[0] - predicted
             ) / h
-        if moved:
+        left = np.linalg.qr(self._own(step, tables, place, share))[0]
+        residual = residual - left @ (left.T @ residual)
+        columns = columns - left @ (left.T @ columns)
+        size = len(moved)
+        waves, block = np.empty((len(place), 0)), np.empty((0, 0))
+        if moved and near is not None:
+            waves, block = near.waves, near.matrix[size:, size:]
+        elif moved:
             orders, bands = self._orders()
             waves = np.empty((len(place), 2 * len(self.basis)))
             kernel.sensitivities(
@@ -248,17 +272,19 @@ class Problem:
                 share,
                 waves,
             )
-            columns[:, len(moved) :] = waves
-        own = self._own(step, tables, place, share)
-        left = np.linalg.qr(own)[0]
-        residual = residual - left @ (left.T @ residual)
-        columns = columns - left @ (left.T @ columns)
+            waves -= left @ (left.T @ waves)
+            block = waves.T @ waves
+        matrix = np.empty((size + len(block), size + len(block)))
+        matrix[:size, :size] = columns.T @ columns
+        matrix[:size, size:] = columns.T @ waves
+        matrix[size:, :size] = matrix[:size, size:].T
+        matrix[size:, size:] = block
         return Normal(
-            matrix=columns.T @ columns,
-            gradient=columns.T @ residual,
+            matrix=matrix,
+            gradient=np.concatenate([columns.T @ residual, waves.T @ residual]),
             square=float(residual @ residual),
             count=len(residual),
-            residual=residual,
+            waves=waves,
         )
 
     def _own(self, step: StepArrays, tables: Array, place: Array, share: Array) -> Array:
@@ -291,8 +317,7 @@ class Problem:
 
 STEPS: Mapping[str, float] = {
     "stiffness": 1e-4,
-    "relaxation": 1e-2,
-    "drag": 1e-2,
+    "damping": 1e-2,
     "bearing": 1e-2,
     "skew": 1e-6,
 }
@@ -340,9 +365,22 @@ class Solution:
         bend = float(change @ normal.matrix @ change)
         return normal.square - 2.0 * float(change @ normal.gradient) + bend
 
-    def jackknife(self) -> Array:
-        """Change of every number where one step is left out (steps, p)."""
-        return np.array([self.left_out((i,)) for i in range(len(self.normals))])
+    def influence(self) -> Array:
+        """What each step pulls every number by (steps, p): sums to nothing but the pull of the prior."""
+        inverse = self._inverse()
+        pulls = [w * n.gradient for w, n in zip(self.weights, self.normals, strict=True)]
+        return np.array(pulls) @ inverse
+
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the numbers for the noise that the fit leaves, independent from sample to sample."""
+        count = sum(w * n.count for w, n in zip(self.weights, self.normals, strict=True))
+        return self._inverse() * self.square / count
+
+    def robust_square(self) -> float:
+        """Sum of squares in which no step counts more than three times the median one [rad2]."""
+        squares = np.array([n.square / n.count for n in self.normals])
+        counts = np.array([n.count for n in self.normals])
+        return float(counts @ np.minimum(squares, 9.0 * np.median(squares)))
 
 
 def _regular(matrix: Array) -> Array:
@@ -377,7 +415,7 @@ def fit_all(
 
     vector = np.concatenate([[values[n] for n in names], error])
     normals = problem.normals(shape, values, error)
-    best = cost(vector, normals)
+    best, wandered = cost(vector, normals), 0.0
     for _ in range(rounds):
         total = sum(
             (w * n.matrix for w, n in zip(weights, normals, strict=True)),
@@ -388,7 +426,7 @@ def fit_all(
             -penalty * noise**2 * (vector - centre),
         )
         change = np.linalg.solve(_regular(total), pull)
-        change[:size] *= min(1.0, 1.0 / max(_excess(names, change[:size]), 1e-9))
+        change *= min(1.0, 1.0 / max(_excess(names, change[:size]), 1e-9))
         scale = 1.0
         while scale > 0.1:
             trial = vector + scale * change
@@ -402,9 +440,14 @@ def fit_all(
             break
         gained, best = best - found, found
         vector, values = trial, there
-        normals = problem.normals(shape, values, vector[size:])
+        wandered += scale * _excess(names, change[:size])
+        near = normals if wandered < NEARBY else ()
+        normals = problem.normals(shape, values, vector[size:], near=near)
+        wandered *= bool(near)
         if gained < CONVERGED * best:
             break
+    if wandered:
+        normals = problem.normals(shape, values, vector[size:])
     if not math.isfinite(best):
         raise IdentificationError("the fit of the steps diverged", where="velocity steps")
     return Solution(
@@ -418,15 +461,13 @@ def fit_all(
     )
 
 
-_LARGEST: Mapping[str, float] = {"stiffness": 0.1, "relaxation": 1.0, "skew": 5e-4}
+_LARGEST: Mapping[str, float] = {"stiffness": 0.1, "damping": 1.0, "skew": 5e-4, "second": 0.2}
 
 
 def _excess(names: Sequence[str], change: Array) -> float:
     """How much larger a change is than one that Gauss-Newton is believed over."""
     sizes = [
-        abs(c) / _LARGEST.get(n, 0.5)
-        for n, c in zip(names, change, strict=True)
-        if n not in ("drag", "bearing")
+        abs(c) / _LARGEST.get(n, 0.5) for n, c in zip(names, change, strict=True) if n != "bearing"
     ]
     return max(sizes, default=0.0)
 

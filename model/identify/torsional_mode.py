@@ -1,12 +1,12 @@
 """The torsional mode as a velocity step shows it: the output on the gear's compliance, with everything in units of J_o.
 
-    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + h - g theta_o' + push ,   phi = u - theta_o
+    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + h + g phi' + push ,   phi = u - theta_o
     tau b' = beta/(1 - beta) (phi - b) - b ,   k_s = (K/J_o)/(1 - beta)
 
 the reduced form of equation 2 (the modes of the flexspline lie above 6 kHz): b is the torsion of the
-wave-generator bearing, which has the share beta of the compliance and the only damping, tau = C_b/K_b.
-Damping in one of several springs in series stiffens it, so the mode's frequency is not sqrt(K/J_o). At
-beta near one all of the gear is damped (structural damping). Beyond equation 2: the spring hardens from
+wave-generator bearing, which has the share beta of the compliance and the damping of equation 2, tau = C_b/K_b.
+Damping in one of several springs in series stiffens it, so the mode's frequency is not sqrt(K/J_o); what is
+damped beside all of them, g, does not stiffen. Beyond equation 2: the spring hardens from
 K1 to K2 and K3 at the torques T1 and T2, and h is a Dahl element for the hysteresis.
 """
 
@@ -20,13 +20,10 @@ import scipy
 
 from model.identify.checks import Array
 
-LARGEST_SHARE = 0.98
-"""Share of the compliance at which all of the gear counts as damped; the model is singular at one."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class TorsionModel:
-    """One set of numbers of the mode: K/J_o [1/s2], tau [s], beta [1], drag g [1/s] of the output's bearing.
+    """One set of numbers of the mode: K/J_o [1/s2], tau [s], beta [1], loss g [1/s].
 
     `second`, `third`: K2/K1 and K3/K1; `torques`: T1/J_o and T2/J_o [rad/s2]; `hysteresis`: stiffness over J_o
     [1/s2] and limit over J_o [rad/s2] of the Dahl element, 0 for none.
@@ -35,7 +32,7 @@ class TorsionModel:
     stiffness: float
     relaxation: float
     share: float
-    drag: float = 0.0
+    loss: float = 0.0
     second: float = 1.0
     third: float = 1.0
     torques: tuple[float, float] = (math.inf, math.inf)
@@ -76,7 +73,7 @@ class TorsionModel:
         return np.array(
             [
                 [0.0, 1.0, 0.0],
-                [-series - extra, -self.drag, -series],
+                [-series - extra, -self.loss, -series],
                 [-yielding / self.relaxation, 0.0, -(1.0 + yielding) / self.relaxation],
             ]
         )
@@ -87,6 +84,7 @@ class TorsionModel:
         whole[:3, :3] = system
         whole[:3, 3] = -system[:, 0]
         whole[3, 4] = 1.0
+        whole[1, 4] = self.loss
         whole[1, 5] = 1.0
         exact = scipy.linalg.expm(whole * interval)[:3]
         late = exact[:, 4] / interval
@@ -134,8 +132,3 @@ class TorsionModel:
         if torsion > second:
             torque += (self.third - self.second) * self.stiffness * (torsion - second)
         return torque
-
-
-def relaxation_of(frequency: float, damping: float, share: float) -> float:
-    """tau [s] that gives the mode about this damping ratio (light damping): zeta = w tau beta/2."""
-    return 2.0 * damping / (frequency * share)

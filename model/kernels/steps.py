@@ -1,6 +1,6 @@
 """Compiled response of the torsional mode to a prescribed input, for the fit of velocity steps.
 
-    theta_o'' = k_s (u - theta_o - b) + stiffening(u - theta_o) - g theta_o' + push + h ,   u = theta_i/N + ke
+    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + g phi' + push + h ,   u = theta_i/N + ke
     b' = (p (u - theta_o) - q b) ,   h' = s (1 - h sgn(phi')/H) phi' ,   phi = u - theta_o
 
 b is the torsion of the wave-generator bearing, the only element with damping; stiffening is piecewise

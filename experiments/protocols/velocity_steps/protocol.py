@@ -229,6 +229,7 @@ def expected_of(gear: HarmonicDrive, *, is_known: bool = True) -> Expected:
     return Expected(
         stiffness=stiffness.combined_output / gear.inertia.output,
         share=stiffness.combined_output / (p.bearing_stiffness * p.radial_lever**2),
+        relaxation=p.bearing_damping / p.bearing_stiffness,
         inertia=gear.inertia.output,
         torques=(ratings.torque_1, ratings.torque_2),
         hardening=(

@@ -66,6 +66,7 @@ EXPECTED = Expected(
     stiffness=1.2 * STATIC,
     share=PARAMETERS.combined_stiffness
     / (PARAMETERS.bearing_stiffness * PARAMETERS.radial_lever**2),
+    relaxation=PARAMETERS.bearing_damping / PARAMETERS.bearing_stiffness,
     inertia=PARAMETERS.output_inertia,
     torques=(GEAR.ratings.torque_1, GEAR.ratings.torque_2),
     hardening=(1.6, 1.8),
