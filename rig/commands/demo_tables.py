@@ -71,15 +71,14 @@ def _truth_cells(row: TruthRow, result: Result) -> tuple[str | Text, ...]:
         "  " + quantity.titled(estimate.name).removesuffix(", amplitude"),
         shown.with_uncertainty,
         shown.number(estimate.value - row.error),
-        number(abs(row.error) / u, 2) if u > 0 else "–",
-        _yes_or_no(row.within),
+        _yes_or_no(row.within, f", {number(abs(row.error) / u, 2)} U" if u > 0 else ""),
         shown.number(estimate.value - row.difference) if row.is_split else "—",
         _yes_or_no(row.covered),
     )
 
 
-def _yes_or_no(holds: bool) -> Text:
-    return Text("yes", style="green") if holds else Text("no", style="yellow")
+def _yes_or_no(holds: bool, how_far: str = "") -> Text:
+    return Text("yes", style="green") if holds else Text(f"no{how_far}", style="yellow")
 
 
 def _print_misses(
@@ -103,8 +102,8 @@ def _print_misses(
 def print_demonstration(demonstration: Demonstration) -> None:
     """What was found, and where the files are."""
     out = console()
-    numbers = ("found ± U", "measurand", "|Δ| / U", "this bench sees")
-    columns = ("quantity", *numbers[:3], "in U", numbers[3], "in 95 %")
+    numbers = ("found ± U", "measurand", "bench sees")
+    columns = ("quantity", *numbers[:2], "in U", numbers[2], "in 95 %")
     rows = ruled_table(*columns, numbers=numbers, whole=numbers)
     results = {fit.result.kind: fit.result for fit in demonstration.fits}
     last = ""

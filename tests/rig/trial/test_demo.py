@@ -124,7 +124,7 @@ def test_json_and_people_get_the_same_story(
         "SIMULATED",
         str(made.report),
         "measurand",
-        "this bench sees",
+        "bench sees",
         "no verified limit",
     ):
         assert words in shown
