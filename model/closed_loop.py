@@ -97,7 +97,8 @@ class Deviations:
     hardening            stiffness grows beyond T1 and T2 in the catalogue's proportions K2/K1, K3/K1
     hysteresis_torque, hysteresis_stiffness   a Dahl element parallel to the gear: its limit [N m] and its stiffness
                          as a fraction of K_HDf
-    output_coulomb, output_viscous            friction of the output bearing [N m], [N m s/rad]
+    output_coulomb, output_viscous            friction of the bench's output bearing [N m], [N m s/rad]
+    output_per_kelvin    share by which both fall per kelvin of the housing above the thermal reference
     motor_friction       the motor's own Coulomb and viscous friction
     cogging              orders of the motor's cogging torque over theta_i, amplitudes in N m
     torque_constant_error   relative excess of the true motor torque over the reference
@@ -113,6 +114,7 @@ class Deviations:
     hysteresis_stiffness: float = 0.0
     output_coulomb: float = 0.0
     output_viscous: float = 0.0
+    output_per_kelvin: float = 0.0
     motor_friction: bool = True
     cogging: tuple[Harmonic, ...] = ()
     torque_constant_error: float = 0.0

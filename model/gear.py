@@ -372,7 +372,10 @@ class Damping(Section):
 
 @dataclass(frozen=True)
 class MeshFriction(Section):
-    """The Stribeck curve of the tooth mesh (equation 19), in the torque balance that `ModelOptions` names."""
+    """The Stribeck curve of the tooth mesh (equation 19), in the torque balance that `ModelOptions` names.
+
+    F_s may be smaller than F_c: then friction rises from rest, and there is no Stribeck dip.
+    """
 
     section = "mesh_friction"
     coulomb: float = quantity("N", "Coulomb friction", symbol="F_c", low=0.0, high=1e5)
@@ -386,14 +389,6 @@ class MeshFriction(Section):
     viscous: float = quantity(
         "N s/rad", "viscous coefficient at the input", symbol="c_v", low=0.0, high=1e3
     )
-
-    def __post_init__(self) -> None:
-        Section.__post_init__(self)
-        if self.static < self.coulomb:
-            limit = f">= mesh_friction.coulomb = {self.coulomb:g} N"
-            refuse(
-                self.section, "static", self.static, limit, "is smaller than the Coulomb friction"
-            )
 
 
 @dataclass(frozen=True, slots=True)

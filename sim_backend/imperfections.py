@@ -31,8 +31,12 @@ class Sizes:
 
     Encoder errors are amplitudes of the angle; output orders and sidebands amplitudes at the gear's output; the torque
     port's offset and scale error are standard deviations of what is drawn; skews are mean latch delays after SYNC.
+    Accuracies are classes: half the width of an encoder's whole curve, which its channel states. `stated` is what
+    stands as it is, with nothing drawn about it.
     """
 
+    input_accuracy: float = 1.4 * (60.0 + 25.0) * ARCSEC
+    output_accuracy: float = 1.4 * (4.0 + 1.5) * ARCSEC
     input_lines: int = 8192
     output_lines: int = 18000
     multiplication: int = 4
@@ -83,6 +87,7 @@ class Sizes:
     sync_jitter: float = 15e-6
     input_skew: float = 2e-6
     output_skew: float = 12e-6
+    stated: Stated | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,6 +174,27 @@ class TorquePort:
     noise: float = 0.0
 
 
+@dataclass(frozen=True)
+class Sideband:
+    """An order n + k/N of the gear's kinematic error, whatever the mounted ratio: cosine and sine [rad]."""
+
+    order: int
+    beside: int
+    cosine: float
+    sine: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stated:
+    """What a gear and a bench have, as it stands; the switches of `Imperfections` still take parts of it away."""
+
+    deviations: Deviations
+    sidebands: tuple[Sideband, ...]
+    input_encoder: EncoderErrors
+    output_encoder: EncoderErrors
+    torque_port: TorquePort
+
+
 @dataclass(frozen=True, kw_only=True)
 class Condition:
     """One rig on one day: everything that was drawn. `deviations` go into the plant, the rest into the instruments."""
@@ -207,7 +233,7 @@ def draw(
     angle = run.uniform(0.0, REVOLUTION * ratio)
     counts = run.integers(-(2**20), 2**20, 2)
     thermometer = stream(bench_seed, "thermometer")
-    return Condition(
+    condition = Condition(
         deviations=_deviations(on, ratio, bench_seed, gear_seed),
         input_encoder=_encoder(on, "input", bench_seed),
         output_encoder=_encoder(on, "output", bench_seed),
@@ -220,6 +246,47 @@ def draw(
         start_angle=float(angle) if started else 0.0,
         input_count=int(counts[0]) if started else 0,
         output_count=int(counts[1]) if started else 0,
+    )
+    return condition if sizes.stated is None else _as_stated(condition, on, sizes.stated, ratio)
+
+
+def _as_stated(condition: Condition, on: Imperfections, stated: Stated, ratio: float) -> Condition:
+    """The condition with what stands as it is, as far as it is switched on, in place of what was drawn about sizes."""
+    have, port = stated.deviations, stated.torque_port
+    bands = tuple(Harmonic(b.order + b.beside / ratio, b.cosine, b.sine) for b in stated.sidebands)
+    deviations = dataclasses.replace(
+        condition.deviations,
+        kinematic_error=bands if on.sidebands else (),
+        hysteresis_torque=have.hysteresis_torque if on.hysteresis else 0.0,
+        hysteresis_stiffness=have.hysteresis_stiffness if on.hysteresis else 0.0,
+        output_coulomb=have.output_coulomb if on.output_bearing_friction else 0.0,
+        output_viscous=have.output_viscous if on.output_bearing_friction else 0.0,
+        output_per_kelvin=have.output_per_kelvin,
+        cogging=have.cogging if on.motor_cogging else (),
+        torque_constant_error=have.torque_constant_error if on.torque_scale_error else 0.0,
+        port_lag=have.port_lag if on.torque_lag else 0.0,
+        thermal=have.thermal if on.warming else None,
+    )
+    return dataclasses.replace(
+        condition,
+        deviations=deviations,
+        input_encoder=_switched(stated.input_encoder, on),
+        output_encoder=_switched(stated.output_encoder, on),
+        torque_port=dataclasses.replace(
+            condition.torque_port,
+            gain_error=port.gain_error if on.torque_scale_error else 0.0,
+            offset=port.offset if on.torque_offset else 0.0,
+        ),
+    )
+
+
+def _switched(encoder: EncoderErrors, on: Imperfections) -> EncoderErrors:
+    """An encoder with those of its errors that are switched on."""
+    return EncoderErrors(
+        encoder.series if on.encoder_revolution_error else (),
+        encoder.subdivision if on.sub_divisional_error else None,
+        encoder.index_angle if on.random_start else math.pi,
+        encoder.skew if on.channel_skew else 0.0,
     )
 
 

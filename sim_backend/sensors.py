@@ -298,12 +298,12 @@ def make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
 
 
 def _encoder_channel(on: Imperfections, name: str, long_name: str) -> Channel:
-    """A channel of the input or the output encoder; its accuracy is the size of the errors over one revolution."""
+    """A channel of the input or the output encoder; its accuracy is the half width of its whole curve."""
     sizes = on.sizes
-    lines, once, twice = (
-        (sizes.input_lines, sizes.input_once_per_turn, sizes.input_twice_per_turn)
+    lines, accuracy = (
+        (sizes.input_lines, sizes.input_accuracy)
         if name in (names.INPUT_ANGLE, names.INPUT_INDEX)
-        else (sizes.output_lines, sizes.output_once_per_turn, sizes.output_twice_per_turn)
+        else (sizes.output_lines, sizes.output_accuracy)
     )
     return encoder_channel(
         name,
@@ -311,7 +311,5 @@ def _encoder_channel(on: Imperfections, name: str, long_name: str) -> Channel:
         multiplication=sizes.multiplication * (1 if on.quantisation else FINE),
         long_name=long_name,
         model="simulated",
-        calibration=Calibration(
-            certificate="simulated instrument", accuracy=math.hypot(once, twice)
-        ),
+        calibration=Calibration(certificate="simulated instrument", accuracy=accuracy),
     )

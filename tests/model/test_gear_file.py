@@ -154,7 +154,6 @@ def test_units_are_converted() -> None:
             "options.low_speed_branch",
             "true, false",
         ),
-        ("value = 95.0,", "value = 50.0,", "mesh_friction.static", "mesh_friction.coulomb = 70"),
         ("value = 0.62,", "value = 0.2,", "tooth.root_width", "no thickness left"),
         ("value = 31.0,", "value = 3.1,", "geometry.neutral_radius", "does not fit"),
         ("order = 2.0", "order = 1.0", "kinematic_error.orders[1].order", "given twice"),

@@ -1,0 +1,240 @@
+"""What a wide population draws: within its table, independently, again the same, and nothing of it on the card."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from model.kinematic_error import series_value
+from model.linear import dynamic_parameters
+from model.units import ARCMIN, ARCSEC
+from sim_backend.direct import SimulatedRig
+from sim_backend.imperfections import Imperfections, Stated, individual_gear, individual_motor
+from sim_backend.population import Drawn, drawn
+from sim_backend.world import World
+from tests.sim_backend.rigs import GEAR, MOTOR
+
+SEEDS = range(300)
+
+
+def world(seed: int, **others: int) -> World:
+    return World(population="wide", **{"gear_seed": seed, "bench_seed": 7000 + seed, **others})
+
+
+@functools.cache
+def population() -> tuple[Drawn, ...]:
+    return tuple(drawn(GEAR, MOTOR, world(seed)) for seed in SEEDS)
+
+
+def stated(one: Drawn) -> Stated:
+    assert one.sizes.stated is not None
+    return one.sizes.stated
+
+
+def thermal(one: Drawn, name: str) -> float:
+    return float(getattr(stated(one).deviations.thermal, name))
+
+
+def loss(one: Drawn) -> float:
+    """Hysteresis loss [arcmin]: the loop of a sliding element is 2 T_h/K wide at zero torque."""
+    torque = stated(one).deviations.hysteresis_torque
+    return 2.0 * torque / dynamic_parameters(one.gear).combined_stiffness / ARCMIN
+
+
+def factor(one: Drawn) -> float:
+    own, card = dynamic_parameters(one.gear), dynamic_parameters(one.card)
+    return own.combined_stiffness / card.combined_stiffness
+
+
+def half_width(one: Drawn, which: str) -> float:
+    angle = np.linspace(0.0, 2.0 * np.pi, 20_000)
+    return 0.5 * float(
+        np.ptp(series_value(getattr(stated(one), f"{which}_encoder").series, angle)) / ARCSEC
+    )
+
+
+# Entry of the table: what it is of one draw, its bounds, and whether its logarithm is uniform.
+TABLE: dict[str, tuple[Callable[[Drawn], float], float, float, bool]] = {
+    "J_o": (lambda d: d.gear.inertia.output, 0.02, 1.0, True),
+    "F_c": (lambda d: d.gear.mesh_friction.coulomb, 20.0, 150.0, True),
+    "F_s/F_c": (
+        lambda d: d.gear.mesh_friction.static / d.gear.mesh_friction.coulomb,
+        0.9,
+        1.8,
+        True,
+    ),
+    "v_s": (lambda d: d.gear.mesh_friction.stribeck_velocity, 0.3, 10.0, False),
+    "shape": (lambda d: d.gear.mesh_friction.shape, 0.5, 2.0, False),
+    "c_v": (lambda d: d.gear.mesh_friction.viscous, 0.05, 0.6, False),
+    "viscous per kelvin": (lambda d: thermal(d, "viscous_per_kelvin"), 0.005, 0.04, False),
+    "dry per kelvin": (lambda d: thermal(d, "coulomb_per_kelvin"), 0.0, 0.01, False),
+    "stiffness": (factor, 0.6, 1.4, False),
+    "K2/K1": (lambda d: d.gear.ratings.stiffness_2 / d.gear.ratings.stiffness_1, 1.2, 2.0, False),
+    "K3/K2": (lambda d: d.gear.ratings.stiffness_3 / d.gear.ratings.stiffness_2, 1.0, 1.3, False),
+    "hysteresis": (loss, 0.2, 2.0, False),
+    "order 2": (lambda d: d.gear.kinematic_error[1].amplitude / ARCSEC, 0.2, 20.0, True),
+    "order 5": (lambda d: d.gear.kinematic_error[4].amplitude / ARCSEC, 0.2, 20.0, True),
+    "sideband": (
+        lambda d: math.hypot(stated(d).sidebands[3].cosine, stated(d).sidebands[3].sine) / ARCSEC,
+        0.2,
+        20.0,
+        True,
+    ),
+    "output encoder": (lambda d: half_width(d, "output"), 2.5, 5.0, False),
+    "motor encoder": (lambda d: half_width(d, "input"), 15.0, 30.0, False),
+    "skew": (lambda d: stated(d).output_encoder.skew, 0.0, 1e-3, False),
+    "torque gain": (lambda d: stated(d).torque_port.gain_error, -0.01, 0.01, False),
+    "torque zero": (lambda d: stated(d).torque_port.offset, -5e-3, 5e-3, False),
+    "torque lag": (lambda d: stated(d).deviations.port_lag, 0.0, 2e-3, False),
+    "output bearing": (lambda d: stated(d).deviations.output_coulomb, 0.1, 1.0, False),
+    "output bearing per kelvin": (
+        lambda d: stated(d).deviations.output_per_kelvin,
+        0.0,
+        0.01,
+        False,
+    ),
+    "torque constant": (
+        lambda d: stated(d).deviations.torque_constant_error,
+        -0.02,
+        0.02,
+        False,
+    ),
+    "motor coulomb": (lambda d: d.motor.coulomb_friction / MOTOR.coulomb_friction, 0.5, 1.5, False),
+    "motor viscous": (lambda d: d.motor.viscous_friction / MOTOR.viscous_friction, 0.5, 1.5, False),
+    "cogging": (
+        lambda d: max(h.amplitude for h in stated(d).deviations.cogging),
+        0.0,
+        5e-3,
+        False,
+    ),
+    "ambient": (lambda d: thermal(d, "ambient"), 15.0, 32.0, False),
+}
+
+
+@functools.cache
+def drawn_values(entry: str) -> np.ndarray:
+    """All draws of an entry, as the share of its range (uniform between 0 and 1)."""
+    of, low, high, logarithmic = TABLE[entry]
+    values = np.array([of(one) for one in population()])
+    scale = np.log if logarithmic else np.asarray
+    return (scale(values) - scale(low)) / (scale(high) - scale(low))
+
+
+@pytest.mark.parametrize("entry", TABLE)
+def test_an_entry_fills_its_range_and_leaves_it_nowhere(entry: str) -> None:
+    share = np.sort(drawn_values(entry))
+    assert share[0] >= -1e-4
+    assert share[-1] <= 1.0 + 1e-4
+    even = (np.arange(len(share)) + 0.5) / len(share)
+    assert np.max(np.abs(share - even)) < 2.0 / math.sqrt(len(share))  # Kolmogorov, 0.07 %
+
+
+def test_entries_are_independent() -> None:
+    together = np.corrcoef(np.array([drawn_values(entry) for entry in TABLE]))
+    together[np.diag_indices_from(together)] = 0.0
+    assert np.max(np.abs(together)) < 4.5 / math.sqrt(len(SEEDS))
+
+
+def test_ratios_are_those_of_the_table_and_teeth_match() -> None:
+    found = [one.card.ratio for one in population()]
+    assert set(found) == {50.0, 80.0, 100.0, 120.0, 160.0}
+    assert min(found.count(ratio) for ratio in set(found)) > 35
+    for one in population()[:20]:
+        teeth, geometry = one.gear.teeth, one.gear.geometry
+        assert teeth == one.card.teeth
+        assert geometry == one.card.geometry
+        assert teeth.circular_spline == teeth.flexspline + 2 == 2 * one.card.ratio + 2
+        assert geometry.module == pytest.approx(geometry.flexspline_diameter / teeth.flexspline)
+        assert geometry.radial_deformation == pytest.approx(1.2 * geometry.module, rel=1e-6)
+        assert one.card.name == f"CSF-25-{one.card.ratio:.0f}-2UH"
+
+
+def test_the_three_springs_share_their_factor() -> None:
+    for one in population()[:20]:
+        own, card = dynamic_parameters(one.gear), dynamic_parameters(one.card)
+        for spring in ("bearing_stiffness", "mesh_stiffness", "cup_stiffness"):
+            assert getattr(own, spring) / getattr(card, spring) == pytest.approx(factor(one))
+
+
+def test_the_card_tells_of_the_gear_what_a_nameplate_does() -> None:
+    stays = ("bearing", "material", "mesh_friction", "cup", "damping")
+    stated_wrong = []
+    for one in population():
+        assert all(getattr(one.card, part) == getattr(GEAR, part) for part in stays)
+        assert one.card.kinematic_error == GEAR.kinematic_error
+        assert one.motor_card is MOTOR
+        stated_wrong.append(one.card.inertia.output / one.gear.inertia.output - 1.0)
+    assert 0.025 < np.max(np.abs(stated_wrong)) <= 0.03 + 1e-12
+    assert abs(np.mean(stated_wrong)) < 0.003
+
+
+def test_encoders_have_every_order_at_any_phase_and_one_percent_between_the_lines() -> None:
+    phases = []
+    for one in population():
+        assert [h.order for h in stated(one).output_encoder.series] == list(range(1, 9))
+        assert [h.order for h in stated(one).input_encoder.series] == [1, 2, 4]
+        fine = stated(one).output_encoder.subdivision
+        assert fine is not None
+        assert fine.amplitude * fine.order / (2.0 * math.pi) == pytest.approx(0.01)
+        last = stated(one).output_encoder.series[-1]
+        phases.append(math.atan2(last.sine, last.cosine))
+    assert abs(np.mean(np.exp(1j * np.array(phases)))) < 3.0 / math.sqrt(len(SEEDS))
+
+
+def test_gear_bench_and_day_have_draws_of_their_own() -> None:
+    one = drawn(GEAR, MOTOR, world(3))
+    assert drawn(GEAR, MOTOR, world(3)) == one
+    moved = drawn(GEAR, MOTOR, world(3, bench_seed=1))
+    assert (moved.gear, moved.card) == (one.gear, one.card)
+    assert stated(moved).sidebands == stated(one).sidebands
+    assert stated(moved).output_encoder != stated(one).output_encoder
+    assert thermal(moved, "coulomb_per_kelvin") == thermal(one, "coulomb_per_kelvin")
+    regeared = drawn(GEAR, MOTOR, world(3, gear_seed=4))
+    assert regeared.gear != one.gear
+    assert regeared.motor == one.motor
+    assert stated(regeared).output_encoder == stated(one).output_encoder
+    next_day = drawn(GEAR, MOTOR, world(3, day=2))
+    assert (next_day.gear, next_day.motor) == (one.gear, one.motor)
+    assert thermal(next_day, "ambient") != thermal(one, "ambient")
+    assert stated(next_day).torque_port.offset != stated(one).torque_port.offset
+    assert stated(next_day).torque_port.gain_error == stated(one).torque_port.gain_error
+
+
+def test_a_narrow_world_is_parts_of_one_series() -> None:
+    one = drawn(GEAR, MOTOR, World(gear_seed=5, bench_seed=6))
+    assert one.gear == individual_gear(GEAR, 5)
+    assert one.motor == individual_motor(MOTOR, 6)
+    assert one.card is GEAR
+    assert one.motor_card is MOTOR
+    assert one.sizes.stated is None
+
+
+def test_the_rig_has_what_was_drawn_as_far_as_it_is_switched_on() -> None:
+    one = drawn(GEAR, MOTOR, world(8))
+    truths = []
+    for on in (Imperfections(sizes=one.sizes), Imperfections.none()):
+        with_sizes = dataclasses.replace(on, sizes=one.sizes)
+        truths.append(SimulatedRig(one.gear, one.motor, with_sizes, 1).truth)
+    full, none = truths
+    have = stated(one)
+    assert full["torque_port"]["gain_error"] == have.torque_port.gain_error
+    assert full["timing"]["output_skew"] == have.output_encoder.skew
+    assert len(full["encoders"]["output"]["orders"]) == 8
+    assert len(full["kinematic_error"]["orders"]) == 6 + len(have.sidebands)
+    assert none["torque_port"]["gain_error"] == none["timing"]["output_skew"] == 0.0
+    assert none["encoders"]["output"]["orders"] == []
+    assert len(none["kinematic_error"]["orders"]) == 6
+
+
+def test_channels_state_the_class_and_never_what_was_drawn() -> None:
+    two = [drawn(GEAR, MOTOR, world(seed)) for seed in (1, 2)]
+    rigs = [SimulatedRig(d.gear, d.motor, Imperfections(sizes=d.sizes), 1) for d in two]
+    assert rigs[0].channels == rigs[1].channels
+    accuracy = {c.name: c.calibration.accuracy for c in rigs[0].channels}
+    assert accuracy["output_angle"] == pytest.approx(5.0 * ARCSEC)
+    assert accuracy["input_angle"] == pytest.approx(30.0 * ARCSEC)
