@@ -36,6 +36,7 @@ from sim_backend.plant import Plant
 from sim_backend.sensors import Instruments, Latches
 from sim_backend.servo_drive import SPEED_COUNT, ServoDrive
 from sim_backend.truth import tell
+from sim_backend.world import FIRST_WORLD, ThermalState, World
 
 Counts = NDArray[np.int64]
 
@@ -47,17 +48,6 @@ JUMP_MARGIN = 1.5
 """An encoder that moves faster than this times the motor's highest speed has jumped."""
 JUMP_SLACK = 64
 """Counts that are never called a jump."""
-
-
-@dataclass(frozen=True)
-class RigSeeds:
-    """What is drawn by which seed: `run` start angle, zero and noise; `bench` instruments and
-    motor; `gear` added orders.
-    """
-
-    run: int = 0
-    bench: int = 0
-    gear: int = 0
 
 
 @dataclass(frozen=True)
@@ -76,9 +66,9 @@ class _Snapshot:
 class SimulatedRig:
     """A rig that is computed: motor, one gear (or none), torque port and both encoders, in virtual time.
 
-    `gear` is the individual that is mounted (see `individual_gear`), `seed` makes the run, `bench_seed` the instruments
-    and `gear_seed` the gear's added orders; both default to `seed`. `faults` are what will go wrong. With a `WallClock`
-    it turns in real time. Raises `DriverError` for commands that a drive cannot take.
+    `gear` and `motor` are the individuals that are mounted, `world` draws everything else, `start` is
+    how warm they are, if not as the room. `faults` are what will go wrong. With a `WallClock` it turns
+    in real time. Raises `DriverError` for commands that a drive cannot take.
     """
 
     def __init__(
@@ -86,7 +76,7 @@ class SimulatedRig:
         gear: HarmonicDrive,
         motor: ServoMotor,
         imperfections: Imperfections | None = None,
-        seed: int = 0,
+        world: World = FIRST_WORLD,
         *,
         cycle_ns: int = 1_000_000,
         mounting: Mounting = "circular-spline-fixed",
@@ -94,8 +84,7 @@ class SimulatedRig:
         disc_inertia: float = 0.0,
         clock: Clock | None = None,
         faults: Sequence[Fault] = (),
-        bench_seed: int | None = None,
-        gear_seed: int | None = None,
+        start: ThermalState | None = None,
     ) -> None:
         if cycle_ns < 100_000:
             raise DriverError(
@@ -104,18 +93,13 @@ class SimulatedRig:
                 value=cycle_ns,
                 limit=">= 100000 ns",
             )
-        seeds = RigSeeds(
-            seed,
-            seed if bench_seed is None else bench_seed,
-            seed if gear_seed is None else gear_seed,
-        )
-        self._gear, self._motor, self._seeds, self._mounted = gear, motor, seeds, gear_mounted
+        self._gear, self._motor, self._world, self._mounted = gear, motor, world, gear_mounted
         self._on = imperfections or Imperfections()
         ratio = gear.mounted_ratio(mounting)
-        self._condition = draw(self._on, ratio, seeds.run, seeds.bench, seeds.gear)
+        self._condition = draw(self._on, ratio, world, start)
         self._sense = round(output_sign(mounting))
         self._plant = Plant(
-            gear,
+            self._condition.gear_of(gear),
             motor,
             self._condition,
             cycle_ns=cycle_ns,
@@ -126,10 +110,10 @@ class SimulatedRig:
         self._drive = ServoDrive(motor)
         self._plant.write_limits(self._drive.limits)
         self._instruments = Instruments(
-            self._on, self._condition, motor, seed, self._sense, self._plant.output_angle
+            self._on, self._condition, motor, world.run_seed, self._sense, self._plant.output_angle
         )
         self._clock: Clock = VirtualClock() if clock is None else clock
-        self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, seed)
+        self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, world.run_seed)
         self._faults = tuple(faults)
         self._devices = Devices(self._plant, self._drive)
         self._watch = GuardWatch(self._instruments.channels, cycle_ns)
@@ -180,6 +164,11 @@ class SimulatedRig:
         return self._plant.input_speed
 
     @property
+    def thermal_state(self) -> ThermalState:
+        """How warm the rig is now."""
+        return self._plant.thermal_state
+
+    @property
     def is_powered(self) -> bool:
         """Whether the power stage may produce torque now."""
         return self._drive.state in POWERED_STATES
@@ -187,14 +176,13 @@ class SimulatedRig:
     @functools.cached_property
     def truth(self) -> dict[str, Any]:
         """Every effective parameter of this rig on this day (see `sim_backend.truth`)."""
-        seeds = {"run": self._seeds.run, "bench": self._seeds.bench, "gear": self._seeds.gear}
         return tell(
             self._plant.loop,
             self._motor,
             on=self._on,
             condition=self._condition,
             instruments=self._instruments,
-            seeds=seeds,
+            world=self._world,
             output_sense=self._sense,
         )
 

@@ -1,10 +1,13 @@
 """Everything that makes the simulated rig worse than its model: a switch and a name for each, all on by default.
 
-`Imperfections` says what is on, `Sizes` how large it is, `draw` makes of both one rig on one day
+`Imperfections` says what is on, `Sizes` how large it is, `draw` makes of both one rig in one world
 (`Condition`): phases, offsets and amplitudes drawn by seed, each from its own stream, so that
-switching one off leaves the others as they were. What belongs to the bench (encoders, torque port,
-skew, cogging) follows the bench's seed, what belongs to the gear the gear's, and what changes from
-run to run (zero of the port, start angle, noise) the run's.
+switching one off leaves the others as they were. Who owns what stands in `sim_backend.world`: the
+bench its instruments and its motor, a mounting how the gear sits on it, a day the room and the zero
+of the torque port, the run's number the noise.
+
+The plant turns in the gear's own angles. What belongs to the bench (encoders, cogging) is drawn over
+the bench's angles, which stand `Seating.input_phase` and `output_phase` ahead, and turned by as much.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from model.gear import Harmonic, HarmonicDrive
 from model.motor import ServoMotor
 from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
 from sim_backend.streams import stream
+from sim_backend.world import ThermalState, World
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +36,9 @@ class Sizes:
     Encoder errors are amplitudes of the angle; output orders and sidebands amplitudes at the gear's output; the torque
     port's offset and scale error are standard deviations of what is drawn; skews are mean latch delays after SYNC.
     Accuracies are classes: half the width of an encoder's whole curve, which its channel states. `stated` is what
-    stands as it is, with nothing drawn about it.
+    stands as it is, with nothing drawn about it. `eccentricity` is that of a mounting, as amplitudes at the output once
+    per revolution of the output and of the wave generator; a day's temperature lies within `ambient_spread` of
+    `ambient`; `dry_friction_change` is the standard deviation from run to run, as a share.
     """
 
     input_accuracy: float = 1.4 * (60.0 + 25.0) * ARCSEC
@@ -87,6 +93,10 @@ class Sizes:
     sync_jitter: float = 15e-6
     input_skew: float = 2e-6
     output_skew: float = 12e-6
+    eccentricity: tuple[float, float] = (2.0 * ARCSEC, 1.0 * ARCSEC)
+    ambient: float = 22.0
+    ambient_spread: float = 1.5
+    dry_friction_change: float = 0.01
     stated: Stated | None = None
 
 
@@ -121,6 +131,10 @@ class Imperfections:
     sync_jitter: bool = True
     channel_skew: bool = True
     random_start: bool = True
+    mounting: bool = True
+    eccentricity: bool = True
+    ambient_temperature: bool = True
+    run_to_run_friction: bool = True
     sizes: Sizes = field(default_factory=Sizes)
 
     @classmethod
@@ -163,6 +177,16 @@ class EncoderErrors:
     index_angle: float = 0.0
     skew: float = 0.0
 
+    def turned(self, phase: float) -> EncoderErrors:
+        """The same encoder over an angle that stands `phase` behind its own [rad]."""
+        fine = self.subdivision
+        return dataclasses.replace(
+            self,
+            series=_turned(self.series, phase),
+            subdivision=None if fine is None else _turned([fine], phase)[0],
+            index_angle=(self.index_angle - phase) % REVOLUTION,
+        )
+
 
 @dataclass(frozen=True)
 class TorquePort:
@@ -195,9 +219,24 @@ class Stated:
     torque_port: TorquePort
 
 
+@dataclass(frozen=True)
+class Seating:
+    """How the gear sits on the bench: how far the motor encoder's angle stands ahead of the wave
+    generator's, and the output encoder's ahead of the gear's output, each in the encoder's own sense
+    [rad]; and what the eccentricity of the mounting adds to the kinematic error [rad over theta_i].
+    """
+
+    input_phase: float = 0.0
+    output_phase: float = 0.0
+    eccentricity: tuple[Harmonic, ...] = ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class Condition:
-    """One rig on one day: everything that was drawn. `deviations` go into the plant, the rest into the instruments."""
+    """One rig in one world: everything that was drawn. `deviations` go into the plant, the rest into
+    the instruments; all angles are the gear's own. `ambient` is the room's temperature [degC],
+    `dry_friction` the gear's dry friction in this run over its own.
+    """
 
     deviations: Deviations
     input_encoder: EncoderErrors
@@ -209,45 +248,99 @@ class Condition:
     start_angle: float
     input_count: int
     output_count: int
+    ambient: float
+    dry_friction: float
+    seating: Seating = Seating()
+
+    def gear_of(self, gear: HarmonicDrive) -> HarmonicDrive:
+        """The gear as it is in this run."""
+        dry = ("mesh_friction.coulomb", "mesh_friction.static")
+        return gear.with_values({path: self.dry_friction * gear.value(path).value for path in dry})
 
 
 def draw(
-    imperfections: Imperfections, ratio: float, seed: int, bench_seed: int, gear_seed: int
+    imperfections: Imperfections, ratio: float, world: World, start: ThermalState | None = None
 ) -> Condition:
-    """One rig on one day, drawn by its seeds."""
-    on, sizes = imperfections, imperfections.sizes
-    run, day = stream(seed, "start"), stream(seed, "torque zero")
-    offset = sizes.torque_offset * _bounded(day) if on.torque_offset else 0.0
-    gain = (
-        sizes.torque_scale * _bounded(stream(bench_seed, "torque gain"))
-        if on.torque_scale_error
-        else 0.0
-    )
-    port = TorquePort(
-        gain,
-        offset,
-        sizes.torque_drift_per_kelvin if on.torque_offset and on.warming else 0.0,
-        sizes.torque_noise if on.torque_noise else 0.0,
-    )
+    """One rig in one world, drawn by its seeds; `start` is how warm it is, if not as the room."""
+    on, sizes, bench = imperfections, imperfections.sizes, world.bench_seed
+    run = stream(world.run_seed, "start")
     started = on.random_start
     angle = run.uniform(0.0, REVOLUTION * ratio)
     counts = run.integers(-(2**20), 2**20, 2)
-    thermometer = stream(bench_seed, "thermometer")
+    change = sizes.dry_friction_change * _bounded(stream(world.run_seed, "dry friction"))
+    room = stream(world.day_seed, "ambient").uniform(-1.0, 1.0) * sizes.ambient_spread
     condition = Condition(
-        deviations=_deviations(on, ratio, bench_seed, gear_seed),
-        input_encoder=_encoder(on, "input", bench_seed),
-        output_encoder=_encoder(on, "output", bench_seed),
-        torque_port=port,
+        deviations=_deviations(on, ratio, bench, world.gear_seed),
+        input_encoder=_encoder(on, "input", bench),
+        output_encoder=_encoder(on, "output", bench),
+        torque_port=_torque_port(on, world),
         sync_jitter=sizes.sync_jitter if on.sync_jitter else 0.0,
         temperature_noise=sizes.temperature_noise if on.temperature_noise else 0.0,
-        housing_offset=sizes.temperature_offset * _bounded(thermometer)
+        housing_offset=sizes.temperature_offset * _bounded(stream(bench, "thermometer"))
         if on.temperature_noise
         else 0.0,
         start_angle=float(angle) if started else 0.0,
         input_count=int(counts[0]) if started else 0,
         output_count=int(counts[1]) if started else 0,
+        ambient=sizes.ambient + float(room) if on.ambient_temperature else Thermal().ambient,
+        dry_friction=1.0 + change if on.run_to_run_friction else 1.0,
     )
-    return condition if sizes.stated is None else _as_stated(condition, on, sizes.stated, ratio)
+    if sizes.stated is not None:
+        condition = _as_stated(condition, on, sizes.stated, ratio)
+    return _at(_seated(condition, _seating(on, ratio, world)), start)
+
+
+def _seating(on: Imperfections, ratio: float, world: World) -> Seating:
+    """What a mounting owns. Turning the gear on the output flange is an act, no imperfection: it is never off."""
+    phases = stream(world.mounting_seed, "phases").uniform(0.0, REVOLUTION, 2)
+    output, wave_generator = on.sizes.eccentricity
+    orders = ((1.0 / ratio, output), (1.0, wave_generator)) if on.eccentricity else ()
+    return Seating(
+        float(phases[0]) if on.mounting else 0.0,
+        (float(phases[1]) if on.mounting else 0.0) + world.mount_turn,
+        _drawn(stream(world.mounting_seed, "eccentricity"), orders),
+    )
+
+
+def _seated(condition: Condition, seating: Seating) -> Condition:
+    """The condition of a gear that sits so: what is the bench's, seen over the gear's own angles."""
+    extra = condition.deviations
+    return dataclasses.replace(
+        condition,
+        seating=seating,
+        input_encoder=condition.input_encoder.turned(seating.input_phase),
+        output_encoder=condition.output_encoder.turned(seating.output_phase),
+        deviations=dataclasses.replace(
+            extra,
+            kinematic_error=(*extra.kinematic_error, *seating.eccentricity),
+            cogging=_turned(extra.cogging, seating.input_phase),
+        ),
+    )
+
+
+def _at(condition: Condition, start: ThermalState | None) -> Condition:
+    """The condition in its room, as warm as it starts."""
+    room, extra = condition.ambient, condition.deviations
+    if extra.thermal is None:
+        return condition
+    warm = start or ThermalState(housing=room, motor=room)
+    thermal = dataclasses.replace(
+        extra.thermal, ambient=room, housing_start=warm.housing, motor_start=warm.motor
+    )
+    return dataclasses.replace(condition, deviations=dataclasses.replace(extra, thermal=thermal))
+
+
+def _torque_port(on: Imperfections, world: World) -> TorquePort:
+    """The bench's gain, the day's zero."""
+    sizes = on.sizes
+    gain = sizes.torque_scale * _bounded(stream(world.bench_seed, "torque gain"))
+    zero = sizes.torque_offset * _bounded(stream(world.day_seed, "torque zero"))
+    return TorquePort(
+        gain if on.torque_scale_error else 0.0,
+        zero if on.torque_offset else 0.0,
+        sizes.torque_drift_per_kelvin if on.torque_offset and on.warming else 0.0,
+        sizes.torque_noise if on.torque_noise else 0.0,
+    )
 
 
 def _as_stated(condition: Condition, on: Imperfections, stated: Stated, ratio: float) -> Condition:
@@ -267,9 +360,11 @@ def _as_stated(condition: Condition, on: Imperfections, stated: Stated, ratio: f
         port_lag=have.port_lag if on.torque_lag else 0.0,
         thermal=have.thermal if on.warming else None,
     )
+    thermal = have.thermal
     return dataclasses.replace(
         condition,
         deviations=deviations,
+        ambient=thermal.ambient if thermal and on.ambient_temperature else condition.ambient,
         input_encoder=_switched(stated.input_encoder, on),
         output_encoder=_switched(stated.output_encoder, on),
         torque_port=dataclasses.replace(
@@ -374,6 +469,14 @@ def _encoder(on: Imperfections, which: str, bench_seed: int) -> EncoderErrors:
         _harmonic(float(lines), fine * scale[2], phase[2]) if on.sub_divisional_error else None,
         float(phase[3]) if on.random_start else math.pi,
         skew * float(random.uniform(0.7, 1.3)) if on.channel_skew else 0.0,
+    )
+
+
+def _turned(series: Iterable[Harmonic], phase: float) -> tuple[Harmonic, ...]:
+    """The same curve over an angle that stands `phase` behind its own [rad]."""
+    return tuple(
+        _harmonic(h.order, h.amplitude, math.atan2(h.sine, h.cosine) - h.order * phase)
+        for h in series
     )
 
 

@@ -13,6 +13,7 @@ from model.gear import HarmonicDrive, Mounting
 from model.kernels import closed_loop as kernel
 from model.motor import ServoMotor
 from sim_backend.imperfections import Condition
+from sim_backend.world import ThermalState
 
 SUBSTEP = 125e-6
 """Longest step of the simulation [s]; the servo loop runs at twice that."""
@@ -75,6 +76,12 @@ class Plant:
     def input_speed(self) -> float:
         """Input speed now [rad/s]."""
         return float(self._state[kernel.W])
+
+    @property
+    def thermal_state(self) -> ThermalState:
+        """How warm housing and motor are now."""
+        state = self._state
+        return ThermalState(housing=float(state[kernel.HOUSING]), motor=float(state[kernel.MOTOR]))
 
     def snapshot(self) -> FloatArray:
         """Everything that changes, as one array."""

@@ -169,8 +169,7 @@ class Instruments:
             self._housing_noise,
             first_cycle,
         )
-        thermal = self._condition.deviations.thermal
-        room = np.full(n, thermal.ambient if thermal else 22.0)
+        room = np.full(n, self._condition.ambient)
         counts[:, put[names.AMBIENT_TEMPERATURE]] = self._temperature(
             room, self._ambient_noise, first_cycle
         )

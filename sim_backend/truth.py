@@ -23,6 +23,7 @@ from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
 from sim_backend.imperfections import Condition, Imperfections
 from sim_backend.sensors import Instruments
+from sim_backend.world import World
 
 
 def tell(
@@ -31,15 +32,15 @@ def tell(
     on: Imperfections,
     condition: Condition,
     instruments: Instruments,
-    seeds: dict[str, int],
+    world: World,
     output_sense: int,
 ) -> dict[str, object]:
-    """The truth of one simulated rig on one day."""
+    """The truth of one simulated rig in one world."""
     mounted = loop.settings.gear_mounted
     truth: dict[str, object] = {
         "imperfections": {name: bool(getattr(on, name)) for name in on.names()},
         "sizes": dataclasses.asdict(on.sizes),
-        "seeds": seeds,
+        "world": dataclasses.asdict(world),
         "motor": _motor(motor, condition),
         "torque_port": _torque_port(condition),
         "encoders": _encoders(instruments, condition, output_sense),

@@ -15,7 +15,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from drivers.errors import DriverError
 
@@ -66,6 +66,11 @@ class World:
                 remedy="Choose one of these.",
             )
 
+    @classmethod
+    def of(cls, seed: int, **others: Any) -> World:
+        """The world of one seed, gear and bench alike: for what needs no more than one."""
+        return cls(gear_seed=seed, bench_seed=seed, **others)
+
     @property
     def mounting_seed(self) -> int:
         """The seed of this gear, mounted so often on this bench."""
@@ -82,6 +87,14 @@ class World:
         return mixed("run", self.gear_seed, self.bench_seed, self.mount, self.day, self.number)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ThermalState:
+    """How warm a rig is [degC]: the housing with its grease, and the motor."""
+
+    housing: float
+    motor: float
+
+
 _LEAST = {"gear_seed": 0, "bench_seed": 0, "mount": 1, "day": 1, "number": 1}
 
 
@@ -89,3 +102,7 @@ def mixed(name: str, *numbers: int) -> int:
     """One seed of 64 bits out of a name and numbers, the same on every computer."""
     text = " ".join((name, *map(str, numbers)))
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "little")
+
+
+FIRST_WORLD = World.of(0)
+"""The world of whoever names none."""

@@ -90,6 +90,10 @@ def simulated_bench(metadata: RunMetadata) -> str:
     """Which simulated instruments were used: their seed; "" for a run that was not simulated."""
     if metadata.origin != "simulated":
         return ""
+    world = metadata.process.get("world")
+    if isinstance(world, Mapping):
+        return str(world.get("bench_seed", ""))
+    # Version 0.1.0 named its seeds elsewhere.
     truth = metadata.process.get("truth")
     seeds = truth.get("seeds") if isinstance(truth, Mapping) else None
     return str(

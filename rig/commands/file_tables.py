@@ -15,7 +15,7 @@ from model.units import RPM
 from rig.commands.terminal import console, table
 from rig.commands.visible import Text
 from rig.library.index import IndexedRun
-from rig.present.run_words import acquisition_facts, duration_text
+from rig.present.run_words import acquisition_facts, duration_text, world_text
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.verify import Finding
 
@@ -224,6 +224,7 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
                 if k in m.process
             ),
         ),
+        ("world", world_text(m.process.get("world"))),
         *acquisition_facts(m.process.get("acquisition")),
         ("parameters", ", ".join(f"{name} = {value}" for name, value in m.parameters.items())),
         ("conditions", ", ".join(f"{name} = {value}" for name, value in m.conditions.items())),

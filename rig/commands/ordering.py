@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rig.bench.backends.assembly import WorldChoice
     from rig.run.dry_run import PlannedRun
     from rig.run.start import RunRequest
 
@@ -30,6 +31,7 @@ def request_of(
     seed: int = 0,
     block: int = 2000,
     confirmation: str = "",
+    world: WorldChoice | None = None,
 ) -> RunRequest:
     """The request that flags make. What they leave open comes from the gear's card in the folder of the runs, from the
     configuration that is named (or that a rig of hardware needs), and by default.
@@ -38,6 +40,7 @@ def request_of(
     """
     from model.gear_file import load_gear, shipped_gear
     from model.motor import shipped_motor
+    from rig.bench.backends.assembly import WorldChoice
     from rig.bench.backends.registry import HARDWARE
     from rig.run.dry_run import DEFAULT_SAMPLE_RATE
     from rig.run.start import MOUNTINGS, RunRequest
@@ -76,6 +79,7 @@ def request_of(
         configuration=config,
         limits=limits,
         confirmation=confirmation,
+        world=world or WorldChoice(),
     )
     return carded(request, mounting, parameters is not None)
 

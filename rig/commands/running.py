@@ -14,6 +14,17 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from rig.commands.terminal import outliving_the_terminal, print_json
+from rig.commands.worlds import (
+    BenchSeed,
+    Day,
+    GearSeed,
+    Mount,
+    MountTurn,
+    Number,
+    PopulationName,
+    StartStateName,
+    world_choice,
+)
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
@@ -135,8 +146,24 @@ def run(
         ),
     ] = None,
     seed: Annotated[
-        int, typer.Option(min=0, help="Seed of a simulated rig: another gear, another noise.")
+        int, typer.Option(min=0, help="Seed of a simulated rig: another one is another bench.")
     ] = 0,
+    gear_seed: GearSeed = None,
+    bench_seed: BenchSeed = None,
+    mount: Mount = 1,
+    mount_turn: MountTurn = 0.0,
+    day: Day = 1,
+    number: Number = None,
+    population: PopulationName = "narrow",
+    start_state: StartStateName = "auto",
+    repeat: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RUN",
+            rich_help_panel="Simulated world",
+            help="Make a simulated run again, count by count: its number or its file says the protocol and all else.",
+        ),
+    ] = None,
     parameters: Parameters = None,
     mounting: MountedHow = None,
     sample_rate: SampleRate = None,
@@ -185,7 +212,7 @@ def run(
     from rig.commands.ordering import confirmed, request_of
     from rig.run.start import plan_request
 
-    protocol, values = read_protocol(context.args)
+    protocol, values = read_protocol(context.args) if repeat is None else ("", {})
     request = request_of(
         protocol,
         values,
@@ -200,7 +227,19 @@ def run(
         seed=seed,
         block=block,
         confirmation=confirm,
+        world=world_choice(
+            mount_turn,
+            gear_seed=gear_seed,
+            bench_seed=bench_seed,
+            mount=mount,
+            day=day,
+            number=number,
+            population=population,
+            start_state=start_state,
+        ),
     )
+    if repeat is not None:
+        request = _repeated(context, repeat, request)
     planned = plan_request(request)
     request = confirmed(request, planned, asks=not (json or events or stdin_control))
     from rig.exits import code_of_outcome
@@ -216,6 +255,34 @@ def run(
     else:
         print_report(report, option_of(request.backend, request.output, request.configuration))
     raise typer.Exit(code_of_outcome(report.outcome))
+
+
+REPEATABLE = ("output", "operator", "config", "block", "json", "events", "stdin_control", "repeat")
+"""Flags that a repeated run takes; everything else is said by its file."""
+
+
+def _repeated(context: typer.Context, run: str, request: RunRequest) -> RunRequest:
+    """The request that makes a run again. Raises `BadParameter` for flags that the run's file answers."""
+    from click.core import ParameterSource
+
+    from rig.library.folder import run_named
+    from rig.run.repeat import repetition
+
+    given = [
+        f"--{name.replace('_', '-')}"
+        for name in context.params
+        if name not in REPEATABLE
+        and context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+    ]
+    if given or context.args:
+        raise typer.BadParameter(
+            f"{' '.join([*given, *context.args])}: the run that is repeated says this. Leave it away.",
+            param_hint="--repeat",
+        )
+    repeated, warning = repetition(run_named(request.output, run), request)
+    if warning:
+        sys.stderr.write(f"warning: {warning}\n")
+    return repeated
 
 
 def read_protocol(arguments: Sequence[str]) -> tuple[str, dict[str, Any]]:

@@ -7,6 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from rig.commands.worlds import (
+    BenchSeed,
+    Day,
+    GearSeed,
+    Mount,
+    MountTurn,
+    Number,
+    PopulationName,
+    world_choice,
+)
+
 if TYPE_CHECKING:
     from rig.bench.backends.serving import Served
 
@@ -46,9 +57,14 @@ def serve(
         str, typer.Option("--gear", metavar="SERIAL", help="Which individual gear is mounted.")
     ] = "unknown",
     without_gear: Annotated[bool, typer.Option("--no-gear", help="The bare motor.")] = False,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the laboratory: motor and instruments.")
-    ] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the bench: motor and instruments.")] = 0,
+    gear_seed: GearSeed = None,
+    bench_seed: BenchSeed = None,
+    mount: Mount = 1,
+    mount_turn: MountTurn = 0.0,
+    day: Day = 1,
+    number: Number = None,
+    population: PopulationName = "narrow",
     mounting: Annotated[
         str, typer.Option(help="circular-spline-fixed (ratio N) or flexspline-fixed (ratio N + 1).")
     ] = "circular-spline-fixed",
@@ -117,6 +133,15 @@ def serve(
         serial=gear_serial,
         protocol="serve",
         seed=seed,
+        world=world_choice(
+            mount_turn,
+            gear_seed=gear_seed,
+            bench_seed=bench_seed,
+            mount=mount,
+            day=day,
+            number=number,
+            population=population,
+        ),
         sample_rate=sample_rate,
     )
 

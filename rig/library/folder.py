@@ -29,6 +29,11 @@ class RunPlace:
         """`<number>-<protocol>-<serial>`."""
         return self.path.name.removesuffix(".h5")
 
+    def give_back(self) -> None:
+        """Let go of the number if no run came of it; another run may then take it."""
+        if not any(self.path.parent.glob(f"{self.run_id}.h5*")):
+            (self.path.parent / NUMBERS_FOLDER / f"{self.number:05d}").unlink(missing_ok=True)
+
 
 @dataclass(frozen=True)
 class ListedRun:
@@ -86,6 +91,28 @@ def run_files(folder: str | Path) -> tuple[Path, ...]:
             remedy="Name the folder with --output.",
         ) from error
     return tuple(sorted(paths, key=lambda path: (run_number(path.name), path.name)))
+
+
+def run_named(folder: str | Path, name: str) -> Path:
+    """The run file that a path, a run's number or its name in the folder means. Raises `RunFileError`."""
+    folder, path = Path(folder), Path(name)
+    if path.is_file():
+        return path
+    number = int(name) if name.isdecimal() else 0
+    found = [
+        run
+        for run in (run_files(folder) if folder.is_dir() else ())
+        if name == run.name.removesuffix(".h5") or (number and number == run_number(run.name))
+    ]
+    if len(found) != 1:
+        raise RunFileError(
+            "names several runs" if found else "names no run",
+            where=str(folder),
+            value=name,
+            limit="a run file, or the number or name of a run in this folder",
+            remedy="Look with `rig runs`.",
+        )
+    return found[0]
 
 
 def read_listed(path: Path) -> ListedRun:

@@ -18,6 +18,23 @@ def duration_text(seconds: float) -> str:
     return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
 
 
+def world_text(world: object) -> str:
+    """In which simulated world a run was made; "" for one that was made in none, or does not say."""
+    if not isinstance(world, Mapping):
+        return ""
+    start = world["start"]
+    turned = math.degrees(world["mount_turn"])
+    warm = ", ".join(f"{name} {start[name]:.1f} degC" for name in start if name != "run")
+    parts = (
+        f"gear {world['gear_seed']}, bench {world['bench_seed']}, mounting {world['mount']}",
+        f" turned by {turned:g} deg" if turned else "",
+        f", day {world['day']}, number {world['number']}, {world['population']} population; starts as ",
+        f"run {start['run']} ended ({warm})" if warm else "warm as the room",
+        f"; repeats {world['repeats']}" if "repeats" in world else "",
+    )
+    return "".join(parts)
+
+
 def acquisition_facts(figures: object) -> list[tuple[str, str]]:
     """How well a run was acquired, line by line: rate and jitter, what was missed, index marks, torques, skew."""
     if not isinstance(figures, Mapping):

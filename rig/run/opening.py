@@ -73,7 +73,7 @@ def claimed(order: RunOrder, start_time: str) -> Iterator[RunPlace]:
     Raises `RigError`; nothing has moved, and no marker is left.
     """
     protocol = order.planned.experiment.name
-    place = claim_run(order.output, protocol, order.gear_serial)
+    place = order.place or claim_run(order.output, protocol, order.gear_serial)
     if order.marker is None:
         yield place
         return
@@ -101,6 +101,8 @@ def header_of(
     }
     if order.bench:
         process["bench"] = order.bench
+    if order.world:
+        process["world"] = order.world
     run = RunMetadata(
         run_id=run_id,
         experiment=planned.experiment.name,

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from drivers.clock import Clock
 from drivers.port import RigDescription, RigPort
+from rig.library.folder import RunPlace
 from rig.run.bounds import Watch
 from rig.run.dry_run import PlannedRun
 from rig.run.latch import TripLatch
@@ -38,6 +39,12 @@ class RunOrder:
     block_cycles: int = 1000
     make_safe_cycles: int = 100
     conditions: dict[str, Any] = field(default_factory=dict)
+    world: Mapping[str, Any] = field(default_factory=dict)
+    """The simulated world, as the run file tells it."""
+    thermal_state: Callable[[], Mapping[str, float]] | None = None
+    """How warm a simulated rig is now [degC]: noted at the end, for the run after this one."""
+    place: RunPlace | None = None
+    """The number that was taken for this run before its rig was put together; None: it takes the next."""
     watch: Watch | None = None
     patience: Patience | None = None
     free_space: Callable[[], int] | None = None

@@ -456,6 +456,8 @@ class Session:
         metrics["missed_share"] = supervisor.state.missed_share
         counted, figures = self._acquisition.figures(supervisor.acquisition())
         metrics.update(counted)
+        if self._order.thermal_state is not None:
+            figures["thermal_state"] = dict(self._order.thermal_state())
         if trip is not None:
             self._latch_trip(trip)
         if ending is not None and ending.safe and self._order.marker is not None:

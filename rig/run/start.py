@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,17 @@ from experiments.parameters import make_parameters, parameter_fields
 from experiments.recording import Event
 from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
-from rig.bench.backends.assembly import AssembledRig, RigRequest
-from rig.bench.backends.registry import HARDWARE, make_port
+from rig.bench.backends.assembly import AssembledRig, RigRequest, WorldChoice
+from rig.bench.backends.registry import (
+    HARDWARE,
+    is_simulated,
+    make_port,
+    nameplates,
+    world_record,
+)
 from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
+from rig.library.folder import RunPlace, claim_run
 from rig.run.arming import Arming, guard_check, refuse_unarmed
 from rig.run.bench_lock import bench_lock
 from rig.run.computer import claim_real_time
@@ -30,11 +38,12 @@ from rig.run.latch import latch_of
 from rig.run.marker import RunMarker
 from rig.run.opening import begin_inline_run, begin_threaded_run, git_commit
 from rig.run.order import Judge, Judgement, Progress, RunOrder, RunReport
-from rig.run.preflight import Check
+from rig.run.preflight import Check, refuse_failed, static_checks
 from rig.run.realtime import block_cycles, execute_in_real_time, watchdog_deadline
 from rig.run.session import execute
 from rig.run.stop import StopRequest
 from rig.run.watchdog import Watchdog
+from rig.run.world import refuse_world, start_state
 
 MOUNTINGS: tuple[Mounting, ...] = ("circular-spline-fixed", "flexspline-fixed")
 
@@ -53,6 +62,8 @@ class RunRequest:
     gear_serial: str = "unknown"
     operator: str = ""
     seed: int = 0
+    """Of a simulated rig: its bench, unless `world` names another."""
+    world: WorldChoice = field(default_factory=WorldChoice)
     sample_rate: float = DEFAULT_SAMPLE_RATE
     block_cycles: int = 2000
     conditions: Mapping[str, Any] = field(default_factory=dict)
@@ -84,11 +95,13 @@ def plan_request(request: RunRequest, experiment: Experiment | None = None) -> P
         if name in names:
             values.setdefault(name, value)
     parameters = make_parameters(experiment.parameters, values, request.protocol)
+    refuse_world(request.backend, request.world)
+    gear, motor = nameplates(request.backend, _rig_request(request))
     return plan_run(
         experiment,
         parameters,
-        request.gear,
-        request.motor,
+        gear,
+        motor,
         request.mounting,
         sample_rate=request.sample_rate,
         configured=request.limits,
@@ -97,25 +110,62 @@ def plan_request(request: RunRequest, experiment: Experiment | None = None) -> P
 
 def bench_for(request: RunRequest) -> Bench:
     """The bench that a request is for. Raises `ConfigurationError` for hardware without identity or state folder."""
-    return bench_of(request.backend, request.output, request.configuration, request.seed)
+    chosen = request.world.bench_seed
+    seed = request.seed if chosen is None else chosen
+    return bench_of(request.backend, request.output, request.configuration, seed)
 
 
 def rig_for(request: RunRequest, planned: PlannedRun) -> AssembledRig:
     """The rig that a request names, put together but not opened."""
-    wanted = RigRequest(
+    wanted = replace(
+        _rig_request(request),
+        gear_mounted=planned.experiment.gear_mounted,
+        parameters=vars_of(planned.parameters),
+        disc_inertia=getattr(planned.parameters, "disc_inertia", 0.0),
+    )
+    return make_port(request.backend, wanted)
+
+
+def _rig_request(request: RunRequest) -> RigRequest:
+    """What is asked of the rig, as far as it is known before there is a plan."""
+    return RigRequest(
         gear=request.gear,
         motor=request.motor,
         mounting=request.mounting,
-        gear_mounted=planned.experiment.gear_mounted,
         serial=request.gear_serial,
         protocol=request.protocol,
-        parameters=vars_of(planned.parameters),
         seed=request.seed,
+        world=request.world,
         sample_rate=request.sample_rate,
-        disc_inertia=getattr(planned.parameters, "disc_inertia", 0.0),
         configuration=request.configuration,
     )
-    return make_port(request.backend, wanted)
+
+
+@contextmanager
+def in_its_world(
+    request: RunRequest, planned: PlannedRun
+) -> Iterator[tuple[RunRequest, RunPlace | None]]:
+    """A request whose simulated world is said to the end, and the number in its folder if it owns one already.
+
+    The number owns the noise, so it is taken before the rig is put together, and given back if
+    nothing was recorded. Raises `RigError`; nothing is opened.
+    """
+    choice, place = request.world, None
+    if not is_simulated(request.backend):
+        yield request, None
+        return
+    refuse_failed(static_checks(planned, request.output))
+    start = choice.start or start_state(
+        request.output, choice.start_state, world_record(_rig_request(request))
+    )
+    if choice.number is None:
+        place = claim_run(request.output, planned.experiment.name, request.gear_serial)
+        choice = replace(choice, number=place.number)
+    try:
+        yield replace(request, world=replace(choice, start=start)), place
+    finally:
+        if place is not None:
+            place.give_back()
 
 
 def run_request(
@@ -138,17 +188,19 @@ def run_request(
     with bench_lock(bench, f"rig run {request.protocol}"):
         # Before anything is connected: a rig that tripped is left alone until somebody has looked.
         latch_of(bench).refuse()
-        return run_on(
-            rig_for(request, planned),
-            request,
-            planned=planned,
-            stop=stop,
-            ask=ask,
-            bench=bench,
-            judge=judge_by(planned) if judged else None,
-            on_progress=on_progress,
-            on_event=on_event,
-        )
+        with in_its_world(request, planned) as (settled, place):
+            return run_on(
+                rig_for(settled, planned),
+                settled,
+                planned=planned,
+                stop=stop,
+                ask=ask,
+                bench=bench,
+                judge=judge_by(planned) if judged else None,
+                place=place,
+                on_progress=on_progress,
+                on_event=on_event,
+            )
 
 
 def run_on(
@@ -159,12 +211,14 @@ def run_on(
     ask: Ask = lambda prompt: "",
     bench: Bench | None = None,
     judge: Judge | None = None,
+    place: RunPlace | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> RunReport:
     """Run what was planned on a rig that is put together and not opened. Whether it may is the caller's business.
 
-    `bench`: where a trip is latched and the run marked, if that is not the request's own.
+    `bench`: where a trip is latched and the run marked, if that is not the request's own. `place`: a
+    number of its folder that was taken for it.
     """
     bench = bench or bench_for(request)
     # Asked now: between opening a rig and its first turns a drive counts the ms without a heartbeat.
@@ -191,6 +245,9 @@ def run_on(
         seed=request.seed,
         block_cycles=cycles,
         conditions=dict(request.conditions),
+        world=rig.world,
+        thermal_state=rig.thermal_state,
+        place=place,
         free_space=lambda: shutil.disk_usage(request.output).free,
         bench=bench.id,
         latch=latch_of(bench),

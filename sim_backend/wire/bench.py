@@ -53,6 +53,7 @@ from sim_backend.wire.drive import Drive, DriveDevice
 from sim_backend.wire.line import BenchBus, BenchSerial, Frame, WireFault
 from sim_backend.wire.readout import Readout
 from sim_backend.wire.slave import Slave
+from sim_backend.world import FIRST_WORLD, ThermalState, World
 
 Counts = NDArray[np.int64]
 Listener = Callable[[int, bytes, int], None]
@@ -113,7 +114,7 @@ class WireBench:
         gear: HarmonicDrive,
         motor: ServoMotor,
         imperfections: Imperfections | None = None,
-        seed: int = 0,
+        world: World = FIRST_WORLD,
         *,
         cycle_ns: int = 1_000_000,
         mounting: Mounting = "circular-spline-fixed",
@@ -121,8 +122,7 @@ class WireBench:
         disc_inertia: float = 0.0,
         clock: Clock | None = None,
         faults: Sequence[Fault] = (),
-        bench_seed: int | None = None,
-        gear_seed: int | None = None,
+        start: ThermalState | None = None,
         silence_cycles: int | None = SILENCE_CYCLES,
         start_ns: int = FIRST_STAMP_NS,
     ) -> None:
@@ -134,18 +134,13 @@ class WireBench:
                 value="adc_steps or drive_torque_steps off",
                 remedy="Leave both imperfections on.",
             )
-        self._seeds = {
-            "run": seed,
-            "bench": seed if bench_seed is None else bench_seed,
-            "gear": seed if gear_seed is None else gear_seed,
-        }
-        self._on, self._motor = on, motor
+        self._on, self._motor, self._world = on, motor, world
         self.clock: Clock = VirtualClock() if clock is None else clock
         self._sense = round(output_sign(mounting))
         ratio = gear.mounted_ratio(mounting)
-        self._condition = draw(on, ratio, seed, self._seeds["bench"], self._seeds["gear"])
+        self._condition = draw(on, ratio, world, start)
         self.plant = Plant(
-            gear,
+            self._condition.gear_of(gear),
             motor,
             self._condition,
             cycle_ns=cycle_ns,
@@ -154,9 +149,9 @@ class WireBench:
             disc_inertia=disc_inertia,
         )
         self.instruments = Instruments(
-            on, self._condition, motor, seed, self._sense, self.plant.output_angle
+            on, self._condition, motor, world.run_seed, self._sense, self.plant.output_angle
         )
-        self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, seed, start_ns)
+        self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, world.run_seed, start_ns)
         self.cycle_ns = cycle_ns
         self._silence_cycles = silence_cycles
         what = f"{gear.name} on {motor.name}" if gear_mounted else f"bare {motor.name}"
@@ -175,7 +170,7 @@ class WireBench:
             rated_torque=motor.rated_torque,
             peak_torque=motor.peak_torque,
             maximum_speed=motor.maximum_speed,
-            serial_number=self._seeds["bench"] & 0xFFFF_FFFF,
+            serial_number=self._world.bench_seed & 0xFFFF_FFFF,
         )
         self.drive = Drive(DRIVE_NODE, device, self._from_device)
         self.counter = Counter(COUNTER_NODE, revolution[names.OUTPUT_ANGLE], self._from_device)
@@ -240,6 +235,11 @@ class WireBench:
         return self.plant.input_speed
 
     @property
+    def thermal_state(self) -> ThermalState:
+        """How warm the rig is now."""
+        return self.plant.thermal_state
+
+    @property
     def is_powered(self) -> bool:
         """Whether the drive's power stage may produce torque now."""
         return self.drive.drive_state in POWERED_STATES
@@ -253,7 +253,7 @@ class WireBench:
             on=self._on,
             condition=self._condition,
             instruments=self.instruments,
-            seeds=self._seeds,
+            world=self._world,
             output_sense=self._sense,
         )
 

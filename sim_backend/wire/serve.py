@@ -24,6 +24,7 @@ from sim_backend.faults import Fault
 from sim_backend.imperfections import Imperfections
 from sim_backend.wire.bench import WireBench
 from sim_backend.wire.hub import Hub, Visitors
+from sim_backend.world import FIRST_WORLD, ThermalState, World
 
 LONGEST_SLEEP = 0.02
 """Seconds after which the devices' timers are looked at again."""
@@ -167,7 +168,7 @@ def make_bench(
     gear: HarmonicDrive,
     motor: ServoMotor,
     imperfections: Imperfections | None = None,
-    seed: int = 0,
+    world: World = FIRST_WORLD,
     *,
     time: TimeSource = "wall",
     cycle_ns: int = 1_000_000,
@@ -175,23 +176,21 @@ def make_bench(
     gear_mounted: bool = True,
     disc_inertia: float = 0.0,
     faults: Sequence[Fault] = (),
-    bench_seed: int | None = None,
-    gear_seed: int | None = None,
+    start: ThermalState | None = None,
 ) -> WireBench:
     """The bench of a process of its own, in wall time; parameters as of `WireBench`."""
     return WireBench(
         gear,
         motor,
         imperfections,
-        seed,
+        world,
         cycle_ns=cycle_ns,
         mounting=mounting,
         gear_mounted=gear_mounted,
         disc_inertia=disc_inertia,
         clock=WallClock(),
         faults=faults,
-        bench_seed=bench_seed,
-        gear_seed=gear_seed,
+        start=start,
         silence_cycles=1 if time == "wall" else None,
     )
 

@@ -24,7 +24,7 @@ from drivers.clock import WallClock
 from drivers.samples import SampleBlock
 from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.backends.registry import BACKENDS
-from rig.bench.backends.simulated import seeds_of
+from rig.bench.backends.simulated import assembled, parts_of
 from rig.runfile.write import RunWriter
 from sim_backend.direct import SimulatedRig
 
@@ -41,7 +41,7 @@ LONG += ("--at-most", "3600", "--tolerance", "1e-9", "--window", "60", "--zero-t
 def paced_rig(request: RigRequest, tell: Callable[[str], None]) -> AssembledRig:
     """The simulated rig in real time; `tell` hears what its plant does."""
     clock = WallClock()
-    port: Any = SimulatedRig(**seeds_of(request), clock=clock)
+    port: Any = SimulatedRig(**parts_of(request), clock=clock)
     exchange, plant, moving = port.exchange, port._plant, [False]
 
     def told(*arguments: Any) -> SampleBlock:
@@ -52,7 +52,7 @@ def paced_rig(request: RigRequest, tell: Callable[[str], None]) -> AssembledRig:
         return block
 
     port.exchange = told
-    return AssembledRig(name="sim", port=port, clock=clock)
+    return assembled("sim", port, clock, port, request)
 
 
 @contextmanager

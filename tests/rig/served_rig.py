@@ -18,6 +18,7 @@ from model.motor import shipped_motor
 from rig.bench.hub import hub_id
 from rig.bench.state import state_places
 from sim_backend.wire.serve import Addresses, make_bench, serve
+from sim_backend.world import World
 
 TEMPLATE = resources.files("rig.bench.config").joinpath("template.toml").read_text(encoding="utf-8")
 
@@ -63,5 +64,5 @@ def announce(addresses: Addresses) -> None:
 
 if __name__ == "__main__":
     cycle_ns = round(1e9 / float(sys.argv[1]))
-    bench = make_bench(shipped_gear(), shipped_motor(), seed=3, cycle_ns=cycle_ns)
+    bench = make_bench(shipped_gear(), shipped_motor(), world=World.of(3), cycle_ns=cycle_ns)
     serve(bench, port=0, readout="socket", announce=announce, lifetime=60.0)

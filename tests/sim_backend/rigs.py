@@ -12,6 +12,7 @@ from model.motor import shipped_motor
 from model.units import RPM
 from sim_backend.direct import SimulatedRig
 from sim_backend.imperfections import Imperfections, individual_gear
+from sim_backend.world import World
 
 GEAR, MOTOR = shipped_gear(), shipped_motor()
 NO_GUARD = Guard()
@@ -21,7 +22,7 @@ def rig(
     imperfections: Imperfections | None = None, seed: int = 7, **options: object
 ) -> SimulatedRig:
     """An opened rig with a gear of its own."""
-    made = SimulatedRig(individual_gear(GEAR, 3), MOTOR, imperfections, seed, **options)  # type: ignore[arg-type]
+    made = SimulatedRig(individual_gear(GEAR, 3), MOTOR, imperfections, World.of(seed), **options)  # type: ignore[arg-type]
     made.open()
     return made
 

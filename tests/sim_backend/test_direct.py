@@ -25,6 +25,7 @@ from sim_backend.faults import (
     StuckEncoder,
 )
 from sim_backend.imperfections import Imperfections
+from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD, clean, column, joined, off, rig, si, turn
 
 # One story with every mode, reversals, standstill and a guard that breaks in the middle.
@@ -100,7 +101,7 @@ def test_pieces_of_a_long_block_change_no_count_either() -> None:
 
 def test_first_cycle_counts_on_and_the_clock_follows() -> None:
     clock = VirtualClock(1_700_000_000_000_000_000)
-    port = SimulatedRig(GEAR, MOTOR, seed=1, clock=clock)
+    port = SimulatedRig(GEAR, MOTOR, world=World.of(1), clock=clock)
     clock.advance_ns(5_000_000)
     port.open()
     first, second = off(port, 40), off(port, 60)
@@ -115,20 +116,6 @@ def test_same_seed_same_counts_other_seed_other_counts() -> None:
     one, same, other = (turn(rig(seed=s), 600.0, 300).counts for s in (11, 11, 12))
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
-
-
-def test_bench_and_gear_keep_their_seeds_between_runs() -> None:
-    first, second = (
-        SimulatedRig(GEAR, MOTOR, seed=s, bench_seed=5, gear_seed=6).open().truth for s in (1, 2)
-    )
-    assert first is not None
-    assert second is not None
-    for part in ("motor", "timing"):
-        assert first[part] == second[part]
-    assert first["torque_port"]["scale_error"] == second["torque_port"]["scale_error"]  # type: ignore[index]
-    assert first["torque_port"]["offset"] != second["torque_port"]["offset"]  # type: ignore[index]
-    assert first["kinematic_error"]["orders"] == second["kinematic_error"]["orders"]  # type: ignore[index]
-    assert first["start_angle"] != second["start_angle"]
 
 
 def test_guard_breaks_at_the_first_row_and_the_next_block_goes_on_from_there() -> None:
@@ -254,10 +241,10 @@ def test_other_sync_periods(cycle_ns: int) -> None:
 
 
 def test_description_is_json_and_says_simulated() -> None:
-    described = SimulatedRig(GEAR, MOTOR, seed=4).open()
+    described = SimulatedRig(GEAR, MOTOR, world=World.of(4)).open()
     assert described.origin == "simulated"
-    assert json.loads(json.dumps(described.truth))["seeds"] == {"run": 4, "bench": 4, "gear": 4}
-    bare = SimulatedRig(GEAR, MOTOR, seed=4, gear_mounted=False).open()
+    assert json.loads(json.dumps(described.truth))["world"]["bench_seed"] == 4
+    bare = SimulatedRig(GEAR, MOTOR, world=World.of(4), gear_mounted=False).open()
     assert "bare" in bare.title
     assert bare.truth is not None
     assert "friction" not in bare.truth

@@ -13,6 +13,7 @@ from drivers.port import Command, Mode
 from model.units import RPM
 from sim_backend.imperfections import Imperfections, draw, individual_gear, individual_motor
 from sim_backend.sensors import FINE
+from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD, clean, column, off, si, turn
 
 ANGLES = {names.INPUT_ANGLE, names.OUTPUT_ANGLE}
@@ -47,6 +48,10 @@ SHOWS_IN: dict[str, tuple[set[str], set[str]]] = {
     "sync_jitter": (ANGLES, set()),
     "channel_skew": (ANGLES, set()),
     "random_start": (ANGLES, MARKS | TORQUES),
+    "mounting": ({names.INPUT_INDEX}, MARKS),
+    "eccentricity": ({names.OUTPUT_ANGLE}, MOTION | TORQUES),
+    "ambient_temperature": ({names.AMBIENT_TEMPERATURE}, set()),
+    "run_to_run_friction": (TORQUES, MOTION),
 }
 
 
@@ -80,7 +85,8 @@ def test_with_all_switched_off_it_is_perfect_and_switching_one_off_leaves_the_ot
     every = Imperfections()
     assert every.without(*every.names()) == Imperfections.none()
     full, less = (
-        draw(on, 120.0, 1, 2, 3) for on in (every, every.without("motor_cogging", "torque_noise"))
+        draw(on, 120.0, World.of(2))
+        for on in (every, every.without("motor_cogging", "torque_noise"))
     )
     assert full.output_encoder == less.output_encoder
     assert full.deviations.kinematic_error == less.deviations.kinematic_error

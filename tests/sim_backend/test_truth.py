@@ -12,11 +12,12 @@ from model.units import ARCSEC, RPM
 from sim_backend.direct import SimulatedRig
 from sim_backend.faults import OutputLoad
 from sim_backend.imperfections import Imperfections, individual_gear
+from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD, off, si, turn, with_only
 
 
 def opened(on: Imperfections, seed: int = 5, **options: object) -> tuple[SimulatedRig, dict]:
-    port = SimulatedRig(individual_gear(GEAR, seed), MOTOR, on, seed, **options)  # type: ignore[arg-type]
+    port = SimulatedRig(individual_gear(GEAR, seed), MOTOR, on, World.of(seed), **options)  # type: ignore[arg-type]
     truth = port.open().truth
     assert truth is not None
     return port, dict(truth)

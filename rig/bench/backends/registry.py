@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rig.errors import ConfigurationError
 
 if TYPE_CHECKING:
     # The names of the rigs are asked for where no rig is made: a list of runs needs no bus.
+    from model.gear import HarmonicDrive
+    from model.motor import ServoMotor
     from rig.bench.backends.assembly import AssembledRig, RigRequest
 
 
@@ -34,6 +36,25 @@ def make_port(name: str, request: RigRequest) -> AssembledRig:
     return maker(request)
 
 
+def nameplates(name: str, request: RigRequest) -> tuple[HarmonicDrive, ServoMotor]:
+    """Gear and motor of this rig as plan and analysis get them; the truth of a simulated one is not among them.
+
+    Gears of one series have the nameplate of the series.
+    """
+    if not is_simulated(name) or request.world.population == "narrow":
+        return request.gear, request.motor
+    from rig.bench.backends import simulated
+
+    return simulated.nameplates(request)
+
+
+def world_record(request: RigRequest) -> dict[str, Any]:
+    """The simulated world of a request, as its run file tells it."""
+    from rig.bench.backends import simulated
+
+    return simulated.world_record(request)
+
+
 def _simulated(request: RigRequest) -> AssembledRig:
     from rig.bench.backends.simulated import simulated
 
@@ -50,6 +71,11 @@ def _hardware(request: RigRequest) -> AssembledRig:
     from rig.bench.backends.hardware import hardware
 
     return hardware(request)
+
+
+def is_simulated(name: str) -> bool:
+    """Whether a rig of this name lives in a simulated world."""
+    return name != HARDWARE and not name.startswith(REPLAY)
 
 
 REPLAY = "replay:"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.bench.backends.assembly import RigRequest
-from rig.bench.backends.simulated import seeds_of
+from rig.bench.backends.simulated import parts_of
 from rig.bench.hub import hub_id
 from rig.errors import ConfigurationError
 from sim_backend.faults import Fault
@@ -70,7 +70,7 @@ def serve_rig(
             limit=", ".join(sorted(LOOPBACK)),
             remedy="Add --expose if that is wanted: the hub asks nobody who they are.",
         )
-    bench = make_bench(**seeds_of(request), time=time, faults=faults)
+    bench = make_bench(**parts_of(request), time=time, faults=faults)
     if sheets is not None:
         write_sheets(bench, sheets)
 

@@ -4,37 +4,85 @@ from __future__ import annotations
 
 import time
 import zlib
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from drivers import channel as names
-from drivers.clock import VirtualClock
+from drivers.clock import Clock, VirtualClock
+from drivers.port import RigPort
+from model.gear import HarmonicDrive
+from model.gear_file import gear_to_mapping
 from model.motor import ServoMotor
-from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.assembly import AssembledRig, RigRequest, StartState
+from sim_backend.population import drawn
+from sim_backend.world import ThermalState, World
 
 if TYPE_CHECKING:
     from drivers.cyclic import CanRig, CanRigConfig
+    from sim_backend.direct import SimulatedRig
     from sim_backend.wire.bench import WireBench
 
 VOLTS_PER_INCREMENT = 0.3125e-3
 """Volts per increment of the simulated analogue input."""
 
 
-def seeds_of(request: RigRequest) -> dict[str, Any]:
-    """Individual gear and motor, and every seed, as a simulated rig of either kind takes them."""
-    from sim_backend.imperfections import individual_gear, individual_motor
+def world_of(request: RigRequest) -> World:
+    """The world of a request: a serial number is a gear, a seed is a bench."""
+    return request.world.world(zlib.crc32(request.serial.encode()), request.seed)
 
-    gear_seed = _mixed(request.seed, f"gear {request.serial}")
+
+def world_record(request: RigRequest) -> dict[str, Any]:
+    """The world of a request as its run file tells it, and as `WorldChoice` takes it again."""
+    choice = request.world
+    start = choice.start or StartState()
+    record: dict[str, Any] = {
+        **asdict(world_of(request)),
+        "start": {"run": start.run, **start.temperatures},
+    }
+    if choice.repeats:
+        record["repeats"] = choice.repeats
+    if choice.population != "narrow":
+        # The run's own gear is the nameplate of the one that was drawn; this is what it was drawn about.
+        record["drawn_about"] = gear_to_mapping(request.gear)
+    return record
+
+
+def nameplates(request: RigRequest) -> tuple[HarmonicDrive, ServoMotor]:
+    """Gear and motor as plan and analysis get them."""
+    made = drawn(request.gear, request.motor, world_of(request))
+    return made.card, made.motor_card
+
+
+def parts_of(request: RigRequest) -> dict[str, Any]:
+    """Individual gear and motor, bench and world, as a simulated rig of either kind takes them."""
+    from sim_backend.imperfections import Imperfections
+
+    world, start = world_of(request), request.world.start or StartState()
+    made = drawn(request.gear, request.motor, world)
     return {
-        "gear": individual_gear(request.gear, gear_seed),
-        "motor": individual_motor(request.motor, request.seed),
-        "seed": _mixed(request.seed, f"run {request.protocol}"),
+        "gear": made.gear,
+        "motor": made.motor,
+        "imperfections": Imperfections(sizes=made.sizes),
+        "world": world,
+        "start": ThermalState(**start.temperatures) if start.temperatures else None,
         "cycle_ns": round(1e9 / request.sample_rate),
         "mounting": request.mounting,
         "gear_mounted": request.gear_mounted,
         "disc_inertia": request.disc_inertia,
-        "bench_seed": request.seed,
-        "gear_seed": gear_seed,
     }
+
+
+def assembled(
+    name: str, port: RigPort, clock: Clock, plant: SimulatedRig | WireBench, request: RigRequest
+) -> AssembledRig:
+    """A simulated rig as a run takes it; `plant` is what is behind the port."""
+    return AssembledRig(
+        name=name,
+        port=port,
+        clock=clock,
+        world=world_record(request),
+        thermal_state=lambda: asdict(plant.thermal_state),
+    )
 
 
 def simulated(request: RigRequest) -> AssembledRig:
@@ -42,18 +90,17 @@ def simulated(request: RigRequest) -> AssembledRig:
     from sim_backend.direct import SimulatedRig
 
     clock = VirtualClock(time.time_ns())
-    return AssembledRig(
-        name="sim", port=SimulatedRig(**seeds_of(request), clock=clock), clock=clock
-    )
+    port = SimulatedRig(**parts_of(request), clock=clock)
+    return assembled("sim", port, clock, port, request)
 
 
 def on_the_wire(request: RigRequest) -> AssembledRig:
     """The plant behind simulated CANopen devices, on a pumped bus; the drivers are those of a rig of hardware."""
     from sim_backend.wire.bench import WireBench
 
-    seeds = seeds_of(request)
-    bench = WireBench(**seeds, clock=VirtualClock(time.time_ns()))
-    return AssembledRig(name="wire", port=wire_port(bench, seeds["motor"]), clock=bench.clock)
+    parts = parts_of(request)
+    bench = WireBench(**parts, clock=VirtualClock(time.time_ns()))
+    return assembled("wire", wire_port(bench, parts["motor"]), bench.clock, bench, request)
 
 
 def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None = None) -> CanRig:
@@ -130,8 +177,3 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
         else None,
         title=bench.title,
     )
-
-
-def _mixed(seed: int, name: str) -> int:
-    """One seed out of a seed and a name, the same on every computer."""
-    return (seed << 32) ^ zlib.crc32(name.encode())

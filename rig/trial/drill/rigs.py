@@ -19,6 +19,7 @@ from sim_backend.direct import SimulatedRig
 from sim_backend.faults import Fault
 from sim_backend.imperfections import individual_gear
 from sim_backend.wire.bench import WireBench
+from sim_backend.world import World
 
 Carrier = Literal["sim", "wire"]
 CARRIERS: tuple[Carrier, ...] = ("sim", "wire")
@@ -246,7 +247,7 @@ def drilled_rig(
     clock = VirtualClock(START_NS)
     individual = individual_gear(gear, seed)
     if carrier == "wire":
-        bench = WireBench(individual, motor, seed=seed, clock=clock)
+        bench = WireBench(individual, motor, world=World.of(seed), clock=clock)
         port = wire_port(bench, motor, wire_config(bench, motor, has_guard=True))
         return DrilledWireRig(
             port=port, plant=bench, clock=clock, happenings=happenings, stop=stop, bench=bench
@@ -255,7 +256,7 @@ def drilled_rig(
         # The direct rig is handed its faults when it is made: there a row is a cycle.
         happening.injected = None if happening.fault is None else happening.fault(happening.row)
     faults = [happening.injected for happening in happenings if happening.injected is not None]
-    direct = SimulatedRig(individual, motor, seed=seed, clock=clock, faults=faults)
+    direct = SimulatedRig(individual, motor, world=World.of(seed), clock=clock, faults=faults)
     return DrilledRig(port=direct, plant=direct, clock=clock, happenings=happenings, stop=stop)
 
 

@@ -46,6 +46,7 @@ from rig.run.order import Progress, RunOrder, RunReport
 from rig.run.session import execute
 from rig.run.stop import StopRequest
 from sim_backend.direct import SimulatedRig
+from sim_backend.world import World
 from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
 
 GEAR, MOTOR = shipped_gear(), shipped_motor()
@@ -103,7 +104,7 @@ def simulated(
 
     order = RunOrder(
         planned=planned,
-        port=SimulatedRig(GEAR, MOTOR, seed=5, clock=clock),
+        port=SimulatedRig(GEAR, MOTOR, world=World.of(5), clock=clock),
         clock=clock,
         backend="sim",
         output=Path(),

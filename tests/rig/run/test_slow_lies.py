@@ -27,6 +27,7 @@ from rig.run.torque_review import TorqueReview, TorqueState
 from sim_backend import faults
 from sim_backend.direct import SimulatedRig
 from sim_backend.imperfections import Imperfections
+from sim_backend.world import World
 from tests.rig.fake_rig import FakeRig, ListRun, planned_of
 
 AT = 700
@@ -54,7 +55,7 @@ def run_with(
 ) -> tuple[ListRun, RunReport]:
     clock, run = VirtualClock(1_800_000_000_000_000_000), ListRun()
     port: Any = SimulatedRig(
-        shipped_gear(), shipped_motor(), imperfections, seed, clock=clock, faults=lies
+        shipped_gear(), shipped_motor(), imperfections, World.of(seed), clock=clock, faults=lies
     )
     order = RunOrder(
         planned=planned_of(*plan),

@@ -17,6 +17,7 @@ from rig.trial.doctor.examine import Examination, examine
 from rig.trial.doctor.finding import Finding
 from sim_backend.faults import Fault
 from sim_backend.wire.bench import WireBench
+from sim_backend.world import World
 
 START_NS = 1_790_000_000_000_000_000
 """A day in September 2026."""
@@ -36,7 +37,7 @@ def wire_bench(*faults: Fault, **changes: object) -> WireBench:
     return WireBench(
         GEAR,
         MOTOR,
-        seed=4,
+        world=World.of(4),
         cycle_ns=round(1e9 / RATE),
         clock=VirtualClock(START_NS),
         faults=faults,

@@ -24,6 +24,7 @@ from sim_backend.imperfections import Imperfections, individual_gear
 from sim_backend.servo_drive import SPEED_COUNT
 from sim_backend.wire.bench import WireBench
 from sim_backend.wire.line import BenchBus
+from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR
 
 VOLTS = 0.3125e-3
@@ -86,7 +87,7 @@ def wire_rig(
     """An opened rig on the wire with the gear of `tests.sim_backend.rigs`; closed in the end."""
     clock = VirtualClock()
     bench = WireBench(
-        individual_gear(GEAR, 3), MOTOR, imperfections, seed, clock=clock, faults=faults
+        individual_gear(GEAR, 3), MOTOR, imperfections, World.of(seed), clock=clock, faults=faults
     )
     bus = bench.bus()
     if tap is not None:

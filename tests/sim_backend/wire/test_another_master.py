@@ -14,6 +14,7 @@ from drivers.drive_state import DriveState
 from drivers.eds import parse_eds
 from sim_backend.wire.bench import WireBench
 from sim_backend.wire.eds import electronic_data_sheet
+from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR
 from tests.sim_backend.wire.master import MAKERS, abort_of, master
 
@@ -249,7 +250,7 @@ def test_a_pdo_that_exists_or_an_identifier_that_is_not_allowed_is_refused() -> 
 
 
 def test_a_sync_of_another_identifier_is_followed() -> None:
-    bench = WireBench(GEAR, MOTOR, seed=1)
+    bench = WireBench(GEAR, MOTOR, world=World.of(1))
     heard: list[int] = []
     bench.listen(object(), lambda cob_id, data, stamp: heard.append(cob_id))
     for node_id, identifier in ((1, 0x81), (2, 0x80), (3, 0x90)):

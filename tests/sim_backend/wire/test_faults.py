@@ -43,6 +43,7 @@ from sim_backend.wire.faults import (
     TpdoShort,
 )
 from sim_backend.wire.slave import NmtState
+from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR
 from tests.sim_backend.wire.rigs import WireRig, turn, wire_rig
 
@@ -282,7 +283,7 @@ def test_bus_lost_and_hub_gone_are_told() -> None:
 
 def test_the_drive_turns_on_what_was_written_by_sdo_and_needs_no_sync() -> None:
     clock = VirtualClock()
-    bench = WireBench(individual_gear(GEAR, 3), MOTOR, None, 7, clock=clock)
+    bench = WireBench(individual_gear(GEAR, 3), MOTOR, None, World.of(7), clock=clock)
 
     def write(index: int, value: int, size: int) -> None:
         head = bytes([0x23 | (4 - size) << 2]) + index.to_bytes(2, "little") + b"\0"
@@ -331,7 +332,7 @@ def test_a_supervised_sync_that_is_lost_stops_the_drive_by_its_own_reaction() ->
 
 def test_the_mode_that_another_master_writes_is_seen() -> None:
     clock = VirtualClock()
-    bench = WireBench(individual_gear(GEAR, 3), MOTOR, None, 7, clock=clock)
+    bench = WireBench(individual_gear(GEAR, 3), MOTOR, None, World.of(7), clock=clock)
     port = wire_port(bench, MOTOR, shipped_config(bench, MOTOR, has_guard=True))
     port.open()
     port.write_limits(LIMITS)
@@ -348,7 +349,7 @@ def test_the_mode_that_another_master_writes_is_seen() -> None:
 
 
 def test_no_frame_more_goes_for_the_mode_where_there_is_no_room() -> None:
-    bench = WireBench(individual_gear(GEAR, 3), MOTOR, None, 7, clock=VirtualClock())
+    bench = WireBench(individual_gear(GEAR, 3), MOTOR, None, World.of(7), clock=VirtualClock())
     config = shipped_config(bench, MOTOR)
     port = wire_port(bench, MOTOR, replace(config, drive=replace(config.drive, latch_index=False)))
     port.open()

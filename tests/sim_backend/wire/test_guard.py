@@ -17,6 +17,7 @@ from rig.run.supervisor import Supervisor
 from rig.run.trips import GUARD_OPEN
 from sim_backend.wire.bench import WireBench
 from sim_backend.wire.faults import GuardOpened
+from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR
 from tests.sim_backend.wire.rigs import off
 
@@ -26,7 +27,7 @@ INPUTS = ObjectRef(0x60FD, 0, U32, "digital inputs")
 
 def guarded(contact: GuardContact | None = None) -> tuple[CanRig, WireBench]:
     """An opened rig on the wire whose guard is watched, by the given contact where it is not the usual one."""
-    bench = WireBench(GEAR, MOTOR, None, 3)
+    bench = WireBench(GEAR, MOTOR, None, World.of(3))
     config = wire_config(bench, MOTOR, has_guard=True)
     config = config if contact is None else replace(config, guard=contact)
     port = CanRig(

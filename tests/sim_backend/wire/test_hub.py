@@ -22,6 +22,7 @@ from sim_backend.imperfections import individual_gear
 from sim_backend.wire.faults import HubGone
 from sim_backend.wire.hub import LONGEST_LINE, frame_line, parse_send, read_message
 from sim_backend.wire.serve import Addresses, Server, make_bench
+from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR
 
 WAIT = 10.0
@@ -84,7 +85,7 @@ class Served:
 
     def __init__(self, *, readout=None, faults=()) -> None:
         self.bench = make_bench(
-            individual_gear(GEAR, 3), MOTOR, None, 7, time="sync", faults=faults
+            individual_gear(GEAR, 3), MOTOR, None, World.of(7), time="sync", faults=faults
         )
         self._ready, self._readout = threading.Event(), readout
         self._thread = threading.Thread(target=lambda: asyncio.run(self._main()), daemon=True)

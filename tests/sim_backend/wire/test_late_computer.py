@@ -16,6 +16,7 @@ from rig.bench.limits import derive_limits
 from rig.run.phases import Turn
 from rig.run.supervisor import Supervisor
 from sim_backend.wire.bench import WireBench
+from sim_backend.world import World
 
 SPEED = 2000.0 * RPM
 LIMITS = DriveLimits(1.0, 600.0, 3000.0, 3000.0, 3000.0)
@@ -25,7 +26,12 @@ def late_rig(seed: int, how_often: float) -> CanRig:
     """The bare motor behind a bus without stamps or echo, whose plant turns on while nobody comes."""
     clock, motor, random = VirtualClock(10**18), shipped_motor(), np.random.default_rng(seed)
     bench = WireBench(
-        shipped_gear(), motor, seed=seed, gear_mounted=False, clock=clock, silence_cycles=1
+        shipped_gear(),
+        motor,
+        world=World.of(seed),
+        gear_mounted=False,
+        clock=clock,
+        silence_cycles=1,
     )
 
     def pump(deadline_ns: int) -> None:

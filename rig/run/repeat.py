@@ -1,0 +1,84 @@
+"""A run once more: every identity, the start state, the parameters and the seeds are those that its file names."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from importlib import metadata as program
+from pathlib import Path
+from typing import Any
+
+from model.gear_file import gear_from_mapping
+from rig.bench.backends.assembly import StartState, WorldChoice
+from rig.errors import ConfigurationError
+from rig.run.start import RunRequest, plan_request
+from rig.runfile.read import read_run_header
+
+
+def repetition(path: Path, request: RunRequest) -> tuple[RunRequest, str]:
+    """The request that gives the counts of a recorded run again, and a warning where another program made it.
+
+    Folder, operator, motor, limits and block length are those of `request`. Raises `RunFileError`
+    for a file that cannot be read, `ConfigurationError` for a run that was made in no simulated
+    world, or under other limits than those of this request.
+    """
+    header = read_run_header(path)
+    run, process = header.metadata, header.metadata.process
+    world = process.get("world")
+    if not isinstance(world, Mapping):
+        raise ConfigurationError(
+            "this run cannot be made again",
+            where="--repeat",
+            value=path.name,
+            limit="a run of a simulated rig that names its world",
+            remedy="Only a simulated rig does the same twice; version 0.1.0 did not say which it was.",
+        )
+    repeated = replace(
+        request,
+        protocol=run.experiment,
+        gear=_nominal(world, run.gear, request),
+        values=run.parameters,
+        backend=process["backend"],
+        mounting=run.mounting,
+        gear_serial=run.gear_serial,
+        seed=process["seed"],
+        sample_rate=run.sample_rate,
+        conditions=run.conditions,
+        world=_choice(world, run.run_id),
+    )
+    planned = plan_request(repeated)
+    for what, then, now in (
+        ("limits", dict(header.limits), planned.limits.as_json()),
+        ("motor", process["motor"], planned.motor.name),
+    ):
+        if then != now:
+            raise ConfigurationError(
+                f"the {what} are not those of the run that is to be repeated",
+                where="--repeat",
+                value=path.name,
+                limit=f"the {what} that its file names",
+                remedy="Give the --config that it was made with.",
+            )
+    version, now = process["program_version"], program.version("harmonic-rig")
+    return repeated, (
+        f"{run.run_id} was made by version {version}, this is {now}: counts may differ"
+        if version != now
+        else ""
+    )
+
+
+def _nominal(world: Mapping[str, Any], gear: Any, request: RunRequest) -> Any:
+    """The gear that the world's own was drawn about: the run's own card, but in a population with cards of its own."""
+    if "drawn_about" in world:
+        return gear_from_mapping(world["drawn_about"], "world.drawn_about")
+    return gear or request.gear
+
+
+def _choice(world: Mapping[str, Any], run_id: str) -> WorldChoice:
+    names = {f.name for f in fields(WorldChoice)} - {"start", "repeats"}
+    start = dict(world["start"])
+    return WorldChoice(
+        **{name: world[name] for name in names & world.keys()},
+        start=StartState(start.pop("run"), start),
+        repeats=run_id,
+    )

@@ -1,0 +1,101 @@
+"""The simulated world of a run: refused where there is none, and how warm the rig is when it starts.
+
+A run starts as warm as the rig was left: at the end state of the highest sealed run of the same
+gear, bench, mounting and day in its folder. How long the pause was is not known: it starts as that
+one ended. A run that was cut off has no end state; then the one before it counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.recording import RunMetadata
+from rig.bench.backends.assembly import AMBIENT, AUTO, StartState, WorldChoice, flag_of
+from rig.bench.backends.registry import is_simulated
+from rig.errors import ConfigurationError, RunFileError
+from rig.library.folder import run_files, run_named
+from rig.runfile.read import glance
+
+BODIES = ("gear_seed", "bench_seed", "population")
+"""What has the temperatures: those of another gear or bench are not to be had."""
+LEFT_WARM = (*BODIES, "mount", "mount_turn", "day")
+"""What two runs share that follow each other: nobody took the gear off, no night was between them."""
+
+
+@dataclass(frozen=True)
+class Ending:
+    """In which world a run was made, and how warm the rig was at its end."""
+
+    world: Mapping[str, Any]
+    state: StartState
+
+    def shares(self, names: tuple[str, ...], world: Mapping[str, Any]) -> bool:
+        """Whether these of its world are those of another one."""
+        return all(self.world.get(name) == world[name] for name in names)
+
+
+def refuse_world(backend: str, choice: WorldChoice) -> None:
+    """Raise `ConfigurationError` where a world is chosen for a rig that lives in the real one, or in a recorded one."""
+    if is_simulated(backend):
+        return
+    usual = WorldChoice()
+    chosen = {name: value for name, value in vars(choice).items() if value != getattr(usual, name)}
+    if chosen:
+        raise ConfigurationError(
+            "only a simulated rig lives in a world that can be chosen",
+            where=", ".join(map(flag_of, chosen)),
+            value=", ".join(map(str, chosen.values())),
+            limit="--backend sim or wire",
+            remedy=f"Leave it away for {backend}.",
+        )
+
+
+def start_state(folder: Path, word: str, world: Mapping[str, Any]) -> StartState:
+    """How warm a run starts in this world: `auto`, `ambient`, or as the run that is named ended.
+
+    Raises `ConfigurationError` for a named run that has no end state, or that of another gear or bench.
+    """
+    if word == AMBIENT:
+        return StartState()
+    if word != AUTO:
+        return _as_named(folder, word, world)
+    sealed = [path for path in run_files(folder) if path.suffix == ".h5"] if folder.is_dir() else []
+    endings = (_ending_of(path) for path in reversed(sealed))
+    fitting = (e.state for e in endings if e is not None and e.shares(LEFT_WARM, world))
+    return next(fitting, StartState())
+
+
+def _as_named(folder: Path, word: str, world: Mapping[str, Any]) -> StartState:
+    path = run_named(folder, word)
+    ending = ending_of(glance(path).metadata)
+    if ending is None or not ending.shares(BODIES, world):
+        raise ConfigurationError(
+            "has no temperatures to start from"
+            if ending is None
+            else "ended with the temperatures of another gear or bench",
+            where="--start-state",
+            value=word,
+            limit="a sealed run of this gear on this bench, simulated, that came to its end",
+            remedy=f"Name another run, or {AUTO} or {AMBIENT}.",
+        )
+    return ending.state
+
+
+def _ending_of(path: Path) -> Ending | None:
+    """The ending of a run file; None for one without, and for one that cannot be read."""
+    try:
+        return ending_of(glance(path).metadata)
+    except RunFileError:
+        return None
+
+
+def ending_of(metadata: RunMetadata) -> Ending | None:
+    """The ending of a run; None where it knows of none: no simulated rig, not ended, or an older version's."""
+    world = metadata.process.get("world")
+    temperatures = metadata.process.get("acquisition", {}).get("thermal_state")
+    if not isinstance(world, Mapping) or not isinstance(temperatures, Mapping):
+        return None
+    return Ending(world, StartState(metadata.run_id, temperatures))
