@@ -6,8 +6,8 @@ The torque port shows motor + gear. With the gear removed the same speeds and di
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -21,26 +21,50 @@ from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked
 from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
 from experiments.protocols.friction import protocol as friction
+from experiments.protocols.friction.quantities import at_reference
 from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Covariance, Plot, Result, Series, both_ways
 from experiments.steps.vocabulary import Prompt, Step
+from experiments.torque.motor_heat import FRICTION, MotorHeat, motor_heat
 from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.tare import tare_table
 from experiments.torque.zero import TorqueZero, torque_zero
+from model.arrays import FloatArray
 from model.gear import HarmonicDrive
+from model.identify.common_errors import whitening_of
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.least_squares import solve, student_quantile
-from model.identify.running_torque import FrictionPoints, pair_directions, tare_from
-from model.units import RPM
+from model.identify.running_torque import (
+    FrictionPoints,
+    RunningTorque,
+    pair_directions,
+    pooled_errors,
+    tare_from,
+)
+from model.units import REVOLUTION, RPM
 
 NAME = "motor-tare"
+NAMES = ("motor_coulomb", "motor_viscous")
+WARMTH = "warmth of the motor"
+HEAT_CAPACITY = 350.0
+"""J/K of a servo motor of this size (some 0.9 kg of steel and copper), assumed within a factor of two."""
+UNSEEN_LOSSES = 2.0
+"""Losses of the whole run over those of the holds: ramps and settling turn as far again."""
 
 
 QUANTITIES = (
     Quantity(name="motor_coulomb", title="motor, Coulomb friction", unit="N m"),
     Quantity(name="motor_viscous", title="motor, viscous friction", unit="N m s/rad"),
+    Quantity(
+        name=at_reference("motor_coulomb"), title="motor, Coulomb friction at 20 °C", unit="N m"
+    ),
+    Quantity(
+        name=at_reference("motor_viscous"),
+        title="motor, viscous friction at 20 °C",
+        unit="N m s/rad",
+    ),
     Quantity(
         name="offset",
         title="offset",
@@ -54,6 +78,7 @@ QUANTITIES = (
         definition="torque shown per torque that accelerates a disc of known inertia",
     ),
     Quantity(name="speeds", title="speeds", unit="1"),
+    Quantity(name="housing_temperature", title="housing temperature", unit="°C"),
     Quantity(name="torque_zero_drift", title="torque zero drift", unit="N m"),
     Quantity(name="cogging_peak_to_peak", title="cogging peak to peak", unit="N m"),
     Quantity(name="strongest_cogging_order", title="strongest cogging order", unit="1"),
@@ -162,16 +187,20 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     warnings += zero.warnings
     segments = recording.labelled("hold")
     holds, remarks = measured_holds(recording, segments, zero)
+    housing = float(np.mean([h.torque.temperature for h in holds])) if holds else math.nan
+    heat = motor_heat(recording, housing)
     with analysing(recording.metadata.run_id):
         averages = [h.torque for h in holds]
         points = pair_directions(averages)
         tare = tare_from(averages)
     warnings += points.warnings
-    estimates, covariance = _straight_line(recording, points)
+    estimates, covariance = _straight_line(recording, averages, points, heat)
     slow = [s for s in segments if abs(s.setpoint) <= COGGING_BELOW]
     patterns = direction_patterns(recording, slow, zero)
     plots = [_plot(holds, estimates)]
     metrics = {"speeds": float(len(tare.speed)), "torque_zero_drift": zero.drift}
+    if math.isfinite(housing):
+        metrics["housing_temperature"] = housing
     if patterns is not None:
         amplitude = np.abs(patterns.cogging.amplitude)
         metrics["cogging_peak_to_peak"] = float(
@@ -211,38 +240,53 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
 
 def _straight_line(
-    recording: Recording, points: FrictionPoints
+    recording: Recording,
+    averages: Sequence[RunningTorque],
+    points: FrictionPoints,
+    heat: MotorHeat,
 ) -> tuple[dict[str, Estimate], Covariance | None]:
-    """Coulomb and viscous friction of the bare motor from the half-differences: T = T_c + c omega."""
+    """Coulomb and viscous friction of the bare motor from the half-differences: T = T_c + c omega.
+
+    Weighed by the errors of the points, widened where they miss the line. An error estimated from the residuals alone
+    would be too small: the fastest points carry the slope, and a line passes by a point that carries it. The motor
+    warms by its own losses while it is run from slow to fast: an error that all points share.
+    """
     speed, torque = points.speed, points.friction
+    warming = abs(FRICTION) * points.mean_of(_warming(averages)) * torque
+    whitening = whitening_of(pooled_errors(points), warming[:, None])
     design = np.column_stack([np.ones_like(speed), speed])
+    white = whitening @ design
+    values = np.linalg.lstsq(white, whitening @ torque, rcond=None)[0]
+    freedom = len(speed) - 2
     estimates: dict[str, Estimate] = {}
     covariance = None
-    if len(speed) >= 4:
-        # Every speed counts alike: the misfit of the straight line is larger than the noise of its points.
-        fit = solve(design, torque, where="motor friction")
-        covariance = Covariance(("motor_coulomb", "motor_viscous"), fit.covariance)
+    error = np.full(2, math.inf)
+    if freedom >= 2:
+        left = whitening @ (torque - design @ values)
+        scale = max(float(left @ left) / freedom, 1.0)
+        covariance = Covariance(NAMES, scale * np.linalg.inv(white.T @ white))
+        error = np.sqrt(np.diag(covariance.matrix))
+    warm, cold = heat.friction_factor()
+    for k, (name, unit) in enumerate(zip(NAMES, ("N m", "N m s/rad"), strict=True)):
+        value = float(values[k])
         lines = [
-            (float(v), *fit.interval(k), float(fit.standard_error[k]))
-            for k, v in enumerate(fit.values)
+            BudgetLine(
+                "scatter about the line", "A", float(error[k]), degrees_of_freedom=float(freedom)
+            ),
         ]
-    else:
-        values = np.linalg.lstsq(design, torque, rcond=None)[0]
-        lines = [(float(v), -math.inf, math.inf, math.inf) for v in values]
-    for (value, low, high, error), name, unit in zip(
-        lines, ("motor_coulomb", "motor_viscous"), ("N m", "N m s/rad"), strict=True
-    ):
-        budget = (BudgetLine("scatter about the line", "A", error), scale_line(recording, value))
-        estimates[name] = Estimate(
-            name=name,
-            value=value,
-            unit=unit,
-            low=low,
-            high=high,
-            identifiable="yes" if math.isfinite(low) else "no",
-            note="",
-            budget=budget,
+        outside = (
+            BudgetLine(WARMTH, "B", heat.constant * abs(value), heat.words),
+            scale_line(recording, value),
         )
+        estimates[name] = _tare_estimate(name, value, unit, lines, outside, freedom)
+        if math.isfinite(heat.temperature):
+            found = at_reference(name)
+            moved, others = (
+                [replace(b, standard_uncertainty=warm * b.standard_uncertainty) for b in part]
+                for part in (lines, outside)
+            )
+            others.append(BudgetLine("temperature of the motor", "B", cold * abs(warm * value)))
+            estimates[found] = _tare_estimate(found, warm * value, unit, moved, others, freedom)
     offset = points.offset[points.paired]
     if len(offset) > 1:
         spread = float(offset.std(ddof=1)) / math.sqrt(len(offset))
@@ -258,6 +302,36 @@ def _straight_line(
             note=note,
         )
     return estimates, covariance
+
+
+def _warming(averages: Sequence[RunningTorque]) -> FloatArray:
+    """How far the motor had warmed by its own losses at each hold [K]."""
+    order = np.argsort([t.time for t in averages])
+    losses = [abs(t.torque) * REVOLUTION * t.revolutions for t in (averages[k] for k in order)]
+    warmer = np.empty(len(averages))
+    warmer[order] = np.cumsum(losses) * UNSEEN_LOSSES / HEAT_CAPACITY
+    return warmer
+
+
+def _tare_estimate(
+    name: str,
+    value: float,
+    unit: str,
+    inside: Sequence[BudgetLine],
+    outside: Sequence[BudgetLine],
+    freedom: int,
+) -> Estimate:
+    """A number of the line, its statistical interval from the lines `inside`."""
+    half = student_quantile(freedom) * math.hypot(*(b.standard_uncertainty for b in inside))
+    return Estimate(
+        name=name,
+        value=value,
+        unit=unit,
+        low=value - half,
+        high=value + half,
+        identifiable="yes" if math.isfinite(half) else "no",
+        budget=(*inside, *outside),
+    )
 
 
 def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
@@ -345,7 +419,7 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,
-    version=2,
+    version=3,
     live=("speed", "torque points", "torque"),
     gives_tare=True,
 )

@@ -3,16 +3,17 @@
     T(v) = l_b M_0(v) + l_m {F_c + (F_s - F_c) exp[-(v/v_s)^sigma] + c_v v}
 
 M_0 and the levers l_b, l_m come from the parameter set in the torque balance that it names
-("energy" or "published"); F_c, F_s, v_s, sigma and c_v are identified. The torque port sees motor
-and gear: without a valid tare the result is labelled "motor + gear" and claims nothing about the
-gear alone.
+("energy" or "published"); F_c, F_s, v_s, sigma and c_v are identified. Points share errors (heat,
+place on the output, the factor of M_0, the tare): the fit weighs them by what they share, and each
+is a line of the budget. The torque port sees motor and gear: without a valid tare the result is
+labelled "motor + gear" and claims nothing about the gear alone.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -21,13 +22,16 @@ from model.errors import IdentificationError
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive
 from model.identify.checks import Array
-from model.identify.estimate import BudgetLine, Cause, Estimate
+from model.identify.common_errors import CommonError, Spread
+from model.identify.estimate import BudgetLine, Cause, Estimate, Identifiable
+from model.identify.least_squares import student_quantile
 from model.identify.running_torque import (
     FrictionPoints,
     RunningTorque,
     Tare,
     bracket_drift,
     pair_directions,
+    pooled_errors,
 )
 from model.identify.stribeck import (
     NAMES,
@@ -40,6 +44,8 @@ from model.identify.stribeck import (
 from model.units import RPM
 
 Object = Literal["gear", "motor + gear"]
+SCATTER = "scatter between revolutions and points"
+NO_DIP = "no Stribeck dip"
 UNITS = {
     "coulomb": "N",
     "static": "N",
@@ -49,21 +55,10 @@ UNITS = {
 }
 
 
-@dataclass(frozen=True)
-class TorqueUncertainty:
-    """Standard uncertainties of type B of the torque channel and the conditions.
-
-    scale: relative, of the torque constant; zero [N m]: of the servo-off zero (matters for holds
-    without a partner); tare: relative, of the tare as a whole (same motor, another day);
-    temperature [K] with temperature_coefficient [1/K] of the friction; bearing: relative, of M_0.
-    """
-
-    scale: float = 0.0
-    zero: float = 0.0
-    tare: float = 0.0
-    temperature: float = 0.0
-    temperature_coefficient: float = -0.04
-    bearing: float = 0.0
+LARGEST_REDUCED_CHI_SQUARE = 4.0
+"""Chi-square per degree of freedom above which the points do not lie on the curve of equation 19."""
+CHANCE = 0.05
+"""Probability of being chance below which the points are said to bend."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +68,10 @@ class FrictionFit:
     estimates: coulomb, static, stribeck_velocity, shape, viscous, and offset, asymmetry of the
     torque (half sums). metrics: chi_square, freedom, birge, residual_rms [N m], relative_rms,
     bracket_drift, points, slowest_speed. speed, torque, standard_error, fitted (n,): friction at
-    the input [N m], tare subtracted; tare (n,); curve_speed, curve_torque for plots.
+    the input [N m], tare subtracted, and what the points say of their common errors too; tare (n,);
+    curve_speed, curve_torque for plots. force, force_error (n,) [N] and columns (n, m) are what the
+    curve was fitted to. `common`: the errors that the points share, `shared` (m,)
+    what they say of the fitted ones, in standard uncertainties.
     """
 
     subject: Object
@@ -91,20 +89,105 @@ class FrictionFit:
     curve_speed: Array
     curve_torque: Array
     stribeck: StribeckFit
+    holds: tuple[RunningTorque, ...]
+    points: FrictionPoints
+    force: Array
+    force_error: Array
+    columns: Array | None
+    common: tuple[CommonError, ...]
+    lever: float
+
+    @property
+    def shared(self) -> dict[str, float]:
+        """What the data say of each fitted common error (its first part), in its standard uncertainty."""
+        first = np.cumsum([0, *(c.columns.shape[1] for c in self._fitted)])
+        return {
+            c.source: float(self.stribeck.common[k])
+            for c, k in zip(self._fitted, first, strict=False)
+        }
+
+    @property
+    def _fitted(self) -> tuple[CommonError, ...]:
+        return tuple(c for c in self.common if c.is_fitted)
+
+    def parts_of(self, source: str) -> Array:
+        """What the data say of all parts of one fitted common error, in its standard uncertainty; empty without it."""
+        first = 0
+        for one in self._fitted:
+            width = one.columns.shape[1]
+            if one.source == source:
+                return self.stribeck.common[first : first + width]
+            first += width
+        return np.empty(0)
+
+    def shown_of(self, sources: Collection[str]) -> Array:
+        """What these fitted common errors did to each hold, as far as the data tell [N m]."""
+        total = np.zeros(len(self.holds))
+        for one in self._fitted:
+            if one.source in sources:
+                total += one.columns @ self.parts_of(one.source)
+        return total
+
+    def derived(
+        self, name: str, unit: str, measurand: Callable[[Array, Mapping[str, float]], float]
+    ) -> Estimate:
+        """An estimate of something computed from the five parameters and the common errors (as in `shared`)."""
+        values, shared = self.stribeck.values, self.shared
+        value = measurand(values, shared)
+        slope = np.empty(5)
+        for k in range(5):
+            step = np.zeros(5)
+            step[k] = max(1e-4 * abs(float(values[k])), 1e-9)
+            slope[k] = measurand(values + step, shared) - measurand(values - step, shared)
+            slope[k] /= 2.0 * step[k]
+        by_common = np.zeros(len(self.stribeck.common))
+        first = 0
+        for one in self._fitted:
+            up, down = ({**shared, one.source: shared[one.source] + z} for z in (1.0, -1.0))
+            by_common[first] = 0.5 * (measurand(values, up) - measurand(values, down))
+            first += one.columns.shape[1]
+        lines = self._lines(slope, by_common)
+        inside = sum(b.standard_uncertainty**2 for b, c in lines if c is None or c.is_fitted)
+        half = student_quantile(self.stribeck.freedom) * math.sqrt(inside)
+        return Estimate(
+            name=name,
+            value=value,
+            unit=unit,
+            low=value - half,
+            high=value + half,
+            budget=tuple(b for b, _ in lines),
+        )
+
+    def _lines(self, slope: Array, by_common: Array) -> list[tuple[BudgetLine, CommonError | None]]:
+        """The budget of slope . parameters + by_common . common errors, by propagation of each error."""
+        fit, error = self.stribeck, self.force_error
+        row = slope @ fit.gain + by_common @ fit.common_gain
+        scatter = math.sqrt(fit.scale) * float(np.linalg.norm(row * error))
+        lines: list[tuple[BudgetLine, CommonError | None]] = [
+            (BudgetLine(SCATTER, "A", scatter, degrees_of_freedom=float(fit.freedom)), None)
+        ]
+        first = 0
+        for one in self.common:
+            change = row @ self.points.mean_of(one.columns) / self.lever
+            if one.is_fitted:
+                change = change - by_common[first : first + len(change)]
+                first += len(change)
+            size = float(np.linalg.norm(change))
+            lines.append((BudgetLine(one.source, one.kind, size, one.note, one.cause), one))
+        return [(b, c) for b, c in lines if c is None or b.standard_uncertainty > 0.0]
+
+    def shared_by_cause(self) -> dict[Cause, Array]:
+        """Change (5,) of the parameters for one standard uncertainty of each error that has a cause."""
+        return {
+            c.cause: self.stribeck.gain @ self.points.mean_of(c.effect) / self.lever
+            for c in self.common
+            if c.cause is not None
+        }
 
     @property
     def parameters(self) -> dict[str, float]:
         """`mesh_friction.*` values for `HarmonicDrive.with_values`."""
         return {f"mesh_friction.{name}": self.estimates[name].value for name in NAMES}
-
-
-def _pooled_errors(points: FrictionPoints) -> Array:
-    """Standard errors shrunk towards their common relative size: few revolutions say little about their own scatter."""
-    relative = points.standard_error / np.maximum(np.abs(points.friction), 1e-12)
-    typical = float(np.median(relative))
-    prior = 4.0
-    variance = (prior * typical**2 + points.freedom * relative**2) / (prior + points.freedom)
-    return np.sqrt(variance) * np.maximum(np.abs(points.friction), 1e-12)
 
 
 def fit_friction(
@@ -113,7 +196,9 @@ def fit_friction(
     *,
     tare: Tare | None = None,
     bracket: Sequence[RunningTorque] = (),
-    uncertainty: TorqueUncertainty | None = None,
+    common: Sequence[CommonError] = (),
+    spread: Spread | None = None,
+    bearing_torque: Callable[[Array], Array] | None = None,
     balance: TorqueBalance | None = None,
     bounds: StribeckBounds | None = None,
     bracket_limit: float = 0.03,
@@ -122,8 +207,10 @@ def fit_friction(
     """The friction of a gear from holds at constant speeds in both directions.
 
     `tare` is subtracted with its uncertainty; `bracket`: the visits to the reference speed;
-    `balance`: the torque balance (the parameter set's own by default). Without `profile` the
-    intervals are the linearised ones.
+    `common`: errors that the holds share; `spread`: how far a point that is measured again comes out
+    (None: no further than its revolutions say); `bearing_torque`: the part l_b M_0 [N m] over speed
+    where it is not the parameter set's at its own temperature; `balance`: the torque balance (the
+    parameter set's own by default). Without `profile` the intervals are the linearised ones.
     """
     chosen: TorqueBalance = balance or gear.options.torque_balance
     points = pair_directions(holds)
@@ -146,42 +233,26 @@ def fit_friction(
             "Without a valid tare this is the friction of motor and gear together, not of the gear."
         )
     torque = points.friction - tare_torque
-    error = np.hypot(_pooled_errors(points), tare_error)
-    lever, drag = mesh_lever(gear, chosen), _bearing_torque(gear, points.speed, chosen)
+    error = np.hypot(pooled_errors(points), tare_error)
+    if spread is not None:
+        error = np.hypot(error, spread.point * np.abs(torque))
+    drag_of = bearing_torque or (lambda speed: nominal_bearing_torque(gear, speed, chosen))
+    lever, drag = mesh_lever(gear, chosen), drag_of(points.speed)
+    effects = [points.mean_of(c.columns) for c in common if c.is_fitted]
+    shared = np.column_stack(effects) / lever if effects else None
     force, force_error = (torque - drag) / lever, error / lever
-    fit = fit_stribeck(points.speed, force, force_error, bounds=bounds)
-    intervals = _intervals(fit, points.speed, force, force_error, bounds, profile)
-    estimates = _estimates(fit, intervals, points.speed)
-    sources = _type_b(
-        uncertainty or TorqueUncertainty(),
-        fit,
-        points=points,
-        torque=torque,
-        tare=tare_torque,
-        drag=drag,
-        force_error=force_error,
-        lever=lever,
-    )
-    for k, name in enumerate(NAMES):
-        lines = [
-            BudgetLine("scatter between revolutions and points", "A", _half_width(estimates[name]))
-        ]
-        lines += [
-            BudgetLine(source, "B", abs(float(change[k])), cause=cause)
-            for source, cause, change in sources
-        ]
-        estimates[name] = estimates[name].with_budget(lines)
-    estimates.update(_offset(points))
+    fit = fit_stribeck(points.speed, force, force_error, common=shared, bounds=bounds)
     drift, sentence = bracket_drift(bracket, limit=bracket_limit) if bracket else (math.nan, None)
     warnings += [sentence] if sentence else []
-    warnings += _judge(fit, estimates, points, holds)
     fitted = lever * fit.fitted + drag
+    if shared is not None:
+        torque = torque - lever * (shared @ fit.common)
     curve_speed = np.geomspace(points.speed.min(), points.speed.max(), 300)
     residual = torque - fitted
-    return FrictionFit(
+    found = FrictionFit(
         subject=subject,
         torque_balance=chosen,
-        estimates=estimates,
+        estimates={},
         metrics={
             "chi_square": fit.chi_square,
             "freedom": float(fit.freedom),
@@ -192,7 +263,7 @@ def fit_friction(
             "points": float(len(torque)),
             "slowest_speed": float(points.speed.min()),
         },
-        warnings=tuple(warnings),
+        warnings=(),
         speed=points.speed,
         torque=torque,
         standard_error=error,
@@ -201,94 +272,84 @@ def fit_friction(
         offset=points.offset,
         offset_error=points.offset_error,
         curve_speed=curve_speed,
-        curve_torque=lever * stribeck_curve(curve_speed, fit.values)
-        + _bearing_torque(gear, curve_speed, chosen),
+        curve_torque=lever * stribeck_curve(curve_speed, fit.values) + drag_of(curve_speed),
         stribeck=fit,
+        holds=tuple(holds),
+        points=points,
+        force=force,
+        force_error=force_error,
+        columns=shared,
+        common=tuple(common),
+        lever=lever,
     )
+    ends = None
+    if profile:
+        ends = profile_intervals(
+            fit, points.speed, force, force_error, common=shared, bounds=bounds
+        )
+    estimates = _estimates(found, ends) | _offset(points)
+    warnings += _judge(fit, estimates, points, holds)
+    return replace(found, estimates=estimates, warnings=tuple(warnings))
 
 
-def _bearing_torque(gear: HarmonicDrive, speed: Array, balance: TorqueBalance) -> Array:
+def nominal_bearing_torque(gear: HarmonicDrive, speed: Array, balance: TorqueBalance) -> Array:
+    """l_b M_0 of the parameter set at input speeds [rad/s], in a torque balance [N m]."""
     magnitude = bearing_magnitude(
         gear.bearing, speed, low_speed_branch=gear.options.low_speed_branch
     )
     return bearing_lever(gear, balance) * magnitude
 
 
-def _intervals(
-    fit: StribeckFit,
-    speed: Array,
-    force: Array,
-    error: Array,
-    bounds: StribeckBounds | None,
-    profile: bool,
-) -> Array:
-    if profile:
-        return profile_intervals(fit, speed, force, error, bounds=bounds)
-    half = 1.96 * np.sqrt(np.diag(fit.covariance))
-    return np.column_stack([fit.values - half, fit.values + half])
-
-
-def _estimates(fit: StribeckFit, intervals: Array, speed: Array) -> dict[str, Estimate]:
-    estimates: dict[str, Estimate] = {}
-    unpinned = bool(speed.min() > fit.values[2] / 10.0 * 1.05)
+def _estimates(found: FrictionFit, ends: Array | None) -> dict[str, Estimate]:
+    """The five parameters with intervals (`ends` (5, 2) of the profile, linearised without) and budgets."""
+    fit, estimates = found.stribeck, dict[str, Estimate]()
+    quantile, nothing = student_quantile(fit.freedom), np.zeros(len(fit.common))
     for k, name in enumerate(NAMES):
-        low, high = (float(x) for x in intervals[k])
         value = float(fit.values[k])
-        verdict: Literal["yes", "weakly", "no"] = "yes"
-        note = ""
-        if not (math.isfinite(low) and math.isfinite(high)):
-            verdict, note = (
-                "no",
-                "the profile of the likelihood does not close: the data do not bound it",
-            )
-            low, high = (
-                (low if math.isfinite(low) else 0.0),
-                (high if math.isfinite(high) else math.inf),
-            )
-        elif name in fit.at_bound:
-            verdict, note = "weakly", "stopped at its bound"
-        elif high - low > abs(value):
-            verdict, note = "weakly", "the interval is wider than the value"
-        elif unpinned and name in ("static", "stribeck_velocity", "shape"):
-            verdict, note = "weakly", "the slowest speed is above a tenth of the Stribeck velocity"
+        lines = found._lines(np.eye(5)[k], nothing)
+        inside = sum(b.standard_uncertainty**2 for b, c in lines if c is None or c.is_fitted)
+        half = quantile * math.sqrt(inside)
+        low, high = (value - half, value + half) if ends is None else map(float, ends[k])
+        closed = math.isfinite(low) and math.isfinite(high)
+        scatter = lines[0][0].standard_uncertainty if closed else math.inf
+        if closed:
+            # A profile that is wider than the linearised interval is wider by what scatter does.
+            whole = (0.5 * (high - low) / quantile) ** 2
+            scatter = math.sqrt(max(whole - inside + scatter**2, scatter**2))
+        first = replace(lines[0][0], standard_uncertainty=scatter)
+        verdict, note = _verdict_on(name, found, low, high)
         estimates[name] = Estimate(
             name=name,
             value=value,
             unit=UNITS[name],
-            low=low,
-            high=high,
+            low=low if math.isfinite(low) else 0.0,
+            high=high if math.isfinite(high) else math.inf,
             identifiable=verdict,
             note=note,
+            budget=(first, *(b for b, _ in lines[1:])),
         )
     return estimates
 
 
-def _half_width(estimate: Estimate) -> float:
-    return 0.25 * (estimate.high - estimate.low) if math.isfinite(estimate.high) else math.inf
-
-
-def _type_b(
-    given: TorqueUncertainty,
-    fit: StribeckFit,
-    points: FrictionPoints,
-    torque: Array,
-    tare: Array,
-    drag: Array,
-    force_error: Array,
-    lever: float,
-) -> list[tuple[str, Cause | None, Array]]:
-    """Change of the five parameters for one standard uncertainty of each source of type B (linearised)."""
-    weighted = fit.jacobian / force_error[:, None]
-    gain = np.linalg.pinv(weighted, rcond=1e-10) / (force_error * lever)
-    warmer = given.temperature * given.temperature_coefficient
-    changes = [
-        ("torque scale", Cause.TORQUE_SCALE, given.scale * torque),
-        ("torque zero", None, np.where(points.paired, 0.0, given.zero)),
-        ("tare", Cause.TARE, given.tare * tare),
-        ("temperature", None, warmer * torque),
-        ("bearing no-load torque", Cause.BEARING_TORQUE, given.bearing * drag),
-    ]
-    return [(source, cause, gain @ by) for source, cause, by in changes if np.any(by != 0.0)]
+def _verdict_on(name: str, found: FrictionFit, low: float, high: float) -> tuple[Identifiable, str]:
+    """Whether the data tell a parameter, and why not."""
+    fit = found.stribeck
+    coulomb, static, velocity = (float(v) for v in fit.values[:3])
+    if name in ("stribeck_velocity", "shape") and fit.chance > CHANCE:
+        return "no", f"{NO_DIP}: the points do not bend"
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "no", "the profile of the likelihood does not close: the data do not bound it"
+    if name in fit.at_bound:
+        return "weakly", "stopped at its bound"
+    if high - low > abs(float(fit.values[NAMES.index(name)])):
+        return "weakly", "the interval is wider than the value"
+    slowest = float(found.speed.min())
+    if slowest > velocity / 10.0 * 1.05 and name in ("static", "stribeck_velocity", "shape"):
+        return "weakly", "the slowest speed is above a tenth of the Stribeck velocity"
+    return (
+        "yes",
+        f"{NO_DIP}: below Coulomb friction" if name == "static" and static < coulomb else "",
+    )
 
 
 def _offset(points: FrictionPoints) -> dict[str, Estimate]:
@@ -352,18 +413,33 @@ def _judge(
         remarks.append(
             f"The input stuck at {', '.join(f'{s:g}' for s in stuck)} r/min: the mean there is not a running torque."
         )
-    birge = math.sqrt(fit.chi_square / max(fit.freedom, 1))
-    if birge > 2.0:
-        remarks.append(
-            f"The points scatter {birge:.1f} times as much about the curve as they do from "
-            "revolution to revolution: something "
-            "drifts between them, or the curve is not theirs. Intervals are widened by that factor."
-        )
+    remarks += _dip(fit)
     return remarks
 
 
-def check_identifiable(fit: FrictionFit, *, limit: float = 0.03) -> None:
-    """Refuse a sweep whose reference speed drifted by more than `limit`: raise `IdentificationError`."""
+def _dip(fit: StribeckFit) -> list[str]:
+    """What is to be said where friction does not fall from rest."""
+    coulomb, static = float(fit.values[0]), float(fit.values[1])
+    if fit.chance > CHANCE:
+        return [
+            f"{NO_DIP}: friction at low speed is not distinguishable from a straight line over speed "
+            f"(chance {fit.chance:.2g}); Stribeck velocity and shape are not told."
+        ]
+    if static <= coulomb:
+        return [
+            f"{NO_DIP}: static friction ({static:.4g} N) is below Coulomb friction ({coulomb:.4g} N), "
+            "friction rises from rest."
+        ]
+    return []
+
+
+def check_identifiable(
+    fit: FrictionFit, *, limit: float = 0.03, chi_square_limit: float = LARGEST_REDUCED_CHI_SQUARE
+) -> None:
+    """Refuse a sweep whose reference speed drifted by more than `limit`, and points that do not lie on the curve.
+
+    Raises `IdentificationError`.
+    """
     drift = fit.metrics["bracket_drift"]
     if math.isfinite(drift) and drift > limit:
         raise IdentificationError(
@@ -372,4 +448,18 @@ def check_identifiable(fit: FrictionFit, *, limit: float = 0.03) -> None:
             value=f"{100 * drift:.1f} %",
             limit=f"<= {100 * limit:g} %",
             remedy="Warm up until the running torque is steady, then repeat.",
+        )
+    check_curve(fit.stribeck, chi_square_limit)
+
+
+def check_curve(fit: StribeckFit, limit: float = LARGEST_REDUCED_CHI_SQUARE) -> None:
+    """Refuse a Stribeck curve that misses its points by more than their errors explain: raise `IdentificationError`."""
+    reduced = fit.chi_square / max(fit.freedom, 1)
+    if reduced > limit:
+        raise IdentificationError(
+            "the points do not lie on the curve of equation 19",
+            where="holds",
+            value=f"chi-square {reduced:.3g} per degree of freedom",
+            limit=f"<= {limit:g}",
+            remedy="Look at the residuals over speed: stick-slip, a resonance, heat, or another law of friction.",
         )

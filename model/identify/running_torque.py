@@ -10,6 +10,7 @@ difference of the directions is friction; half the sum is offset of the torque z
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -159,7 +160,8 @@ class FrictionPoints:
     """Friction and offset over speed: arrays of shape (n,), SI.
 
     speed > 0; friction [N m]: half difference of the directions, or the torque of one direction with its sign removed
-    (`paired` False); offset [N m]: half sum (NaN where unpaired).
+    (`paired` False); offset [N m]: half sum (NaN where unpaired). `members`: the holds behind each
+    point, by their place in the sequence that was given; `level` numbers the speeds.
     """
 
     speed: Array
@@ -169,7 +171,20 @@ class FrictionPoints:
     offset: Array
     offset_error: Array
     paired: np.ndarray
+    members: tuple[tuple[int, ...], ...]
+    level: np.ndarray
     warnings: tuple[str, ...] = field(default=())
+
+    def mean_of(self, values: Array) -> Array:
+        """The mean of something that every hold has, over the holds of each point: (n, ...) from (holds, ...)."""
+        return self._averaging @ values
+
+    @functools.cached_property
+    def _averaging(self) -> Array:
+        shares = np.zeros((len(self.members), 1 + max(max(m) for m in self.members)))
+        for row, members in enumerate(self.members):
+            shares[row, list(members)] = 1.0 / len(members)
+        return shares
 
 
 def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) -> FrictionPoints:
@@ -183,51 +198,30 @@ def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) 
         raise IdentificationError(
             "holds no point", where="running torque", remedy="Give at least six speeds."
         )
-    ordered = sorted(holds, key=lambda h: abs(h.speed))
-    groups: list[list[RunningTorque]] = []
-    for hold in ordered:
-        if groups and abs(hold.speed) <= abs(groups[-1][0].speed) * (1.0 + tolerance):
-            groups[-1].append(hold)
+    ordered = sorted(range(len(holds)), key=lambda k: abs(holds[k].speed))
+    groups: list[list[int]] = []
+    for k in ordered:
+        if groups and abs(holds[k].speed) <= abs(holds[groups[-1][0]].speed) * (1.0 + tolerance):
+            groups[-1].append(k)
         else:
-            groups.append([hold])
-    rows: list[tuple[float, float, float, float, float, float, bool]] = []
-    alone = 0
-    for group in groups:
-        ahead = sorted((h for h in group if h.speed > 0.0), key=lambda h: h.time)
-        back = sorted((h for h in group if h.speed < 0.0), key=lambda h: h.time)
-        for a, b in zip(ahead, back, strict=False):
-            variance = 0.25 * (a.standard_error**2 + b.standard_error**2)
-            parts = (0.25 * a.standard_error**2) ** 2 / a.freedom + (
-                0.25 * b.standard_error**2
-            ) ** 2 / b.freedom
-            freedom = variance**2 / parts if parts > 0.0 else a.freedom + b.freedom
-            speed, error = 0.5 * (a.speed - b.speed), math.sqrt(variance)
-            rows.append(
-                (
-                    speed,
-                    0.5 * (a.torque - b.torque),
-                    error,
-                    freedom,
-                    0.5 * (a.torque + b.torque),
-                    error,
-                    True,
-                )
-            )
+            groups.append([k])
+    rows: list[tuple[float, ...]] = []
+    members: list[tuple[int, ...]] = []
+    for level, group in enumerate(groups):
+        in_time = sorted(group, key=lambda k: holds[k].time)
+        ahead = [k for k in in_time if holds[k].speed > 0.0]
+        back = [k for k in in_time if holds[k].speed < 0.0]
         matched = min(len(ahead), len(back))
-        for h in (*ahead[matched:], *back[matched:]):
-            alone += 1
-            rows.append(
-                (
-                    abs(h.speed),
-                    h.direction * h.torque,
-                    h.standard_error,
-                    h.freedom,
-                    math.nan,
-                    math.nan,
-                    False,
-                )
-            )
-    table = np.array([row[:6] for row in rows])
+        for i, j in zip(ahead, back, strict=False):
+            rows.append((*_pair(holds[i], holds[j]), level))
+            members.append((i, j))
+        for k in (*ahead[matched:], *back[matched:]):
+            h = holds[k]
+            friction = h.direction * h.torque
+            one = (abs(h.speed), friction, h.standard_error, h.freedom, math.nan, math.nan)
+            rows.append((*one, level))
+            members.append((k,))
+    alone = sum(len(m) == 1 for m in members)
     warnings = []
     if alone:
         warnings.append(
@@ -235,7 +229,7 @@ def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) 
             "of the torque zero enters their "
             "friction in full."
         )
-    speed, friction, standard_error, freedom, offset, offset_error = table.T
+    speed, friction, standard_error, freedom, offset, offset_error, levels = np.array(rows).T
     return FrictionPoints(
         speed=speed,
         friction=friction,
@@ -243,9 +237,37 @@ def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) 
         freedom=freedom,
         offset=offset,
         offset_error=offset_error,
-        paired=np.array([row[6] for row in rows]),
+        paired=np.array([len(m) == 2 for m in members]),
+        members=tuple(members),
+        level=levels.astype(np.intp),
         warnings=tuple(warnings),
     )
+
+
+def _pair(a: RunningTorque, b: RunningTorque) -> tuple[float, ...]:
+    """Speed, half difference, its error and degrees of freedom, half sum and its error of two opposite holds."""
+    variance = 0.25 * (a.standard_error**2 + b.standard_error**2)
+    parts = (0.25 * a.standard_error**2) ** 2 / a.freedom
+    parts += (0.25 * b.standard_error**2) ** 2 / b.freedom
+    freedom = variance**2 / parts if parts > 0.0 else a.freedom + b.freedom
+    error, speed = math.sqrt(variance), 0.5 * (a.speed - b.speed)
+    return (
+        speed,
+        0.5 * (a.torque - b.torque),
+        error,
+        freedom,
+        0.5 * (a.torque + b.torque),
+        error,
+    )
+
+
+def pooled_errors(points: FrictionPoints) -> Array:
+    """Standard errors shrunk towards their common relative size: few revolutions say little about their own scatter."""
+    relative = points.standard_error / np.maximum(np.abs(points.friction), 1e-12)
+    typical = float(np.median(relative))
+    prior = 4.0
+    variance = (prior * typical**2 + points.freedom * relative**2) / (prior + points.freedom)
+    return np.sqrt(variance) * np.maximum(np.abs(points.friction), 1e-12)
 
 
 @dataclass(frozen=True)

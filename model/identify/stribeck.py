@@ -2,10 +2,15 @@
 
     F(v) = F_c + (F_s - F_c) exp[-(v/v_s)^sigma] + c_v v        v = |theta_i'|        (equation 19)
 
-For given (v_s, sigma) the curve is linear in F_c, F_s - F_c and c_v, so only two parameters are
-searched (variable projection; Golub and Pereyra 1973): a coarse grid, then Levenberg-Marquardt on
-the projected residual. Intervals are where the profile of chi-square has risen by the quantile of
+For given (v_s, sigma) the curve is linear in F_c, F_s and c_v, so only two parameters are searched
+(variable projection; Golub and Pereyra 1973): a coarse grid, then Levenberg-Marquardt on the
+projected residual. F_s may lie below F_c: friction that rises from rest has no Stribeck dip, and
+that is a result. Intervals are where the profile of chi-square has risen by the quantile of
 F(1, n - 5), so that they are as skew as the likelihood is.
+
+Points of one run share errors (heat, place on the output, literature values). Each is a column of
+what one standard uncertainty of it does to the forces; the covariance of the forces is
+diag(error^2) + sum of column column', and everything is solved in whitened coordinates.
 """
 
 from __future__ import annotations
@@ -19,6 +24,7 @@ from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
 from model.identify.checks import Array, channels
+from model.identify.common_errors import whitening_of
 from model.identify.least_squares import student_quantile
 from model.kernels import regression as kernels
 
@@ -26,14 +32,26 @@ NAMES = ("coulomb", "static", "stribeck_velocity", "shape", "viscous")
 """F_c, F_s, v_s, sigma, c_v: the order of every array of parameters here."""
 
 
+LOWEST_VELOCITY, HIGHEST_VELOCITY = 1.0 / 3.0, 1.0 / 4.0
+"""Where v_s is searched, over the slowest and over the fastest speed: below, nothing is left of the Stribeck part at
+the slowest speed (5 % for sigma = 1); above, it is not over at the fastest, and F_c is never seen alone."""
+
+
 @dataclass(frozen=True)
 class StribeckBounds:
-    """Where v_s [rad/s] and sigma are searched, and the forces of the genetic search [N, N s/rad]."""
+    """Where v_s [rad/s] and sigma are searched."""
 
-    stribeck_velocity: tuple[float, float] = (0.05, 300.0)
+    stribeck_velocity: tuple[float, float]
     shape: tuple[float, float] = (0.3, 4.0)
 
+    @classmethod
+    def of(cls, speed: Array) -> StribeckBounds:
+        """The bounds that measured speeds [rad/s] allow."""
+        low = LOWEST_VELOCITY * float(speed.min())
+        return cls((low, max(HIGHEST_VELOCITY * float(speed.max()), 10.0 * low)))
+
     def logarithms(self) -> Array:
+        """Both bounds, (2, 2), as the search has them."""
         return np.log(np.array([self.stribeck_velocity, self.shape]))
 
 
@@ -41,8 +59,12 @@ class StribeckBounds:
 class StribeckFit:
     """Best parameters (5,) in the order of `NAMES`, chi-square, degrees of freedom, linearised covariance (5, 5).
 
-    `scale` multiplies the stated errors so that chi-square per degree of freedom is at least one
-    (Birge ratio, squared). at_bound: names of parameters that stopped at a bound.
+    `scale` multiplies the stated variances so that chi-square per degree of freedom is at least one
+    (Birge ratio, squared). `gain` (5, n) is the change of the parameters per change of each force;
+    `common` (m,) what the data say of each common error, in its standard uncertainty, and
+    `common_gain` (m, n) its change per change of each force. at_bound: names of parameters that
+    stopped at a bound. `chance` is the probability that points of a straight line F_c + c_v v would
+    look as bent as these.
     """
 
     values: Array
@@ -52,7 +74,11 @@ class StribeckFit:
     covariance: Array
     fitted: Array
     jacobian: Array
+    gain: Array
+    common: Array
+    common_gain: Array
     at_bound: tuple[str, ...]
+    chance: float
 
 
 def stribeck_curve(speed: ArrayLike, values: ArrayLike) -> Array:
@@ -74,9 +100,19 @@ def stribeck_jacobian(speed: Array, values: Array) -> Array:
     )
 
 
-def _checked(
-    speed: ArrayLike, force: ArrayLike, standard_error: ArrayLike
-) -> tuple[Array, Array, Array]:
+@dataclass(frozen=True)
+class _Points:
+    """Forces (n,) over speed (n,), whitened: `whitening` W (n, n), `white` (3, n) of W f, W 1, W v."""
+
+    speed: Array
+    force: Array
+    whitening: Array
+    white: Array
+
+
+def _points(
+    speed: ArrayLike, force: ArrayLike, standard_error: ArrayLike, common: Array | None
+) -> _Points:
     v, f, u = channels(
         6,
         speed=np.abs(np.asarray(speed, dtype=np.float64)),
@@ -99,7 +135,8 @@ def _checked(
             limit=">= 6",
             remedy="Measure at more speeds, dense at the low end.",
         )
-    return v, f, u
+    whitening = whitening_of(u, common)
+    return _Points(v, f, whitening, np.array([whitening @ x for x in (f, np.ones_like(f), v)]))
 
 
 def fit_stribeck(
@@ -107,65 +144,86 @@ def fit_stribeck(
     force: ArrayLike,
     standard_error: ArrayLike,
     *,
+    common: Array | None = None,
     bounds: StribeckBounds | None = None,
 ) -> StribeckFit:
     """The five parameters of equation 19 from forces [N] at speeds [rad/s] with standard errors [N], all of shape (n,).
 
-    Forces are magnitudes of one direction or of the half difference. Linear parameters are kept non-negative.
+    Forces are magnitudes of one direction or of the half difference; `common` (n, m) is what one
+    standard uncertainty of each error that they share does to them. F_c, F_s and c_v are kept
+    non-negative.
     """
-    v, f, u = _checked(speed, force, standard_error)
-    limits = (StribeckBounds() if bounds is None else bounds).logarithms()
-    weight = 1.0 / u
-    low = max(limits[0, 0], math.log(0.3 * v.min()))
-    high = max(min(limits[0, 1], math.log(v.max())), low + 1.0)
-    grid_v, grid_s = np.linspace(low, high, 14), np.clip(np.log([0.5, 0.8, 1.2, 2.0]), *limits[1])
-    chi, best, linear = _search(v, f, weight, limits, grid_v, grid_s)
-    values = np.array(
-        [linear[0], linear[0] + linear[1], math.exp(best[0]), math.exp(best[1]), linear[2]]
-    )
+    points = _points(speed, force, standard_error, common)
+    v, f = points.speed, points.force
+    limits = (StribeckBounds.of(v) if bounds is None else bounds).logarithms()
+    grid_v, grid_s = np.linspace(*limits[0], 16), np.clip(np.log([0.5, 0.8, 1.2, 2.0]), *limits[1])
+    chi, best, linear = _search(points, limits, grid_v, grid_s)
+    values = np.array([linear[0], linear[1], math.exp(best[0]), math.exp(best[1]), linear[2]])
     jacobian = stribeck_jacobian(v, values)
     freedom = len(v) - 5
     scale = max(1.0, chi / max(freedom, 1))
-    information = (jacobian * weight[:, None]).T @ (jacobian * weight[:, None])
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    covariance = (
-        scale
-        * np.linalg.pinv(information / np.outer(size, size), rcond=1e-12, hermitian=True)
-        / np.outer(size, size)
-    )
+    white = points.whitening @ jacobian
+    size = np.sqrt(np.maximum(np.sum(white**2, axis=0), 1e-300))
+    inverse = np.linalg.pinv((white / size).T @ (white / size), rcond=1e-12, hermitian=True)
+    inverse = inverse / np.outer(size, size)
     at_bound = [
         name
         for name, k in (("stribeck_velocity", 0), ("shape", 1))
         if np.min(np.abs(limits[k] - best[k])) < 1e-6
     ]
     at_bound += [
-        name for name, value in (("coulomb", linear[0]), ("viscous", linear[2])) if value <= 0.0
+        name
+        for name, value in zip(("coulomb", "static", "viscous"), linear, strict=True)
+        if value <= 0.0
     ]
-    if linear[1] <= 0.0:
-        at_bound.append("static")
+    fitted = stribeck_curve(v, values)
+    gain = inverse @ white.T @ points.whitening
+    shared = np.empty((len(v), 0)) if common is None else common
+    common_gain = shared.T @ points.whitening.T @ points.whitening
     return StribeckFit(
         values=values,
         chi_square=float(chi),
         freedom=freedom,
         scale=float(scale),
-        covariance=covariance,
-        fitted=stribeck_curve(v, values),
+        covariance=scale * inverse,
+        fitted=fitted,
         jacobian=jacobian,
+        gain=gain,
+        common=common_gain @ (f - fitted),
+        common_gain=common_gain - common_gain @ jacobian @ gain,
         at_bound=tuple(at_bound),
+        chance=_chance(points, float(chi), freedom, scale),
     )
 
 
+def _chance(points: _Points, chi: float, freedom: int, scale: float) -> float:
+    """The probability that a straight line would leave chi-square as much larger (F test, three parameters)."""
+    white, line = points.white[0], points.white[1:].T
+    left = white - line @ np.linalg.lstsq(line, white, rcond=None)[0]
+    gain = max(float(left @ left) - chi, 0.0) / 3.0
+    return float(scipy.special.fdtrc(3.0, max(freedom, 1), gain / scale))
+
+
 def _search(
-    v: Array, f: Array, weight: Array, limits: Array, grid_v: Array, grid_s: Array
+    points: _Points, limits: Array, grid_v: Array, grid_s: Array
 ) -> tuple[float, Array, Array]:
     """The best of a coarse grid of (log v_s, log sigma), then descent from its two best cells that
     are not neighbours.
     """
+    v, white, whitening = points.speed, points.white, points.whitening
     residual, linear = np.empty_like(v), np.zeros(3)
     cells = [
         (
             kernels.stribeck_inner(
-                v, f, weight, math.exp(x), math.exp(s), kernels.FREE, 0.0, linear, residual
+                v,
+                white,
+                whitening,
+                math.exp(x),
+                math.exp(s),
+                kernels.FREE,
+                0.0,
+                linear,
+                residual,
             ),
             x,
             s,
@@ -180,7 +238,7 @@ def _search(
     for _, x, s in (cells[0], *apart[:1]):
         start, linear = np.array([x, s]), np.zeros(3)
         chi = kernels.stribeck_descend(
-            v, f, weight, start, hold, kernels.FREE, 0.0, limits, 60, linear
+            v, white, whitening, start, hold, kernels.FREE, 0.0, limits, 60, linear
         )
         starts.append((float(chi), start, linear))
     return min(starts, key=lambda item: item[0])
@@ -192,6 +250,7 @@ def profile_intervals(
     force: ArrayLike,
     standard_error: ArrayLike,
     *,
+    common: Array | None = None,
     bounds: StribeckBounds | None = None,
     level: float = 0.95,
 ) -> Array:
@@ -199,8 +258,9 @@ def profile_intervals(
 
     The data must be those of the fit. Holding one parameter, all others are at their best.
     """
-    v, f, u = _checked(speed, force, standard_error)
-    limits = (StribeckBounds() if bounds is None else bounds).logarithms()
+    points = _points(speed, force, standard_error, common)
+    v, f = points.speed, points.force
+    limits = (StribeckBounds.of(v) if bounds is None else bounds).logarithms()
     rise = fit.scale * student_quantile(fit.freedom, level) ** 2
     optimum = np.log(fit.values[2:4])
     errors = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
@@ -219,7 +279,7 @@ def profile_intervals(
             [0.0, ceiling / max(float(v.min()), 1e-6)],
         ]
     )
-    profile = _Profile(v, f, 1.0 / u, limits, optimum, fit.chi_square)
+    profile = _Profile(points, limits, optimum, fit.chi_square)
     intervals = np.array(
         [
             [
@@ -237,9 +297,7 @@ def profile_intervals(
 class _Profile:
     """The profile of chi-square along one parameter, the others at their best."""
 
-    speed: Array
-    force: Array
-    weight: Array
+    points: _Points
     limits: Array
     optimum: Array
     lowest: float
@@ -255,9 +313,9 @@ class _Profile:
         if which in (2, 3):
             start[which - 2], hold[which - 2] = place, 1
         chi = kernels.stribeck_descend(
-            self.speed,
-            self.force,
-            self.weight,
+            self.points.speed,
+            self.points.white,
+            self.points.whitening,
             start,
             hold,
             mode,
@@ -317,6 +375,7 @@ def fit_stribeck_genetic(
     force: ArrayLike,
     standard_error: ArrayLike,
     *,
+    common: Array | None = None,
     seed: int = 0,
     bounds: StribeckBounds | None = None,
     generations: int = 400,
@@ -324,8 +383,9 @@ def fit_stribeck_genetic(
     """Equation 19 by differential evolution, as in the paper, for comparison with `fit_stribeck`;
     same data, same bounds.
     """
-    v, f, u = _checked(speed, force, standard_error)
-    box = StribeckBounds() if bounds is None else bounds
+    points = _points(speed, force, standard_error, common)
+    v, f = points.speed, points.force
+    box = StribeckBounds.of(v) if bounds is None else bounds
     top = 3.0 * float(np.max(np.abs(f)))
     slope = 3.0 * float(np.max(np.abs(f)) / v.max())
     ranges = [
@@ -337,10 +397,10 @@ def fit_stribeck_genetic(
     ]
 
     def chi_square(x: Array) -> Array:
-        coulomb, drop, velocity, shape, viscous = x
+        coulomb, static, velocity, shape, viscous = x
         decay = np.exp(-((v[:, None] / np.exp(velocity)) ** np.exp(shape)))
-        curve = coulomb + drop * decay + viscous * v[:, None]
-        return np.sum(((f[:, None] - curve) / u[:, None]) ** 2, axis=0)
+        curve = coulomb + (static - coulomb) * decay + viscous * v[:, None]
+        return np.sum((points.whitening @ (f[:, None] - curve)) ** 2, axis=0)
 
     result = scipy.optimize.differential_evolution(
         lambda x: chi_square(x[:, None] if x.ndim == 1 else x),
@@ -353,8 +413,8 @@ def fit_stribeck_genetic(
         tol=1e-8,
         popsize=20,
     )
-    coulomb, drop, velocity, shape, viscous = result.x
-    values = np.array([coulomb, coulomb + drop, math.exp(velocity), math.exp(shape), viscous])
+    coulomb, static, velocity, shape, viscous = result.x
+    values = np.array([coulomb, static, math.exp(velocity), math.exp(shape), viscous])
     return GeneticFit(
         values, float(np.sum(result.fun)), (int(result.nit) + 1) * len(result.population)
     )

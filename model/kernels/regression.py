@@ -213,33 +213,35 @@ def solve_masked(g00, g01, g02, g11, g12, g22, r0, r1, r2, u0, u1, u2):
 
 
 @njit(cache=True, nogil=True)
-def stribeck_inner(speed, force, weight, velocity, shape, mode, fixed, parameters, residual):
+def stribeck_inner(speed, white, whitening, velocity, shape, mode, fixed, parameters, residual):
     """Chi-square of the Stribeck curve (equation 19) with its linear parameters at their best non-negative values.
 
-    parameters receives F_c, F_s - F_c, c_v; residual the weighted residuals. In the profile of F_s
-    the fixed value enters as F_s exp(...) and the free column is 1 - exp(...).
+    `whitening` (n, n) is lower triangular, W with W' W the inverse covariance of the forces; `white`
+    (3, n) holds W f, W 1 and W v. parameters receives F_c, F_s, c_v; residual the whitened residuals.
     """
     n = len(speed)
     g00, g01, g02, g11, g12, g22, r0, r1, r2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     held_0 = fixed if mode == FIXED_COULOMB else 0.0
     held_1 = fixed if mode == FIXED_STATIC else 0.0
     held_2 = fixed if mode == FIXED_VISCOUS else 0.0
-    mixed = 1.0 if mode == FIXED_STATIC else 0.0
+    decay = np.empty(n)
     for i in range(n):
-        w = weight[i]
-        decay = w * math.exp(-((speed[i] / velocity) ** shape))
-        c0 = w - mixed * decay
-        c2 = w * speed[i]
-        y = w * force[i] - held_0 * w - held_1 * decay - held_2 * c2
-        residual[i] = decay
+        decay[i] = math.exp(-((speed[i] / velocity) ** shape))
+    for i in range(n):
+        c1 = 0.0
+        for j in range(i + 1):
+            c1 += whitening[i, j] * decay[j]
+        c0, c2 = white[1, i] - c1, white[2, i]
+        y = white[0, i] - held_0 * c0 - held_1 * c1 - held_2 * c2
+        residual[i] = c1
         g00 += c0 * c0
-        g01 += c0 * decay
+        g01 += c0 * c1
         g02 += c0 * c2
-        g11 += decay * decay
-        g12 += decay * c2
+        g11 += c1 * c1
+        g12 += c1 * c2
         g22 += c2 * c2
         r0 += c0 * y
-        r1 += decay * y
+        r1 += c1 * y
         r2 += c2 * y
     free = 7 - (1 << (mode - 1)) if mode > 0 else 7
     b0, b1, b2, lowest = 0.0, 0.0, 0.0, 0.0
@@ -254,15 +256,14 @@ def stribeck_inner(speed, force, weight, velocity, shape, mode, fixed, parameter
                 b0, b1, b2, lowest = x0, x1, x2, gain
             if code == free:
                 break
-    if mode == FIXED_STATIC:
-        b1 = fixed - b0
-    coulomb, viscous = b0 + held_0, b2 + held_2
+    coulomb, static, viscous = b0 + held_0, b1 + held_1, b2 + held_2
     total = 0.0
     for i in range(n):
-        r = weight[i] * (force[i] - coulomb - viscous * speed[i]) - b1 * residual[i]
+        r = white[0, i] - coulomb * (white[1, i] - residual[i]) - viscous * white[2, i]
+        r -= static * residual[i]
         residual[i] = r
         total += r * r
-    parameters[0], parameters[1], parameters[2] = coulomb, b1, viscous
+    parameters[0], parameters[1], parameters[2] = coulomb, static, viscous
     return total
 
 
@@ -275,7 +276,7 @@ def copy_into(target, source):
 
 @njit(cache=True, nogil=True)
 def stribeck_descend(
-    speed, force, weight, start, hold, mode, fixed, bounds, iterations, parameters
+    speed, white, whitening, start, hold, mode, fixed, bounds, iterations, parameters
 ):
     """Levenberg-Marquardt in (log v_s, log sigma) on the projected residual; `hold` fixes one of them.
 
@@ -294,8 +295,8 @@ def stribeck_descend(
     while rounds < iterations:
         trial_chi = stribeck_inner(
             speed,
-            force,
-            weight,
+            white,
+            whitening,
             math.exp(trial[0]),
             math.exp(trial[1]),
             mode,

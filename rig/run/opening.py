@@ -18,6 +18,7 @@ from rig.run.dry_run import vars_of
 from rig.run.order import RunOrder
 from rig.run.recorder import InlineRecorder, Recorder, ThreadedRecorder
 from rig.run.session import output_sense
+from rig.run.world import OUTPUT_BEARINGS
 from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column
 from rig.runfile.seal import part_path
@@ -103,6 +104,7 @@ def header_of(
         process["bench"] = order.bench
     if order.world:
         process["world"] = order.world
+        process["output_bearing"] = OUTPUT_BEARINGS[order.world["population"]]
     run = RunMetadata(
         run_id=run_id,
         experiment=planned.experiment.name,

@@ -19,6 +19,24 @@ from rig.errors import ConfigurationError, RunFileError
 from rig.library.folder import run_files, run_named
 from rig.runfile.read import glance
 
+OUTPUT_BEARINGS: Mapping[str, Mapping[str, Any]] = {
+    "narrow": {
+        "coulomb": 0.5,
+        "coulomb_u": 0.12,
+        "viscous": 0.4,
+        "viscous_u": 0.1,
+        "source": "card of the simulated bench: within 20 %",
+    },
+    "wide": {
+        "coulomb": 0.55,
+        "coulomb_u": 0.52,
+        "viscous": 0.0,
+        "viscous_u": 0.0,
+        "source": "card of the simulated bench: 0.1 to 1 N m",
+    },
+}
+"""What the card of a simulated bench says of its output bearing, by population: Coulomb friction [N m] and viscous
+friction [N m s/rad] with their expanded uncertainties (k = 2)."""
 BODIES = ("gear_seed", "bench_seed", "population")
 """What has the temperatures: those of another gear or bench are not to be had."""
 LEFT_WARM = (*BODIES, "mount", "mount_turn", "day")

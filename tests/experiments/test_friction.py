@@ -5,6 +5,7 @@ be refused or said.
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -14,12 +15,13 @@ from experiments.errors import AnalysisError
 from experiments.protocols import motor_tare
 from experiments.protocols.friction import protocol as friction
 from experiments.protocols.friction.points import measure_friction, reproducibility
+from experiments.protocols.friction.temperature import VISCOUS, temperature_law
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from experiments.steps.vocabulary import ServoOff
 from experiments.torque.tare import read_tare
 from experiments.torque.zero import torque_zero
-from model.friction import friction_torque
+from model.friction import friction_torque, mesh_lever
 from model.gear import HarmonicDrive, Origin
 from model.identify.stribeck import NAMES
 from model.units import REVOLUTION, RPM
@@ -198,9 +200,8 @@ def test_friction_that_varies_over_the_output_is_brought_to_its_mean(
     assert isinstance(source, ArraySource)
     place = friction_run.output_angle()
     shown = friction_run.si("torque") - 0.01
-    varied = np.round(
-        (shown * (1.0 + 0.02 * np.cos(place)) + 0.01) / friction_run.signals["torque"].scale
-    ).astype(int)
+    depth = 0.02 * 0.04 * np.cos(place) * np.sign(shown)
+    varied = np.round((shown + depth + 0.01) / friction_run.signals["torque"].scale).astype(int)
     run = dataclasses.replace(
         friction_run, source=dataclasses.replace(source, arrays={**source.arrays, "torque": varied})
     )
@@ -376,3 +377,72 @@ def test_holds_cover_whole_revolutions_of_the_plan(
 def test_servo_off_is_where_the_plan_puts_it(gear: HarmonicDrive) -> None:
     steps = list(friction.plan(friction.Parameters(), gear))
     assert [k for k, s in enumerate(steps) if isinstance(s, ServoOff)] == [0, len(steps) - 1]
+
+
+ENTERED = {
+    "output_bearing": (0.5, 0.04),
+    "output_bearing_date": "2026-05-02",
+    "output_bearing_source": "spun with a cord",
+}
+
+
+def test_an_output_bearing_that_is_entered_is_subtracted_with_its_uncertainty(
+    friction_run: Recording, gear: HarmonicDrive, tare: Result, result: Result
+) -> None:
+    entered = friction.analyse(friction_run, Evidence(gear, tare, settings={**QUICK, **ENTERED}))
+    force = 0.5 / (gear.ratio * mesh_lever(gear))
+    before, after = (r.estimates["coulomb"] for r in (result, entered))
+    assert after.value == pytest.approx(before.value - force, abs=0.02)
+    assert entered.metrics["output_bearing_subtracted"] == pytest.approx(force)
+    assert after.expanded_uncertainty < 0.5 * before.expanded_uncertainty
+    (line,) = [b for b in after.budget if b.source == "output bearing"]
+    assert line.standard_uncertainty == pytest.approx(0.04 * force, rel=1e-3)
+    assert "2026-05-02" in entered.options["output_bearing"]
+    (unknown,) = [b for b in before.budget if b.source == "output bearing"]
+    assert unknown.standard_uncertainty == pytest.approx(0.608 / 0.5 * force, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"output_bearing": (0.5, 0.04)}, "without output_bearing_source"),
+        ({**ENTERED, "output_bearing": 0.5}, "needs a value and its expanded uncertainty"),
+        ({"viscous_per_kelvin": (-0.03, 0.01)}, "without per_kelvin_source"),
+    ],
+)
+def test_a_number_without_uncertainty_or_source_is_not_taken(
+    friction_run: Recording, gear: HarmonicDrive, settings: dict[str, object], words: str
+) -> None:
+    with pytest.raises(AnalysisError, match=words):
+        friction.analyse(friction_run, Evidence(gear, settings={**QUICK, **settings}))
+
+
+def test_points_off_the_curve_are_refused(friction_run: Recording, gear: HarmonicDrive) -> None:
+    """A resonance that takes a fifth more at one speed, both times it is visited."""
+    source = friction_run.source
+    assert isinstance(source, ArraySource)
+    counts = source.arrays["torque"].copy()
+    fast = max(abs(s.setpoint) for s in friction_run.labelled("hold"))
+    second = max(
+        abs(s.setpoint) for s in friction_run.labelled("hold") if abs(s.setpoint) < 0.9 * fast
+    )
+    for s in friction_run.labelled("hold"):
+        if abs(abs(s.setpoint) - second) < 0.01 * second:
+            rows = slice(s.start - 1, s.stop)
+            counts[rows] += round(s.direction * 0.02 / friction_run.signals["torque"].scale)
+    bent = dataclasses.replace(
+        friction_run, source=dataclasses.replace(source, arrays={**source.arrays, "torque": counts})
+    )
+    with pytest.raises(AnalysisError, match="do not lie on the curve"):
+        friction.analyse(bent, Evidence(gear, settings=QUICK))
+
+
+def test_the_law_of_temperature_brings_to_20_degrees() -> None:
+    assumed = temperature_law({}, 30.0)
+    assert assumed.dry_factor({}) == pytest.approx(0.95)
+    assert assumed.viscous_factor({}) == pytest.approx(math.exp(-0.225))
+    given = {"viscous_per_kelvin": (-0.03, 0.004), "per_kelvin_source": "runs 12 to 19"}
+    law = temperature_law(given, 30.0)
+    assert law.viscous_factor({VISCOUS: 1.0}) == pytest.approx(math.exp(-0.28))
+    assert law.viscous.source == "runs 12 to 19"
+    assert not temperature_law({}, math.nan).is_known

@@ -4,28 +4,42 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from experiments.errors import analysing
 from experiments.protocols.friction.plots import point_table
 from experiments.protocols.friction.points import MeasuredFriction
 from experiments.protocols.friction.quantities import QUANTITIES
 from experiments.recording import Recording
 from experiments.result import Result
+from model.identify.common_errors import FEWEST, UNREPEATED, means_by, spread_beyond
 from model.identify.estimate import Estimate
+from model.identify.friction import check_curve
 from model.identify.running_torque import pair_directions
 from model.identify.stribeck import NAMES, fit_stribeck, profile_intervals
 
 KIND = "friction"
 
 
-def friction_in_foreign_unit(recording: Recording, measured: MeasuredFriction) -> Result:
+def friction_in_foreign_unit(
+    recording: Recording, measured: MeasuredFriction, chi_square_limit: float
+) -> Result:
     """Friction over speed in the channel's own unit (a motor current): the Stribeck curve without
     levers and bearing.
     """
     unit = measured.unit
     with analysing(recording.metadata.run_id):
         points = pair_directions([h.torque for h in measured.holds])
-        fit = fit_stribeck(points.speed, points.friction, points.standard_error)
-        intervals = profile_intervals(fit, points.speed, points.friction, points.standard_error)
+        size = np.maximum(np.abs(points.friction), 1e-12)
+        mean = np.array([size[points.level == level].mean() for level in points.level])
+        free, nothing, point = means_by(points.level), np.empty((len(size), 0)), UNREPEATED.point
+        if len(size) - free.shape[1] >= FEWEST:
+            relative = points.standard_error / size
+            point, _ = spread_beyond(free, size / mean - 1.0, relative, nothing, nothing)
+        error = np.hypot(points.standard_error, point * size)
+        fit = fit_stribeck(points.speed, points.friction, error)
+        check_curve(fit, chi_square_limit)
+        intervals = profile_intervals(fit, points.speed, points.friction, error)
     units = {
         "coulomb": unit,
         "static": unit,

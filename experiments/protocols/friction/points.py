@@ -1,49 +1,87 @@
-"""The points of a friction run, and what else than speed they depend on: place, temperature, reproducibility.
+"""The points of a friction run, and what else than speed they depend on.
 
-Friction varies over the output revolution (mesh depth) and with heat. Points start at places spread
-over the output and go up and down, so that both can be told from speed. With y = friction/fitted
-curve - 1 of every point, reference speed included,
+Friction varies over the output revolution (mesh depth) and with heat; the bench's output bearing and a vibrating
+output take power that is no friction of the gear; the model leans on literature values. What is known of these is
+taken off each hold (`corrected`); what is not known is an error that holds share (`common_errors`), one standard
+uncertainty of each as a column over the holds:
 
-    y = c_0 + sum_k (a_k cos k theta_o + b_k sin k theta_o) + (temperature - mean) (d_0 + d_1 viscous share(speed))    k = 1..4
-
-is solved by least squares and divided out where it is significant: what is left holds at mean place
-and mean temperature. Near a resonance the vibrating output takes power that is no friction: such points
-count less.
-"""  # noqa: E501
+    place        waves k = 1..4 over the output revolution, as large as visits to the same speed differ by place
+    temperature  of dry and of viscous friction: (T - mean) of each hold, and the bearing's M_0 away from 20 degC
+    M_0          the factor f_0 nu^(2/3) of equation 18
+    tare         the motor was warmer or colder than in the tare
+    vibration    damping and first mode, behind the power that the shaken output takes
+    lag          of the torque port, where torque and speed ripple together
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
+from experiments.budget import torque_scale_uncertainty
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, time_base_remark
-from experiments.planning.speeds import first_resonances
+from experiments.protocols.friction.bearing import OutputBearing, output_bearing
+from experiments.protocols.friction.temperature import (
+    DRY,
+    VISCOUS,
+    TemperatureLaw,
+    temperature_law,
+)
+from experiments.protocols.friction.vibration import LAG, Ripple, ripple_of
 from experiments.recording import Recording
-from experiments.torque.running_torque import Hold, foreign_holds, measured_holds
+from experiments.torque.motor_heat import MotorHeat, motor_heat
+from experiments.torque.running_torque import (
+    TEMPERATURE,
+    Hold,
+    foreign_holds,
+    measured_holds,
+)
 from experiments.torque.tare import read_tare
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
-from model.gear import HarmonicDrive
-from model.identify.running_torque import RunningTorque, Tare, pair_directions
+from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
+from model.gear import HarmonicDrive, Origin
+from model.identify.common_errors import (
+    FEWEST,
+    UNREPEATED,
+    CommonError,
+    Spread,
+    means_by,
+    spread_beyond,
+)
+from model.identify.estimate import Cause
+from model.identify.running_torque import FrictionPoints, RunningTorque, Tare, pair_directions
+from model.identify.stribeck import stribeck_curve, stribeck_jacobian
 
 PLACE_ORDERS = (1, 2, 3, 4)
-"""Orders of the output revolution that are looked at, as many from the first on as there are points for."""
-POINTS_PER_TERM = 2.5
-"""Pairs of points that each correcting term needs."""
-LEAST_WARMING = 0.2
-"""K of span below which temperature is not corrected for."""
-HIGHEST_CORRELATION = 0.7
-"""Correlation of temperature with log speed above which heat and speed cannot be told apart."""
-SIGNIFICANCE = 0.01
-FIRST_DAMPING = 0.02
-"""Damping ratio of the first mode that the loss near a resonance is estimated with."""
+"""Orders of the output revolution that friction is looked at over."""
+REPETITIONS_PER_ORDER = 3
+"""Repetitions of speeds that each order needs."""
+BEARING_RELATIVE = 0.2
+"""Relative standard uncertainty of M_0 where f_0 and nu_0 are taken from the literature."""
+UNKNOWN_TEMPERATURE = 5.0
+"""K, standard uncertainty of the temperature of a run without a thermometer on the housing."""
+THERMOMETER = 0.2
+"""K, standard uncertainty of a thermometer without calibration."""
+LOSS_RELATIVE = 2.0
+"""Relative standard uncertainty of the loss by vibration: of a factor that all speeds share, and of one that each speed
+has for itself. Stiffness within 40 % is a factor of 2.8, hysteresis and damping are known within three; visits to one
+speed share both."""
+PLACE, WARMTH = "place on the output", "warmth of the motor"
+BEARING, TARE, VIBRATION = "bearing no-load torque", "tare", "vibration near resonances"
+RUN_TO_RUN = "from run to run"
+RUN_TO_RUN_RELATIVE = 0.01
+"""Relative standard uncertainty of dry friction from one run of a gear to the next, assumed of greased gears: a run
+does not show how the next one will be."""
+PORT_LAG = "lag of the torque port"
+LAG_RELATIVE = 1.0 / math.sqrt(3.0)
+"""Relative standard uncertainty of the lag: 0 to twice as much."""
+THERMOMETRY, SCALE, ZERO = "thermometer", "torque scale", "torque zero"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +95,16 @@ class MeasuredFriction:
     channel: str
     unit: str
     warnings: list[str]
+    ripple: Ripple
+    """What ripples do to the torque of each hold, reference speed included."""
+    law: TemperatureLaw
+    output: OutputBearing
+    heat: MotorHeat
+
+    @property
+    def every(self) -> list[Hold]:
+        """The holds, then those at the reference speed."""
+        return [*self.holds, *self.bracket]
 
     @property
     def temperature(self) -> FloatArray:
@@ -102,7 +150,14 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
             remedy="Hold each speed for whole revolutions.",
         )
     speeds = [abs(h.torque.speed) for h in holds]
+    law = temperature_law(
+        evidence.settings, float(np.mean([hold.torque.temperature for hold in holds]))
+    )
+    heat = motor_heat(recording, law.mean)
     tare, said = read_tare(evidence.tare, min(speeds), max(speeds))
+    if tare is not None and evidence.tare is not None:
+        before = evidence.tare.metrics.get("housing_temperature", math.nan)
+        tare, heat = heat.brought(tare, before)
     unit = recording.signals[channel].unit
     return MeasuredFriction(
         holds=holds,
@@ -112,6 +167,10 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         channel=channel,
         unit=unit,
         warnings=[*warnings, *remarks, *said],
+        ripple=ripple_of(recording, [*holds, *bracket], evidence.gear, channel),
+        law=law,
+        output=output_bearing(recording, evidence.settings),
+        heat=heat,
     )
 
 
@@ -127,156 +186,261 @@ def reproducibility(bracket: list[Hold]) -> float:
     return float(friction.std(ddof=1) / friction.mean()) if len(friction) >= 4 else math.nan
 
 
-def weighed(holds: list[Hold], spread: float, gear: HarmonicDrive) -> list[RunningTorque]:
-    """The running torques with reproducibility and resonance loss in their standard errors.
+@dataclass(frozen=True, kw_only=True)
+class FittedCurve:
+    """Friction over speed as a fit has it, at the run's mean temperature, in parts [N m] at input speeds [rad/s]."""
 
-    Both directions of a point are measured together and share these, so that they must not average out between them.
+    gear: HarmonicDrive
+    balance: TorqueBalance
+    values: FloatArray
+    law: TemperatureLaw
+
+    def dry(self, speed: FloatArray) -> FloatArray:
+        """Mesh friction without its viscous part."""
+        coulomb, static, velocity, shape, _ = self.values
+        lever = mesh_lever(self.gear, self.balance)
+        return lever * stribeck_curve(speed, (coulomb, static, velocity, shape, 0.0))
+
+    def viscous(self, speed: FloatArray) -> FloatArray:
+        """Viscous mesh friction."""
+        return mesh_lever(self.gear, self.balance) * float(self.values[4]) * np.abs(speed)
+
+    def whole(self, speed: FloatArray) -> FloatArray:
+        """All of it."""
+        return self.dry(speed) + self.viscous(speed) + bearing_torque(self, speed)
+
+
+def bearing_parts(
+    curve: FittedCurve, speed: FloatArray, shared: dict[str, float]
+) -> tuple[FloatArray, FloatArray]:
+    """l_b M_0 at the run's mean temperature [N m]: what it has at rest, and what grows with speed.
+
+    `shared`: what is known of the temperature coefficients (`FrictionFit.shared`).
     """
-    share = spread if math.isfinite(spread) else 0.0
-    loss = resonance_loss(gear, np.array([abs(h.torque.speed) for h in holds]))
-    torques = []
-    for hold, lost in zip(holds, loss.tolist(), strict=True):
-        t = hold.torque
-        common = math.sqrt(2.0) * math.hypot(share * t.torque, lost)
-        torques.append(dataclasses.replace(t, standard_error=math.hypot(t.standard_error, common)))
-    return torques
+    gear, low = curve.gear, curve.gear.options.low_speed_branch
+    lever = bearing_lever(gear, curve.balance)
+    still = lever * bearing_magnitude(gear.bearing, 0.0, low_speed_branch=low)
+    moving = lever * bearing_magnitude(gear.bearing, speed, low_speed_branch=low) - still
+    thin = curve.law.viscous_factor(shared) ** (2.0 / 3.0)
+    return np.full_like(moving, still * curve.law.dry_factor(shared)), moving * thin
 
 
-def resonance_loss(gear: HarmonicDrive, speed: FloatArray) -> FloatArray:
-    """Input torque [N m] that keeps the output vibrating where orders of the kinematic error come near the first mode.
+def bearing_torque(curve: FittedCurve, speed: FloatArray) -> FloatArray:
+    """l_b M_0 at the run's mean temperature [N m]."""
+    still, moving = bearing_parts(curve, speed, {})
+    return still + moving
 
-    T = sum over n of (D/2) (n w)^2 |x_n|^2/w with D = 2 zeta w_1 J_o and the relative motion
-    x_n = A_n r^2/sqrt((1 - r^2)^2 + (2 zeta r)^2), r = n w/w_1; the larger of both estimates of w_1.
+
+def bearing_relative(gear: HarmonicDrive, law: TemperatureLaw) -> float:
+    """Relative standard uncertainty of M_0: of its factor, and of a temperature that nobody measured."""
+    factor = gear.origins.get("bearing.friction_factor", Origin("assumed"))
+    relative = BEARING_RELATIVE
+    if factor.standard_uncertainty is not None and gear.bearing.friction_factor > 0.0:
+        relative = factor.standard_uncertainty / gear.bearing.friction_factor
+    unknown = 0.0 if law.is_known else UNKNOWN_TEMPERATURE * law.viscous.value * 2.0 / 3.0
+    return math.hypot(relative, unknown)
+
+
+def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> list[RunningTorque]:
+    """The running torques of all holds without what is known not to be the gear's at mean temperature.
+
+    Taken off: output bearing, vibration, what the port's lag does to ripples, and the drift of
+    temperature by the law's own coefficients.
     """
-    damping = max(FIRST_DAMPING, 1e-4)
-    total = np.zeros_like(speed)
-    for mode in first_resonances(gear):
-        lost = np.zeros_like(speed)
-        for h in gear.kinematic_error:
-            r = h.order * speed / mode
-            motion = h.amplitude * r**2 / np.sqrt((1.0 - r**2) ** 2 + (2.0 * damping * r) ** 2)
-            lost += damping * mode * gear.inertia.output * (h.order * motion) ** 2 * speed
-        total = np.maximum(total, lost)
-    return total
-
-
-@dataclass(frozen=True)
-class Correction:
-    """What was divided out: relative amplitude per output order, and the change per kelvin of the
-    dry and the viscous part.
-    """
-
-    place: tuple[float, ...] = ()
-    per_kelvin: tuple[float, float] | None = None
-
-    def metrics(self) -> dict[str, float]:
-        """The correction as numbers of a result."""
-        numbers = {
-            f"friction_over_output_order_{k}": a
-            for k, a in zip(PLACE_ORDERS, self.place, strict=False)
-        }
-        if self.per_kelvin is not None:
-            numbers["dry_friction_per_kelvin"], numbers["viscous_friction_per_kelvin"] = (
-                self.per_kelvin
-            )
-        return numbers
-
-    def words(self) -> str:
-        """What the points were brought to."""
-        parts = (["mean place on the output"] if self.place else []) + (
-            ["mean warmth"] if self.per_kelvin else []
+    torques = [h.torque for h in measured.every]
+    speed = np.array([abs(t.speed) for t in torques])
+    law, warmer = measured.law, _warmer(measured)
+    _, moving = bearing_parts(curve, speed, {})
+    drift = warmer * law.dry.value * curve.dry(speed)
+    drift += warmer * law.viscous.value * (curve.viscous(speed) + moving * 2.0 / 3.0)
+    off = measured.output.torque(speed, ratio) + measured.ripple.loss + drift
+    return [
+        dataclasses.replace(
+            t,
+            torque=t.torque - t.direction * float(known),
         )
-        return " and ".join(parts) if parts else "nothing"
+        for t, known in zip(torques, off - measured.ripple.lag, strict=True)
+    ]
 
 
-def corrected(
+def _warmer(measured: MeasuredFriction) -> FloatArray:
+    """K by which each hold was warmer than the run's mean; 0 where nobody looked."""
+    temperature = np.array([h.torque.temperature for h in measured.every])
+    return np.where(np.isfinite(temperature), temperature - measured.law.mean, 0.0) * (
+        1.0 if measured.law.is_known else 0.0
+    )
+
+
+def common_errors(
     measured: MeasuredFriction,
-    curve: Callable[[FloatArray], FloatArray],
-    dry: Callable[[FloatArray], FloatArray],
-) -> tuple[MeasuredFriction, Correction]:
-    """The points brought to mean place and mean temperature, seen from a fitted curve [N m] over speed [rad/s].
-
-    `dry` is the part of the curve that does not come from the viscosity of the grease.
-
-    Nothing is done where there are too few points, or where place and temperature explain no more
-    than chance would.
-    """
-    every = [*measured.holds, *measured.bracket]
+    curve: FittedCurve,
+    spread: Spread,
+    recording: Recording,
+    ratio: float,
+) -> list[CommonError]:
+    """The errors that the holds share, seen from a fitted curve."""
+    every, law = measured.every, measured.law
     speed = np.array([abs(h.torque.speed) for h in every])
     direction = np.array([h.torque.direction for h in every])
+    dry, viscous = curve.dry(speed), curve.viscous(speed)
+    still, moving = bearing_parts(curve, speed, {})
     tare = measured.tare.at(speed)[0] if measured.tare is not None else np.zeros_like(speed)
-    friction = direction * np.array([h.torque.torque for h in every]) - tare
-    temperature = _temperature_columns(every, 1.0 - dry(speed) / curve(speed), measured.temperature)
-    room = math.floor(len(every) / (2.0 * POINTS_PER_TERM)) - 1 - temperature.shape[1]
-    place = _place_columns(every, min(max(room // 2, 0), len(PLACE_ORDERS)))
-    terms = place.shape[1] + temperature.shape[1]
-    if terms == 0 or room < 0:
-        return measured, Correction()
-    columns = np.column_stack([place, temperature])
-    away = friction / curve(speed) - 1.0
-    design = np.column_stack([np.ones(len(every)), columns])
-    solution = np.asarray(np.linalg.lstsq(design, away, rcond=None)[0], dtype=np.float64)
-    left = away - design @ solution
-    if not _explains(away - away.mean(), left, terms, len(every) // 2):
-        return measured, Correction()
-    brought = direction * (friction / (1.0 + columns @ solution[1:]) + tare)
-    moved = [
-        dataclasses.replace(h, torque=dataclasses.replace(h.torque, torque=float(t)))
-        for h, t in zip(every, brought, strict=True)
+    gear_torque = dry + viscous + still + moving
+    per_kelvin = {
+        DRY: (dry + still, still / law.dry_factor({})),
+        VISCOUS: (viscous + moving * 2.0 / 3.0, moving * 2.0 / 3.0),
+    }
+    errors = [
+        CommonError(
+            source=source,
+            effect=u.standard_uncertainty
+            * (_warmer(measured) * drifting + law.warmer * literature),
+            note=u.source,
+        )
+        for (source, (drifting, literature)), u in zip(
+            per_kelvin.items(), (law.dry, law.viscous), strict=True
+        )
     ]
-    split = len(measured.holds)
-    return dataclasses.replace(
-        measured, holds=moved[:split], bracket=moved[split:]
-    ), _correction_of(solution[1:], place, temperature)
+    errors.append(
+        CommonError(
+            source=BEARING,
+            effect=bearing_relative(curve.gear, law) * (still + moving),
+            cause=Cause.BEARING_TORQUE,
+        )
+    )
+    if spread.place > 0.0:
+        waves = place_columns(every, PLACE_ORDERS) * dry[:, None]
+        errors.append(CommonError(source=PLACE, effect=spread.place * waves, kind="A"))
+    if measured.ripple.loss.any():
+        errors.append(
+            CommonError(
+                source=VIBRATION,
+                effect=LOSS_RELATIVE * measured.ripple.loss[:, None] * _alone_and_by_speed(speed),
+                note="damping and first mode of the parameter set",
+            )
+        )
+    if measured.ripple.lag.any():
+        errors.append(
+            CommonError(
+                source=PORT_LAG,
+                effect=LAG_RELATIVE * measured.ripple.lag,
+                note=f"{1e3 * LAG:g} ms, 0 to twice as much",
+            )
+        )
+    if law.is_known:
+        slope = law.dry.value * (dry + still) + law.viscous.value * (viscous + moving * 2.0 / 3.0)
+        kelvin = recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
+        errors.append(CommonError(source=THERMOMETRY, effect=kelvin * slope))
+    if measured.tare is not None:
+        errors.append(
+            CommonError(
+                source=TARE,
+                effect=measured.heat.tare * tare,
+                cause=Cause.TARE,
+                note="the same motor, warmer or colder",
+            )
+        )
+    return errors + _never_seen(measured, recording, speed, direction, dry, gear_torque, ratio)
 
 
-def _correction_of(solution: FloatArray, place: FloatArray, temperature: FloatArray) -> Correction:
-    pairs = solution[: place.shape[1]].reshape(-1, 2)
-    per_kelvin = None
-    if temperature.shape[1]:
-        base, rise = solution[place.shape[1] :]
-        per_kelvin = float(base), float(base + rise)
-    return Correction(tuple(float(a) for a in np.hypot(pairs[:, 0], pairs[:, 1])), per_kelvin)
+def _alone_and_by_speed(speed: FloatArray) -> FloatArray:
+    """Ones, and for each speed ones where a hold has it; (n, 1 + speeds)."""
+    _, level = np.unique(np.round(np.log(speed), 2), return_inverse=True)
+    return np.column_stack([np.ones(len(speed)), np.eye(int(level.max()) + 1)[level]])
 
 
-def _place_columns(holds: list[Hold], count: int) -> FloatArray:
-    """cos and sin of the first `count` orders of the output angle, each averaged over the angle that a point covers."""
+def _never_seen(
+    measured: MeasuredFriction,
+    recording: Recording,
+    speed: FloatArray,
+    direction: FloatArray,
+    dry: FloatArray,
+    gear_torque: FloatArray,
+    ratio: float,
+) -> list[CommonError]:
+    """Errors that no data of the run can tell: torque scale, torque zero of holds without a partner, output bearing,
+    and how the gear's next run would differ.
+    """
+    relative, source = torque_scale_uncertainty(recording, measured.channel)
+    errors = [
+        CommonError(
+            source=SCALE,
+            effect=relative * gear_torque,
+            cause=Cause.TORQUE_SCALE,
+            note=source,
+            is_fitted=False,
+        ),
+        CommonError(
+            source=ZERO,
+            effect=direction * measured.zero.standard_uncertainty,
+            is_fitted=False,
+        ),
+        CommonError(
+            source=WARMTH,
+            effect=measured.heat.constant * gear_torque,
+            note=measured.heat.words,
+            is_fitted=False,
+        ),
+        CommonError(
+            source=RUN_TO_RUN,
+            effect=RUN_TO_RUN_RELATIVE * dry,
+            note=f"assumed: {100.0 * RUN_TO_RUN_RELATIVE:g} % of dry friction",
+            is_fitted=False,
+        ),
+    ]
+    for part, effect in measured.output.effects(speed, ratio).items():
+        errors.append(
+            CommonError(source=part, effect=effect, note=measured.output.source, is_fitted=False)
+        )
+    return errors
+
+
+def spread_of(
+    measured: MeasuredFriction,
+    points: FrictionPoints,
+    error: FloatArray,
+    curve: FittedCurve,
+    others: list[CommonError],
+) -> Spread:
+    """How far a point comes out that is measured again, and how friction varies over the output.
+
+    `points` are those of all holds, `error` (n,) their standard errors, `others` the further errors that they share.
+    The waves over the output show between the speeds too (each has its own places); the scatter is that of visits to
+    the same speed alone, so that a curve that misses its points does not pass for scatter.
+    """
+    every = measured.every
+    freedom = len(points.speed) - len(np.unique(points.level))
+    if freedom < FEWEST:
+        return UNREPEATED
+    tare = measured.tare.at(points.speed)[0] if measured.tare is not None else 0.0
+    whole = curve.whole(points.speed)
+    speed = np.array([abs(h.torque.speed) for h in every])
+    waves = place_columns(every, PLACE_ORDERS[: freedom // REPETITIONS_PER_ORDER])
+    waves = points.mean_of(waves * curve.dry(speed)[:, None]) / whole[:, None]
+    known = np.column_stack([points.mean_of(c.columns) for c in others if c.is_fitted])
+    known = known / whole[:, None]
+    relative = (points.friction - tare) / whole - 1.0
+    tangents = stribeck_jacobian(points.speed, curve.values) / whole[:, None]
+    _, place = spread_beyond(tangents, relative, error / whole, known, waves)
+    point, _ = spread_beyond(
+        means_by(points.level),
+        relative,
+        error / whole,
+        np.column_stack([known, place * waves]),
+        waves[:, :0],
+    )
+    return Spread(point=point, place=place, freedom=freedom)
+
+
+def place_columns(holds: list[Hold], orders: tuple[int, ...]) -> FloatArray:
+    """cos and sin of the orders of the output angle, each averaged over the angle that a hold covers; (n, 2 orders)."""
     spans = [h.place for h in holds if h.place is not None]
-    if len(spans) < len(holds) or count == 0:
+    if len(spans) < len(holds) or not orders:
         return np.empty((len(holds), 0))
     begin, end = np.array(spans).T
     width = np.where(np.abs(end - begin) < 1e-6, 1e-6, end - begin)
     columns = []
-    for k in PLACE_ORDERS[:count]:
+    for k in orders:
         columns.append((np.sin(k * (begin + width)) - np.sin(k * begin)) / (k * width))
         columns.append((np.cos(k * begin) - np.cos(k * (begin + width))) / (k * width))
     return np.column_stack(columns)
-
-
-def _temperature_columns(holds: list[Hold], viscous: FloatArray, about: FloatArray) -> FloatArray:
-    """Temperature about the mean of `about`, and the same times the viscous share; none where heat
-    and speed went together.
-    """
-    temperature = np.array([h.torque.temperature for h in holds])
-    if (
-        not np.isfinite(temperature).all()
-        or float(np.ptp(temperature)) < LEAST_WARMING
-        or float(np.ptp(viscous)) < 0.05
-    ):
-        return np.empty((len(holds), 0))
-    speed = np.array([abs(h.torque.speed) for h in holds])
-    correlation = float(np.corrcoef(temperature, np.log(speed))[0, 1])
-    if abs(correlation) > HIGHEST_CORRELATION:
-        return np.empty((len(holds), 0))
-    centred = temperature - about.mean()
-    return np.column_stack([centred, centred * viscous])
-
-
-def _explains(before: FloatArray, after: FloatArray, terms: int, pairs: int) -> bool:
-    """Whether the terms explain more than chance (F test; both directions of a point count as one)."""
-    freedom = pairs - terms - 1
-    rest = float(after @ after)
-    if freedom < 4 or rest <= 0.0:
-        return rest <= 0.0 < float(before @ before)
-    ratio = (float(before @ before) - rest) / terms / (rest / freedom)
-    return float(scipy.special.fdtrc(terms, freedom, max(ratio, 0.0))) < SIGNIFICANCE

@@ -11,17 +11,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from experiments.budget import budget_table, torque_scale_uncertainty
+from experiments.budget import budget_table
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
-from experiments.evidence import check_settings
+from experiments.evidence import check_settings, rotary_ratio
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import (
     between_zeros,
@@ -41,12 +41,12 @@ from experiments.planning.speeds import (
     refuse_speed,
     resonance_speeds,
 )
+from experiments.protocols.friction import bearing
 from experiments.protocols.friction.estimates import (
+    at_20_degrees,
     genetic_metrics,
     offset_estimate,
     running_torques,
-    type_b,
-    with_motor_temperature,
 )
 from experiments.protocols.friction.foreign import friction_in_foreign_unit
 from experiments.protocols.friction.plots import (
@@ -56,14 +56,21 @@ from experiments.protocols.friction.plots import (
     point_table,
 )
 from experiments.protocols.friction.points import (
-    Correction,
+    BEARING,
+    PLACE,
+    PLACE_ORDERS,
+    FittedCurve,
     MeasuredFriction,
+    bearing_relative,
+    bearing_torque,
+    common_errors,
     corrected,
     measure_friction,
     reproducibility,
-    weighed,
+    spread_of,
 )
-from experiments.protocols.friction.quantities import QUANTITIES
+from experiments.protocols.friction.quantities import QUANTITIES, at_reference
+from experiments.protocols.friction.temperature import DRY, VISCOUS
 from experiments.recording import Recording
 from experiments.result import Covariance, Result, Verdict, judge_upper
 from experiments.steps.vocabulary import (
@@ -76,11 +83,17 @@ from experiments.steps.vocabulary import (
     Step,
 )
 from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE, PaperFigure, Term
-from model.friction import bearing_lever, bearing_magnitude, friction_torque, mesh_lever
+from model.friction import TorqueBalance, friction_torque
 from model.gear import HarmonicDrive, Origin
+from model.identify.common_errors import UNREPEATED, Spread
 from model.identify.estimate import Estimate
-from model.identify.friction import FrictionFit, check_identifiable, fit_friction
-from model.identify.running_torque import FrictionPoints, pair_directions
+from model.identify.friction import (
+    LARGEST_REDUCED_CHI_SQUARE,
+    FrictionFit,
+    check_identifiable,
+    fit_friction,
+)
+from model.identify.running_torque import FrictionPoints, pair_directions, pooled_errors
 from model.identify.stribeck import NAMES
 from model.units import DEGREE, RPM
 
@@ -95,9 +108,6 @@ WIND_UP = 10.0 * DEGREE
 """Input angle within which friction winds the gear up after a reversal (hysteresis of 1 arcmin is 2
 degrees at the input).
 """
-
-
-Curve = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,40 +259,62 @@ def constant_speed(p: Parameters, setpoint: float, label: str, repeat: int) -> I
     yield stop(p.acceleration)
 
 
-SETTINGS = ("channel", "balance", "bracket_limit", "bracket_refusal", "genetic", "seed")
+SETTINGS = (
+    "channel",
+    "balance",
+    "bracket_limit",
+    "bracket_refusal",
+    "chi_square_limit",
+    "genetic",
+    "seed",
+    "dry_per_kelvin",
+    "viscous_per_kelvin",
+    "per_kelvin_source",
+    *bearing.NAMES,
+)
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
-    """Friction parameters with profile intervals, running torque at the catalogue's speeds, offset and asymmetry.
+    """Friction parameters with profile intervals, running torque at the catalogue's speeds, offset and asymmetry, at
+    the run's mean temperature, and at 20 degC beside it.
 
     Settings: channel ("torque"), balance ("energy" or "published", the gear's own), bracket_limit
-    (0.03; above it a warning), bracket_refusal (0.25; above it refused), genetic (True: the paper's
-    search beside it), seed of that search (0).
+    (0.03; above it a warning), bracket_refusal (0.25; above it refused), chi_square_limit (4 per degree
+    of freedom; above it refused), genetic (True: the paper's search beside it), seed of that search (0);
+    dry_per_kelvin, viscous_per_kelvin: value and U of the gear's temperature coefficients [1/K], with
+    per_kelvin_source; output_bearing, output_bearing_viscous: value and U of the bench's output bearing
+    [N m], [N m s/rad], with output_bearing_date and output_bearing_source.
     """
     check_settings(evidence.settings, SETTINGS, NAME)
     measured = measure_friction(recording, evidence)
-    if measured.unit != "N m":
-        return friction_in_foreign_unit(recording, measured)
     settings = evidence.settings
+    chi_square_limit = float(settings.get("chi_square_limit", LARGEST_REDUCED_CHI_SQUARE))
+    if measured.unit != "N m":
+        return friction_in_foreign_unit(recording, measured, chi_square_limit)
     with analysing(recording.metadata.run_id):
-        fit, brought, correction = _fit(recording, evidence, measured)
-        check_identifiable(fit, limit=float(settings.get("bracket_refusal", 0.25)))
+        fit, curve, spread = _fit(recording, evidence, measured)
+        check_identifiable(
+            fit,
+            limit=float(settings.get("bracket_refusal", 0.25)),
+            chi_square_limit=chi_square_limit,
+        )
         metrics = dict(fit.metrics)
         if settings.get("genetic", True):
             metrics |= genetic_metrics(fit, evidence.gear, int(settings.get("seed", 0)))
+    brought = _brought(measured, fit)
     metrics["torque_zero_drift"] = measured.zero.drift
     metrics["reproducibility"] = reproducibility(brought.bracket)
-    metrics |= correction.metrics() | _housing_temperature(measured)
+    metrics |= _conditions(measured, fit, spread, evidence.gear) | _housing_temperature(measured)
+    ratio = rotary_ratio(recording, evidence.gear.ratio)
+    metrics |= _bearing_taken_off(measured, fit, ratio)
     estimates = (
-        with_motor_temperature(
-            dict(fit.estimates), torque_scale_uncertainty(recording, measured.channel)[0]
-        )
+        dict(fit.estimates)
+        | running_torques(fit, curve)
+        | at_20_degrees(fit, curve)
         | offset_estimate(fit, measured.zero)
-        | running_torques(recording, fit, evidence.gear, measured)
     )
-    run = recording.metadata.run_id
     return Result(
-        run=run,
+        run=recording.metadata.run_id,
         kind=NAME,
         quantities=QUANTITIES,
         estimates=estimates,
@@ -300,56 +332,120 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "torque_balance": fit.torque_balance,
             "channel": measured.channel,
             "low_speed_branch": evidence.gear.options.low_speed_branch,
-            "points_brought_to": correction.words(),
+            "points_brought_to": _words(measured, spread),
+            "output_bearing": measured.output.words(),
+            "temperature_coefficients": (
+                f"dry {measured.law.dry.source}; viscous {measured.law.viscous.source}"
+            ),
         },
-        covariance=Covariance(NAMES, fit.stribeck.covariance),
+        covariance=_covariance(fit),
     )
 
 
 def _fit(
     recording: Recording, evidence: Evidence, measured: MeasuredFriction
-) -> tuple[FrictionFit, MeasuredFriction, Correction]:
-    """The fit of the points, brought to mean place and temperature as the fit itself shows them (two rounds)."""
-    settings = evidence.settings
+) -> tuple[FrictionFit, FittedCurve, Spread]:
+    """The fit of all points, reference speed included, weighed by what they share as the fit itself shows it (three
+    rounds).
+    """
+    settings, gear = evidence.settings, evidence.gear
+    ratio = rotary_ratio(recording, gear.ratio)
+    balance: TorqueBalance = settings.get("balance") or gear.options.torque_balance
+    mesh = gear.mesh_friction
+    values = np.array([mesh.coulomb, mesh.static, mesh.stribeck_velocity, mesh.shape, mesh.viscous])
 
-    def fit_of(points: MeasuredFriction, correction: Correction, *, profile: bool) -> FrictionFit:
-        uncertainty = type_b(recording, evidence.gear, measured, correction)
+    def curve_of(values: np.ndarray) -> FittedCurve:
+        return FittedCurve(gear=gear, balance=balance, values=values, law=measured.law)
+
+    def fit_of(curve: FittedCurve, spread: Spread, *, profile: bool, is_first: bool) -> FrictionFit:
+        common = [] if is_first else common_errors(measured, curve, spread, recording, ratio)
         return fit_friction(
-            weighed(points.holds, reproducibility(points.bracket), evidence.gear),
-            evidence.gear,
-            tare=points.tare,
+            [h.torque for h in measured.every] if is_first else corrected(measured, curve, ratio),
+            gear,
+            tare=measured.tare,
             bracket=[h.torque for h in measured.bracket],
-            uncertainty=uncertainty,
-            balance=settings.get("balance"),
+            common=common,
+            spread=spread,
+            bearing_torque=lambda speed: bearing_torque(curve, speed),
+            balance=balance,
             bracket_limit=float(settings.get("bracket_limit", 0.03)),
             profile=profile,
         )
 
-    points, correction = measured, Correction()
-    for _ in range(2):
-        fit = fit_of(points, correction, profile=False)
-        points, correction = corrected(measured, *_curves_of(fit, evidence.gear))
-    return fit_of(points, correction, profile=True), points, correction
+    curve, spread = curve_of(values), UNREPEATED
+    fit = fit_of(curve, spread, profile=False, is_first=True)
+    for is_last in (False, True):
+        curve = curve_of(fit.stribeck.values)
+        points = pair_directions(corrected(measured, curve, ratio))
+        others = common_errors(measured, curve, UNREPEATED, recording, ratio)
+        spread = spread_of(measured, points, pooled_errors(points), curve, others)
+        fit = fit_of(curve, spread, profile=is_last, is_first=False)
+    return fit, curve_of(fit.stribeck.values), spread
 
 
-def _curves_of(fit: FrictionFit, gear: HarmonicDrive) -> tuple[Curve, Curve]:
-    """The fitted friction torque over speed, and its dry part: Stribeck curve and the bearing's
-    torque at rest [N m].
-    """
-
-    def whole(speed: np.ndarray) -> np.ndarray:
-        return np.interp(np.log(speed), np.log(fit.curve_speed), fit.curve_torque)
-
-    def dry(speed: np.ndarray) -> np.ndarray:
-        coulomb, static, velocity, shape, _ = fit.stribeck.values
-        mesh = coulomb + (static - coulomb) * np.exp(-((speed / velocity) ** shape))
-        still = bearing_magnitude(gear.bearing, 0.0, low_speed_branch=gear.options.low_speed_branch)
-        return (
-            mesh_lever(gear, fit.torque_balance) * mesh
-            + bearing_lever(gear, fit.torque_balance) * still
+def _brought(measured: MeasuredFriction, fit: FrictionFit) -> MeasuredFriction:
+    """The points at mean place and mean temperature, as far as the fit tells what place and heat did to them."""
+    shown = fit.shown_of((PLACE, DRY, VISCOUS))
+    moved = [
+        dataclasses.replace(
+            hold,
+            torque=dataclasses.replace(
+                torque, torque=torque.torque - torque.direction * float(there)
+            ),
         )
+        for hold, torque, there in zip(measured.every, fit.holds, shown, strict=True)
+    ]
+    split = len(measured.holds)
+    return dataclasses.replace(measured, holds=moved[:split], bracket=moved[split:])
 
-    return whole, dry
+
+def _conditions(
+    measured: MeasuredFriction, fit: FrictionFit, spread: Spread, gear: HarmonicDrive
+) -> dict[str, float]:
+    """What else than speed the friction depends on, as the points show it."""
+    coulomb, static = (float(v) for v in fit.stribeck.values[:2])
+    numbers = {
+        "scatter_of_points": spread.point,
+        "stribeck_dip": static / coulomb - 1.0 if coulomb > 0.0 else math.nan,
+        "dip_by_chance": fit.stribeck.chance,
+        "bearing_torque_factor": 1.0 + bearing_relative(gear, measured.law) * fit.shared[BEARING],
+    }
+    waves = fit.parts_of(PLACE).reshape(-1, 2) * spread.place
+    for order, pair in zip(PLACE_ORDERS, waves, strict=False):
+        numbers[f"friction_over_output_order_{order}"] = float(np.hypot(*pair))
+    law = measured.law
+    if law.is_known:
+        numbers["dry_friction_per_kelvin"] = law.dry.at(fit.shared[DRY])
+        numbers["viscous_friction_per_kelvin"] = law.viscous.at(fit.shared[VISCOUS])
+    return numbers
+
+
+def _bearing_taken_off(
+    measured: MeasuredFriction, fit: FrictionFit, ratio: float
+) -> dict[str, float]:
+    """The output bearing as Coulomb and viscous friction of the mesh, as far as it was subtracted."""
+    dry, both = (float(measured.output.torque(np.array([w]), ratio)[0]) for w in (0.0, 1.0))
+    return {
+        "output_bearing_subtracted": dry / fit.lever,
+        "output_bearing_viscous_subtracted": (both - dry) / fit.lever,
+    }
+
+
+def _words(measured: MeasuredFriction, spread: Spread) -> str:
+    """What the points were brought to."""
+    parts = ["mean place on the output"] * (spread.place > 0.0)
+    parts += ["mean warmth"] * measured.law.is_known
+    return " and ".join(parts) or "nothing"
+
+
+def _covariance(fit: FrictionFit) -> Covariance:
+    """Of the parameters: what is this fit's alone, and the errors that other results share."""
+    shared = fit.shared_by_cause()
+    inside = {c.cause for c in fit.common if c.is_fitted}
+    own = fit.stribeck.covariance - sum(
+        np.outer(vector, vector) for cause, vector in shared.items() if cause in inside
+    )
+    return Covariance(NAMES, own, shared)
 
 
 def _housing_temperature(measured: MeasuredFriction) -> dict[str, float]:
@@ -367,17 +463,19 @@ def _verdicts(
     fit: FrictionFit, estimates: dict[str, Estimate], gear: HarmonicDrive
 ) -> tuple[Verdict, ...]:
     """The largest running torque at the catalogue's speeds against the catalogue's value, if it is the gear's alone."""
-    judged = [e for name, e in estimates.items() if name.startswith("running_torque_")]
+    every = [e for name, e in estimates.items() if name.startswith("running_torque_")]
+    brought = [e for e in every if e.name == at_reference(e.name.removesuffix(at_reference("")))]
+    judged = brought or every
     if fit.subject != "gear" or not judged:
         return ()
     worst = max(judged, key=lambda e: e.value)
     limit = gear.value("ratings.running_torque")
     definition = (
         "torque that keeps the input turning at a constant speed, nothing on the "
-        "output; largest of the speeds run"
+        "output; largest of the speeds run" + (", at 20 °C" if brought else "")
     )
-    rpm = worst.name.removeprefix("running_torque_").removesuffix("_rpm")
-    name = f"no-load running torque at {rpm} r/min"
+    rpm = worst.name.removeprefix("running_torque_").partition("_")[0]
+    name = f"no-load running torque at {rpm} r/min" + (", 20 °C" if brought else "")
     return (
         judge_upper(
             name, definition, worst, limit.value, limit.origin.provenance, limit.origin.source
@@ -452,7 +550,8 @@ def _scores(points: FrictionPoints, torque: np.ndarray, predicted: np.ndarray) -
 
 
 def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
-    """The gear with the identified mesh friction and its uncertainty, in the torque balance of the fit.
+    """The gear with the identified mesh friction and its uncertainty, in the torque balance of the fit, and with the
+    factor of the bearing's torque that the fit found beside it.
 
     Friction of motor + gear does not belong in a gear's parameter set: without a valid tare the
     gear comes back as it was.
@@ -463,8 +562,10 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
         )
     if result.options.get("torque_is_of") != "gear":
         return gear
+    factor = result.metrics.get("bearing_torque_factor", 1.0) * gear.bearing.friction_factor
     changed = gear.with_values(
         {f"mesh_friction.{name}": result.estimates[name].value for name in NAMES}
+        | {"bearing.friction_factor": factor}
     )
     origins = dict(changed.origins)
     for name in NAMES:
@@ -490,7 +591,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=2,
+    version=3,
     live=("speed", "torque points", "torque"),
     takes_tare=True,
     terms=(

@@ -7,6 +7,14 @@ from experiments.quantity import Counterpart, Quantity
 CATALOGUE_SPEEDS_RPM = (500.0, 1000.0, 2000.0, 3500.0)
 """Input speeds at which catalogues give the no-load running torque."""
 
+_AT_REFERENCE = "_at_20_degrees"
+
+
+def at_reference(name: str) -> str:
+    """The name of a quantity's value at 20 degC."""
+    return name + _AT_REFERENCE
+
+
 ESTIMATES = (
     Quantity(
         name="running_torque_{speed}_rpm",
@@ -32,6 +40,26 @@ ESTIMATES = (
     Quantity(name="stribeck_velocity", title="Stribeck velocity", unit="rad/s", is_key=True),
     Quantity(name="viscous", title="viscous friction", unit="N s/rad", is_key=True),
     Quantity(name="shape", title="shape coefficient", unit="1"),
+    Quantity(
+        name=at_reference("running_torque_{speed}_rpm"),
+        title="running torque {speed} r/min at 20 °C",
+        unit="N m",
+        shown="mN m",
+        definition="the same brought to 20 °C, with the uncertainty of the temperature coefficients",
+    ),
+    *(
+        Quantity(
+            name=at_reference(name),
+            title=f"{title} at 20 °C",
+            unit=unit,
+            definition="brought to 20 °C, with the uncertainty of the temperature coefficient",
+        )
+        for name, title, unit in (
+            ("coulomb", "Coulomb friction", "N"),
+            ("static", "static friction", "N"),
+            ("viscous", "viscous friction", "N s/rad"),
+        )
+    ),
     Quantity(
         name="offset",
         title="offset",
@@ -61,6 +89,42 @@ METRICS = (
         name="friction_over_output_order_{order}",
         title="friction over output order {order}",
         unit="1",
+    ),
+    Quantity(
+        name="scatter_of_points",
+        title="scatter of points",
+        unit="1",
+        definition="relative standard deviation of a point that is measured again",
+    ),
+    Quantity(
+        name="stribeck_dip",
+        title="Stribeck dip",
+        unit="1",
+        definition="(F_s - F_c)/F_c; negative where friction rises from rest",
+    ),
+    Quantity(
+        name="dip_by_chance",
+        title="dip by chance",
+        unit="1",
+        definition="probability that points of a straight line over speed would look as bent",
+    ),
+    Quantity(
+        name="bearing_torque_factor",
+        title="bearing torque factor",
+        unit="1",
+        definition="no-load torque of the wave generator's bearing over that of the parameter set",
+    ),
+    Quantity(
+        name="output_bearing_subtracted",
+        title="output bearing subtracted",
+        unit="N",
+        definition="what the bench's output bearing was taken for in Coulomb friction",
+    ),
+    Quantity(
+        name="output_bearing_viscous_subtracted",
+        title="output bearing subtracted, viscous",
+        unit="N s/rad",
+        definition="what the bench's output bearing was taken for in viscous friction",
     ),
     Quantity(name="dry_friction_per_kelvin", title="dry friction per kelvin", unit="1/K"),
     Quantity(name="viscous_friction_per_kelvin", title="viscous friction per kelvin", unit="1/K"),

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from experiments.protocols.friction.estimates import TEMPERATURE_COEFFICIENT
+from experiments.protocols.friction.temperature import ASSUMED
 from model.friction import BRANCH_LIMIT, bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive, Origin
 from model.motor import ServoMotor
@@ -133,7 +133,7 @@ class TorqueModel:
             return
         drag, *drag_doubts = self._bearing(omega)
         mesh, *mesh_doubts = self._mesh(omega)
-        yield drag + mesh, abs(TEMPERATURE_COEFFICIENT) * WARMTH * (drag + mesh)
+        yield drag + mesh, abs(ASSUMED["viscous"].value) * WARMTH * (drag + mesh)
         for one in (*drag_doubts, *mesh_doubts):
             yield nothing, one
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from experiments import catalogue
+from experiments.protocols.friction.temperature import ASSUMED
 from experiments.recording import Recording
 from experiments.steps.vocabulary import (
     HoldRevolutions,
@@ -37,7 +38,7 @@ from rig.main import run as main
 from rig.present.preview.figures import figures_of
 from rig.present.preview.output import OutputModel
 from rig.present.preview.plan import PlanPreview, preview_plan, torque_model
-from rig.present.preview.torque import COVERAGE, DOUBT, TEMPERATURE_COEFFICIENT, WARMTH, TorqueModel
+from rig.present.preview.torque import COVERAGE, DOUBT, WARMTH, TorqueModel
 from rig.run.dry_run import PlannedRun, plan_run
 from rig.run.start import RunRequest, plan_request, run_request
 from rig.runfile.read import close_recording, open_run
@@ -123,7 +124,7 @@ def test_the_uncertainty_is_the_root_sum_square_of_finite_differences() -> None:
             .value
         )
 
-    variance = (TEMPERATURE_COEFFICIENT * WARMTH * friction_torque(GEAR, speed)) ** 2
+    variance = (ASSUMED["viscous"].value * WARMTH * friction_torque(GEAR, speed)) ** 2
     paths = [
         *(
             f"mesh_friction.{name}"

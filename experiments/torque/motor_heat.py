@@ -1,0 +1,86 @@
+"""The motor's own temperature: nothing measures it, and it moves the torque that a run shows.
+
+Magnets weaken: the same current gives less torque, so that the port (a reference, scaled by the constant at 20 degC)
+reads too much; that stays in the reading and stands in the budget. The motor's own friction falls: a tare is brought to
+the run by the housing's temperatures, the best that is known of the motor's.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+from experiments.recording import Recording
+from model.identify.running_torque import Tare
+
+REFERENCE = 20.0
+"""degC at which torque constants are stated."""
+MAGNETS = -1e-3
+"""Relative change of the torque constant per kelvin, assumed of servo motors."""
+FRICTION, FRICTION_UNCERTAINTY = -4e-3, 1.2e-3
+"""Relative change of the motor's own friction per kelvin, assumed, and its standard uncertainty."""
+WARMER = 1.5
+"""K, standard uncertainty of the motor's temperature behind the housing's: its own losses warm it by some kelvin."""
+UNKNOWN = 5.0
+"""K, standard uncertainty of the motor's temperature where no temperature was recorded."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorHeat:
+    """Relative standard uncertainties of the torque shown (`constant`) and of a tare as a whole (`tare`).
+
+    `temperature` [degC] of the motor as far as it is known, NaN where it is not.
+    """
+
+    constant: float
+    tare: float
+    temperature: float
+
+    @property
+    def kelvin(self) -> float:
+        """Standard uncertainty of the motor's temperature [K]."""
+        return WARMER if math.isfinite(self.temperature) else UNKNOWN
+
+    @property
+    def words(self) -> str:
+        """What the correction rests on."""
+        return f"torque constant {100.0 * MAGNETS:g} % per kelvin from {REFERENCE:g} °C"
+
+    def friction_factor(self) -> tuple[float, float]:
+        """The motor's friction at 20 degC over that of the run, and its relative standard uncertainty."""
+        if not math.isfinite(self.temperature):
+            return 1.0, abs(FRICTION) * UNKNOWN
+        warmer = self.temperature - REFERENCE
+        return 1.0 / (1.0 + FRICTION * warmer), _relative(FRICTION, FRICTION_UNCERTAINTY, warmer)
+
+    def brought(self, tare: Tare, temperature: float) -> tuple[Tare, MotorHeat]:
+        """A tare made at another housing temperature [degC] as it is in this run, and what that leaves open."""
+        away = self.temperature - temperature
+        if not math.isfinite(away):
+            return tare, self
+        factor = 1.0 + FRICTION * away
+        relative = _relative(FRICTION, FRICTION_UNCERTAINTY, away)
+        return (
+            dataclasses.replace(
+                tare, torque=factor * tare.torque, standard_error=factor * tare.standard_error
+            ),
+            dataclasses.replace(self, tare=relative),
+        )
+
+
+def motor_heat(recording: Recording, housing: float) -> MotorHeat:
+    """What the housing's mean temperature [degC] says of the motor; an import does not say whose torque it is."""
+    known = recording.metadata.origin != "imported" and math.isfinite(housing)
+    kelvin = WARMER if known else UNKNOWN
+    away = math.hypot(kelvin, housing - REFERENCE) if known else kelvin
+    return MotorHeat(
+        constant=abs(MAGNETS) * away,
+        tare=abs(FRICTION) * kelvin,
+        temperature=housing if known else math.nan,
+    )
+
+
+def _relative(per_kelvin: float, uncertainty: float, warmer: float) -> float:
+    """Relative standard uncertainty of what is brought over so many kelvin."""
+    return math.hypot(per_kelvin * WARMER, uncertainty * warmer)
