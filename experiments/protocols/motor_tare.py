@@ -26,7 +26,7 @@ from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Covariance, Plot, Result, Series, both_ways
 from experiments.steps.vocabulary import Prompt, Step
-from experiments.torque.motor_heat import MotorHeat, motor_heat
+from experiments.torque.motor_heat import FRICTION, MotorHeat, motor_heat
 from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.tare import tare_table
@@ -48,8 +48,10 @@ from model.units import REVOLUTION, RPM
 NAME = "motor-tare"
 NAMES = ("motor_coulomb", "motor_viscous")
 WARMTH = "warmth of the motor"
-DRIFT = 4e-3
-"""Relative change of the motor's friction by its own warming over the run, one standard uncertainty: 1 K, -0.4 %/K."""
+HEAT_CAPACITY = 350.0
+"""J/K of a servo motor of this size (some 0.9 kg of steel and copper), assumed within a factor of two."""
+UNSEEN_LOSSES = 2.0
+"""Losses of the whole run over those of the holds: ramps and settling turn as far again."""
 
 
 QUANTITIES = (
@@ -273,7 +275,7 @@ def _straight_line(
     warms by its own losses while it is run from slow to fast: an error that all points share.
     """
     speed, torque = points.speed, points.friction
-    warming = DRIFT * points.mean_of(_warming(averages)) * torque
+    warming = abs(FRICTION) * points.mean_of(_warming(averages)) * torque
     whitening = whitening_of(pooled_errors(points), warming[:, None])
     design = np.column_stack([np.ones_like(speed), speed])
     white = whitening @ design
@@ -326,17 +328,12 @@ def _straight_line(
 
 
 def _warming(averages: Sequence[RunningTorque]) -> FloatArray:
-    """How far the motor had warmed by its own losses at each hold, as a share of the whole run."""
+    """How far the motor had warmed by its own losses at each hold [K]."""
     order = np.argsort([t.time for t in averages])
-    losses = np.array(
-        [
-            abs(t.torque) * REVOLUTION * t.revolutions if t.revolutions else 0.0
-            for t in (averages[k] for k in order)
-        ]
-    )
-    share = np.empty(len(averages))
-    share[order] = np.cumsum(losses) / max(float(losses.sum()), 1e-12)
-    return share
+    losses = [abs(t.torque) * REVOLUTION * t.revolutions for t in (averages[k] for k in order)]
+    warmer = np.empty(len(averages))
+    warmer[order] = np.cumsum(losses) * UNSEEN_LOSSES / HEAT_CAPACITY
+    return warmer
 
 
 def _tare_estimate(
@@ -445,7 +442,7 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,
-    version=2,
+    version=3,
     live=("speed", "torque points", "torque"),
     gives_tare=True,
 )

@@ -89,7 +89,7 @@ def spread_beyond(
         whole = fixed + variance[0] * unit
         if len(variance) > 1:
             whole = whole + variance[1] * by_place
-        root = np.linalg.cholesky(whole)
+        root: Array = np.linalg.cholesky(whole)
         white = scipy.linalg.solve_triangular(root, y, lower=True)
         return float(white @ white) + 2.0 * float(np.log(np.diag(root)).sum())
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -90,8 +90,8 @@ def output_bearing(recording: Recording, settings: Mapping[str, Any]) -> OutputB
             viscous_uncertainty=0.5 * u_viscous,
             source=", ".join(words),
         )
-    card = recording.metadata.process.get(CARD)
-    if not isinstance(card, Mapping):
+    card = cast("Mapping[str, Any] | None", recording.metadata.process.get(CARD))
+    if card is None:
         return UNKNOWN
     return OutputBearing(
         coulomb=float(card["coulomb"]),

@@ -207,7 +207,7 @@ class FittedCurve:
 
     def whole(self, speed: FloatArray) -> FloatArray:
         """All of it."""
-        return self.dry(speed) + self.viscous(speed) + sum(bearing_parts(self, speed, {}))
+        return self.dry(speed) + self.viscous(speed) + bearing_torque(self, speed)
 
 
 def bearing_parts(
@@ -223,6 +223,12 @@ def bearing_parts(
     moving = lever * bearing_magnitude(gear.bearing, speed, low_speed_branch=low) - still
     thin = curve.law.viscous_factor(shared) ** (2.0 / 3.0)
     return np.full_like(moving, still * curve.law.dry_factor(shared)), moving * thin
+
+
+def bearing_torque(curve: FittedCurve, speed: FloatArray) -> FloatArray:
+    """l_b M_0 at the run's mean temperature [N m]."""
+    still, moving = bearing_parts(curve, speed, {})
+    return still + moving
 
 
 def bearing_relative(gear: HarmonicDrive, law: TemperatureLaw) -> float:

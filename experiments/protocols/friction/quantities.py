@@ -98,6 +98,26 @@ ESTIMATES = (
         )
     ),
     Quantity(
+        name=at_reference("running_torque_{speed}_rpm"),
+        title="running torque {speed} r/min at 20 °C",
+        unit="N m",
+        shown="mN m",
+        definition="the same brought to 20 °C, with the uncertainty of the temperature coefficients",
+    ),
+    *(
+        Quantity(
+            name=at_reference(name),
+            title=f"{title} at 20 °C",
+            unit=unit,
+            definition="brought to 20 °C, with the uncertainty of the temperature coefficient",
+        )
+        for name, title, unit in (
+            ("coulomb", "Coulomb friction", "N"),
+            ("static", "static friction", "N"),
+            ("viscous", "viscous friction", "N s/rad"),
+        )
+    ),
+    Quantity(
         name="offset",
         title="offset",
         unit="N m",

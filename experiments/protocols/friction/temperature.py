@@ -81,22 +81,23 @@ def temperature_law(settings: Mapping[str, Any], mean: float) -> TemperatureLaw:
     """The law of a run from its settings: `dry_per_kelvin` and `viscous_per_kelvin`, each value and U [1/K], with
     `per_kelvin_source`.
     """
-    found = {}
-    for name, assumed in ASSUMED.items():
-        given = settings.get(f"{name}_per_kelvin")
-        found[name] = assumed
-        if given is not None:
-            value, expanded = value_and_u(f"{name}_per_kelvin", given)
-            source = stated(settings, f"{name}_per_kelvin", "per_kelvin_source")
-            found[name] = Coefficient(
-                value=value, standard_uncertainty=0.5 * expanded, source=source
-            )
-    return TemperatureLaw(dry=found["dry"], viscous=found["viscous"], mean=mean)
+    return TemperatureLaw(
+        dry=_coefficient(settings, "dry"), viscous=_coefficient(settings, "viscous"), mean=mean
+    )
 
 
-def value_and_u(name: str, given: object) -> tuple[float, float]:
+def _coefficient(settings: Mapping[str, Any], part: str) -> Coefficient:
+    name = f"{part}_per_kelvin"
+    if settings.get(name) is None:
+        return ASSUMED[part]
+    value, expanded = value_and_u(name, settings[name])
+    source = stated(settings, name, "per_kelvin_source")
+    return Coefficient(value=value, standard_uncertainty=0.5 * expanded, source=source)
+
+
+def value_and_u(name: str, given: Any) -> tuple[float, float]:
     """A setting that is a value and its expanded uncertainty (k = 2), "0.48,0.02"."""
-    parts = given if isinstance(given, tuple) else ()
+    parts: tuple[Any, ...] = given if isinstance(given, tuple) else ()
     numbers = [float(p) for p in parts if isinstance(p, (int, float)) and math.isfinite(p)]
     if len(numbers) != 2 or len(parts) != 2 or numbers[1] < 0.0:
         raise AnalysisError(

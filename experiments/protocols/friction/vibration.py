@@ -75,7 +75,8 @@ def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, chan
         if waves is None:
             continue
         orders = np.array(ORDERS)
-        swing = 1j * orders * waves.mean_product(0, 1, np.exp(1j * orders * speed * LAG) - 1.0)
+        turn = np.asarray(np.exp(1j * orders * speed * LAG) - 1.0, dtype=np.complex128)
+        swing = 1j * orders * waves.mean_product(0, 1, turn)
         ripple.lag[k] = hold.torque.direction * 0.5 * float(swing.real.sum())
         for n, square in zip(ORDERS, waves.squares(2) if len(names) > 2 else (), strict=False):
             relative = (n * speed / mode) ** 2 * math.sqrt(square)
