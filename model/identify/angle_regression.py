@@ -512,7 +512,8 @@ class Spectrum:
         wanted = min(NEIGHBOURS, len(places))
         middle = np.searchsorted(places, np.asarray(orders) / self.spacing)
         low = np.clip(middle - wanted // 2, 0, len(places) - wanted)
-        return (power[low + wanted] - power[low]) / max(wanted, 1), wanted
+        # Differences of a running sum: rounding may leave them a hair below zero.
+        return np.maximum(power[low + wanted] - power[low], 0.0) / max(wanted, 1), wanted
 
 
 def solve_angle(

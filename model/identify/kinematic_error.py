@@ -344,7 +344,7 @@ def _rounding(one: KinematicErrorAccumulator, fit: AngleFit) -> LockedRounding |
     """The output count's rounding where every sample counts; edges know the angle to a fraction of a count."""
     if one.edge_triggered or not one.encoders.output_quantum > 0.0:
         return None
-    per_turn = one.samples / max(fit.cells.revolutions, 1e-9)
+    per_turn = (one.samples - 1) / max(fit.cells.revolutions, 1e-9)
     return LockedRounding.of(fit, per_turn, one.encoders.output_quantum)
 
 

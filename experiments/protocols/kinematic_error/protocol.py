@@ -37,8 +37,10 @@ from experiments.planning.shared_parameters import (
 from experiments.planning.speeds import (
     CORRECTED,
     JUDGED_ORDER,
+    LOCK_REFUSED,
     QUASI_STATIC,
     first_resonances,
+    lattice_lock,
     off_lattice,
     refuse_speed,
 )
@@ -149,10 +151,19 @@ def _speed(p: Parameters, gear: HarmonicDrive) -> float:
     """The input speed [rad/s]: the stated one, or the next at which the output's counts average out."""
     wanted = p.speed_rpm * RPM
     ratio = gear.mounted_ratio(p.mounting)  # type: ignore[arg-type]
-    highest = min(gear.ratings.maximum_input_speed, MAXIMUM_SPEED)
-    return off_lattice(
-        wanted, p.sync_rate, p.output_counts / ratio, ratio, ceiling=max(highest, wanted)
-    )
+    highest = max(min(gear.ratings.maximum_input_speed, MAXIMUM_SPEED), wanted)
+    lattice = p.output_counts / ratio
+    moved = off_lattice(wanted, p.sync_rate, lattice, ratio, ceiling=highest)
+    lock = lattice_lock(moved, p.sync_rate, lattice, ratio)
+    if lock > LOCK_REFUSED:
+        raise PlanError(
+            "near this speed the rounding of the output's counts falls on the orders themselves",
+            where=f"{NAME}.speed_rpm",
+            value=f"{p.speed_rpm:g} r/min, {100.0 * lock:.0f} % of it",
+            limit=f"<= {100.0 * LOCK_REFUSED:.0f} %",
+            remedy="Choose another speed or SYNC rate.",
+        )
+    return moved
 
 
 def _judged_order(gear: HarmonicDrive) -> float:
