@@ -70,6 +70,7 @@ from model.identify.kinematic_error import (
     score_kinematic_error,
 )
 from model.identify.torsion import Torsion
+from model.identify.transmission import left_out_mse
 from model.kinematic_error import normalised_mse, order_of_label, series_value
 from model.linear import dynamic_parameters
 from model.units import ARCSEC, REVOLUTION, RPM
@@ -379,9 +380,11 @@ def _traverses_of(context: _Context, segments: tuple[Segment, ...]) -> list[Trav
         spring=context.spring if timed else None,
         time=0 if timed else None,
     )
-    traverses = []
+    traverses: list[Traverse] = []
     for segment, fit in zip(segments, fits, strict=True):
         torque = None
+        left_out = {"mse_left_out": left_out_mse(fit.regression)}
+        fit = replace(fit, metrics=fit.metrics | left_out)
         if context.zero is not None:
             cells = fit.regression.cells
             torque, _ = solve_angle(cells, fit.basis, value=len(cells.mean) - 1)
