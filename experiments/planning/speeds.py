@@ -25,8 +25,10 @@ slots and their harmonics).
 _CANDIDATES = 61
 LOCK_HARMONICS, LOCK_REACH, LOCK_SIDEBANDS = 24, 45, 24
 """Harmonics of a counter's saw-tooth; orders over which the error spreads the first; sidebands looked at."""
-LOCK_ALLOWED = 0.1
+LOCK_ALLOWED = 0.11
 """Share of the saw-tooth that may be locked to the input: at 18 arcsec a count, half an arcsecond on one order."""
+LOCK_REFUSED = 0.5
+"""Share from which on no recording is worth the time."""
 JUDGED_ORDER = 6.0
 """Highest input order that a kinematic error is expected to have."""
 QUASI_STATIC, CORRECTED = 0.02, 0.1

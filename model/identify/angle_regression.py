@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.linalg.blas import dsyrk
 
 from model.errors import IdentificationError
 from model.identify.checks import Array, channels, positive
@@ -211,6 +211,9 @@ class Cells:
         out = np.empty((2 + 2 * len(wanted), len(angle)))
         out[0], out[1] = 1.0, self.trend[piece]
         held = self._held if len(self.pieces) == 1 else {}
+        name = (basis.orders, chosen.tobytes())
+        if held and name in self._design:
+            return self._design[name]
         missing = [k for k in wanted if orders[k] not in held]
         if missing:
             turning = _powers(angle, int(np.max(n[missing], initial=0)))
@@ -231,7 +234,14 @@ class Cells:
             pair[1] = wave.imag * shrink - wave.real * turn
             if len(self.pieces) == 1:
                 held[orders[at]] = pair.copy()
+        self._design.clear()
+        self._design[name] = out
         return out
+
+    @cached_property
+    def _design(self) -> dict[tuple[tuple[float, ...], bytes], Array]:
+        """The last regressors that were asked for."""
+        return {}
 
     @cached_property
     def _held(self) -> dict[float, Array]:
@@ -253,8 +263,8 @@ class Cells:
         for piece in self.pieces:
             design = self.columns(basis, chosen, piece)
             right += design @ (weight[piece] * value[piece])
-            design *= np.sqrt(weight[piece])
-            normal += dsyrk(1.0, design.T, trans=1)
+            weighted = design * np.sqrt(weight[piece])
+            normal += scipy.linalg.blas.dsyrk(1.0, weighted.T, trans=1)
         return np.triu(normal) + np.triu(normal, 1).T, right
 
     def per_place(self, *curves: Array, weight: Array | None = None) -> tuple[np.ndarray, Array]:
@@ -409,7 +419,6 @@ class AngleFit:
     residual_variance: float
     residual: Array
     inverse: Array
-    normal: Array
     doubt: Array | None = None
     """Change of the values (p,) by one standard uncertainty of what was corrected (type B); None: nothing was."""
 
@@ -512,7 +521,8 @@ class Spectrum:
         wanted = min(NEIGHBOURS, len(places))
         middle = np.searchsorted(places, np.asarray(orders) / self.spacing)
         low = np.clip(middle - wanted // 2, 0, len(places) - wanted)
-        return (power[low + wanted] - power[low]) / max(wanted, 1), wanted
+        # Differences of a running sum: rounding may leave them a hair below zero.
+        return np.maximum(power[low + wanted] - power[low], 0.0) / max(wanted, 1), wanted
 
 
 def solve_angle(
@@ -560,8 +570,8 @@ def solve_angle(
             f"Only {cells.revolutions:.3g} input revolutions: the intervals assume white noise."
         )
     part = np.ix_(used, used)
-    everything, inverse_all, normal_all = np.zeros((p, p)), np.zeros((p, p)), np.zeros((p, p))
-    everything[part], inverse_all[part], normal_all[part] = covariance, inverse, normal
+    everything, inverse_all = np.zeros((p, p)), np.zeros((p, p))
+    everything[part], inverse_all[part] = covariance, inverse
     values[0] += cells.reference[value]
     fit = AngleFit(
         cells=cells,
@@ -574,6 +584,5 @@ def solve_angle(
         residual_variance=variance,
         residual=residual,
         inverse=inverse_all,
-        normal=normal_all,
     )
     return fit, notes

@@ -289,10 +289,12 @@ def _sizes(
 ) -> tuple[Slip, ...]:
     """The steps that begin with these rows, all sizes estimated together with a smooth curve."""
     fit, _ = solve_angle(cells, basis)
-    information = _Steps.of(fit).information(fit, rows)
+    information = _Steps.of(fit).information(fit, rows) + np.eye(len(rows))
     suffix = _suffix_sums(fit.row_residual * fit.row_count)[rows]
     sizes = np.linalg.solve(information, suffix)
-    errors = np.sqrt(noise * np.diag(np.linalg.inv(information)))
+    spread = np.diag(np.linalg.inv(information))
+    # Steps that the curve takes up leave no information: whatever size they get, it is worth nothing.
+    errors = np.sqrt(noise * np.where(spread > 0.0, spread, math.inf))
     return tuple(
         _slip(cells, b, float(size), float(error), output_quantum, input_quantum)
         for b, size, error in zip(rows, sizes, errors, strict=True)

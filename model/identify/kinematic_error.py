@@ -46,7 +46,6 @@ from model.identify.counting import (
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.identify.order_search import followed, in_orders_of_all
 from model.identify.transmission import (
-    left_out_mse,
     left_over,
     measured_curve,
     raised_by,
@@ -196,7 +195,7 @@ class KinematicErrorFit:
     """The kinematic error of one direction, fitted, with what is needed to judge and to plot it.
 
     estimates: transmission_accuracy, slope, ratio, and amplitude_v, phase_v of the significant
-    orders. orders: all orders. metrics [SI]: mse_curve, mse_left_out, mse_raw (equation 22) with
+    orders. orders: all orders. metrics [SI]: mse_curve, mse_raw (equation 22) with
     harmonics, raw_peak_to_peak, closure, residual_rms, left_over, repeatability, input_revolutions,
     output_revolutions, samples, samples_per_revolution, condition. Arrays: input_angle (c,) over
     one input revolution with measured_curve and fitted_curve; output_curve over one output
@@ -344,7 +343,7 @@ def _rounding(one: KinematicErrorAccumulator, fit: AngleFit) -> LockedRounding |
     """The output count's rounding where every sample counts; edges know the angle to a fraction of a count."""
     if one.edge_triggered or not one.encoders.output_quantum > 0.0:
         return None
-    per_turn = one.samples / max(fit.cells.revolutions, 1e-9)
+    per_turn = (one.samples - 1) / max(fit.cells.revolutions, 1e-9)
     return LockedRounding.of(fit, per_turn, one.encoders.output_quantum)
 
 
@@ -483,7 +482,6 @@ def _metrics(fit: AngleFit, measured: Array, fitted: Array, samples: int) -> dic
     varies = float(np.var(measured)) > 0.0
     return {
         "mse_curve": normalised_mse(measured, fitted) if varies else math.nan,
-        "mse_left_out": left_out_mse(fit) if varies else math.nan,
         "mse_raw": 100.0 * fit.residual_variance / raw_variance if raw_variance > 0.0 else math.nan,
         "harmonics": float(fit.used[2::2].sum()),
         "raw_peak_to_peak": float(cells.highest[0] - cells.lowest[0]),
@@ -625,8 +623,7 @@ def score_kinematic_error(fit: KinematicErrorFit, other: KinematicErrorFit) -> K
     if fit.ratio != other.ratio:
         raise IdentificationError("the two fits differ in ratio", where="ratio")
     bins, measured, _ = measured_curve(other.regression)
-    _, (predicted,) = other.regression.cells.per_place(
-        other.regression.cells.series(fit.basis, fit.regression.values)
-    )
+    series = other.regression.cells.series(fit.basis, fit.regression.values)
+    predicted: Array = other.regression.cells.per_place(series)[1][0]
     predicted = predicted + np.mean(measured - predicted)
     return KinematicErrorScore(normalised_mse(measured, predicted), bins, measured, predicted)

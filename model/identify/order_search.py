@@ -97,7 +97,8 @@ def _lattice_power(
     side = min(SIDEBANDS, math.ceil(ratio / 2.0) - 1)
     weighted = cells.count * residual * (2.0 / float(cells.count.sum()))
     n = np.arange(highest + 1)
-    orders, power = [], []
+    orders: list[Array] = []
+    power: list[Array] = []
     step = np.exp((-1j / ratio) * cells.angle)
     turned = weighted * step.conj() ** side
     for m in range(-side, side + 1):

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chndtr, chndtrinc
+import scipy
 
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Estimate
@@ -36,8 +36,12 @@ def rice_interval(length: float, error: float) -> tuple[float, float]:
     if length > ALMOST_NORMAL * error:
         return length - NORMAL_QUANTILE * error, length + NORMAL_QUANTILE * error
     square = (length / error) ** 2
-    low = float(chndtrinc(square, 2.0, 0.975)) if chndtr(square, 2.0, 0.0) > 0.975 else 0.0
-    high = float(chndtrinc(max(square, LEAST_CHANCE), 2.0, 0.025))
+    low = (
+        float(scipy.special.chndtrinc(square, 2.0, 0.975))
+        if scipy.special.chndtr(square, 2.0, 0.0) > 0.975
+        else 0.0
+    )
+    high = float(scipy.special.chndtrinc(max(square, LEAST_CHANCE), 2.0, 0.025))
     return error * math.sqrt(low), error * math.sqrt(high)
 
 
@@ -69,7 +73,8 @@ def polar(
     along = np.array([math.cos(phase), math.sin(phase)])
     across = np.array([-along[1], along[0]])
     radial, tangential = (_error(e, covariance) for e in (along, across))
-    lines, turned = [], []
+    lines: list[BudgetLine] = []
+    turned: list[BudgetLine] = []
     whole = np.array(covariance)
     for line, change in shared:
         whole = whole + np.outer(change, change)

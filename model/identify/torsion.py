@@ -105,7 +105,8 @@ def corrected(one: Traverse, torsion: Torsion | None, delay: float = 0.0) -> Ang
     values[2::2], values[3::2] = np.where(used, own.real, 0.0), np.where(used, -own.imag, 0.0)
     if torsion is None:
         return replace(one.fit, values=values)
-    change = np.where(used, output * (1.0 - stretch) * torsion.relative_uncertainty, 0.0)
+    away = output * (1.0 - stretch) * torsion.relative_uncertainty
+    change = np.asarray(np.where(used, away, 0.0), dtype=np.complex128)
     doubt = np.zeros(len(values))
     doubt[2::2], doubt[3::2] = change.real, -change.imag
     return replace(one.fit, values=values, doubt=doubt)

@@ -162,16 +162,11 @@ def left_out_mse(fit: AngleFit) -> float:
     cells, used = fit.cells, fit.used
     if cells.revolutions < WHOLE_TURN * fit.basis.ratio or cells.rows < LEAST_TURNS:
         return math.nan
-    part = np.ix_(used, used)
     mean = cells.mean[0]
     odd = cells.count * np.repeat(np.arange(cells.rows) % 2, CELLS)
-    normal, right = cells.normal_equations(fit.basis, used[2::2], odd, mean)
-    both = normal, fit.normal[part] - normal
-    whole = fit.normal[part] @ (fit.values[used] - np.eye(len(right))[0] * cells.reference[0])
     scores = []
-    for seen, target, new in zip(
-        both, (right, whole - right), (cells.count - odd, odd), strict=True
-    ):
+    for half, new in ((odd, cells.count - odd), (cells.count - odd, odd)):
+        seen, target = cells.normal_equations(fit.basis, used[2::2], half, mean)
         values = np.zeros(len(used))
         values[used] = np.linalg.solve(seen, target)
         series = cells.series(fit.basis, values)

@@ -37,8 +37,10 @@ from experiments.planning.shared_parameters import (
 from experiments.planning.speeds import (
     CORRECTED,
     JUDGED_ORDER,
+    LOCK_REFUSED,
     QUASI_STATIC,
     first_resonances,
+    lattice_lock,
     off_lattice,
     refuse_speed,
 )
@@ -68,6 +70,7 @@ from model.identify.kinematic_error import (
     score_kinematic_error,
 )
 from model.identify.torsion import Torsion
+from model.identify.transmission import left_out_mse
 from model.kinematic_error import normalised_mse, order_of_label, series_value
 from model.linear import dynamic_parameters
 from model.units import ARCSEC, REVOLUTION, RPM
@@ -149,10 +152,19 @@ def _speed(p: Parameters, gear: HarmonicDrive) -> float:
     """The input speed [rad/s]: the stated one, or the next at which the output's counts average out."""
     wanted = p.speed_rpm * RPM
     ratio = gear.mounted_ratio(p.mounting)  # type: ignore[arg-type]
-    highest = min(gear.ratings.maximum_input_speed, MAXIMUM_SPEED)
-    return off_lattice(
-        wanted, p.sync_rate, p.output_counts / ratio, ratio, ceiling=max(highest, wanted)
-    )
+    highest = max(min(gear.ratings.maximum_input_speed, MAXIMUM_SPEED), wanted)
+    lattice = p.output_counts / ratio
+    moved = off_lattice(wanted, p.sync_rate, lattice, ratio, ceiling=highest)
+    lock = lattice_lock(moved, p.sync_rate, lattice, ratio)
+    if lock > LOCK_REFUSED:
+        raise PlanError(
+            "near this speed the rounding of the output's counts falls on the orders themselves",
+            where=f"{NAME}.speed_rpm",
+            value=f"{p.speed_rpm:g} r/min, {100.0 * lock:.0f} % of it",
+            limit=f"<= {100.0 * LOCK_REFUSED:.0f} %",
+            remedy="Choose another speed or SYNC rate.",
+        )
+    return moved
 
 
 def _judged_order(gear: HarmonicDrive) -> float:
@@ -368,9 +380,11 @@ def _traverses_of(context: _Context, segments: tuple[Segment, ...]) -> list[Trav
         spring=context.spring if timed else None,
         time=0 if timed else None,
     )
-    traverses = []
+    traverses: list[Traverse] = []
     for segment, fit in zip(segments, fits, strict=True):
         torque = None
+        left_out = {"mse_left_out": left_out_mse(fit.regression)}
+        fit = replace(fit, metrics=fit.metrics | left_out)
         if context.zero is not None:
             cells = fit.regression.cells
             torque, _ = solve_angle(cells, fit.basis, value=len(cells.mean) - 1)
