@@ -80,9 +80,7 @@ def fit_inertia(
     return InertiaFit(
         values=dict(zip(COLUMNS, found.tolist(), strict=False)),
         errors=dict(zip(COLUMNS, np.sqrt(variance).tolist(), strict=True)),
-        freedom=dict(
-            zip(COLUMNS, np.clip(effective - 1.0, 1.0, count - 1.0).tolist(), strict=True)
-        ),
+        freedom=dict(zip(COLUMNS, np.clip(effective, 3.0, count - 1.0).tolist(), strict=True)),
         residual=math.sqrt(square / sum(len(right) for _, right in parts)),
     )
 
