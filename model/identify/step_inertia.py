@@ -30,6 +30,8 @@ WIDTH = 1.2
 LIVELY = 0.25
 """s after the onset of a step in which the output rings and the rotor gains speed."""
 LEAST_STEPS = 4
+CLEAR = 5
+"""Samples after the onset within which the kernel still reaches into the standstill."""
 COLUMNS = ("lag", "input_inertia", "output_inertia")
 
 
@@ -80,9 +82,7 @@ def fit_inertia(
     return InertiaFit(
         values=dict(zip(COLUMNS, found.tolist(), strict=False)),
         errors=dict(zip(COLUMNS, np.sqrt(variance).tolist(), strict=True)),
-        freedom=dict(
-            zip(COLUMNS, np.clip(effective - 1.0, 1.0, count - 1.0).tolist(), strict=True)
-        ),
+        freedom=dict(zip(COLUMNS, np.clip(effective, 3.0, count - 1.0).tolist(), strict=True)),
         residual=math.sqrt(square / sum(len(right) for _, right in parts)),
     )
 
@@ -127,6 +127,10 @@ def _equations(
     inside = np.zeros(len(even), dtype=bool)
     inside[edge:-edge] = True
     inside &= even < LIVELY
+    # Torque at standstill is whatever stiction holds: it says nothing of friction that slides, or of inertia.
+    fast = np.abs(speed[edge:-edge])
+    onset = edge + int(np.argmax(fast > 0.02 * float(np.max(fast))))
+    inside &= np.arange(len(even)) > onset + CLEAR
     right = through(effort, smooth)[inside]
     columns = columns[inside]
     return columns - columns.mean(axis=0), right - right.mean()

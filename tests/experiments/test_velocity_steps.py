@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.contract import Evidence
-from experiments.errors import AnalysisError
+from experiments.errors import AnalysisError, PlanError
 from experiments.protocols.velocity_steps import protocol as velocity_steps
 from experiments.recording import Recording
 from experiments.result import Result
@@ -99,8 +99,13 @@ def test_what_cannot_be_identified_is_said(result: Result) -> None:
 def test_without_an_identified_error_the_steps_give_one(
     run: Recording, gear: HarmonicDrive, result: Result
 ) -> None:
-    found = velocity_steps.analyse(run, Evidence(gear))
+    bare = dataclasses.replace(run, metadata=dataclasses.replace(run.metadata, gear=None))
+    found = velocity_steps.analyse(bare, Evidence(gear))
     assert "own steps" in found.options["kinematic_error"]
+    # Neither run nor evidence says what gear it is: the shipped set stands in.
+    assert "or its alias" in found.estimates["frequency"].note
+    assert found.estimates["frequency"].identifiable == "weakly"
+    assert not result.estimates["frequency"].note
     assert found.estimates["stiffness_over_inertia"].value == pytest.approx(
         result.estimates["stiffness_over_inertia"].value, rel=0.02
     )
@@ -175,3 +180,33 @@ def test_a_recording_without_steps_is_refused(run: Recording, gear: HarmonicDriv
 def test_an_unknown_choice_of_error_is_refused(run: Recording, gear: HarmonicDrive) -> None:
     with pytest.raises(AnalysisError, match="no such choice"):
         velocity_steps.analyse(run, Evidence(gear, settings={"kinematic_error": "guess"}))
+
+
+def test_the_plan_says_which_rate_the_resonance_needs(gear: HarmonicDrive) -> None:
+    with pytest.raises(PlanError, match="half the sampling rate") as refused:
+        velocity_steps.plan(velocity_steps.Parameters(sync_rate=200.0), gear)
+    assert "or more (--sample-rate)" in refused.value.remedy
+
+
+def test_a_mode_too_near_half_the_sampling_rate_is_refused(
+    run: Recording, evidence: Evidence
+) -> None:
+    slower = dataclasses.replace(run.metadata, sample_rate=250.0)
+    steps = dataclasses.replace(evidence, settings={"ladder": "linear"})
+    with pytest.raises(AnalysisError, match="its alias") as refused:
+        velocity_steps.analyse(dataclasses.replace(run, metadata=slower), steps)
+    assert "Record at" in refused.value.remedy
+
+
+def test_the_ladder_shows_per_speed_what_each_rung_gains(result: Result) -> None:
+    table = next(t for t in result.tables if t.name == "ladder")
+    assert [row[0] for row in table.rows] == [60.0, 120.0, 1800.0, 2950.0, "all"]
+    left = dict(zip(table.columns[1:], table.rows[-1][1:], strict=True))
+    assert float(left["linear [arcsec]"]) < 0.5 * float(left["paper [arcsec]"])
+    assert float(left["paper [arcsec]"]) < float(left["rigid [arcsec]"])
+    assert result.options["rung"] in ("linear", "hardening")
+
+
+def test_an_unknown_rung_is_refused(run: Recording, gear: HarmonicDrive) -> None:
+    with pytest.raises(AnalysisError, match="no such choice"):
+        velocity_steps.analyse(run, Evidence(gear, settings={"ladder": "cubic"}))

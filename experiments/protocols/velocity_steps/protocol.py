@@ -55,6 +55,7 @@ from experiments.steps.vocabulary import HoldTime, MoveToAngle, SegmentLabel, Sp
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import torque_zero
 from model.gear import HarmonicDrive, Origin
+from model.gear_file import shipped_gear
 from model.identify.dynamics import Expected, LadderFit, fit_ladder
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
@@ -166,7 +167,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     if not given:
         steps = [_without_error(step) for step in steps]
         origin = "this run's own steps, fitted with the mode"
-    is_known = recording.metadata.gear is not None
+    # Where nobody says what gear it is, the shipped set stands in, which tells nothing of where its mode lies.
+    is_known = recording.metadata.gear is not None or gear != shipped_gear()
     with analysing(recording.metadata.run_id):
         paper = [simulated_output(step, gear) for step in steps]
         ladder = fit_ladder(
