@@ -222,7 +222,6 @@ def _numbers(fit: Any) -> Iterator[Line]:
         yield {
             "quantity": e.name,
             "called": e.identifiable,
-            "note": e.note,
             "value": e.value,
             "low": e.low,
             "high": e.high,
@@ -344,8 +343,9 @@ def _answers(quantity: str, group: Sequence[Line], runs: Sequence[Line]) -> Line
 
 
 def _is_answer(number: Line) -> bool:
-    """Whether a number says something: identified, or not distinguishable from zero."""
-    return number["called"] == "yes" or number["note"].startswith("not distinguishable")
+    """Whether a number says something: identified, or not distinguishable from zero within a useful U."""
+    is_limit = abs(number["value"]) <= number["expanded"] <= number["target"]
+    return number["called"] == "yes" or (is_limit and not number["is_circular"])
 
 
 # --- The command ---------------------------------------------------------------------------------

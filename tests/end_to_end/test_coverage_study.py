@@ -23,7 +23,6 @@ def number(seed: int, value: float, **others: Any) -> Line:
         "kind": "friction",
         "quantity": "coulomb",
         "called": "yes",
-        "note": "",
         "value": value,
         "low": value - 1.0,
         "high": value + 1.0,
@@ -83,7 +82,7 @@ def test_only_what_is_called_identified_is_counted_as_claimed() -> None:
 def test_an_answer_is_missed_where_the_information_was_there() -> None:
     lines = [
         *(number(k, 10.0, called=c) for k, c in ((1, "yes"), (2, "weakly"), (3, "no"))),
-        number(4, 0.1, called="weakly", note="not distinguishable from zero, below 2.1 N"),
+        number(4, 0.1, called="weakly"),  # "not distinguishable from zero, below 2.1": an answer
         *(run(k) for k in (1, 2, 4)),
         run(3, bounds={"coulomb": 1.5}),  # too little: 1.96 x 1.5 is above half the target
         run(

@@ -58,6 +58,11 @@ def test_every_ramp_is_approached_in_its_own_direction_and_starts_without_power(
     travel = steps[first_reverse - 4]
     assert isinstance(travel, MoveRevolutions)
     assert travel.revolutions <= -1.0
+    # Many positions need no revolution between them; the first of a direction still has one.
+    many = list(starting_torque.plan(starting_torque.Parameters(positions=360), gear))
+    moves = [s.revolutions for s in many if isinstance(s, MoveRevolutions)]
+    assert moves[0] >= 1.0
+    assert min(moves) <= -1.0
 
 
 def test_positions_are_spread_over_a_turn_of_input_and_output(gear: HarmonicDrive) -> None:
@@ -65,6 +70,12 @@ def test_positions_are_spread_over_a_turn_of_input_and_output(gear: HarmonicDriv
     forward = [s for s in steps if isinstance(s, TorqueRamp) and s.rate > 0.0]
     phases = sorted(s.segment.setpoint for s in forward if s.segment is not None)
     assert np.allclose(np.diff(phases), REVOLUTION / 23.0)
+    # No sideband n + k/N stands at the same phase in all ramps, so that every one cancels in the mean.
+    inner = np.array([s.segment.setpoint for s in forward if s.segment is not None])
+    outer = REVOLUTION * np.arange(23) / 23.0
+    for n in range(1, 7):
+        for k in (-2, -1, 0, 1, 2):
+            assert abs(np.exp(1j * (n * inner + k * outer)).mean()) < 1e-9
     turned = sum(
         s.revolutions for s in steps if isinstance(s, MoveRevolutions) and s.revolutions > 0.0
     )
