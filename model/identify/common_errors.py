@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import scipy
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.identify.checks import Array
 from model.identify.estimate import Cause
@@ -77,7 +77,7 @@ def spread_beyond(
     (n, m) relative effects of common errors; place (n, p) the waves. Both are relative standard deviations; the waves
     are 0 where chance explains them.
     """
-    contrasts = scipy.linalg.null_space(free.T)
+    contrasts: Array = scipy.linalg.null_space(free.T)
     y = contrasts.T @ relative
     fixed = contrasts.T @ (np.diag(error**2) + common @ common.T) @ contrasts
     waves = contrasts.T @ place
@@ -86,11 +86,11 @@ def spread_beyond(
     def cost(logarithms: Array) -> float:
         """Minus twice the restricted likelihood, for the logarithm of the scatter alone or of scatter and waves."""
         variance = np.exp(2.0 * np.clip(logarithms, math.log(_SMALLEST), math.log(_LARGEST)))
-        whole = fixed + variance[0] * unit
+        whole: Array = fixed + variance[0] * unit
         if len(variance) > 1:
             whole = whole + variance[1] * by_place
-        root: Array = np.linalg.cholesky(whole)
-        white = scipy.linalg.solve_triangular(root, y, lower=True)
+        root = np.asarray(np.linalg.cholesky(whole), dtype=np.float64)
+        white: Array = scipy.linalg.solve_triangular(root, y, lower=True)
         return float(white @ white) + 2.0 * float(np.log(np.diag(root)).sum())
 
     grid = np.log([5e-4, 1e-3, 4e-3, 1.5e-2])

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from experiments.errors import AnalysisError
 
@@ -97,13 +97,13 @@ def _coefficient(settings: Mapping[str, Any], part: str) -> Coefficient:
 
 def value_and_u(name: str, given: Any) -> tuple[float, float]:
     """A setting that is a value and its expanded uncertainty (k = 2), "0.48,0.02"."""
-    parts: tuple[Any, ...] = given if isinstance(given, tuple) else ()
+    parts = cast("tuple[Any, ...]", given if isinstance(given, tuple) else ())
     numbers = [float(p) for p in parts if isinstance(p, (int, float)) and math.isfinite(p)]
     if len(numbers) != 2 or len(parts) != 2 or numbers[1] < 0.0:
         raise AnalysisError(
             "needs a value and its expanded uncertainty",
             where=f"--set {name}",
-            value=repr(given),
+            value=str(cast("object", given)),
             limit="two numbers, the second not negative",
             remedy=f"For instance --set {name}=0.48,0.02.",
         )
