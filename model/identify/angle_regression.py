@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
@@ -263,8 +262,7 @@ class Cells:
         for piece in self.pieces:
             design = self.columns(basis, chosen, piece)
             right += design @ (weight[piece] * value[piece])
-            weighted = design * np.sqrt(weight[piece])
-            normal += scipy.linalg.blas.dsyrk(1.0, weighted.T, trans=1)
+            kernels.weighted_products(design, weight[piece], normal)
         return np.triu(normal) + np.triu(normal, 1).T, right
 
     def per_place(self, *curves: Array, weight: Array | None = None) -> tuple[np.ndarray, Array]:

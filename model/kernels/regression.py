@@ -45,6 +45,24 @@ def bin_samples(angle, values, start, grid, totals, layout):
     return angle.shape[0]
 
 
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def weighted_products(design, weight, normal):
+    """normal += X W X' of a design (p, c), upper triangle: in one thread, whatever else the machine does."""
+    p, c = design.shape
+    piece = 512
+    scaled = np.empty(piece)
+    for start in range(0, c, piece):
+        stop = min(start + piece, c)
+        for i in range(p):
+            for k in range(start, stop):
+                scaled[k - start] = design[i, k] * weight[k]
+            for j in range(i, p):
+                total = 0.0
+                for k in range(start, stop):
+                    total += scaled[k - start] * design[j, k]
+                normal[i, j] += total
+
+
 @njit(cache=True, nogil=True)
 def series_on_grid(angle, order, cosine, sine):
     """sum of a cos(n theta) + b sin(n theta) at each angle."""
