@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.evidence import usable
 from experiments.evidence.finding import Finding, not_checked, refused_beyond
@@ -32,13 +33,14 @@ def continuity(recorded: Recorded) -> Finding:
         for hold in recorded.turning:
             rows = part_of(hold.segment, recorded.recording.rows)
             stored = recorded.recording.stored(name, rows).astype(np.float64)
-            stored = stored[usable(recorded.recording, rows)]
+            at = np.flatnonzero(usable(recorded.recording, rows))
+            stored = stored[at]
             if len(stored) < 3:
                 continue
             excess, what = (
                 _torque(stored)
                 if name == recorded.torque
-                else _angle(stored, abs(hold.input_travel))
+                else _angle(stored, np.diff(at), abs(hold.input_travel))
             )
             if excess > worst:
                 worst = excess
@@ -66,13 +68,17 @@ def _torque(stored: FloatArray) -> tuple[float, str]:
     return (standing / STANDING_TORQUE if is_noisy else 0.0), f"stands still for {standing} rows"
 
 
-def _angle(stored: FloatArray, travel: float) -> tuple[float, str]:
-    """Standstill and jump of counts, of which the whole segment has as many as the input turns `travel` [rad]."""
-    steps = np.diff(stored)
-    mean = abs(float(stored[-1] - stored[0])) / len(steps)
+def _angle(stored: FloatArray, apart: NDArray[np.int64], travel: float) -> tuple[float, str]:
+    """Standstill and jump of counts, of which the whole segment has as many as the input turns `travel` [rad].
+
+    `apart` (n - 1,): cycles from one row to the next; more than one where cycles between cannot be used.
+    """
+    steps = np.diff(stored) / apart
+    turned = abs(float(stored[-1] - stored[0]))
+    mean = turned / float(apart.sum())
     if not (mean > 0.0 and travel > 0.0):
         return math.inf, "stands still"
-    per_radian = mean * len(steps) / travel
+    per_radian = turned / travel
     standing = _longest_run(stored)
     # One row that equals none before it has not stood still at all.
     stood = (standing - 1) * mean / (STANDING_ANGLE * per_radian + STANDING_COUNTS)

@@ -287,7 +287,9 @@ def _straight_line(
     if freedom >= 2:
         left = whitening @ (torque - design @ values)
         scale = max(float(left @ left) / freedom, 1.0)
-        covariance = Covariance(NAMES, scale * np.linalg.inv(white.T @ white))
+        covariance = Covariance(
+            NAMES, np.asarray(scale * np.linalg.inv(white.T @ white), dtype=float)
+        )
         error = np.sqrt(np.diag(covariance.matrix))
     warm, cold = heat.friction_factor()
     for k, (name, unit) in enumerate(zip(NAMES, ("N m", "N m s/rad"), strict=True)):

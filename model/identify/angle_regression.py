@@ -214,6 +214,8 @@ class Cells:
         if held and name in self._design:
             return self._design[name]
         missing = [k for k in wanted if orders[k] not in held]
+        turning: list[np.ndarray] = []
+        output: list[np.ndarray] = []
         if missing:
             turning = _powers(angle, int(np.max(n[missing], initial=0)))
             output = _powers(angle / self.ratio, int(np.max(np.abs(m[missing]), initial=0)))

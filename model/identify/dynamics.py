@@ -306,17 +306,17 @@ def _settled(
     if weights is None:
         at_start = problem.normals(shape, values, error, gradient=False)
         rms = np.array([n.rms for n in at_start])
-        weights = np.minimum(1.0, (1.5 * np.median(rms) / rms) ** 4)
-    for _ in range(PASSES):
+        weights = np.asarray(np.minimum(1.0, (1.5 * np.median(rms) / rms) ** 4), dtype=float)
+    left = PASSES
+    while True:
         solution = fit_all(
             problem, shape, values, error, noise=noise, weights=weights, rounds=ROUNDS_PER_PASS
         )
-        values, error = solution.values, solution.error
+        values, error, left = solution.values, solution.error, left - 1
         wanted = reweighted(solution)
-        if float(np.max(np.abs(wanted - weights))) < 0.05:
-            break
+        if not left or float(np.max(np.abs(wanted - weights))) < 0.05:
+            return solution
         weights = wanted
-    return solution
 
 
 def _first_look(problem: Problem, expected: Expected, noise: float, period: float) -> float:

@@ -19,8 +19,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Literal
 
-from model.identify.least_squares import student_quantile
-
 Identifiable = Literal["yes", "weakly", "no"]
 
 NORMAL_COVERAGE_FACTOR = 1.959963984540054
@@ -93,6 +91,9 @@ def effective_degrees_of_freedom(lines: Iterable[BudgetLine]) -> float:
 
 def coverage_factor(degrees_of_freedom: float) -> float:
     """k of U = k u at 95 %, from Student's t."""
+    # A list of runs reads estimates and computes none: it does not pay for SciPy.
+    from model.identify.least_squares import student_quantile
+
     # NaN is of a line that could not be computed: then U is NaN by its u, whatever k is.
     finite = degrees_of_freedom < math.inf
     return student_quantile(degrees_of_freedom) if finite else NORMAL_COVERAGE_FACTOR

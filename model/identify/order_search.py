@@ -108,7 +108,7 @@ def _lattice_power(
             : highest + 1
         ]
         orders.append(n + m / ratio)
-        power.append(np.abs(lines) ** 2)
+        power.append(np.asarray(np.abs(lines) ** 2, dtype=np.float64))
         turned *= step
     flat, strength = np.concatenate(orders), np.concatenate(power)
     positive = flat > 0.5 / ratio

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from model.errors import IdentificationError
 from model.identify.checks import Array
@@ -151,13 +152,13 @@ class Problem:
         ideal[1:-1] -= np.diff(ideal, 2) / 12.0
         return ideal
 
-    def _orders(self) -> tuple[Array, Array]:
+    def _orders(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         pairs = np.array(self.basis, dtype=np.int64)
         return np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])
 
     def response(
         self, step: StepArrays, values: Mapping[str, float], ideal: Array, tables: Array
-    ) -> tuple[Array, Array, Array]:
+    ) -> tuple[Array, Array, NDArray[np.int64]]:
         """Output angle, speed and piece of the spring on the fine grid."""
         from model.kernels import steps as kernel
 
@@ -350,7 +351,7 @@ class Solution:
         for index, (weight, normal) in enumerate(zip(self.weights, self.normals, strict=True)):
             if index not in without:
                 total = total + weight * normal.matrix
-        return np.linalg.inv(_regular(total))
+        return np.asarray(np.linalg.inv(_regular(total)), dtype=float)
 
     def left_out(self, group: Sequence[int]) -> Array:
         """How the numbers change where these steps are left out (p,), to first order."""
@@ -417,19 +418,16 @@ def fit_all(
     normals = problem.normals(shape, values, error)
     best, wandered = cost(vector, normals), 0.0
     for _ in range(rounds):
-        total = sum(
-            (w * n.matrix for w, n in zip(weights, normals, strict=True)),
-            np.diag(penalty * noise**2),
-        )
-        pull = sum(
-            (w * n.gradient for w, n in zip(weights, normals, strict=True)),
-            -penalty * noise**2 * (vector - centre),
-        )
-        change = np.linalg.solve(_regular(total), pull)
+        total: Array = np.diag(penalty * noise**2)
+        pull: Array = -penalty * noise**2 * (vector - centre)
+        for weight, normal in zip(weights, normals, strict=True):
+            total = total + weight * normal.matrix
+            pull = pull + weight * normal.gradient
+        change: Array = np.asarray(np.linalg.solve(_regular(total), pull), dtype=float)
         change *= min(1.0, 1.0 / max(_excess(names, change[:size]), 1e-9))
         scale = 1.0
         while scale > 0.1:
-            trial = vector + scale * change
+            trial: Array = np.asarray(vector + scale * change, dtype=float)
             there = {**values, **dict(zip(names, trial[:size].tolist(), strict=True))}
             there["skew"] = min(max(there["skew"], -LARGEST_SKEW), LARGEST_SKEW)
             found = cost(trial, problem.normals(shape, there, trial[size:], gradient=False))

@@ -156,7 +156,10 @@ def fit_stribeck(
     points = _points(speed, force, standard_error, common)
     v, f = points.speed, points.force
     limits = (StribeckBounds.of(v) if bounds is None else bounds).logarithms()
-    grid_v, grid_s = np.linspace(*limits[0], 16), np.clip(np.log([0.5, 0.8, 1.2, 2.0]), *limits[1])
+    grid_v, grid_s = (
+        np.linspace(limits[0][0], limits[0][1], 16),
+        np.clip(np.log([0.5, 0.8, 1.2, 2.0]), *limits[1]),
+    )
     chi, best, linear = _search(points, limits, grid_v, grid_s)
     values = np.array([linear[0], linear[1], math.exp(best[0]), math.exp(best[1]), linear[2]])
     jacobian = stribeck_jacobian(v, values)

@@ -474,7 +474,7 @@ def advance(
             if parts > 1:
                 matrix[:] = step[:STEP_SIZE]
         if warming:
-            duration = substeps * h
+            duration = substeps * whole
             copper = physics[COPPER] * state[FILTER] * state[FILTER] * duration
             exchanged = physics[COUPLING] * (motor - housing) * duration
             housing_heat = (

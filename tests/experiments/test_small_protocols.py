@@ -43,10 +43,10 @@ def test_every_ramp_is_approached_in_its_own_direction_and_starts_without_power(
     gear: HarmonicDrive,
 ) -> None:
     steps = list(starting_torque.plan(starting_torque.Parameters(positions=5), gear))
-    ramps = [k for k, step in enumerate(steps) if isinstance(step, TorqueRamp)]
+    ramps = {k: step.rate for k, step in enumerate(steps) if isinstance(step, TorqueRamp)}
     assert len(ramps) == 10
-    for k in ramps:
-        way = math.copysign(1.0, steps[k].rate)
+    for k, rate in ramps.items():
+        way = math.copysign(1.0, rate)
         before, creep, off = steps[k - 3 : k]
         assert isinstance(before, MoveToAngle)
         assert isinstance(creep, MoveRevolutions)
@@ -54,7 +54,7 @@ def test_every_ramp_is_approached_in_its_own_direction_and_starts_without_power(
         assert before.speed * way > 0.0
         assert creep.revolutions * way > 0.0
     # A revolution at least in the new direction before its first ramp.
-    first_reverse = next(k for k in ramps if steps[k].rate < 0.0)
+    first_reverse = next(k for k, rate in ramps.items() if rate < 0.0)
     travel = steps[first_reverse - 4]
     assert isinstance(travel, MoveRevolutions)
     assert travel.revolutions <= -1.0

@@ -259,10 +259,15 @@ FIT_TABLE = "fitted-points"
 
 
 def fit_table(fit: FrictionFit) -> Table:
-    """What was fitted: friction of each pair of directions, tare subtracted, brought to mean place and temperature."""
+    """What was fitted: friction of each pair of directions as measured, tare subtracted; what errors that the points
+    share have made of it, as far as they tell; the curve without them, and what is left.
+    """
+    measured = fit.points.friction - fit.tare
     rows = tuple(
-        (float(v) / RPM, float(t), float(u), float(f), float(t - f))
-        for v, t, u, f in zip(fit.speed, fit.torque, fit.standard_error, fit.fitted, strict=True)
+        (float(v) / RPM, float(m), float(u), float(f), float(t - f), float(m - t))
+        for v, m, t, u, f in zip(
+            fit.speed, measured, fit.torque, fit.standard_error, fit.fitted, strict=True
+        )
     )
     columns = (
         "speed [r/min]",
@@ -270,6 +275,7 @@ def fit_table(fit: FrictionFit) -> Table:
         "standard error [N m]",
         "fitted [N m]",
         "residual [N m]",
+        "shared errors [N m]",
     )
     return Table(
         FIT_TABLE, "Friction points and fit", columns, rows, "half-difference of the directions"

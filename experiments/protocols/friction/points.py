@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -211,7 +212,7 @@ class FittedCurve:
 
 
 def bearing_parts(
-    curve: FittedCurve, speed: FloatArray, shared: dict[str, float]
+    curve: FittedCurve, speed: FloatArray, shared: Mapping[str, float]
 ) -> tuple[FloatArray, FloatArray]:
     """l_b M_0 at the run's mean temperature [N m]: what it has at rest, and what grows with speed.
 

@@ -8,7 +8,7 @@ import pytest
 from model.identify.common_errors import means_by, spread_beyond, whitening_of
 
 SPEEDS, VISITS = 15, 3
-LEVEL = np.repeat(np.arange(SPEEDS), VISITS)
+LEVEL = np.repeat(np.arange(float(SPEEDS)), VISITS)
 
 
 def places(seed: int) -> np.ndarray:

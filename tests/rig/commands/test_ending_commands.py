@@ -51,7 +51,7 @@ def quick_request(folder: Path) -> RunRequest:
         gear=shipped_gear(),
         motor=shipped_motor(),
         output=folder,
-        values={"positions": 1, "zero_time": 0.5},
+        values={"positions": 2, "zero_time": 0.5},
     )
 
 

@@ -51,7 +51,7 @@ def three(written: Path, tmp_path: Path) -> Path:
 def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one short starting-torque run of the simulated rig."""
     folder = tmp_path_factory.mktemp("real")
-    values = {"positions": 1, "zero_time": 0.5, "rate": 0.05}
+    values = {"positions": 2, "zero_time": 0.5, "rate": 0.05}
     request = RunRequest(
         protocol="starting-torque",
         gear=shipped_gear(),

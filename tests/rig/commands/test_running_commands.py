@@ -24,7 +24,7 @@ from rig.run.order import Progress
 from rig.run.progress import in_words, progress_line
 from rig.run.start import RunRequest, plan_request, run_request
 
-FAST = ("--zero-time", "0.5", "--positions", "1")
+FAST = ("--zero-time", "0.5", "--positions", "2")
 
 
 def rig(*arguments: str) -> int:
@@ -211,7 +211,7 @@ def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
         gear=shipped_gear(),
         motor=shipped_motor(),
         output=tmp_path,
-        values={"positions": 1, "zero_time": 0.5},
+        values={"positions": 2, "zero_time": 0.5},
         gear_serial="G1",
         seed=5,
     )

@@ -272,7 +272,7 @@ def test_a_run_file_keeps_the_card_among_its_conditions(tmp_path: Path) -> None:
         gear=gear_of(card.facts, shipped_gear()),
         motor=shipped_motor(),
         output=tmp_path,
-        values={"zero_time": 0.5, "positions": 1},
+        values={"zero_time": 0.5, "positions": 2},
         gear_serial=card.serial,
         conditions=conditions_of(card),
     )

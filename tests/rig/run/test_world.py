@@ -20,7 +20,7 @@ from rig.run.repeat import repetition
 from rig.run.start import RunRequest, plan_request, rig_for, run_request
 from rig.runfile.read import close_recording, open_run
 
-SHORT = {"positions": 1, "zero_time": 0.5}
+SHORT = {"positions": 2, "zero_time": 0.5}
 WARM = {"at_most": 300.0, "tolerance": 1e-9, "window": 60.0, "zero_time": 0.5}
 TARE = {
     "speeds_rpm": (900.0,),

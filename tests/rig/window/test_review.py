@@ -67,7 +67,8 @@ def test_a_run_is_fitted_beside_the_window_and_its_figures_are_marked(
     qtbot.waitUntil(lambda: not details.is_busy, timeout=LONGEST)
     assert [a.kind for a in read_analyses(friction[0])] == ["friction"]
     assert details.files.table.texts("kind of fit") == ["friction"]
-    assert details.results.table.rowCount() == 9
+    # Five parameters and the running torques, each at the temperature of the run and at 20 degC.
+    assert details.results.table.rowCount() == 14
     details.tabs.setCurrentWidget(details.figures)
     assert [plot.name for plot in details.gallery.plots][:2] == [
         "friction-curve",
