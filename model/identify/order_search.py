@@ -107,7 +107,7 @@ def _lattice_power(
         lines = (np.fft.fft(folded) if cells.direction > 0.0 else CELLS * np.fft.ifft(folded))[
             : highest + 1
         ]
-        orders.append(n + m / ratio)
+        orders.append(np.asarray(n + m / ratio, dtype=np.float64))
         power.append(np.asarray(np.abs(lines) ** 2, dtype=np.float64))
         turned *= step
     flat, strength = np.concatenate(orders), np.concatenate(power)

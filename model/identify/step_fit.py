@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import scipy
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import NDArray
 
 from model.errors import IdentificationError
@@ -55,7 +55,7 @@ class Shape:
     """
 
     names: tuple[str, ...]
-    prior: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    prior: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,11 +16,21 @@ import math
 
 from numba import njit
 
+from model.arrays import FloatArray, IntArray
+
 _FAST = {"contract", "nsz", "nnan", "ninf"}
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
-def error_signal(whole, slow, orders, bands, cosine, sine, ideal):
+def error_signal(
+    whole: FloatArray,
+    slow: FloatArray,
+    orders: IntArray,
+    bands: IntArray,
+    cosine: FloatArray,
+    sine: FloatArray,
+    ideal: FloatArray,
+) -> None:
     """Add sum a cos((n + k/N) theta) + b sin(..) to `ideal` (m,).
 
     `whole` (n_max + 1, 2, m) and `slow` (k_max + 1, 2, m) are cosine and sine of n theta and k theta/N.
@@ -35,7 +45,19 @@ def error_signal(whole, slow, orders, bands, cosine, sine, ideal):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
-def respond(ideal, push, interval, step, kinks, offsets, dahl, start, angle, speed, piece):
+def respond(
+    ideal: FloatArray,
+    push: FloatArray,
+    interval: float,
+    step: FloatArray,
+    kinks: FloatArray,
+    offsets: FloatArray,
+    dahl: FloatArray,
+    start: FloatArray,
+    angle: FloatArray,
+    speed: FloatArray,
+    piece: IntArray,
+) -> None:
     """Output angle and speed on the fine grid (m,), and the piece of the spring in each step.
 
     `step` (pieces, 3, 6), `kinks` (pieces - 1) torsions at which the next piece begins, `offsets` (pieces) its
@@ -77,7 +99,18 @@ def respond(ideal, push, interval, step, kinks, offsets, dahl, start, angle, spe
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
-def sensitivities(whole, slow, orders, bands, interval, step, piece, place, share, columns):
+def sensitivities(
+    whole: FloatArray,
+    slow: FloatArray,
+    orders: IntArray,
+    bands: IntArray,
+    interval: float,
+    step: FloatArray,
+    piece: IntArray,
+    place: IntArray,
+    share: FloatArray,
+    columns: FloatArray,
+) -> None:
     """What unit cosines and sines of the kinematic error add to the output at the samples.
 
     The tangent of `respond` along its own pieces: `columns` (n, 2 j) gets cosine and sine of each order beside
@@ -137,7 +170,14 @@ def sensitivities(whole, slow, orders, bands, interval, step, piece, place, shar
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
-def sampled(angle, speed, interval, place, share, values):
+def sampled(
+    angle: FloatArray,
+    speed: FloatArray,
+    interval: float,
+    place: IntArray,
+    share: FloatArray,
+    values: FloatArray,
+) -> None:
     """Cubic Hermite interpolation of a response at the samples (n,)."""
     for k in range(place.size):
         i, f = place[k], share[k]
