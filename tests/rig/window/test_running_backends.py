@@ -111,15 +111,18 @@ def test_through_the_drivers_of_hardware_in_real_time(
             "sample_rate": RATE,
         }
         window.start(prepared(session, "hardware", LONG, LONG_FLAGS, **more))
-        state = window.run.state
-        qtbot.waitUntil(lambda: state.ended or state.state is State.RUNNING, timeout=LONGEST)
-        qtbot.waitUntil(lambda: state.ended or window.run.plots.rows_read > 100, timeout=LONGEST)
+
+        def ended() -> bool:
+            return window.run.state.ended
+
+        qtbot.waitUntil(lambda: ended() or window.run.state.state is State.RUNNING, timeout=LONGEST)
+        qtbot.waitUntil(lambda: ended() or window.run.plots.rows_read > 100, timeout=LONGEST)
         # The devices call themselves simulated, and so is the run, although it went the way of hardware.
         assert shown_marks(window) == {"SIMULATED"}
         qtbot.mouseClick(window.run.buttons.stop, Qt.MouseButton.LeftButton)
-        qtbot.waitUntil(lambda: state.ended, timeout=LONGEST)
+        qtbot.waitUntil(ended, timeout=LONGEST)
     if says_too_slow(str(window.run.report)):
-        assert state.safe
+        assert window.run.state.safe
         return
     assert window.run.banner.word == "FINISHED: ABORTED", window.run.report
     assert window.run.state.safe
