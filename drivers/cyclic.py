@@ -383,7 +383,8 @@ class CanRig:
         self._first_cycle = 0
         self._due_ns: int | None = None
         self._echo_stamp = self._errors_seen = self._silent = 0
-        self._open_silence = self._cycles_open = self._surplus_before = 0
+        self._open_silence = self._cycles_open = 0
+        self._surplus_before = list(self._store.surplus)
         self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
         self._was_enabled = False
         at = nodes.byte_of(obj.STATUSWORD) or 0
@@ -518,7 +519,7 @@ class CanRig:
         """
         if is_incomplete:
             if not self._silent and not self._open_silence:
-                self._surplus_before = self._store.surplus
+                self._surplus_before = list(self._store.surplus)
             self._silent += 1
             return
         if self._silent >= _LONG_SILENCE:
@@ -527,7 +528,9 @@ class CanRig:
         if not self._open_silence:
             return
         self._cycles_open += 1
-        if self._store.surplus - self._surplus_before >= self._open_silence:
+        late = zip(self._store.surplus, self._surplus_before, strict=True)
+        # Of one COB-ID: nodes with many would make up a silence by the one frame that each controller repeats.
+        if 2 * max(now - before for now, before in late) >= self._open_silence:
             text = f"the answers of {self._open_silence} cycles came after all, too late for their cycles"
             bus.emit("warning", LATE_ANSWERS, "bus", text)
         elif self._cycles_open < _LATEST_ANSWER:

@@ -161,8 +161,8 @@ class CycleStore:
         self.layout = layout
         count = len(layout.pdos)
         self.lost = [0] * count
-        self.surplus = 0
-        """Frames that came beside the first of their COB-ID in a cycle, since the rig was opened: late ones."""
+        self.surplus = [0] * count
+        """By slot: frames that came beside the first of a cycle, since the rig was opened; late ones are among them."""
         self.rows = 0
         self._buffer = bytearray(layout.stride)
         self._last = bytes(layout.stride)
@@ -231,23 +231,23 @@ class CycleStore:
             # It was on the bus before this cycle's SYNC: owed from an earlier cycle, or one too many.
             flag = CycleFlag.LATE if self._owed[slot] else CycleFlag.DOUBLED
             self._owed[slot] = max(0, self._owed[slot] - 1)
-            self.surplus += 1
+            self.surplus[slot] += 1
             if self._is_open:
                 self._flags[-1] |= flag
             else:
                 self._pending |= flag
             return
         self._received[slot] += 1
-        self.surplus += self._received[slot] > 1
         if self._received[slot] == 1:
             self._to_come -= 1
-        elif self._owed[slot]:
+        else:
+            self.surplus[slot] += 1
+            if not self._owed[slot]:
+                self._flags[-1] |= CycleFlag.DOUBLED
+                return
             # Frames of a COB-ID keep their order: the one before this was owed from an earlier cycle.
             self._owed[slot] -= 1
             self._flags[-1] |= CycleFlag.LATE
-        else:
-            self._flags[-1] |= CycleFlag.DOUBLED
-            return
         self._stamps[slot] = stamp_ns
         if len(data) < self.layout.lengths[slot]:
             self._flags[-1] |= CycleFlag.SHORT | CycleFlag.INCOMPLETE

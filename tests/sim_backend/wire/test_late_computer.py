@@ -1,13 +1,19 @@
-"""A computer and a hub that are late now and then, at 1 kHz and 2000 r/min: whatever ends, it is no over-speed."""
+"""A computer and a hub that are late now and then, at 1 kHz and 2000 r/min: whatever ends, it is no over-speed, and
+late answers are no lost ones.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from drivers.clock import VirtualClock
 from drivers.cyclic import CanRig
-from drivers.port import Command, DriveLimits, Guard, Mode
+from drivers.port import LATE_ANSWERS, Command, DriveLimits, Guard, Mode
+from drivers.samples import CycleFlag
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import RPM
@@ -16,7 +22,10 @@ from rig.bench.limits import derive_limits
 from rig.run.phases import Turn
 from rig.run.supervisor import Supervisor
 from sim_backend.wire.bench import WireBench
+from sim_backend.wire.faults import AnswersHeld
+from sim_backend.wire.line import Frame
 from sim_backend.world import World
+from tests.sim_backend.wire.rigs import wire_rig
 
 SPEED = 2000.0 * RPM
 LIMITS = DriveLimits(1.0, 600.0, 3000.0, 3000.0, 3000.0)
@@ -75,3 +84,25 @@ def test_a_late_computer_makes_no_over_speed(seed: int) -> None:
         assert rig.acquisition().overruns > 20
     finally:
         rig.close()
+
+
+@dataclass(frozen=True)
+class CableBack(AnswersHeld):
+    """A cable that was off for a while: every controller repeats the one frame of each COB-ID that it holds."""
+
+    def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        last = bench.cycle >= self.end - 1
+        return super().from_devices(frame, bench) if last else ()
+
+
+@pytest.mark.parametrize(("fault", "is_late"), [(AnswersHeld, True), (CableBack, False)])
+def test_answers_that_come_after_all_are_told_from_answers_that_are_lost(
+    fault: type[AnswersHeld], is_late: bool
+) -> None:
+    with wire_rig() as made:
+        made.bench.inject(fault(made.bench.cycle + 50, cycles=5))
+        block = made.port.exchange(Command(Mode.OFF), 200, Guard())
+        codes = [event.code for event in made.port.events()]
+    assert np.count_nonzero(block.flags & CycleFlag.INCOMPLETE) >= 4
+    assert np.count_nonzero(block.flags & (CycleFlag.LATE | CycleFlag.DOUBLED)) >= 1
+    assert (LATE_ANSWERS in codes) is is_late
