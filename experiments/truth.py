@@ -70,12 +70,13 @@ class TruthRow:
 
     def _from(self, truth: float) -> float:
         away = self.estimate.value - truth
-        is_angle = self.estimate.name.startswith("phase")
+        name = self.estimate.name
+        is_angle = name.startswith("phase") or name.endswith("_index")
         return math.remainder(away, 2.0 * math.pi) if is_angle else away
 
 
 def truth_of(metadata_process: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The truth that the process record of a run carries, with its mean temperatures if it came to its end.
+    """The truth that the process record of a run carries, with its mean and last temperatures if it came to its end.
 
     Raises `AnalysisError` where there is none.
     """
@@ -87,7 +88,11 @@ def truth_of(metadata_process: Mapping[str, Any]) -> Mapping[str, Any]:
             remedy="Only runs of the simulated rig know theirs.",
         )
     state = metadata_process.get("acquisition", {}).get("thermal_state", {})
-    return {**truth, "mean_temperatures": state.get("mean", {})}
+    return {
+        **truth,
+        "mean_temperatures": state.get("mean", {}),
+        "end_temperatures": state.get("end", {}),
+    }
 
 
 def truth_rows(result: Result, truth: Mapping[str, Any]) -> tuple[TruthRow, ...]:
@@ -116,11 +121,11 @@ class _Truth:
     def heat(self, name: str) -> float:
         return float(self.part("thermal").get(name, 0.0))
 
-    def motor_warmer(self) -> float:
-        """How much warmer the motor was on average than the reference [K]; 0 where nothing warms."""
+    def motor_warmer(self, when: str = "mean") -> float:
+        """How much warmer the motor was than the reference [K], on average or at the "end"; 0 where nothing warms."""
         if "reference" not in self.part("thermal"):
             return 0.0
-        warm = self.part("mean_temperatures").get("motor", self.heat("reference"))
+        warm = self.part(f"{when}_temperatures").get("motor", self.heat("reference"))
         return float(warm) - self.heat("reference")
 
     def warmer(self, result: Result) -> float:
@@ -135,9 +140,9 @@ class _Truth:
             housing = float(mean.get("housing", self.heat("reference")))
         return housing - self.heat("reference")
 
-    def scale(self) -> float:
+    def scale(self, when: str = "mean") -> float:
         """What the torque port shows of a torque, as a factor."""
-        port, motor = self.part("torque_port"), self.motor_warmer()
+        port, motor = self.part("torque_port"), self.motor_warmer(when)
         weaker = 1.0 - self.heat("torque_constant_per_kelvin") * motor
         return (1.0 + float(port.get("scale_error", 0.0))) / weaker
 
@@ -252,6 +257,32 @@ def _tare(result: Result, truth: _Truth) -> Truths:
             yield f"motor_{name}", scale * own, own
 
 
+def _home(result: Result, truth: _Truth) -> Truths:
+    """The edge that the motor's forward turn meets, on a circle without errors; the counter shows its encoder's error
+    there beside it.
+
+    A mark is one count wide: an encoder that counts down meets the far edge of it.
+    """
+    encoders = truth.part("encoders")
+    for which, sense in (("input", 1), ("output", encoders.get("output_sense", 1))):
+        own = encoders.get(which, {})
+        if "index_error" in own:
+            edge = float(own["index_angle"]) + (float(own["quantum"]) if sense < 0 else 0.0)
+            yield f"{which}_index", edge + float(own["index_error"]), edge
+
+
+def _warm_up(result: Result, truth: _Truth) -> Truths:
+    """Motor, gear and the bench's output bearing at the speed of the holds, with which the run ends."""
+    own, motor, speed = truth.part("friction"), truth.part("motor"), result.metrics.get("speed")
+    if "mesh_lever" not in own or speed is None:
+        return
+    at = _Friction(truth, truth.warmer(result))
+    weaker = 1.0 - truth.heat("motor_friction_per_kelvin") * truth.motor_warmer("end")
+    alone = weaker * (float(motor["coulomb"]) + float(motor["viscous"]) * speed)
+    all_that_turns = at.gear_torque(speed) + at.bearing_torque(speed) + alone
+    yield "running_torque", truth.scale("end") * all_that_turns, all_that_turns
+
+
 def _starting_torque(result: Result, truth: _Truth) -> Truths:
     """Motor and gear from rest, in the mean over all positions; the bench's output bearing is no part of it."""
     own, motor = truth.part("friction"), truth.part("motor")
@@ -347,4 +378,6 @@ _MAKERS: Mapping[str, Callable[[Result, _Truth], Truths]] = {
     "kinematic-error": _kinematic_error,
     "velocity-steps": _steps,
     "starting-torque": _starting_torque,
+    "home": _home,
+    "warm-up": _warm_up,
 }

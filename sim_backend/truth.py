@@ -31,10 +31,10 @@ import numpy as np
 from model import friction
 from model.closed_loop import ClosedLoop, Thermal
 from model.gear import Harmonic, HarmonicDrive
-from model.kinematic_error import peak_to_peak
+from model.kinematic_error import peak_to_peak, series_value
 from model.motor import ServoMotor
 from model.units import REVOLUTION
-from sim_backend.imperfections import Condition, Imperfections
+from sim_backend.imperfections import Condition, EncoderErrors, Imperfections
 from sim_backend.sensors import Instruments
 from sim_backend.world import World
 
@@ -361,6 +361,12 @@ def _torque_port(condition: Condition) -> dict[str, float]:
     }
 
 
+def _error_at_mark(errors: EncoderErrors) -> float:
+    """What the encoder shows more than the true angle where its index mark stands [rad]."""
+    waves = errors.series if errors.subdivision is None else (*errors.series, errors.subdivision)
+    return float(series_value(waves, errors.index_angle))
+
+
 def _encoders(
     instruments: Instruments, condition: Condition, output_sense: int
 ) -> dict[str, object]:
@@ -372,6 +378,7 @@ def _encoders(
             "quantum": encoder.quantum,
             "angle_offset": encoder.angle_offset,
             "index_angle": encoder.index_angle,
+            "index_error": _error_at_mark(errors),
         }
         for which, encoder, errors in (
             ("input", instruments.input, condition.input_encoder),

@@ -24,7 +24,7 @@ from experiments.result import Result, Table
 from experiments.steps.vocabulary import FindIndex, SegmentLabel, Step
 from model.channel import Channel
 from model.gear import HarmonicDrive
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.identify.least_squares import student_quantile
 from model.units import DEGREE, REVOLUTION, RPM
 
@@ -36,10 +36,12 @@ QUANTITIES = (
         name="{encoder}_index",
         title="{encoder} index",
         unit="rad",
-        definition="where the index mark lies within the revolution of its encoder",
+        definition="where the motor's forward turn meets the index mark, within the revolution of its encoder and "
+        "without the errors of the encoder; met from the other side the mark lies its own width away",
         target_uncertainty=1e-3,
         target_reason="three counts of the motor encoder: phases of low orders are carried to another run",
         is_signed=True,
+        is_circular=True,
     ),
     Quantity(name="{encoder}_index_spread", title="{encoder} index spread", unit="rad"),
 )
@@ -103,7 +105,10 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     estimates: dict[str, Estimate] = {}
     rows: list[tuple[float | int | str, ...]] = []
     warnings = list(checked_.warnings)
-    for which, bit in (("input", INPUT_SEEN), ("output", OUTPUT_SEEN)):
+    for which, bit, cause in (
+        ("input", INPUT_SEEN, Cause.MOTOR_ENCODER),
+        ("output", OUTPUT_SEEN, Cause.OUTPUT_ENCODER),
+    ):
         if not recording.has(f"{which}_index"):
             warnings.append(
                 f"There is no {which}_index channel: the {which} mark was not looked for."
@@ -121,7 +126,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             )
             continue
         estimates[f"{which}_index"] = _circular_mean(
-            f"{which}_index", marks, recording.signals[f"{which}_index"]
+            f"{which}_index", marks, recording.signals[f"{which}_index"], cause
         )
     if not estimates:
         raise AnalysisError(
@@ -157,19 +162,23 @@ def _mark(recording: Recording, segment: Segment, which: str, bit: int) -> float
     return float(recording.si(f"{which}_index", last)[0])
 
 
-def _circular_mean(name: str, marks: list[float], signal: Channel) -> Estimate:
-    """Mean of angles on the circle [rad], with the spread of the passes and the size of one count."""
+def _circular_mean(name: str, marks: list[float], signal: Channel, cause: Cause) -> Estimate:
+    """Mean of angles on the circle [rad], with the spread of the passes and the size of one count.
+
+    A count is any angle within its width, as likely: 95 % of a rectangle are 0.95 of its half width.
+    """
     angles = np.array(marks)
     mean = float(np.angle(np.mean(np.exp(1j * angles)))) % REVOLUTION
     away = np.angle(np.exp(1j * (angles - mean)))
     quantum = signal.quantum / math.sqrt(12.0)
     spread = float(away.std(ddof=1)) / math.sqrt(len(marks)) if len(marks) > 1 else 0.0
     half = student_quantile(len(marks) - 1) * spread if len(marks) > 1 else 0.0
-    half = math.hypot(half, 2.0 * quantum)
+    half = math.hypot(half, 0.95 * math.sqrt(3.0) * quantum)
     note = "" if len(marks) > 1 else "one pass only: repeatability is not known"
     budget = (
         BudgetLine("passes", "A", spread, degrees_of_freedom=max(len(marks) - 1, 1)),
         BudgetLine("one count of the encoder", "B", quantum),
+        _accuracy_line(signal, cause),
     )
     return Estimate(
         name=name,
@@ -183,6 +192,13 @@ def _circular_mean(name: str, marks: list[float], signal: Channel) -> Estimate:
     )
 
 
+def _accuracy_line(signal: Channel, cause: Cause) -> BudgetLine:
+    """The encoder's accuracy [rad], the half width of its whole curve: the mark lies at one place of it."""
+    accuracy = signal.calibration.accuracy
+    note = "" if accuracy > 0.0 else "the calibration of the channel states no accuracy"
+    return BudgetLine("accuracy of the encoder", "B", accuracy / math.sqrt(3.0), note, cause)
+
+
 EXPERIMENT = Experiment(
     name=NAME,
     title="Index marks",
@@ -192,5 +208,5 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "input_index", "index_seen"),
     quantities=QUANTITIES,
-    version=2,
+    version=3,
 )

@@ -122,7 +122,8 @@ def run_seed(seed: int, study: Study) -> list[Line]:
             wanted.insert(0, "motor-tare")
         for number, kind in enumerate(wanted, start=1):
             start = time.process_time()
-            path, run, numbers = _one_run(seed, kind, number, Path(folder), tare, study)
+            # A folder each: a trip is latched in its folder, and the next kind is another run.
+            path, run, numbers = _one_run(seed, kind, number, Path(folder) / kind, tare, study)
             if kind == "motor-tare":
                 tare = path
             if kind not in study.kinds:
@@ -158,7 +159,7 @@ def _one_run(
         return None, {**run, "outcome": "not planned", "words": run["refusals"][-1]}, []
     report = run_request(request, planned, judged=False)
     if not report.safe or report.outcome in FAILED:
-        return None, {**run, "outcome": "failed", "words": report.outcome}, []
+        return None, {**run, "outcome": "failed", "words": report.message}, []
     path = Path(report.path)
     run["bounds"] = _bounds(path, kind)
     try:

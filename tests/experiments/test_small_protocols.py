@@ -185,6 +185,27 @@ def test_home_finds_both_marks(bench: Bench, gear: HarmonicDrive) -> None:
     )
     table = result.tables[0]
     assert [row[0] for row in table.rows] == ["input"] * 3 + ["output"]
+    # All passes latch one count, and a count is a rectangle: its half width times 0.95.
+    index = result.estimates["input_index"]
+    count = next(line for line in index.budget if line.source == "one count of the encoder")
+    assert index.high - index.low == pytest.approx(
+        0.95 * math.sqrt(12.0) * count.standard_uncertainty
+    )
+
+
+def test_a_mark_is_no_better_known_than_its_encoder(bench: Bench, gear: HarmonicDrive) -> None:
+    parameters = home.Parameters(input_speed_rpm=60.0, output_speed_rpm=120.0)
+    run = record(home.plan(parameters, gear), bench, "home")
+    signal = run.signals["input_index"]
+    coarse = dataclasses.replace(
+        signal, calibration=dataclasses.replace(signal.calibration, accuracy=3e-3)
+    )
+    result = home.analyse(
+        dataclasses.replace(run, signals={**run.signals, "input_index": coarse}), Evidence(gear)
+    )
+    index = result.estimates["input_index"]
+    assert index.expanded_uncertainty == pytest.approx(1.96 * 3e-3 / math.sqrt(3.0), rel=1e-2)
+    assert index.high - index.low < 1e-3
 
 
 def test_home_without_index_channels_says_what_is_lacking(
@@ -228,6 +249,10 @@ def test_warm_up_sees_the_torque_become_steady(bench: Bench, gear: HarmonicDrive
         bench.motor(np.array([1500.0 * RPM]))[0]
     )
     assert steady.estimates["running_torque"].value == pytest.approx(truth, rel=0.01)
+    assert steady.metrics["speed"] == pytest.approx(1500.0 * RPM, rel=0.01)
+    lines = {line.source: line for line in steady.estimates["running_torque"].budget}
+    # Nobody measured how warm the motor was: 5 K of a tenth of a percent each.
+    assert lines["warmth of the motor"].standard_uncertainty == pytest.approx(5e-3 * truth, rel=0.5)
 
 
 def test_warm_up_that_ended_too_early_says_so(bench: Bench, gear: HarmonicDrive) -> None:

@@ -46,6 +46,7 @@ TRUTH: dict[str, Any] = {
     "torque_port": {"scale_error": 0.02},
     "motor": {"coulomb": 0.012, "viscous": 4e-5},
     "mean_temperatures": {"housing": 31.0, "motor": 40.0},
+    "end_temperatures": {"housing": 33.0, "motor": 45.0},
 }
 SCALE = 1.02 / (1.0 - 0.001 * 20.0)
 GEAR_OPTIONS = {"torque_is_of": "gear", "torque_balance": "energy"}
@@ -142,6 +143,29 @@ def test_a_starting_torque_is_motor_and_gear_without_the_benchs_bearing() -> Non
     still = 0.1 * 2.0 * 2000.0 ** (2.0 / 3.0) * 53e-3**3
     both = 90.0 * LEVER + 1.01 * still + 0.012 * 0.9
     assert found["starting_torque"] == pytest.approx((SCALE * (both + LEVER * 8.0), both))
+
+
+def test_a_warm_up_is_all_that_the_motor_turns_as_warm_as_at_its_end() -> None:
+    speed = 600.0 * RPM
+    metrics = {"housing_temperature": 30.5, "speed": speed}
+    options = {"torque_is_of": "motor + gear"}
+    found = pairs(result("warm-up", "running_torque", options=options, metrics=metrics))
+    gear = pairs(
+        result("friction", "running_torque_600_rpm", options=GEAR_OPTIONS, metrics=metrics)
+    )["running_torque_600_rpm"]
+    motor = (0.012 + 4e-5 * speed) * (1.0 - 0.005 * 25.0)
+    whole = gear[0] / SCALE + motor
+    assert found["running_torque"] == pytest.approx((1.02 / 0.975 * whole, whole))
+
+
+@pytest.mark.parametrize(("sense", "edge"), [(1, 2.0), (-1, 2.0 + 1e-4)])
+def test_a_mark_lies_where_the_forward_turn_meets_it(sense: int, edge: float) -> None:
+    """The counter shows beside it the error of its encoder; the far edge of a mark is a count away."""
+    encoder = {"index_angle": 2.0, "index_error": 3e-5, "quantum": 1e-4}
+    encoders = {"input": encoder, "output": encoder, "output_sense": sense}
+    found = pairs(result("home", "input_index", "output_index"), {"encoders": encoders})
+    assert found["input_index"] == pytest.approx((2.0 + 3e-5, 2.0))
+    assert found["output_index"] == pytest.approx((edge + 3e-5, edge))
 
 
 def orders(*waves: tuple[float, float, float]) -> list[dict[str, float]]:
@@ -241,7 +265,9 @@ def test_what_version_0_1_0_wrote_is_read() -> None:
 def test_the_mean_temperatures_of_the_run_stand_with_its_truth() -> None:
     process = {
         "truth": {"thermal": {"reference": 20.0}},
-        "acquisition": {"thermal_state": {"mean": {"motor": 33.0}}},
+        "acquisition": {"thermal_state": {"mean": {"motor": 33.0}, "end": {"motor": 34.0}}},
     }
     assert truth_of(process)["mean_temperatures"]["motor"] == 33.0
-    assert truth_of({"truth": {"a": 1}}) == {"a": 1, "mean_temperatures": {}}
+    assert truth_of(process)["end_temperatures"]["motor"] == 34.0
+    nothing = {"mean_temperatures": {}, "end_temperatures": {}}
+    assert truth_of({"truth": {"a": 1}}) == {"a": 1, **nothing}

@@ -63,6 +63,24 @@ def test_measurable_kinematic_error_is_found_in_the_counts(direction: float) -> 
     assert abs(found[1]) < 1e-8
 
 
+def test_a_mark_is_latched_where_the_truth_says_with_the_error_of_its_encoder() -> None:
+    """Within a count: the output encoder counts down, so that it meets the far edge of its mark."""
+    port, truth = opened(Imperfections(), seed=7)
+    block = turn(port, 2900.0, 4000)
+    encoders = truth["encoders"]
+    assert encoders["output_sense"] == -1
+    assert abs(encoders["input"]["index_error"]) > 2.0 * encoders["input"]["quantum"]
+    for which, name, far in (
+        ("input", names.INPUT_INDEX, 0.0),
+        ("output", names.OUTPUT_INDEX, 1.0),
+    ):
+        own = encoders[which]
+        latched = float(si(port, block, name)[-1])
+        expected = own["index_angle"] + own["index_error"] + far * own["quantum"]
+        away = math.remainder(latched - expected, 2.0 * math.pi)
+        assert abs(away) <= 0.51 * own["quantum"]
+
+
 def test_reference_mark_turns_the_recorded_frame_into_that_of_the_marks() -> None:
     _, truth = opened(Imperfections())
     error = truth["kinematic_error"]
