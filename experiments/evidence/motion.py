@@ -12,6 +12,9 @@ from model.identify.skew import SPEED_SPAN
 
 SPEED_TOLERANCE = 0.02
 """Relative difference of mean speed and set-point: a speed loop holds its mean to less than a part in a hundred."""
+RIPPLE_AT_AN_END = 0.05
+"""rad of the input by which ripple over its revolution changes the travel of a segment: a part of a turn does not
+average it out. It is that of a speed that ripples by 5 % once per revolution."""
 COUNTS_AT_AN_END = 2.0
 """Counts by which travel may differ because of where a segment begins and ends."""
 RATIO_TOLERANCE = 0.25
@@ -47,8 +50,8 @@ def speed_against_set_point(recorded: Recorded) -> Finding:
 def _excess(hold: Hold, recorded: Recorded) -> float:
     """Relative difference of speed and set-point beyond what is allowed."""
     setpoint = hold.segment.setpoint
-    ends = COUNTS_AT_AN_END * recorded.recording.signals["input_angle"].quantum
-    doubt = ends / abs(setpoint * hold.duration)
+    counts = COUNTS_AT_AN_END * recorded.recording.signals["input_angle"].quantum
+    doubt = (counts + 2.0 * RIPPLE_AT_AN_END) / abs(setpoint * hold.duration)
     return abs(hold.speed / setpoint - 1.0) - SPEED_TOLERANCE - doubt
 
 

@@ -7,6 +7,7 @@ One way for every recording, whether simulated, recorded, replayed or imported: 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -86,6 +87,8 @@ def fit_recording(
     analyses' own). Raises the errors of the analysis, and `RigError` for a tare that does not belong to this rig.
     """
     experiment = catalogue.load(kind_of(recording, kind))
+    if gear is not None:
+        _refuse_another_ratio(recording, gear)
     remarks: list[str] = []
     parameters = gear or recording.metadata.gear
     gear_known = parameters is not None
@@ -117,6 +120,20 @@ def fit_recording(
         gear_known=gear_known,
         largest_missed_share=largest_missed_share,
     )
+
+
+def _refuse_another_ratio(recording: Recording, gear: HarmonicDrive) -> None:
+    """Raise `RigError` for a parameter set of a gear with another ratio than the one that was turned."""
+    run = recording.metadata
+    ratio = gear.mounted_ratio(run.mounting)
+    if run.gear_mounted and math.isfinite(run.ratio) and not math.isclose(ratio, run.ratio):
+        raise RigError(
+            "the parameter set is of a gear with another ratio than the run's",
+            where=f"{run.run_id}, parameter set {gear.name}",
+            value=f"{ratio:g} ({run.mounting})",
+            limit=f"{run.ratio:g}",
+            remedy="Give the set of the gear that was turned, or none: the run carries its own.",
+        )
 
 
 def _evidence(

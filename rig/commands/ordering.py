@@ -41,9 +41,10 @@ def request_of(
     from model.gear_file import load_gear, shipped_gear
     from model.motor import shipped_motor
     from rig.bench.backends.assembly import WorldChoice
-    from rig.bench.backends.registry import HARDWARE
+    from rig.bench.backends.registry import HARDWARE, REPLAY
     from rig.run.dry_run import DEFAULT_SAMPLE_RATE
     from rig.run.start import MOUNTINGS, RunRequest
+    from rig.runfile.read import read_run_header
 
     if config is None and backend == HARDWARE:
         from rig.bench.config.load import DEFAULT_PATH
@@ -61,8 +62,12 @@ def request_of(
             configured.configuration.rig.sample_rate_hz,
             config.parent / configured.configuration.rig.output,
         )
+    # A replay plans anew for the gear that was turned: for another one the plan would not be the recorded one.
+    recorded = Path(backend.removeprefix(REPLAY)) if backend.startswith(REPLAY) else None
     if parameters is not None:
         gear = load_gear(parameters)
+    elif recorded is not None and recorded.is_file():
+        gear = read_run_header(recorded).metadata.gear or gear
     request = RunRequest(
         protocol=protocol,
         gear=gear,
@@ -81,7 +86,7 @@ def request_of(
         confirmation=confirmation,
         world=world or WorldChoice(),
     )
-    return carded(request, mounting, parameters is not None)
+    return carded(request, mounting, parameters is not None or recorded is not None)
 
 
 def carded(request: RunRequest, mounting: str | None, parameters_given: bool) -> RunRequest:

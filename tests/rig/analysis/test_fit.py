@@ -85,6 +85,21 @@ def test_the_run_s_own_parameter_set_is_used(asked: list[tuple[str, Evidence]]) 
     assert asked[1][1].gear.name == "given"
 
 
+def test_the_set_of_a_gear_with_another_ratio_is_refused(
+    asked: list[tuple[str, Evidence]],
+) -> None:
+    another = replace(shipped_gear(), name="another")
+    with pytest.raises(RigError, match="another ratio") as refused:
+        fit_recording(handmade.recording(ratio=80.0), gear=another)
+    assert refused.value.value == "120 (circular-spline-fixed)"
+    assert refused.value.limit == "80"
+    assert "own" in str(refused.value.remedy)
+    assert "another" in str(refused.value.where)
+    # Of a bare motor no gear was turned.
+    fit_recording(handmade.recording(ratio=80.0, gear_mounted=False), gear=another)
+    assert [evidence.gear.name for _, evidence in asked] == ["another"]
+
+
 def test_a_run_without_a_parameter_set_says_which_one_was_used(
     asked: list[tuple[str, Evidence]],
 ) -> None:

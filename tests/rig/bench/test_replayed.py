@@ -7,14 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from model.gear_file import shipped_gear
+from model.gear_file import save_gear, shipped_gear
 from model.motor import shipped_motor
 from rig import exits
+from rig.bench.backends.assembly import AMBIENT, WorldChoice
+from rig.commands import ordering
 from rig.errors import ConfigurationError
 from rig.main import run as main
 from rig.run.order import Progress
 from rig.run.start import RunRequest, plan_request, run_request
 from rig.run.stop import StopRequest
+from rig.runfile.read import read_run_header
 
 VALUES = {"speeds_rpm": (900.0,), "measure_time": 0.2, "settle_time": 0.1, "zero_time": 0.5}
 
@@ -46,6 +49,25 @@ def refusal(request: RunRequest) -> ConfigurationError:
     assert "emergency" not in str(refused.value).lower()
     assert refused.value.remedy
     return refused.value
+
+
+def test_a_replay_is_planned_for_the_gear_of_its_file(recorded: Path, tmp_path: Path) -> None:
+    """A gear of a wide population has another ratio than the one that is planned for by default."""
+    world = WorldChoice(gear_seed=8052, population="wide", number=1, start_state=AMBIENT)
+    of_its_own = replace(request_of(tmp_path), world=world)
+    report = run_request(of_its_own, judged=False)
+    own = read_run_header(report.path).metadata.gear
+    assert own is not None
+    assert own.ratio != shipped_gear().ratio
+    assert ordering.request_of("motor-tare", {}, backend=f"replay:{report.path}").gear == own
+    replay = ordering.request_of(
+        "motor-tare", VALUES, backend=f"replay:{report.path}", output=tmp_path / "replayed"
+    )
+    assert run_request(replay, judged=False).outcome == report.outcome
+    given = tmp_path / "given.toml"
+    save_gear(shipped_gear(), given)
+    named = ordering.request_of("motor-tare", {}, backend=f"replay:{report.path}", parameters=given)
+    assert named.gear.ratio == shipped_gear().ratio
 
 
 @pytest.mark.parametrize("protocol", ["home", "kinematic-error", "friction"])

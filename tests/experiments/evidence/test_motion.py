@@ -1,0 +1,56 @@
+"""Speed against set-point: ripple over a part of a turn is no wrong scale; a wrong scale shows in a part of a turn."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from experiments import catalogue
+from experiments.contract import Evidence
+from experiments.evidence.holds import Recorded
+from experiments.evidence.motion import speed_against_set_point
+from experiments.protocols import home
+from experiments.recording import ArraySource, Recording
+from model.gear import HarmonicDrive
+from model.units import REVOLUTION
+from tests.experiments.synthetic import Bench, record
+
+RIPPLE = 0.05
+"""Share of the speed, once per input revolution."""
+
+
+def passes(bench: Bench, gear: HarmonicDrive, scale: float) -> Recording:
+    """The two half turns of an input pass that ripple the most, with an input encoder that counts `scale` times."""
+    parameters = home.Parameters(input_speed_rpm=6.0, output_speed_rpm=120.0)
+    run = record(home.plan(parameters, gear), bench, "home")
+    source = run.source
+    assert isinstance(source, ArraySource)
+    quantum = run.signals["input_angle"].quantum
+    counts = source.arrays["input_angle"]
+    angle = counts * quantum
+    rippled = scale * (angle + RIPPLE * np.sin(angle)) / quantum
+    arrays = {**source.arrays, "input_angle": np.rint(rippled).astype(counts.dtype)}
+    segment = run.labelled("home-input")[1]
+    turn = angle[segment.start : segment.stop] - angle[segment.start]
+    half = segment.start + int(np.searchsorted(turn, 0.5 * REVOLUTION))
+    parts = tuple(
+        dataclasses.replace(segment, label="hold", start=start, stop=stop)
+        for start, stop in ((segment.start, half), (half, segment.stop))
+    )
+    return dataclasses.replace(
+        run, source=dataclasses.replace(source, arrays=arrays), segments=parts
+    )
+
+
+@pytest.mark.parametrize(("scale", "outcome"), [(1.0, "ok"), (1.15, "refused"), (0.5, "refused")])
+def test_ripple_over_half_a_turn_is_told_from_a_wrong_scale(
+    scale: float, outcome: str, bench: Bench, gear: HarmonicDrive
+) -> None:
+    recorded = Recorded(passes(bench, gear, scale), catalogue.load("home"), Evidence(gear))
+    speeds = [hold.speed / hold.segment.setpoint / scale for hold in recorded.turning]
+    if scale == 1.0:
+        # More than the loop's own part in fifty.
+        assert max(abs(np.array(speeds) - 1.0)) > 0.025
+    assert speed_against_set_point(recorded).outcome == outcome
