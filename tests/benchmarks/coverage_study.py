@@ -123,7 +123,12 @@ def run_seed(seed: int, study: Study) -> list[Line]:
         for number, kind in enumerate(wanted, start=1):
             start = time.process_time()
             # A folder each: a trip is latched in its folder, and the next kind is another run.
-            path, run, numbers = _one_run(seed, kind, number, Path(folder) / kind, tare, study)
+            try:
+                path, run, numbers = _one_run(seed, kind, number, Path(folder) / kind, tare, study)
+            except Exception as error:  # noqa: BLE001
+                # A defect of the program is a row like another: the other seeds do not fall with it.
+                crash = {"outcome": "crashed", "words": repr(error), "refusals": []}
+                path, run, numbers = None, crash, []
             if kind == "motor-tare":
                 tare = path
             if kind not in study.kinds:

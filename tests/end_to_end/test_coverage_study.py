@@ -42,6 +42,25 @@ def run(seed: int, **others: Any) -> Line:
     return line | {"words": "", "bounds": {"coulomb": 0.1}} | others
 
 
+def test_runs_of_a_seed_do_not_fall_with_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A trip is latched in its folder, so that each run has its own; a defect costs its own run."""
+    folders: list[Path] = []
+
+    def one_run(seed: int, kind: str, number: int, folder: Path, *others: Any) -> Any:
+        folders.append(folder)
+        if kind == "home":
+            raise ZeroDivisionError("a defect")
+        return folder / "run.h5", {"outcome": "analysed", "words": ""}, []
+
+    monkeypatch.setattr(coverage_study, "_one_run", one_run)
+    kinds = ("home", "warm-up", "motor-tare")
+    lines = run_seed(1, Study(population="narrow", kinds=kinds, speeds=(), commit="c0ffee"))
+    assert [line["outcome"] for line in lines] == ["crashed", "analysed", "analysed"]
+    assert "a defect" in lines[0]["words"]
+    assert len(set(folders)) == 3
+    assert table(lines) == []
+
+
 def test_the_table_counts_what_the_intervals_hold() -> None:
     # Two of the four miss by more than the interval, one of them by more than U.
     values = (10.5, 9.5, 11.5, 13.0)
