@@ -196,8 +196,8 @@ class KinematicErrorFit:
 
     estimates: transmission_accuracy, slope, ratio, and amplitude_v, phase_v of the significant
     orders. orders: all orders. metrics [SI]: mse_curve, mse_raw (equation 22) with
-    harmonics, raw_peak_to_peak, closure, residual_rms, left_over, repeatability, input_revolutions,
-    output_revolutions, samples, samples_per_revolution, condition. Arrays: input_angle (c,) over
+    harmonics, raw_peak_to_peak, closure, residual_rms, left_over, raised_by_bench, repeatability,
+    input_revolutions, output_revolutions, samples, samples_per_revolution, condition. Arrays: input_angle (c,) over
     one input revolution with measured_curve and fitted_curve; output_curve over one output
     revolution at output_curve_angle [input angle, rad]; block_angle, block_residual: mean residual
     per input revolution. delay [s]: output behind input, corrected; speed: of the input [rad/s].
@@ -406,28 +406,17 @@ def _finish(
     warnings += sentences
     near = torsion.too_near(raw, spring)
     accuracy, angle, curve = transmission_accuracy(fit, highest)
-    lines = [*encoders.of_curve(ratio)]
     raised = raised_by(angle, curve, encoders.waves(ratio))
-    if raised > 0.0:
-        lines.append(
-            BudgetLine(
-                "peak-to-peak raised by encoders and mounting, not corrected",
-                "B",
-                raised / math.sqrt(3.0),
-                "between nothing and what Monte Carlo finds for their classes",
-            )
-        )
+    accuracy = _of_gear(accuracy, encoders.of_curve(ratio), raised)
     rest = left_over(fit, highest)
     if rest > 0.0:
-        lines.append(
-            BudgetLine(
-                "residual that the fitted orders leave",
-                "B",
-                2.0 * CREST * rest / math.sqrt(3.0),
-                f"a curve of that r.m.s. above the noise reaches {CREST:g} times it, on either side",
-            )
+        line = BudgetLine(
+            "residual that the fitted orders leave",
+            "B",
+            2.0 * CREST * rest / math.sqrt(3.0),
+            f"a curve of that r.m.s. above the noise reaches {CREST:g} times it, on either side",
         )
-    accuracy = accuracy.with_budget(lines)
+        accuracy = accuracy.with_budget([line])
     orders = tuple(
         _order(fit, k, encoders, "too near the first torsional mode" if near[k] else "")
         for k in range(len(fit.basis.orders))
@@ -458,7 +447,8 @@ def _finish(
         accuracy_order=highest,
         estimates=estimates,
         orders=orders,
-        metrics=_metrics(raw.fit, measured, fitted, one.samples) | {"left_over": rest},
+        metrics=_metrics(raw.fit, measured, fitted, one.samples)
+        | {"left_over": rest, "raised_by_bench": 0.5 * raised},
         warnings=tuple(warnings),
         slips=clean.slips,
         input_angle=bins,
@@ -472,6 +462,29 @@ def _finish(
         regression=fit,
         speed=raw.speed,
         delay=delay,
+    )
+
+
+def _of_gear(accuracy: Estimate, bench: tuple[BudgetLine, ...], raised: float) -> Estimate:
+    """The gear's transmission accuracy: the peak-to-peak of what the encoders show, less what they make of it.
+
+    A slow curve of the bench under the gear's fast one adds its own peak-to-peak, whatever its
+    phase: an error with a sign. Where the class of an encoder is all that is stated the curve lies
+    between none and one as large as the class, with `raised` on average: half of that is taken off.
+    The interval of the data stays where the encoders' own peak-to-peak is.
+    """
+    if not raised > 0.0:
+        return accuracy.with_budget(bench)
+    share = 0.5 * raised
+    line = BudgetLine(
+        "peak-to-peak raised by encoders and mounting, corrected",
+        "B",
+        share / math.sqrt(3.0),
+        f"{share / ARCSEC:.2g} arcsec taken off: between nothing and twice that, by Monte Carlo of their classes",
+    )
+    note = f"{share / ARCSEC:.2g} arcsec of encoders and mounting taken off; the statistical part is with them"
+    return replace(
+        accuracy.with_budget([*bench, line]), value=max(accuracy.value - share, 0.0), note=note
     )
 
 

@@ -309,4 +309,4 @@ def test_the_mounting_and_the_classes_of_the_encoders_are_lines_of_the_budget(
         assert added == pytest.approx(once * ARCSEC / math.sqrt(2.0))
     sources = {line.source for line in found.estimates["transmission_accuracy_forward"].budget}
     assert "eccentricity of the mounting" in sources
-    assert "peak-to-peak raised by encoders and mounting, not corrected" in sources
+    assert "peak-to-peak raised by encoders and mounting, corrected" in sources

@@ -240,6 +240,34 @@ def test_noise_does_not_raise_the_transmission_accuracy() -> None:
     assert np.mean(held) >= 0.8
 
 
+def test_what_a_slow_curve_of_the_encoder_adds_to_a_peak_to_peak_is_taken_off() -> None:
+    """Under a fast error it adds its own peak-to-peak at every phase: a bias, unless it is corrected."""
+    limit = 5.0 * ARCSEC
+    waves: Waves = {1.0: 4 + 1j, 2.0: 15 - 6j, 2.0 + 1.0 / RATIO: 8j, 4.0: 5 + 0j}
+    gear = [Harmonic(v, c.real * ARCSEC, -c.imag * ARCSEC) for v, c in waves.items()]
+    truth = peak_to_peak(gear, RATIO, 200)
+    turn = np.linspace(0.0, 120.5 * REVOLUTION, 20_000)
+    errors, seen, expanded = [], [], []
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        sizes = random.random(8) * np.exp(2j * math.pi * random.random(8))
+        alone: Waves = {(k + 1) / RATIO: c for k, c in enumerate(sizes)}
+        scale = random.uniform(1.0, 2.0) * limit / np.ptp(curve(alone, turn))
+        bench: Waves = {v: scale * c for v, c in alone.items()}
+        regression = KinematicErrorAccumulator(RATIO, encoders=Encoders(output_accuracy=limit))
+        noise = 5.0 * ARCSEC * random.standard_normal(len(turn))
+        regression.add(turn, turn / RATIO + curve(waves | bench, turn) + noise)
+        accuracy = regression.fit().estimates["transmission_accuracy"]
+        series = [Harmonic(v, c.real * ARCSEC, -c.imag * ARCSEC) for v, c in bench.items()]
+        seen.append(peak_to_peak([*gear, *series], RATIO, 200) - truth)
+        errors.append(accuracy.value - truth)
+        expanded.append(accuracy.expanded_uncertainty)
+        assert accuracy.low - truth <= seen[-1] <= accuracy.high - truth
+        assert "taken off" in accuracy.note
+    assert np.mean(seen) > np.mean(expanded) / 2.0
+    assert abs(np.mean(errors)) < np.mean(expanded) / 3.0
+
+
 @pytest.mark.parametrize("order", [1.0, 12.0, 1 / 120, 8 / 120, 2 - 1 / 120, 6 + 6 / 120])
 def test_orders_and_their_names(order: float) -> None:
     assert order_of_label(lattice_label(order, RATIO), RATIO) == pytest.approx(order, abs=1e-12)
