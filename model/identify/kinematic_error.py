@@ -57,6 +57,8 @@ from model.units import ARCSEC, REVOLUTION
 
 HIGHEST_ORDER = 12
 """Input orders that are fitted unless somebody says otherwise."""
+CHUNK = 32768
+"""Samples that are taken at a time: their values stay in the processor's cache."""
 SLOWEST_SIDEBAND = 0.5
 """Order from which one belongs to an input order; below, to the output."""
 CREST = 2.5
@@ -288,12 +290,10 @@ class KinematicErrorAccumulator:
             theta_i, theta_o, *others = edges(whole)
             if not len(theta_i):
                 return
-        values = np.empty((1 + len(others), len(theta_i)))
-        np.multiply(theta_i, -1.0 / self.ratio, out=values[0])
-        values[0] += theta_o
-        for row, other in zip(values[1:], others, strict=True):
-            row[:] = other
-        self._regression.take(theta_i, values)
+        for start in range(0, len(theta_i), CHUNK):
+            part = slice(start, start + CHUNK)
+            error = theta_o[part] - theta_i[part] / self.ratio
+            self._regression.take(theta_i[part], np.array([error, *(o[part] for o in others)]))
 
     def cells(self) -> Cells:
         """The sums so far."""

@@ -89,8 +89,10 @@ def polar(
     turn = math.pi
     if size > 0.0:
         turn = min(student_quantile(freedom) * wide_tangential / size, math.pi)
-    determinant = float(np.linalg.det(whole))
-    distance = float(vector @ np.linalg.solve(whole, vector)) if determinant > 0.0 else 0.0
+    (xx, xy), (_, yy) = whole.tolist()
+    determinant = xx * yy - xy * xy
+    length = a * a * yy - 2.0 * a * b * xy + b * b * xx
+    distance = length / determinant if determinant > 0.0 else 0.0
     significant = distance > SIGNIFICANT
     verdict = "yes" if significant else "weakly"
     note = "" if significant else f"not distinguishable from zero, below {high:.3g} {unit}"

@@ -7,8 +7,10 @@ import math
 import numpy as np
 from numba import njit
 
-LANES = 4
-"""Columns of a cell before its values: number of samples, sums of their offsets from its centre, squares and cubes."""
+LANES = 5
+"""Columns of a cell before its values: number of samples, sums of their offsets from its centre to the fourth power."""
+STRIP = 256
+"""Cells that are worked on at a time: what belongs to them stays in the processor's cache."""
 
 
 @njit(cache=True, nogil=True)
@@ -34,8 +36,10 @@ def bin_samples(angle, values, start, grid, totals, layout):
         delta = x - (cell + 0.5) * width
         grid[place, 0] += 1.0
         grid[place, 1] += delta
-        grid[place, 2] += delta * delta
-        grid[place, 3] += delta * delta * delta
+        square = delta * delta
+        grid[place, 2] += square
+        grid[place, 3] += square * delta
+        grid[place, 4] += square * square
         for j in range(m):
             y = values[j, k] - totals[j, 0]
             grid[place, LANES + j] += y
@@ -46,21 +50,138 @@ def bin_samples(angle, values, start, grid, totals, layout):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def weighted_products(design, weight, normal):
-    """normal += X W X' of a design (p, c), upper triangle: in one thread, whatever else the machine does."""
+def wave_means(angle, moments, ratio, lattice, order, out):
+    """out (2 orders, c) receives the means of cos v theta and sin v theta over the samples of each cell.
+
+    angle (c,) of their centroids; moments (3, c): second, third and fourth about it. lattice (2, orders):
+    n and m of v = n + m/ratio, whose waves are products of powers of two; n < 0: off it, evaluated directly.
+    """
+    cells, orders = angle.shape[0], order.shape[0]
+    turns, sides = 1, 1
+    for i in range(orders):
+        turns = max(turns, lattice[0, i])
+        sides = max(sides, abs(lattice[1, i]))
+    turn = np.empty((turns + 1, 2, STRIP))
+    side, wave = np.empty((sides + 1, 2, STRIP)), np.empty((2, STRIP))
+    turn[0, 0], turn[0, 1], side[0, 0], side[0, 1] = 1.0, 0.0, 1.0, 0.0
+    for start in range(0, cells, STRIP):
+        size = min(STRIP, cells - start)
+        for powers, slow in ((turn, 1.0), (side, ratio)):
+            for k in range(size):
+                powers[1, 0, k] = math.cos(angle[start + k] / slow)
+                powers[1, 1, k] = math.sin(angle[start + k] / slow)
+            for n in range(2, powers.shape[0]):
+                for k in range(size):
+                    c, s = powers[n - 1, 0, k], powers[n - 1, 1, k]
+                    powers[n, 0, k] = c * powers[1, 0, k] - s * powers[1, 1, k]
+                    powers[n, 1, k] = s * powers[1, 0, k] + c * powers[1, 1, k]
+        for i in range(orders):
+            v, n, m = order[i], lattice[0, i], abs(lattice[1, i])
+            sense = 1.0 if lattice[1, i] >= 0 else -1.0
+            second, third, fourth = v**2 / 2.0, v**3 / 6.0, v**4 / 24.0
+            if n < 0:
+                for k in range(size):
+                    wave[0, k] = math.cos(v * angle[start + k])
+                    wave[1, k] = math.sin(v * angle[start + k])
+            else:
+                p, q, x, y = turn[n, 0], turn[n, 1], side[m, 0], side[m, 1]
+                for k in range(size):
+                    wave[0, k] = p[k] * x[k] - sense * q[k] * y[k]
+                    wave[1, k] = q[k] * x[k] + sense * p[k] * y[k]
+            re, im = wave[0], wave[1]
+            cosine, sine = out[2 * i, start : start + size], out[2 * i + 1, start : start + size]
+            spread, skew, tail = moments[0, start:], moments[1, start:], moments[2, start:]
+            for k in range(size):
+                even = 1.0 - second * spread[k] + fourth * tail[k]
+                odd = third * skew[k]
+                cosine[k] = re[k] * even + im[k] * odd
+                sine[k] = im[k] * even - re[k] * odd
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def weighted_products(design, weight, first, normal):
+    """normal (p, p) += X W X' of a design (p, c): the columns from `first` on, their rows down to the diagonal.
+
+    In one thread, whatever else the machine does; eight products at a time, from the cache.
+    """
     p, c = design.shape
-    piece = 512
-    scaled = np.empty(piece)
-    for start in range(0, c, piece):
-        stop = min(start + piece, c)
+    whole, new = (p + 3) // 4 * 4, (p - first + 1) // 2 * 2
+    left, right = np.zeros((whole, STRIP)), np.zeros((new, STRIP))
+    total = np.zeros((whole, new))
+    for start in range(0, c, STRIP):
+        size = min(STRIP, c - start)
         for i in range(p):
-            for k in range(start, stop):
-                scaled[k - start] = design[i, k] * weight[k]
-            for j in range(i, p):
-                total = 0.0
-                for k in range(start, stop):
-                    total += scaled[k - start] * design[j, k]
-                normal[i, j] += total
+            for k in range(size):
+                left[i, k] = design[i, start + k]
+            left[i, size:] = 0.0
+        for j in range(p - first):
+            for k in range(size):
+                right[j, k] = left[first + j, k] * weight[start + k]
+            right[j, size:] = 0.0
+        for j in range(0, new, 2):
+            u, w = right[j], right[j + 1]
+            for i in range(0, first + j + 2, 4):
+                s0, s1, s2, s3, t0, t1, t2, t3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                a, b, d, e = left[i], left[i + 1], left[i + 2], left[i + 3]
+                for k in range(STRIP):
+                    s0 += a[k] * u[k]
+                    s1 += b[k] * u[k]
+                    s2 += d[k] * u[k]
+                    s3 += e[k] * u[k]
+                    t0 += a[k] * w[k]
+                    t1 += b[k] * w[k]
+                    t2 += d[k] * w[k]
+                    t3 += e[k] * w[k]
+                total[i, j] += s0
+                total[i + 1, j] += s1
+                total[i + 2, j] += s2
+                total[i + 3, j] += s3
+                total[i, j + 1] += t0
+                total[i + 1, j + 1] += t1
+                total[i + 2, j + 1] += t2
+                total[i + 3, j + 1] += t3
+    for j in range(first, p):
+        for i in range(j + 1):
+            normal[i, j] += total[i, j - first]
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def row_products(design, vector, out):
+    """out (p,) += X y of a design (p, c)."""
+    for i in range(design.shape[0]):
+        total = 0.0
+        for k in range(design.shape[1]):
+            total += design[i, k] * vector[k]
+        out[i] += total
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def row_combination(design, factor, out):
+    """out (c,) += X' a of a design (p, c)."""
+    p, c = design.shape
+    for start in range(0, c, STRIP):
+        part = out[start : start + STRIP]
+        for i in range(0, p - 3, 4):
+            f, g, h, m = factor[i], factor[i + 1], factor[i + 2], factor[i + 3]
+            x, y = design[i, start : start + STRIP], design[i + 1, start : start + STRIP]
+            z, w = design[i + 2, start : start + STRIP], design[i + 3, start : start + STRIP]
+            for k in range(len(part)):
+                part[k] += (f * x[k] + g * y[k]) + (h * z[k] + m * w[k])
+        for i in range(p - p % 4, p):
+            for k in range(len(part)):
+                part[k] += factor[i] * design[i, start + k]
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def stretch_products(design, weight, out):
+    """out (p, s) = sums of X w over s equal stretches of the cells."""
+    width = design.shape[1] // out.shape[1]
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            total = 0.0
+            for k in range(j * width, (j + 1) * width):
+                total += design[i, k] * weight[k]
+            out[i, j] = total
 
 
 @njit(cache=True, nogil=True)
