@@ -430,8 +430,8 @@ class AngleRegression:
                 limit="at least a tenth of an input revolution",
             )
         used = -(-(int(np.flatnonzero(self._grid[:, 0])[-1]) + 1) // CELLS) * CELLS
-        table = self._grid[:used].T
-        count = table[0].copy()
+        table = np.ascontiguousarray(self._grid[:used].T)
+        count = table[0]
         share = 1.0 / np.maximum(count, 1.0)
         offset = table[1] * share
         second, third, fourth = table[2:5] * share

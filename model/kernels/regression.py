@@ -13,7 +13,7 @@ STRIP = 256
 """Cells that are worked on at a time: what belongs to them stays in the processor's cache."""
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
 def bin_samples(angle, values, start, grid, totals, layout):
     """Add samples from `start` on to their cells of angle; returns the index of the first that found no room.
 
@@ -22,31 +22,45 @@ def bin_samples(angle, values, start, grid, totals, layout):
     radian, first cell, direction of travel, cells per turn of the output, halvings of the turns.
     """
     per_angle, first, direction, turn, halvings = layout
-    width = 1.0 / per_angle
-    room = grid.shape[0]
-    m = values.shape[0]
-    for k in range(start, angle.shape[0]):
-        x = angle[k]
-        cell = math.floor(x * per_angle)
+    width, end = 1.0 / per_angle, angle.shape[0]
+    k = start
+    while k < end:
+        # Samples that follow each other in one cell are summed before the cell is touched.
+        cell = math.floor(angle[k] * per_angle)
         place = max(int(direction * (cell - first)), 0)
         if halvings > 0:
             place = ((place // turn) >> halvings) * turn + place % turn
-        if place >= room:
+        if place >= grid.shape[0]:
             return k
-        delta = x - (cell + 0.5) * width
-        grid[place, 0] += 1.0
-        grid[place, 1] += delta
-        square = delta * delta
-        grid[place, 2] += square
-        grid[place, 3] += square * delta
-        grid[place, 4] += square * square
-        for j in range(m):
-            y = values[j, k] - totals[j, 0]
-            grid[place, LANES + j] += y
-            totals[j, 1] += y * y
-            totals[j, 2] = min(totals[j, 2], y)
-            totals[j, 3] = max(totals[j, 3], y)
-    return angle.shape[0]
+        begin, centre = k, (cell + 0.5) * width
+        one, two, three, four = 0.0, 0.0, 0.0, 0.0
+        while k < end and math.floor(angle[k] * per_angle) == cell:
+            delta = angle[k] - centre
+            square = delta * delta
+            one += delta
+            two += square
+            three += square * delta
+            four += square * square
+            k += 1
+        lanes = grid[place]
+        lanes[0] += k - begin
+        lanes[1] += one
+        lanes[2] += two
+        lanes[3] += three
+        lanes[4] += four
+        for j in range(values.shape[0]):
+            reference, squares = totals[j, 0], 0.0
+            total, lowest, highest = 0.0, totals[j, 2], totals[j, 3]
+            for i in range(begin, k):
+                y = values[j, i] - reference
+                total += y
+                squares += y * y
+                lowest = min(lowest, y)
+                highest = max(highest, y)
+            lanes[LANES + j] += total
+            totals[j, 1] += squares
+            totals[j, 2], totals[j, 3] = lowest, highest
+    return end
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
