@@ -24,7 +24,7 @@ from model.identify import polar
 from model.identify.angle_regression import AngleFit, Basis
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Estimate
-from model.identify.kinematic_error import KinematicErrorFit, doubts, with_bench
+from model.identify.kinematic_error import KinematicErrorFit, doubts, expected_labels, with_bench
 from model.identify.least_squares import student_quantile
 from model.identify.transmission import curve_over_output
 from model.units import DEGREE
@@ -91,9 +91,11 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     } | {
         "lost_motion": _lost_motion(forward, reverse),
     }
+    expected = expected_labels(forward.ratio)
     for k, label in enumerate(basis.labels):
-        if forward.orders[k].significant or reverse.orders[k].significant:
-            at = 2 + 2 * k
+        seen = forward.orders[k].significant or reverse.orders[k].significant
+        at = 2 + 2 * k
+        if seen or (label in expected and ahead.used[at] and back.used[at]):
             found = polar.polar(
                 label,
                 mean[at : at + 2],
@@ -107,7 +109,9 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
             if forward.orders[k].amplitude.identifiable == "no":
                 refusal = {"identifiable": "no", "note": forward.orders[k].amplitude.note}
                 amplitude, phase = replace(amplitude, **refusal), replace(phase, **refusal)
-            estimates[f"amplitude_{label}"], estimates[f"phase_{label}"] = amplitude, phase
+            estimates[f"amplitude_{label}"] = amplitude
+            if seen:
+                estimates[f"phase_{label}"] = phase
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     curves = [_whole_orders(basis, values, angle) for values in (ahead.values, back.values)]
     warnings = [f"forward: {w}" for w in forward.warnings] + [

@@ -59,6 +59,8 @@ HIGHEST_ORDER = 12
 """Input orders that are fitted unless somebody says otherwise."""
 CHUNK = 32768
 """Samples that are taken at a time: their values stay in the processor's cache."""
+EXPECTED_ORDER = 6
+"""Highest input order that a gear is expected to have."""
 SLOWEST_SIDEBAND = 0.5
 """Order from which one belongs to an input order; below, to the output."""
 CREST = 2.5
@@ -177,7 +179,7 @@ def _share(what: str, half_width: float, order: float, orders: tuple[int, ...]) 
 class OrderEstimate:
     """One order of the kinematic error: a cos + b sin = amplitude cos(v theta - phase), with 95 % intervals.
 
-    `significant`: the amplitude is larger than the noise explains (99 % level). `bench`: what encoders
+    `significant`: the amplitude is larger than the noise explains (99.99 % level). `bench`: what encoders
     and mounting may add, `bound`: what they can add at most [rad].
     """
 
@@ -196,10 +198,11 @@ class OrderEstimate:
 class KinematicErrorFit:
     """The kinematic error of one direction, fitted, with what is needed to judge and to plot it.
 
-    estimates: transmission_accuracy, slope, ratio, and amplitude_v, phase_v of the significant
-    orders. orders: all orders. metrics [SI]: mse_curve, mse_raw (equation 22) with
-    harmonics, raw_peak_to_peak, closure, residual_rms, left_over, raised_by_bench, repeatability,
-    input_revolutions, output_revolutions, samples, samples_per_revolution, condition. Arrays: input_angle (c,) over
+    estimates: transmission_accuracy, slope, ratio, amplitude_v of the expected and the significant
+    orders, phase_v of the significant ones. orders: all orders. metrics [SI]: mse_curve, mse_raw
+    (equation 22) with harmonics, raw_peak_to_peak, closure, residual_rms, left_over,
+    raised_by_bench, repeatability, input_revolutions, output_revolutions, samples,
+    samples_per_revolution, condition. Arrays: input_angle (c,) over
     one input revolution with measured_curve and fitted_curve; output_curve over one output
     revolution at output_curve_angle [input angle, rad]; block_angle, block_residual: mean residual
     per input revolution. delay [s]: output behind input, corrected; speed: of the input [rad/s].
@@ -431,12 +434,12 @@ def _finish(
     if reason:
         accuracy = replace(accuracy, identifiable="no", note=reason)
     estimates = {"transmission_accuracy": accuracy, **estimates}
-    for order in orders:
+    expected = expected_labels(ratio)
+    for order, used in zip(orders, fit.used[2::2], strict=True):
+        if order.significant or (used and order.label in expected):
+            estimates[f"amplitude_{order.label}"] = order.amplitude
         if order.significant:
-            estimates[f"amplitude_{order.label}"], estimates[f"phase_{order.label}"] = (
-                order.amplitude,
-                order.phase,
-            )
+            estimates[f"phase_{order.label}"] = order.phase
     bins, measured, fitted = measured_curve(raw.fit)
     if not one.edge_triggered:
         per_turn = one.samples / max(cells.revolutions, 1e-9)
@@ -463,6 +466,11 @@ def _finish(
         speed=raw.speed,
         delay=delay,
     )
+
+
+def expected_labels(ratio: float) -> tuple[str, ...]:
+    """The orders of which every result speaks: one that is not there is "below X", which is an answer."""
+    return standard_basis(ratio, EXPECTED_ORDER).labels
 
 
 def _of_gear(accuracy: Estimate, bench: tuple[BudgetLine, ...], raised: float) -> Estimate:

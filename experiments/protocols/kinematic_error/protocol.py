@@ -636,6 +636,7 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
             not name.startswith("amplitude_")
             or amplitude.identifiable == "no"
             or not amplitude.low > 0.0
+            or name.replace("amplitude_", "phase_") not in result.estimates
         ):
             # What is above the noise belongs to gear and encoders together; it is kept, with the doubt who made it.
             continue

@@ -208,8 +208,13 @@ def test_phase_and_amplitude_describe_the_same_order(forward) -> None:
 
 
 def test_an_order_that_is_not_there_is_not_significant(forward) -> None:
-    assert not forward.order(7.0).significant
+    for order, label in ((5.0, "5"), (7.0, "7")):
+        assert not forward.order(order).significant
+        assert f"phase_{label}" not in forward.estimates
     assert "amplitude_7" not in forward.estimates
+    expected = forward.estimates["amplitude_5"]
+    assert expected.identifiable == "weakly"
+    assert "not distinguishable from zero, below" in expected.note
 
 
 @pytest.mark.parametrize(
