@@ -30,6 +30,8 @@ from model.identify.transmission import curve_over_output
 from model.units import DEGREE
 
 PhaseVerdict = Literal["in phase", "not in phase", "cannot tell"]
+ALIKE = 0.5
+"""Half difference of the directions over their mean up to which an order that nobody expects is the gear's."""
 IN_PHASE = 30.0 * DEGREE
 """Largest phase difference [rad] at which two extremes are still called the same place."""
 
@@ -93,8 +95,11 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     }
     expected = expected_labels(forward.ratio)
     for k, label in enumerate(basis.labels):
-        seen = forward.orders[k].significant or reverse.orders[k].significant
         at = 2 + 2 * k
+        # What is a function of the input angle alone is in both directions alike; folded rounding is not.
+        alike = np.hypot(*half[at : at + 2]) < ALIKE * np.hypot(*mean[at : at + 2])
+        seen = forward.orders[k].significant or reverse.orders[k].significant
+        seen &= bool(alike) or label in expected
         if seen or (label in expected and ahead.used[at] and back.used[at]):
             found = polar.polar(
                 label,

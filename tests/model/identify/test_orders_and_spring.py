@@ -96,6 +96,19 @@ def test_sidebands_of_any_order_are_found_and_fitted() -> None:
     assert len(extra) <= 2
 
 
+def test_a_line_that_the_directions_do_not_share_is_not_the_gears() -> None:
+    """Folded rounding stands anywhere, with another phase in each direction; the gear's sideband does not."""
+    line, own = 5.0 - 5.0 / RATIO, 4.0 - 3.0 / RATIO
+    ahead = traverse(SIDEBANDS | {line: 2.0 + 0j})
+    back = traverse(SIDEBANDS | {line: -0.5 + 1.5j}, direction=-1.0, seed=2)
+    forward, reverse = fit_traverses([ahead, back])
+    both = combine(forward, reverse)
+    assert forward.order(line).significant
+    assert reverse.order(line).significant
+    assert f"amplitude_{lattice_label(line, RATIO)}" not in both.estimates
+    assert both.estimates[f"amplitude_{lattice_label(own, RATIO)}"].identifiable == "yes"
+
+
 def test_what_the_orders_leave_stands_in_u() -> None:
     """A basis that lacks the sidebands leaves nine arcseconds of them."""
     source = traverse(SIDEBANDS)
