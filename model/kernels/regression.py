@@ -127,7 +127,6 @@ def weighted_products(design, weight, first, normal):
         for i in range(p):
             for k in range(size):
                 left[i, k] = design[i, start + k]
-            left[i, size:] = 0.0
         for j in range(p - first):
             for k in range(size):
                 right[j, k] = left[first + j, k] * weight[start + k]
