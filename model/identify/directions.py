@@ -96,10 +96,7 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     expected = expected_labels(forward.ratio)
     for k, label in enumerate(basis.labels):
         at = 2 + 2 * k
-        # What is a function of the input angle alone is in both directions alike; folded rounding is not.
-        alike = np.hypot(*half[at : at + 2]) < ALIKE * np.hypot(*mean[at : at + 2])
         seen = forward.orders[k].significant or reverse.orders[k].significant
-        seen &= bool(alike) or label in expected
         if seen or (label in expected and ahead.used[at] and back.used[at]):
             found = polar.polar(
                 label,
@@ -109,6 +106,10 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
                 "rad",
                 doubts(doubt, at),
             )
+            # What is a function of the input angle alone is in both directions alike; folded rounding is not.
+            alike = np.hypot(*half[at : at + 2]) < ALIKE * np.hypot(*mean[at : at + 2])
+            if label not in expected and not (alike and found.significant):
+                continue
             # What the bench puts on an order is the same in both directions: the mean does not lessen it.
             amplitude, phase = with_bench(found, forward.orders[k].bench, forward.orders[k].bound)
             if forward.orders[k].amplitude.identifiable == "no":
