@@ -595,9 +595,16 @@ def solve_angle(
     normal = cells.regressors.normal(basis, used[2::2])
     right = cells.regressors.products(basis, used[2::2], cells.count * mean)
     scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
-    eigen, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
-    condition = math.sqrt(float(eigen[-1] / max(eigen[0], np.finfo(float).tiny)))
-    if eigen[0] <= 0.0 or condition**2 > CONDITION_LIMIT:
+    # Compiled here: a library's threads wait for each other beside other work, at every small matrix.
+    root = kernels.square_root(normal / np.outer(scale, scale))
+    inverse, condition = np.zeros_like(normal), math.inf
+    if np.diag(root).min() > 0.0:
+        inverse = kernels.inverse_of(root)
+        squared = kernels.largest_eigenvalue(inverse) * kernels.largest_eigenvalue(
+            kernels.times_transposed(root, root)
+        )
+        condition = math.sqrt(squared)
+    if condition**2 > CONDITION_LIMIT:
         raise IdentificationError(
             "the samples cannot separate the orders of this basis",
             where="basis",
@@ -606,15 +613,15 @@ def solve_angle(
             remedy="Record whole revolutions at a speed that is incommensurate with the "
             "sampling, or ask for fewer orders.",
         )
-    inverse = (vectors / eigen) @ vectors.T / np.outer(scale, scale)
-    solution = inverse @ right
+    inverse = inverse / np.outer(scale, scale)
+    solution = (inverse * right).sum(axis=1)
     p = basis.parameters
     values = np.zeros(p)
     values[used] = solution
     fitted = values[0] + values[1] * cells.trend + cells.series(basis, values)
     residual = np.where(cells.count > 0.0, mean - fitted, 0.0)
-    within = max(float(cells.square[value] - cells.count @ mean**2), 0.0)
-    left = float(cells.count @ residual**2) + within
+    within = max(float(cells.square[value] - (cells.count * mean**2).sum()), 0.0)
+    left = float((cells.count * residual**2).sum()) + within
     variance = left / max(cells.samples - len(solution), 1)
     if cells.revolutions >= LEAST_TURNS:
         orders = np.array(basis.orders)[used[2::2]]

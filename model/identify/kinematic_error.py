@@ -498,7 +498,7 @@ def _of_gear(accuracy: Estimate, bench: tuple[BudgetLine, ...], raised: float) -
 
 def _metrics(fit: AngleFit, measured: Array, fitted: Array, samples: int) -> dict[str, float]:
     cells = fit.cells
-    mean = float(cells.count @ cells.mean[0]) / cells.samples
+    mean = float((cells.count * cells.mean[0]).sum()) / cells.samples
     raw_variance = float(cells.square[0]) / cells.samples - mean**2
     varies = float(np.var(measured)) > 0.0
     return {

@@ -62,11 +62,14 @@ def transmission_accuracy(fit: AngleFit, highest_order: float) -> tuple[Estimate
     places = [_extremes(sign * curve, reach) for sign in (1.0, -1.0)]
     columns = [_waves(orders, angle[at]) * use for at in places]
     random = np.random.default_rng(1)
-    scale, vectors = np.linalg.eigh(spread)
-    shape = vectors * np.sqrt(np.maximum(scale, 0.0))
+    shape = kernels.square_root(spread)
     draws = random.standard_normal((DRAWS, len(shape)))
     draws *= np.sqrt(freedom / random.chisquare(freedom, DRAWS))[:, None]
-    noise = [draws @ (waves @ shape).T for waves in columns]
+    shaped = np.ascontiguousarray(shape.T)
+    noise = [
+        kernels.times_transposed(draws, kernels.times_transposed(waves, shaped))
+        for waves in columns
+    ]
     data = _peak_to_peak(curve, places, noise)
     whole = data
     lines = [
@@ -129,7 +132,9 @@ def raised_by(angle: Array, curve: Array, waves: Mapping[float, float]) -> float
     places = [_extremes(sign * curve) for sign in (1.0, -1.0)]
     columns = [_waves(np.array(list(waves)), angle[at]) for at in places]
     draws = np.random.default_rng(2).standard_normal((DRAWS // 4, len(sizes))) * sizes
-    raised = _peak_to_peak(curve, places, [draws @ waves.T for waves in columns])
+    raised = _peak_to_peak(
+        curve, places, [kernels.times_transposed(draws, waves) for waves in columns]
+    )
     return float(raised.mean() - np.ptp(curve))
 
 

@@ -197,6 +197,96 @@ def stretch_products(design, weight, out):
             out[i, j] = total
 
 
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def times_transposed(left, right):
+    """A B' of matrices (m, p) and (n, p), in one thread."""
+    out = np.empty((left.shape[0], right.shape[0]))
+    for i in range(left.shape[0]):
+        row, n = left[i], right.shape[0]
+        for j in range(0, n - 3, 4):
+            a, b, c, d = right[j], right[j + 1], right[j + 2], right[j + 3]
+            s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+            for k in range(len(row)):
+                s0 += row[k] * a[k]
+                s1 += row[k] * b[k]
+                s2 += row[k] * c[k]
+                s3 += row[k] * d[k]
+            out[i, j], out[i, j + 1], out[i, j + 2], out[i, j + 3] = s0, s1, s2, s3
+        for j in range(n - n % 4, n):
+            other, total = right[j], 0.0
+            for k in range(len(row)):
+                total += row[k] * other[k]
+            out[i, j] = total
+    return out
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def square_root(matrix):
+    """Lower L with L L' = A for a symmetric A that is positive or has nothing in some rows; those stay zero."""
+    p = matrix.shape[0]
+    lower = np.zeros((p, p))
+    for i in range(p):
+        mine = lower[i]
+        for j in range(i + 1):
+            other, total = lower[j], matrix[i, j]
+            for k in range(j):
+                total -= mine[k] * other[k]
+            if i == j:
+                mine[i] = math.sqrt(total) if total > 1e-14 * matrix[i, i] else 0.0
+            elif other[j] > 0.0:
+                mine[j] = total / other[j]
+    return lower
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def inverse_of(lower):
+    """(L L')^-1 of a lower L without zeros on its diagonal."""
+    p = lower.shape[0]
+    solved, out = np.zeros((p, p)), np.zeros((p, p))
+    for i in range(p):
+        mine = solved[i]
+        mine[i] = 1.0
+        for k in range(i):
+            above, factor = solved[k], lower[i, k]
+            for j in range(k + 1):
+                mine[j] -= factor * above[j]
+        for j in range(i + 1):
+            mine[j] /= lower[i, i]
+    for k in range(p):
+        row = solved[k]
+        for i in range(k + 1):
+            target, factor = out[i], row[i]
+            for j in range(k + 1):
+                target[j] += factor * row[j]
+    return out
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+def largest_eigenvalue(matrix):
+    """Of a symmetric positive matrix, by sixty rounds of the power method: from below, to a few per cent."""
+    p = matrix.shape[0]
+    vector, image = np.empty(p), np.empty(p)
+    for i in range(p):
+        vector[i] = 1.0 + 0.5 * math.sin(3.7 * i + 1.0)
+    size = 0.0
+    for _ in range(60):
+        square = 0.0
+        for i in range(p):
+            square += vector[i] * vector[i]
+        for i in range(p):
+            row, total = matrix[i], 0.0
+            for k in range(p):
+                total += row[k] * vector[k]
+            image[i] = total
+        size = 0.0
+        for i in range(p):
+            size += image[i] * image[i]
+        size = math.sqrt(size / square)
+        for i in range(p):
+            vector[i] = image[i] / size
+    return size
+
+
 @njit(cache=True, nogil=True)
 def series_on_grid(angle, order, cosine, sine):
     """sum of a cos(n theta) + b sin(n theta) at each angle."""

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from model.errors import IdentificationError
 from model.identify import angle_regression
 from model.identify.angle_regression import CELLS, AngleRegression, Basis, Cells, solve_angle
+from model.kernels import regression as kernels
 from model.kinematic_error import design_matrix
 from model.units import REVOLUTION
 
@@ -89,3 +91,33 @@ def test_samples_on_one_side_of_their_cells_lose_little(direction: float) -> Non
     regression.add(angle, np.cos(2.0 * angle) + 0.5 * np.sin(12.0 * angle))
     fit, _ = solve_angle(regression.cells(), basis)
     np.testing.assert_allclose(fit.values[2:], [1.0, 0.0, 0.0, 0.5], atol=2e-6)
+
+
+def test_compiled_algebra_is_that_of_the_library() -> None:
+    random = np.random.default_rng(3)
+    basis = random.standard_normal((41, 37))
+    matrix = basis.T @ basis + 0.1 * np.eye(37)
+    other = random.standard_normal((6, 37))
+    np.testing.assert_allclose(kernels.times_transposed(other, basis), other @ basis.T, atol=1e-12)
+    root = kernels.square_root(matrix)
+    np.testing.assert_allclose(root @ root.T, matrix, atol=1e-11)
+    np.testing.assert_allclose(kernels.inverse_of(root) @ matrix, np.eye(37), atol=1e-9)
+    largest = np.linalg.eigvalsh(matrix)[-1]
+    assert kernels.largest_eigenvalue(matrix) == pytest.approx(largest, rel=0.02)
+
+
+def test_a_matrix_with_empty_rows_has_a_root_with_empty_rows() -> None:
+    matrix = np.diag([4.0, 0.0, 9.0])
+    matrix[0, 2] = matrix[2, 0] = 1.0
+    root = kernels.square_root(matrix)
+    np.testing.assert_allclose(root @ root.T, matrix, atol=1e-12)
+    assert not root[1].any()
+
+
+def test_orders_that_the_samples_cannot_separate_are_refused() -> None:
+    regression = AngleRegression(RATIO)
+    angle = np.arange(0.0, 51.0, 1.0 / 24.0) * REVOLUTION + 1e-3
+    regression.add(angle, np.cos(angle))
+    twins = Basis(RATIO, (2.0, 2.0 + 1e-8))
+    with pytest.raises(IdentificationError, match="cannot separate"):
+        solve_angle(regression.cells(), twins)
