@@ -112,12 +112,16 @@ def test_a_matrix_with_empty_rows_has_a_root_with_empty_rows() -> None:
     root = kernels.square_root(matrix)
     np.testing.assert_allclose(root @ root.T, matrix, atol=1e-12)
     assert not root[1].any()
+    line = np.random.default_rng(4).standard_normal(20)
+    root = kernels.square_root(np.outer(line, line))
+    np.testing.assert_allclose(root @ root.T, np.outer(line, line), atol=1e-12)
 
 
 def test_orders_that_the_samples_cannot_separate_are_refused() -> None:
     regression = AngleRegression(RATIO)
     angle = np.arange(0.0, 51.0, 1.0 / 24.0) * REVOLUTION + 1e-3
     regression.add(angle, np.cos(angle))
-    twins = Basis(RATIO, (2.0, 2.0 + 1e-8))
-    with pytest.raises(IdentificationError, match="cannot separate"):
-        solve_angle(regression.cells(), twins)
+    for apart in (1e-8, 3e-8):
+        twins = Basis(RATIO, (2.0, 2.0 + apart))
+        with pytest.raises(IdentificationError, match="cannot separate"):
+            solve_angle(regression.cells(), twins)
