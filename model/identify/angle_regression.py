@@ -5,7 +5,7 @@
 A stream of samples is summed into narrow cells of angle (`AngleRegression`, one pass, constant
 memory); which orders are fitted is decided afterwards (`solve_angle` on the `Cells`), so that the
 basis can follow the data. The mean of a regressor over the samples of a cell is taken about their
-centroid to third order: exact to 1e-4 of an amplitude at order 12, to 1e-6 at order 4.
+centroid to fourth order: exact to 1e-6 of an amplitude at order 12, to 1e-9 at order 4.
 
 Intervals come from the residual itself: its spectrum beside an order is the noise at that order.
 Encoders that count lay their rounding on lines, not evenly, so that a mean over a wide band would
@@ -34,6 +34,8 @@ MAXIMUM_TURNS = 1024
 """Input revolutions that are kept apart; beyond, whole output revolutions are laid on each other."""
 PIECE = 256 * CELLS
 """Cells whose regressors are held in memory at a time."""
+ROOM = 256
+"""Regressors for which there is room at first."""
 LATTICE_TOLERANCE = 1e-6
 WHOLE_TURN = 0.98
 """Output revolutions from which output orders and slope can be told apart."""
@@ -117,8 +119,8 @@ def standard_basis(ratio: float, highest: int = 12) -> Basis:
 class Cells:
     """What a stream of samples leaves behind: sums over cells of angle along the way, and totals.
 
-    count (c,) samples of each cell; offset, spread, skew (c,): mean offset from the cell's centre,
-    its variance and third central moment [rad, rad2, rad3]; mean (m, c) of the values. Cell k is
+    count (c,) samples of each cell; offset (c,): mean offset from the cell's centre [rad]; moments
+    (3, c): second to fourth central moment [rad2, rad3, rad4]; mean (m, c) of the values. Cell k is
     the k-th along the way, `CELLS` to an input revolution. reference, square, lowest, highest (m,):
     of the values.
     """
@@ -126,8 +128,7 @@ class Cells:
     ratio: float
     count: Array
     offset: Array
-    spread: Array
-    skew: Array
+    moments: Array
     mean: Array
     reference: Array
     square: Array
@@ -201,71 +202,16 @@ class Cells:
         """The cells in pieces of whole revolutions whose regressors fit into memory."""
         return [slice(k, min(k + PIECE, len(self.count))) for k in range(0, len(self.count), PIECE)]
 
-    def columns(self, basis: Basis, chosen: np.ndarray, piece: slice = slice(None)) -> Array:
-        """The regressors' means over the samples of each cell, (2 + 2 chosen orders, cells of the piece)."""
-        orders = np.array(basis.orders)
-        n, m = basis.decomposed()
-        wanted = [k for k in np.flatnonzero(chosen)]
-        angle = self.angle[piece]
-        out = np.empty((2 + 2 * len(wanted), len(angle)))
-        out[0], out[1] = 1.0, self.trend[piece]
-        held = self._held if len(self.pieces) == 1 else {}
-        name = (basis.orders, chosen.tobytes())
-        if held and name in self._design:
-            return self._design[name]
-        missing = [k for k in wanted if orders[k] not in held]
-        turning: list[np.ndarray] = []
-        output: list[np.ndarray] = []
-        if missing:
-            turning = _powers(angle, int(np.max(n[missing], initial=0)))
-            output = _powers(angle / self.ratio, int(np.max(np.abs(m[missing]), initial=0)))
-        for row, at in enumerate(wanted, 1):
-            pair = out[2 * row : 2 * row + 2]
-            if orders[at] in held:
-                pair[:] = held[orders[at]]
-                continue
-            if n[at] < 0:
-                wave = np.exp(1j * orders[at] * angle)
-            else:
-                side = output[abs(m[at])] if m[at] >= 0 else output[abs(m[at])].conj()
-                wave = turning[n[at]] * side
-            shrink = 1.0 - (0.5 * orders[at] ** 2) * self.spread[piece]
-            turn = (orders[at] ** 3 / 6.0) * self.skew[piece]
-            pair[0] = wave.real * shrink + wave.imag * turn
-            pair[1] = wave.imag * shrink - wave.real * turn
-            if len(self.pieces) == 1:
-                held[orders[at]] = pair.copy()
-        self._design.clear()
-        self._design[name] = out
-        return out
-
     @cached_property
-    def _design(self) -> dict[tuple[tuple[float, ...], bytes], Array]:
-        """The last regressors that were asked for."""
-        return {}
-
-    @cached_property
-    def _held(self) -> dict[float, Array]:
-        """Regressors that were computed before, by order."""
-        return {}
+    def regressors(self) -> Regressors:
+        """The regressors that were asked for so far, and their products."""
+        return Regressors(self)
 
     def series(self, basis: Basis, values: Array) -> Array:
         """The orders of `values` (p,) over the cells without constant and trend, (c,)."""
         chosen = np.any(values[2:].reshape(-1, 2) != 0.0, axis=1)
         some = np.concatenate([[0.0, 0.0], values[2:][np.repeat(chosen, 2)]])
-        return np.concatenate([some @ self.columns(basis, chosen, k) for k in self.pieces])
-
-    def normal_equations(
-        self, basis: Basis, chosen: np.ndarray, weight: Array, value: Array
-    ) -> tuple[Array, Array]:
-        """X' W X and X' W y of the chosen orders."""
-        parameters = 2 + 2 * int(chosen.sum())
-        normal, right = np.zeros((parameters, parameters)), np.zeros(parameters)
-        for piece in self.pieces:
-            design = self.columns(basis, chosen, piece)
-            right += design @ (weight[piece] * value[piece])
-            kernels.weighted_products(design, weight[piece], normal)
-        return np.triu(normal) + np.triu(normal, 1).T, right
+        return self.regressors.combination(basis, chosen, some)
 
     def per_place(self, *curves: Array, weight: Array | None = None) -> tuple[np.ndarray, Array]:
         """Which cells of the input revolution hold samples, (CELLS,) mask, and the curves' means there."""
@@ -276,13 +222,119 @@ class Cells:
         return filled, np.array(means)
 
 
-def _powers(angle: Array, highest: int) -> list[np.ndarray]:
-    """exp(i n angle) for n = 0..highest."""
-    first = np.exp(1j * angle)
-    powers = [np.ones(len(angle), dtype=np.complex128)]
-    for _ in range(highest):
-        powers.append(powers[-1] * first)
-    return powers
+class Regressors:
+    """The means of regressors over the samples of each cell, by order, and their products.
+
+    Both grow with the orders that are asked for: a basis that follows the data pays only for what is
+    new. The regressors stay in memory where they fit (`PIECE`); else they are made anew for each piece.
+    """
+
+    def __init__(self, cells: Cells) -> None:
+        # The cells hold these: a reference back would keep both until the collector comes.
+        self._ratio, self._pieces = cells.ratio, cells.pieces
+        self._angle, self._trend, self._moments = cells.angle, cells.trend, cells.moments
+        self._count = cells.count
+        self._orders: list[float] = []
+        self._lattice = np.empty((2, 0), dtype=np.int64)
+        self._table = np.empty((ROOM if len(self._pieces) == 1 else 0, len(self._count)))
+        self._filled = 0
+        self._normal = np.empty((0, 0))
+
+    def normal(self, basis: Basis, chosen: np.ndarray, weight: Array | None = None) -> Array:
+        """X' W X of the chosen orders with constant and trend; the weight is the cells' count unless given."""
+        places = self._places(basis, chosen)
+        if weight is not None:
+            normal = self._products(0, weight)
+            return normal[np.ix_(places, places)]
+        first = len(self._normal)
+        if len(places) and first < self._parameters:
+            normal = self._products(first, self._count)
+            normal[:first, :first] = self._normal
+            self._normal = normal
+        return self._normal[np.ix_(places, places)]
+
+    def products(self, basis: Basis, chosen: np.ndarray, weighted: Array) -> Array:
+        """X' y of the chosen orders, (p,)."""
+        places = self._places(basis, chosen)
+        out = np.zeros(self._parameters)
+        for piece in self._pieces:
+            kernels.row_products(self._design(piece), weighted[piece], out)
+        return out[places]
+
+    def combination(self, basis: Basis, chosen: np.ndarray, values: Array) -> Array:
+        """X a of the chosen orders, over the cells (c,)."""
+        places = self._places(basis, chosen)
+        factor, out = np.zeros(self._parameters), np.zeros(len(self._count))
+        factor[places] = values
+        for piece in self._pieces:
+            kernels.row_combination(self._design(piece), factor, out[piece])
+        return out
+
+    def row_sums(self, basis: Basis, chosen: np.ndarray) -> Array:
+        """Sums of count times regressor over each input revolution, (p, rows)."""
+        places = self._places(basis, chosen)
+        rows: list[Array] = []
+        for piece in self._pieces:
+            design = self._design(piece)
+            sums = np.empty((len(design), design.shape[1] // CELLS))
+            kernels.stretch_products(design, self._count[piece], sums)
+            rows.append(sums[places])
+        return np.hstack(rows)
+
+    @property
+    def _parameters(self) -> int:
+        return 2 + 2 * len(self._orders)
+
+    def _places(self, basis: Basis, chosen: np.ndarray) -> np.ndarray:
+        """Where constant, trend and the chosen orders stand; orders that are new are added."""
+        wanted = np.flatnonzero(chosen)
+        place = {order: k for k, order in enumerate(self._orders)}
+        new = [int(k) for k in wanted if basis.orders[k] not in place]
+        if new:
+            lattice = np.array(basis.decomposed())[:, new]
+            self._lattice = np.concatenate([self._lattice, lattice], axis=1)
+            place |= {basis.orders[k]: len(place) + j for j, k in enumerate(new)}
+            self._orders = list(place)
+        at = 2 + 2 * np.array([place[basis.orders[k]] for k in wanted], dtype=np.int64)
+        return np.concatenate([[0, 1], np.stack([at, at + 1], axis=1).ravel()])
+
+    def _products(self, first: int, weight: Array) -> Array:
+        """X' W X of all that is held, zero where both are below `first`."""
+        normal = np.zeros((self._parameters, self._parameters))
+        for piece in self._pieces:
+            kernels.weighted_products(self._design(piece), weight[piece], first, normal)
+        return np.triu(normal) + np.triu(normal, 1).T
+
+    def _design(self, piece: slice) -> Array:
+        """The regressors over the cells of a piece, (parameters, cells)."""
+        size = self._parameters
+        if len(self._pieces) > 1:
+            design = np.empty((size, piece.stop - piece.start))
+            self._fill(design, 0, piece)
+            return design
+        if size > len(self._table):
+            grown = np.empty((2 * size, len(self._count)))
+            grown[: self._filled] = self._table[: self._filled]
+            self._table = grown
+        if size > self._filled:
+            self._fill(self._table[:size], self._filled, piece)
+            self._filled = size
+        return self._table[:size]
+
+    def _fill(self, design: Array, first: int, piece: slice) -> None:
+        """Rows from `first` on."""
+        if first == 0:
+            design[0], design[1] = 1.0, self._trend[piece]
+            first = 2
+        new = slice((first - 2) // 2, None)
+        kernels.wave_means(
+            self._angle[piece],
+            np.ascontiguousarray(self._moments[:, piece]),
+            self._ratio,
+            np.ascontiguousarray(self._lattice[:, new]),
+            np.array(self._orders[new], dtype=np.float64),
+            design[first:],
+        )
 
 
 class AngleRegression:
@@ -341,8 +393,9 @@ class AngleRegression:
         travel = float(angle[-1]) - float(self._pending[0][0][0])
         if abs(travel) < 0.2 * math.pi:
             return angle[:0], values[:, :0]
-        angle = np.concatenate([part[0] for part in self._pending])
-        values = np.concatenate([part[1] for part in self._pending], axis=1)
+        if len(self._pending) > 1:
+            angle = np.concatenate([part[0] for part in self._pending])
+            values = np.concatenate([part[1] for part in self._pending], axis=1)
         self._pending = []
         self._first, self._direction = float(angle[0]), math.copysign(1.0, travel)
         self._totals[:, 0] = values[:, 0]
@@ -377,16 +430,22 @@ class AngleRegression:
                 limit="at least a tenth of an input revolution",
             )
         used = -(-(int(np.flatnonzero(self._grid[:, 0])[-1]) + 1) // CELLS) * CELLS
-        table = self._grid[:used].T
-        count = table[0].copy()
+        table = np.ascontiguousarray(self._grid[:used].T)
+        count = table[0]
         share = 1.0 / np.maximum(count, 1.0)
         offset = table[1] * share
+        second, third, fourth = table[2:5] * share
         return Cells(
             ratio=self.ratio,
             count=count,
             offset=offset,
-            spread=np.maximum(table[2] * share - offset**2, 0.0),
-            skew=(table[3] - 3.0 * offset * table[2]) * share + 2.0 * offset**3,
+            moments=np.array(
+                [
+                    np.maximum(second - offset**2, 0.0),
+                    third - 3.0 * offset * second + 2.0 * offset**3,
+                    fourth - 4.0 * offset * third + 6.0 * offset**2 * second - 3.0 * offset**4,
+                ]
+            ),
             mean=table[kernels.LANES :] * share,
             reference=self._totals[:, 0].copy(),
             square=self._totals[:, 1].copy(),
@@ -533,11 +592,19 @@ def solve_angle(
     if columns is not None:
         used &= columns
     mean = cells.mean[value]
-    normal, right = cells.normal_equations(basis, used[2::2], cells.count, mean)
+    normal = cells.regressors.normal(basis, used[2::2])
+    right = cells.regressors.products(basis, used[2::2], cells.count * mean)
     scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
-    eigen, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
-    condition = math.sqrt(float(eigen[-1] / max(eigen[0], np.finfo(float).tiny)))
-    if eigen[0] <= 0.0 or condition**2 > CONDITION_LIMIT:
+    # Compiled here: a library's threads wait for each other beside other work, at every small matrix.
+    root = kernels.square_root(normal / np.outer(scale, scale))
+    inverse, condition = np.zeros_like(normal), math.inf
+    if np.diag(root).min() > 0.0:
+        inverse = kernels.inverse_of(root)
+        squared = kernels.largest_eigenvalue(inverse) * kernels.largest_eigenvalue(
+            kernels.times_transposed(root, root)
+        )
+        condition = math.sqrt(squared)
+    if condition**2 > CONDITION_LIMIT:
         raise IdentificationError(
             "the samples cannot separate the orders of this basis",
             where="basis",
@@ -546,15 +613,15 @@ def solve_angle(
             remedy="Record whole revolutions at a speed that is incommensurate with the "
             "sampling, or ask for fewer orders.",
         )
-    inverse = (vectors / eigen) @ vectors.T / np.outer(scale, scale)
-    solution = inverse @ right
+    inverse = inverse / np.outer(scale, scale)
+    solution = (inverse * right).sum(axis=1)
     p = basis.parameters
     values = np.zeros(p)
     values[used] = solution
     fitted = values[0] + values[1] * cells.trend + cells.series(basis, values)
     residual = np.where(cells.count > 0.0, mean - fitted, 0.0)
-    within = max(float(cells.square[value] - cells.count @ mean**2), 0.0)
-    left = float(cells.count @ residual**2) + within
+    within = max(float(cells.square[value] - (cells.count * mean**2).sum()), 0.0)
+    left = float((cells.count * residual**2).sum()) + within
     variance = left / max(cells.samples - len(solution), 1)
     if cells.revolutions >= LEAST_TURNS:
         orders = np.array(basis.orders)[used[2::2]]

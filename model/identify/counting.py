@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.errors import IdentificationError
-from model.identify.angle_regression import CELLS, WHOLE_TURN, AngleFit, Basis, Cells, solve_angle
+from model.identify.angle_regression import WHOLE_TURN, AngleFit, Basis, Cells, solve_angle
 from model.identify.checks import Array
 from model.units import ARCSEC, REVOLUTION
 
@@ -202,12 +202,8 @@ class _Steps:
 
     @classmethod
     def of(cls, fit: AngleFit) -> _Steps:
-        cells = fit.cells
-        rows = []
-        for piece in cells.pieces:
-            design = cells.columns(fit.basis, fit.used[2::2], piece) * cells.count[piece]
-            rows.append(design.reshape(len(design), -1, CELLS).sum(axis=2))
-        return cls(_suffix_sums(np.hstack(rows)), _suffix_sums(fit.row_count))
+        rows = fit.cells.regressors.row_sums(fit.basis, fit.used[2::2])
+        return cls(_suffix_sums(rows), _suffix_sums(fit.row_count))
 
     def information(self, fit: AngleFit, at: list[int]) -> Array:
         """Information (k, k) about the sizes of steps at these rows that the orders leave."""

@@ -24,12 +24,14 @@ from model.identify import polar
 from model.identify.angle_regression import AngleFit, Basis
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Estimate
-from model.identify.kinematic_error import KinematicErrorFit, doubts, with_bench
+from model.identify.kinematic_error import KinematicErrorFit, doubts, expected_labels, with_bench
 from model.identify.least_squares import student_quantile
 from model.identify.transmission import curve_over_output
 from model.units import DEGREE
 
 PhaseVerdict = Literal["in phase", "not in phase", "cannot tell"]
+ALIKE = 0.5
+"""Half difference of the directions over their mean up to which an order that nobody expects is the gear's."""
 IN_PHASE = 30.0 * DEGREE
 """Largest phase difference [rad] at which two extremes are still called the same place."""
 
@@ -91,9 +93,11 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     } | {
         "lost_motion": _lost_motion(forward, reverse),
     }
+    expected = expected_labels(forward.ratio)
     for k, label in enumerate(basis.labels):
-        if forward.orders[k].significant or reverse.orders[k].significant:
-            at = 2 + 2 * k
+        at = 2 + 2 * k
+        seen = forward.orders[k].significant or reverse.orders[k].significant
+        if seen or (label in expected and ahead.used[at] and back.used[at]):
             found = polar.polar(
                 label,
                 mean[at : at + 2],
@@ -102,12 +106,18 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
                 "rad",
                 doubts(doubt, at),
             )
+            # What is a function of the input angle alone is in both directions alike; folded rounding is not.
+            alike = np.hypot(*half[at : at + 2]) < ALIKE * np.hypot(*mean[at : at + 2])
+            if label not in expected and not (alike and found.significant):
+                continue
             # What the bench puts on an order is the same in both directions: the mean does not lessen it.
             amplitude, phase = with_bench(found, forward.orders[k].bench, forward.orders[k].bound)
             if forward.orders[k].amplitude.identifiable == "no":
                 refusal = {"identifiable": "no", "note": forward.orders[k].amplitude.note}
                 amplitude, phase = replace(amplitude, **refusal), replace(phase, **refusal)
-            estimates[f"amplitude_{label}"], estimates[f"phase_{label}"] = amplitude, phase
+            estimates[f"amplitude_{label}"] = amplitude
+            if seen:
+                estimates[f"phase_{label}"] = phase
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     curves = [_whole_orders(basis, values, angle) for values in (ahead.values, back.values)]
     warnings = [f"forward: {w}" for w in forward.warnings] + [

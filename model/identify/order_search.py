@@ -96,21 +96,17 @@ def _lattice_power(
     """Orders n + m/N above zero, and the squared amplitude of the residual at each."""
     side = min(SIDEBANDS, math.ceil(ratio / 2.0) - 1)
     weighted = cells.count * residual * (2.0 / float(cells.count.sum()))
-    n = np.arange(highest + 1)
-    orders: list[Array] = []
-    power: list[Array] = []
+    sides = np.arange(-side, side + 1)
+    folded = np.empty((len(sides), CELLS), dtype=np.complex128)
     step = np.exp((-1j / ratio) * cells.angle)
     turned = weighted * step.conj() ** side
-    for m in range(-side, side + 1):
-        folded = turned.reshape(cells.rows, CELLS).sum(axis=0)
-        # Cells are in the order of travel: against it the transform turns the other way.
-        lines = (np.fft.fft(folded) if cells.direction > 0.0 else CELLS * np.fft.ifft(folded))[
-            : highest + 1
-        ]
-        orders.append(np.asarray(n + m / ratio, dtype=np.float64))
-        power.append(np.asarray(np.abs(lines) ** 2, dtype=np.float64))
+    for row in folded:
+        row[:] = turned.reshape(cells.rows, CELLS).sum(axis=0)
         turned *= step
-    flat, strength = np.concatenate(orders), np.concatenate(power)
+    # Cells are in the order of travel: against it the transform turns the other way.
+    lines = np.fft.fft(folded) if cells.direction > 0.0 else CELLS * np.fft.ifft(folded)
+    flat: Array = (np.arange(highest + 1) + sides[:, None] / ratio).ravel()
+    strength: Array = (np.abs(lines[:, : highest + 1]) ** 2).ravel()
     positive = flat > 0.5 / ratio
     return flat[positive], strength[positive]
 

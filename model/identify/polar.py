@@ -22,8 +22,8 @@ ALMOST_NORMAL = 8.0
 """Amplitude in standard uncertainties from which Rice's distribution is a normal one."""
 LEAST_CHANCE = 0.06
 """Square of the length, in variances, below which any smaller amplitude is as likely: the high end falls no further."""
-SIGNIFICANT = 9.21
-"""Squared length in variances that noise alone exceeds in 1 % of the cases."""
+SIGNIFICANT = 18.42
+"""Squared length in variances that noise alone exceeds once in ten thousand orders: a fit has dozens of them."""
 RESIDUAL = "residual, spectrum beside the order"
 UNKNOWN = math.pi / math.sqrt(3.0)
 """Standard uncertainty of a phase of which nothing is known [rad]."""
@@ -47,7 +47,7 @@ def rice_interval(length: float, error: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class Polar:
-    """An order as amplitude and phase with their estimates; `significant`: above what noise explains (99 %)."""
+    """An order as amplitude and phase with their estimates; `significant`: above what noise explains (99.99 %)."""
 
     amplitude: Estimate
     phase: Estimate
@@ -89,8 +89,10 @@ def polar(
     turn = math.pi
     if size > 0.0:
         turn = min(student_quantile(freedom) * wide_tangential / size, math.pi)
-    determinant = float(np.linalg.det(whole))
-    distance = float(vector @ np.linalg.solve(whole, vector)) if determinant > 0.0 else 0.0
+    (xx, xy), (_, yy) = whole.tolist()
+    determinant = xx * yy - xy * xy
+    length = a * a * yy - 2.0 * a * b * xy + b * b * xx
+    distance = length / determinant if determinant > 0.0 else 0.0
     significant = distance > SIGNIFICANT
     verdict = "yes" if significant else "weakly"
     note = "" if significant else f"not distinguishable from zero, below {high:.3g} {unit}"

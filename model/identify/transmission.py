@@ -19,6 +19,8 @@ POINTS_PER_PERIOD = 48
 DRAWS = 2000
 EXTREMES = 200
 """Local extremes of the curve on either side that may become its largest when it is drawn anew."""
+REACH = 5.0
+"""Standard uncertainties of the whole curve by which no draw moves a place further."""
 FLOOR_BAND = 0.25
 """Orders over which the noise floor of a spectrum is taken as level."""
 
@@ -54,24 +56,31 @@ def transmission_accuracy(fit: AngleFit, highest_order: float) -> tuple[Estimate
     orders = np.array(fit.basis.orders)
     use = np.repeat(orders <= highest_order + 1e-9, 2)
     value = float(np.ptp(curve))
-    places = [_extremes(sign * curve) for sign in (1.0, -1.0)]
+    spread, freedom = fit.covariance[2:, 2:], fit.freedom
+    doubt = np.zeros(len(spread)) if fit.doubt is None else fit.doubt[2:]
+    reach = REACH * (math.sqrt(max(float(np.trace(spread)), 0.0)) + float(np.abs(doubt).sum()))
+    places = [_extremes(sign * curve, reach) for sign in (1.0, -1.0)]
     columns = [_waves(orders, angle[at]) * use for at in places]
     random = np.random.default_rng(1)
-    spread, freedom = fit.covariance[2:, 2:], fit.freedom
-    scale, vectors = np.linalg.eigh(spread)
-    shape = vectors * np.sqrt(np.maximum(scale, 0.0))
-    draws = random.standard_normal((DRAWS, len(shape))) @ shape.T
+    shape = kernels.square_root(spread)
+    draws = random.standard_normal((DRAWS, len(shape)))
     draws *= np.sqrt(freedom / random.chisquare(freedom, DRAWS))[:, None]
-    doubt = np.zeros(len(shape)) if fit.doubt is None else fit.doubt[2:]
-    data = _peak_to_peak(curve, places, columns, draws)
+    shaped = np.ascontiguousarray(shape.T)
+    noise = [
+        kernels.times_transposed(draws, kernels.times_transposed(waves, shaped))
+        for waves in columns
+    ]
+    data = _peak_to_peak(curve, places, noise)
     whole = data
     lines = [
         BudgetLine("residual, Monte Carlo", "A", float(data.std()), degrees_of_freedom=freedom)
     ]
     if doubt.any():
-        shaken = random.standard_normal((DRAWS, 1)) * doubt
-        whole = _peak_to_peak(curve, places, columns, draws + shaken)
-        only = _peak_to_peak(curve, places, columns, shaken)
+        sizes = random.standard_normal(DRAWS)
+        shaken = [np.outer(sizes, waves @ doubt) for waves in columns]
+        both = [one + other for one, other in zip(noise, shaken, strict=True)]
+        whole = _peak_to_peak(curve, places, both)
+        only = _peak_to_peak(curve, places, shaken)
         source = "torsional amplification, corrected: resonance of the parameter set"
         lines.append(BudgetLine(source, "B", float(only.std())))
     low, high = np.quantile(whole, [0.025, 0.975])
@@ -86,9 +95,11 @@ def transmission_accuracy(fit: AngleFit, highest_order: float) -> tuple[Estimate
     return estimate, angle, curve
 
 
-def _extremes(curve: Array) -> np.ndarray:
-    """Places of the largest local maxima of a periodic curve."""
-    tops = np.flatnonzero((curve >= np.roll(curve, 1)) & (curve > np.roll(curve, -1)))
+def _extremes(curve: Array, reach: float = math.inf) -> np.ndarray:
+    """Places of the largest local maxima of a periodic curve that changes by up to `reach` anywhere."""
+    highest = np.max(curve)
+    near = (curve >= np.roll(curve, 1)) & (curve > np.roll(curve, -1))
+    tops = np.flatnonzero(near & (curve >= highest - 2.0 * reach))
     if not len(tops):
         return np.array([int(np.argmax(curve))])
     largest: np.ndarray = tops[np.argsort(curve[tops])[-EXTREMES:]]
@@ -103,12 +114,10 @@ def _waves(orders: Array, angle: Array) -> Array:
     return waves
 
 
-def _peak_to_peak(
-    curve: Array, places: list[np.ndarray], columns: list[Array], draws: Array
-) -> Array:
-    """Peak-to-peak of the curve with each draw (draws, 2 orders) added, at the places that may be its extremes."""
-    top = (curve[places[0]] + draws @ columns[0].T).max(axis=1)
-    bottom = (curve[places[1]] + draws @ columns[1].T).min(axis=1)
+def _peak_to_peak(curve: Array, places: list[np.ndarray], changes: list[Array]) -> Array:
+    """Peak-to-peak of the curve with each change (draws, places) at the places that may be its extremes."""
+    top = (curve[places[0]] + changes[0]).max(axis=1)
+    bottom = (curve[places[1]] + changes[1]).min(axis=1)
     distance: Array = top - bottom
     return distance
 
@@ -123,7 +132,10 @@ def raised_by(angle: Array, curve: Array, waves: Mapping[float, float]) -> float
     places = [_extremes(sign * curve) for sign in (1.0, -1.0)]
     columns = [_waves(np.array(list(waves)), angle[at]) for at in places]
     draws = np.random.default_rng(2).standard_normal((DRAWS // 4, len(sizes))) * sizes
-    return float(_peak_to_peak(curve, places, columns, draws).mean() - np.ptp(curve))
+    raised = _peak_to_peak(
+        curve, places, [kernels.times_transposed(draws, waves) for waves in columns]
+    )
+    return float(raised.mean() - np.ptp(curve))
 
 
 def left_over(fit: AngleFit, highest_order: float) -> float:
@@ -164,11 +176,14 @@ def left_out_mse(fit: AngleFit) -> float:
         return math.nan
     mean = cells.mean[0]
     odd = cells.count * np.repeat(np.arange(cells.rows) % 2, CELLS)
+    regressors, chosen = cells.regressors, used[2::2]
+    whole = regressors.normal(fit.basis, chosen)
+    of_odd = regressors.normal(fit.basis, chosen, odd)
     scores = []
-    for half, new in ((odd, cells.count - odd), (cells.count - odd, odd)):
-        seen, target = cells.normal_equations(fit.basis, used[2::2], half, mean)
+    for seen, half in ((of_odd, odd), (whole - of_odd, cells.count - odd)):
+        new = cells.count - half
         values = np.zeros(len(used))
-        values[used] = np.linalg.solve(seen, target)
+        values[used] = np.linalg.solve(seen, regressors.products(fit.basis, chosen, half * mean))
         series = cells.series(fit.basis, values)
         away = mean - values[0] - values[1] * cells.trend
         _, (measured, predicted) = cells.per_place(away, series, weight=new)

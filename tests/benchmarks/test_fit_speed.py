@@ -77,7 +77,7 @@ def test_kinematic_error_fit(benchmark: Any, note: Note, edge: bool) -> None:
 
     amplitude = benchmark.pedantic(fit, rounds=5, warmup_rounds=1)
     what = "kinematic-error fit of 1.44 million samples" + (", edge-triggered" if edge else "")
-    note(what, float(benchmark.stats.stats.min), "s", "<= 0.2")
+    note(what, float(benchmark.stats.stats.min), "s", "<= 0.1")
     assert amplitude > 0.0
 
 

@@ -16,6 +16,7 @@ from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from model.channel import Calibration
 from model.gear import Harmonic, HarmonicDrive, Origin
+from model.identify.estimate import Estimate
 from model.kinematic_error import peak_to_peak
 from model.units import ARCSEC, DEGREE
 from tests.experiments.conftest import SERIES
@@ -309,4 +310,15 @@ def test_the_mounting_and_the_classes_of_the_encoders_are_lines_of_the_budget(
         assert added == pytest.approx(once * ARCSEC / math.sqrt(2.0))
     sources = {line.source for line in found.estimates["transmission_accuracy_forward"].budget}
     assert "eccentricity of the mounting" in sources
-    assert "peak-to-peak raised by encoders and mounting, not corrected" in sources
+    assert "peak-to-peak raised by encoders and mounting, corrected" in sources
+
+
+def test_the_mean_of_repeats_keeps_what_its_statistical_part_is_of() -> None:
+    """The value is less the bench's share, the interval of the data is not: so is their mean."""
+    repeats = [
+        Estimate(name="transmission_accuracy", value=v, unit="rad", low=v + 1.5, high=v + 2.5)
+        for v in (10.0, 10.1)
+    ]
+    mean = kinematic_error._mean_of("transmission_accuracy_forward", repeats)
+    assert mean.value == pytest.approx(10.05)
+    assert 0.5 * (mean.low + mean.high) == pytest.approx(12.05)

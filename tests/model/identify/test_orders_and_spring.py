@@ -96,6 +96,19 @@ def test_sidebands_of_any_order_are_found_and_fitted() -> None:
     assert len(extra) <= 2
 
 
+def test_a_line_that_the_directions_do_not_share_is_not_the_gears() -> None:
+    """Folded rounding stands anywhere, with another phase in each direction; the gear's sideband does not."""
+    line, own = 5.0 - 5.0 / RATIO, 4.0 - 3.0 / RATIO
+    ahead = traverse(SIDEBANDS | {line: 2.0 + 0j})
+    back = traverse(SIDEBANDS | {line: -0.5 + 1.5j}, direction=-1.0, seed=2)
+    forward, reverse = fit_traverses([ahead, back])
+    both = combine(forward, reverse)
+    assert forward.order(line).significant
+    assert reverse.order(line).significant
+    assert f"amplitude_{lattice_label(line, RATIO)}" not in both.estimates
+    assert both.estimates[f"amplitude_{lattice_label(own, RATIO)}"].identifiable == "yes"
+
+
 def test_what_the_orders_leave_stands_in_u() -> None:
     """A basis that lacks the sidebands leaves nine arcseconds of them."""
     source = traverse(SIDEBANDS)
@@ -197,8 +210,9 @@ def test_locked_rounding_has_the_power_of_the_saw_tooth() -> None:
     regression.add(angle, curve(SIDEBANDS, angle))
     fit, _ = solve_angle(regression.cells(), standard_basis(RATIO))
     locked = LockedRounding.of(fit, 600.0, OUTPUT_QUANTUM)
-    lattice = (np.arange(0, 3000)[:, None] + np.arange(-59, 60)[None, :] / RATIO).ravel()
-    total = float(locked.variance(lattice[lattice > 0.0]).sum())
+    every = 4  # of the orders over which each harmonic spreads
+    lattice = (np.arange(0, 3000, every)[:, None] + np.arange(-59, 60)[None, :] / RATIO).ravel()
+    total = every * float(locked.variance(lattice[lattice > 0.0]).sum())
     assert total == pytest.approx(OUTPUT_QUANTUM**2 / 12.0, rel=0.1)
     free = LockedRounding.of(fit, 600.0 * 1.6180339887, OUTPUT_QUANTUM)
     assert free.variance(np.array([2.0]))[0] < 1e-3 * locked.variance(np.array([2.0]))[0]
@@ -238,6 +252,34 @@ def test_noise_does_not_raise_the_transmission_accuracy() -> None:
     assert np.mean(raw) > 3.0 * scatter
     assert abs(np.mean(errors)) < 0.6 * np.mean(raw)
     assert np.mean(held) >= 0.8
+
+
+def test_what_a_slow_curve_of_the_encoder_adds_to_a_peak_to_peak_is_taken_off() -> None:
+    """Under a fast error it adds its own peak-to-peak at every phase: a bias, unless it is corrected."""
+    limit = 5.0 * ARCSEC
+    waves: Waves = {1.0: 4 + 1j, 2.0: 15 - 6j, 2.0 + 1.0 / RATIO: 8j, 4.0: 5 + 0j}
+    gear = [Harmonic(v, c.real * ARCSEC, -c.imag * ARCSEC) for v, c in waves.items()]
+    truth = peak_to_peak(gear, RATIO, 200)
+    turn = np.linspace(0.0, 120.5 * REVOLUTION, 20_000)
+    errors, seen, expanded = [], [], []
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        sizes = random.random(8) * np.exp(2j * math.pi * random.random(8))
+        alone: Waves = {(k + 1) / RATIO: c for k, c in enumerate(sizes)}
+        scale = random.uniform(1.0, 2.0) * limit / np.ptp(curve(alone, turn))
+        bench: Waves = {v: scale * c for v, c in alone.items()}
+        regression = KinematicErrorAccumulator(RATIO, encoders=Encoders(output_accuracy=limit))
+        noise = 5.0 * ARCSEC * random.standard_normal(len(turn))
+        regression.add(turn, turn / RATIO + curve(waves | bench, turn) + noise)
+        accuracy = regression.fit().estimates["transmission_accuracy"]
+        series = [Harmonic(v, c.real * ARCSEC, -c.imag * ARCSEC) for v, c in bench.items()]
+        seen.append(peak_to_peak([*gear, *series], RATIO, 200) - truth)
+        errors.append(accuracy.value - truth)
+        expanded.append(accuracy.expanded_uncertainty)
+        assert accuracy.low - truth <= seen[-1] <= accuracy.high - truth
+        assert "taken off" in accuracy.note
+    assert np.mean(seen) > np.mean(expanded) / 2.0
+    assert abs(np.mean(errors)) < np.mean(expanded) / 3.0
 
 
 @pytest.mark.parametrize("order", [1.0, 12.0, 1 / 120, 8 / 120, 2 - 1 / 120, 6 + 6 / 120])
