@@ -69,10 +69,12 @@ UNKNOWN_TEMPERATURE = 5.0
 """K, standard uncertainty of the temperature of a run without a thermometer on the housing."""
 THERMOMETER = 0.2
 """K, standard uncertainty of a thermometer without calibration."""
-LOSS_RELATIVE = 2.0
-"""Relative standard uncertainty of the loss by vibration: of a factor that all speeds share, and of one that each speed
-has for itself. Stiffness within 40 % is a factor of 2.8, hysteresis and damping are known within three; visits to one
-speed share both."""
+LOSS_RELATIVE, OWN_RELATIVE, PRODUCT_RELATIVE = 2.0, 1.0, 0.3
+"""Relative standard uncertainties of the loss by vibration: of a factor that all speeds share, since stiffness (within
+40 %, a factor of 2.8), hysteresis and damping (within three) are the same gear's, and of one that each speed has for
+itself: orders take their loss in other proportions, hysteresis by another power. What sampling hides is known to be
+none, or twice what is taken off. The last is that of the product of ripples of torque and speed: six orders stand for
+all. Visits to one speed share all three."""
 PLACE, WARMTH = "place on the output", "warmth of the motor"
 BEARING, TARE, VIBRATION = "bearing no-load torque", "tare", "vibration near resonances"
 RUN_TO_RUN = "from run to run"
@@ -245,22 +247,22 @@ def bearing_relative(gear: HarmonicDrive, law: TemperatureLaw) -> float:
 def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> list[RunningTorque]:
     """The running torques of all holds without what is known not to be the gear's at mean temperature.
 
-    Taken off: output bearing, vibration, what the port's lag does to ripples, and the drift of
-    temperature by the law's own coefficients.
+    Taken off: output bearing, vibration, what the port's lag and the time between samples do to
+    ripples, and the drift of temperature by the law's own coefficients.
     """
     torques = [h.torque for h in measured.every]
     speed = np.array([abs(t.speed) for t in torques])
-    law, warmer = measured.law, _warmer(measured)
+    law, warmer, ripple = measured.law, _warmer(measured), measured.ripple
     _, moving = bearing_parts(curve, speed, {})
     drift = warmer * law.dry.value * curve.dry(speed)
     drift += warmer * law.viscous.value * (curve.viscous(speed) + moving * 2.0 / 3.0)
-    off = measured.output.torque(speed, ratio) + measured.ripple.loss + drift
+    off = measured.output.torque(speed, ratio) + ripple.loss + drift
     return [
         dataclasses.replace(
             t,
             torque=t.torque - t.direction * float(known),
         )
-        for t, known in zip(torques, off - measured.ripple.lag, strict=True)
+        for t, known in zip(torques, off - ripple.lag - ripple.between, strict=True)
     ]
 
 
@@ -316,7 +318,7 @@ def common_errors(
         errors.append(
             CommonError(
                 source=VIBRATION,
-                effect=LOSS_RELATIVE * measured.ripple.loss[:, None] * _alone_and_by_speed(speed),
+                effect=_vibration(measured.ripple, speed),
                 note="damping and first mode of the parameter set",
             )
         )
@@ -344,10 +346,13 @@ def common_errors(
     return errors + _never_seen(measured, recording, speed, direction, dry, gear_torque, ratio)
 
 
-def _alone_and_by_speed(speed: FloatArray) -> FloatArray:
-    """Ones, and for each speed ones where a hold has it; (n, 1 + speeds)."""
+def _vibration(ripple: Ripple, speed: FloatArray) -> FloatArray:
+    """What one standard uncertainty of the loss does: of the factor that all share, and of each speed's own."""
     _, level = np.unique(np.round(np.log(speed), 2), return_inverse=True)
-    return np.column_stack([np.ones(len(speed)), np.eye(int(level.max()) + 1)[level]])
+    own = OWN_RELATIVE * (ripple.loss - ripple.unseen) + ripple.unseen
+    own += PRODUCT_RELATIVE * np.abs(ripple.lag + ripple.between)
+    by_speed = np.eye(int(level.max()) + 1)[level]
+    return np.column_stack([LOSS_RELATIVE * (ripple.loss - ripple.unseen), own[:, None] * by_speed])
 
 
 def _never_seen(
