@@ -69,12 +69,13 @@ UNKNOWN_TEMPERATURE = 5.0
 """K, standard uncertainty of the temperature of a run without a thermometer on the housing."""
 THERMOMETER = 0.2
 """K, standard uncertainty of a thermometer without calibration."""
-LOSS_RELATIVE, OWN_RELATIVE, PRODUCT_RELATIVE = 2.0, 1.0, 0.3
+LOSS_RELATIVE, OWN_RELATIVE, HOLD_RELATIVE = 2.0, 1.0, 0.5
 """Relative standard uncertainties of the loss by vibration: of a factor that all speeds share, since stiffness (within
-40 %, a factor of 2.8), hysteresis and damping (within three) are the same gear's, and of one that each speed has for
-itself: orders take their loss in other proportions, hysteresis by another power. What sampling hides is known to be
-none, or twice what is taken off. The last is that of the product of ripples of torque and speed: six orders stand for
-all. Visits to one speed share all three."""
+40 %, a factor of 2.8), hysteresis and damping (within three) are the same gear's; of one that each speed has for
+itself, since orders take their loss in other proportions; and, over that, of each hold's, whose sidebands beat. Visits
+to one speed share the first two."""
+PRODUCT_RELATIVE = 0.3
+"""Relative standard uncertainty of what is missing of the product of ripples: six orders stand for all."""
 PLACE, WARMTH = "place on the output", "warmth of the motor"
 BEARING, TARE, VIBRATION = "bearing no-load torque", "tare", "vibration near resonances"
 RUN_TO_RUN = "from run to run"
@@ -347,12 +348,14 @@ def common_errors(
 
 
 def _vibration(ripple: Ripple, speed: FloatArray) -> FloatArray:
-    """What one standard uncertainty of the loss does: of the factor that all share, and of each speed's own."""
+    """What one standard uncertainty of the loss does: of the factor that all share, of each speed's, of each hold's."""
     _, level = np.unique(np.round(np.log(speed), 2), return_inverse=True)
-    own = OWN_RELATIVE * (ripple.loss - ripple.unseen) + ripple.unseen
-    own += PRODUCT_RELATIVE * np.abs(ripple.lag + ripple.between)
-    by_speed = np.eye(int(level.max()) + 1)[level]
-    return np.column_stack([LOSS_RELATIVE * (ripple.loss - ripple.unseen), own[:, None] * by_speed])
+    seen = ripple.loss - ripple.unseen
+    own = (
+        OWN_RELATIVE * seen + ripple.unseen + PRODUCT_RELATIVE * np.abs(ripple.lag + ripple.between)
+    )
+    by_speed, by_hold = np.eye(int(level.max()) + 1)[level], HOLD_RELATIVE * np.eye(len(speed))
+    return np.column_stack([LOSS_RELATIVE * seen, own[:, None] * by_speed, own[:, None] * by_hold])
 
 
 def _never_seen(

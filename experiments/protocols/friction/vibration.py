@@ -64,8 +64,8 @@ REVOLUTION_ROWS = 200
 class Ripple:
     """What ripples do to the torque of each hold (n,) [N m]: `loss`, input torque that the shaken output takes by the
     card; `lag`, what the mean torque would change if the port's lag of `LAG` were taken out; `between`, what it would
-    change if ripples were integrated exactly between the samples; `unseen`, half of the largest loss by orders that
-    sampling hides, as it stands in `loss`.
+    change if ripples were integrated exactly between the samples; `unseen`, half-width of the loss by orders that
+    sampling hides.
     """
 
     loss: FloatArray
@@ -106,24 +106,25 @@ def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, chan
             torsion = _torsion(orders * speed / mode, np.where(seen, motion, math.nan), error)
             loss = 0.5 * _damping(gear) * (orders * torsion) ** 2 * speed
             loss += orders * _hysteresis_loss(gear, torsion) / REVOLUTION
-            ripple.unseen[k] = 0.5 * loss[~seen].sum()
-            ripple.loss[k] = loss[seen].sum() + ripple.unseen[k]
+            low, high = loss.sum(axis=1)
+            ripple.loss[k], ripple.unseen[k] = 0.5 * (low + high), 0.5 * (high - low)
     return ripple
 
 
 def _torsion(ratio: FloatArray, motion: FloatArray, error: FloatArray) -> FloatArray:
-    """Amplitude of the torsion at multiples `ratio` of the first mode, from that of the output's own motion (NaN where
-    sampling hides it) and of the kinematic error [rad].
+    """Least and largest amplitude of the torsion (2, orders) at multiples `ratio` of the first mode, from that of the
+    output's own motion (NaN where sampling hides it) and of the kinematic error [rad].
 
     Below the mode the motion's inertia tells it; above, where little moves, the error is what the torsion takes up, in
-    antiphase to the motion. Of a hidden motion it is the largest that a stiffness within `STIFFNESS` allows.
+    antiphase to the motion. A hidden motion is what a stiffness within `STIFFNESS` allows.
     """
     square = ratio**2
     above = np.clip(square * motion, error, motion + error)
     seen = np.where(square < 1.0, square * motion, above)
     moved = square[:, None] / np.linspace(1.0 - STIFFNESS, 1.0 + STIFFNESS, 17)
     peak = moved / np.maximum(np.abs(1.0 - moved), moved / HIGHEST_PEAK)
-    return np.where(np.isfinite(motion), seen, error * peak.max(axis=1))
+    hidden = error * np.array([peak.min(axis=1), peak.max(axis=1)])
+    return np.where(np.isfinite(motion), seen, hidden)
 
 
 def _at_rest(recording: Recording, holds: list[Hold], mode: float) -> FloatArray:
@@ -143,9 +144,9 @@ def _is_shaken(recording: Recording) -> bool:
 
 
 def _hysteresis_loss(gear: HarmonicDrive, torsion: FloatArray) -> FloatArray:
-    """What hysteresis takes in one cycle of these amplitudes of torsion [rad] [J]."""
+    """What hysteresis takes per cycle of each of these amplitudes of torsion [rad] [J], which all move it at once."""
     limit = 0.5 * drive_stiffness(gear).combined_output * gear.ratings.hysteresis_loss
-    share = (torsion / SLIDING) ** 2
+    share = np.sum(torsion**2, axis=1, keepdims=True) / SLIDING**2
     return 4.0 * limit * torsion * share / (3.0 + share)
 
 
