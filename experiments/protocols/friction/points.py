@@ -42,7 +42,7 @@ from experiments.torque.running_torque import (
     foreign_holds,
     measured_holds,
 )
-from experiments.torque.tare import read_tare
+from experiments.torque.tare import REACH, read_tare
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
@@ -153,12 +153,20 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
             where=recording.metadata.run_id,
             remedy="Hold each speed for whole revolutions.",
         )
-    speeds = [abs(h.torque.speed) for h in holds]
+    tare, said = read_tare(evidence.tare, _speeds(holds))
+    if tare is not None:
+        holds, bracket = (
+            [
+                h
+                for h, reached in zip(part, tare.reaches(_speeds(part), REACH), strict=True)
+                if reached
+            ]
+            for part in (holds, bracket)
+        )
     law = temperature_law(
         evidence.settings, float(np.mean([hold.torque.temperature for hold in holds]))
     )
     heat = motor_heat(recording, law.mean)
-    tare, said = read_tare(evidence.tare, min(speeds), max(speeds))
     if tare is not None and evidence.tare is not None:
         before = evidence.tare.metrics.get("housing_temperature", math.nan)
         tare, heat = heat.brought(tare, before)
@@ -176,6 +184,10 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         output=output_bearing(recording, evidence.settings),
         heat=heat,
     )
+
+
+def _speeds(holds: list[Hold]) -> FloatArray:
+    return np.array([abs(h.torque.speed) for h in holds])
 
 
 def reproducibility(bracket: list[Hold]) -> float:
