@@ -21,6 +21,7 @@ from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, stop
 from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
 from experiments.planning.speeds import refuse_speed
+from experiments.protocols.friction.bearing import COULOMB, NAMES, OutputBearing, output_bearing
 from experiments.quantity import Counterpart, Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Table, both_ways, judge_upper
@@ -245,11 +246,6 @@ QUIET_SHARE = 0.25
 """Share of it below which the input is at rest, as far as its encoder can tell."""
 LARGEST_CONDITION = 3.0
 """Of the patterns beside the mean: above it an error of the one would become one of the other."""
-BEARING_TORQUE, BEARING_HALF_WIDTH = 0.55, 0.45
-"""N m of Coulomb friction that the output bearing of a bench may have: 0.1 to 1, any as likely."""
-BEARING_NOTE = (
-    "0.55 N m at the output subtracted; 0.1 to 1 N m assumed of a bench that says nothing"
-)
 HIGHEST_ORDER = 6
 """Orders of the input that are told from scatter, where there are positions enough."""
 
@@ -288,9 +284,10 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
     The torque is read from a straight line through the last part of the ramp before first motion,
     so that noise of the port does not enter. It is that of motor + gear: a motor tare at running
-    speeds does not tell the motor's own breakaway.
+    speeds does not tell the motor's own breakaway. Settings: the bench's output bearing, as of a friction analysis.
     """
-    check_settings(evidence.settings, (), NAME)
+    check_settings(evidence.settings, NAMES, NAME)
+    bearing = output_bearing(recording, evidence.settings)
     recording.require("starting torque", "input_angle", "torque")
     warnings = list(
         check_recording(recording, "starting torque", evidence.maximum_missed_share).warnings
@@ -314,7 +311,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         )
     warnings += _approach_remarks(recording, segments)
     balance = _balance(ramps, recording.metadata.run_id)
-    estimates = _estimates(recording, ramps, balance, zero)
+    estimates = _estimates(recording, ramps, balance, zero, bearing)
     verdicts = []
     if "starting_torque" in estimates:
         origin = evidence.gear.value("ratings.starting_torque")
@@ -343,13 +340,13 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         metrics={
             **_metrics(ramps),
             "scatter_of_one_ramp": balance.scatter,
-            "output_bearing_torque": _at_input(recording, BEARING_TORQUE),
+            "output_bearing_torque": _at_rest(recording, bearing)[0],
         },
         warnings=tuple(warnings),
         verdicts=tuple(verdicts),
         plots=(_plot(ramps, balance),),
         tables=(_table(ramps), budget_table(estimates.values())),
-        options={"torque_is_of": "motor + gear"},
+        options={"torque_is_of": "motor + gear", "output_bearing": bearing.words()},
     )
 
 
@@ -488,23 +485,27 @@ def _waves(angle: FloatArray) -> FloatArray:
 
 
 def _estimates(
-    recording: Recording, ramps: list[Breakaway], balance: Balance, zero: TorqueZero
+    recording: Recording,
+    ramps: list[Breakaway],
+    balance: Balance,
+    zero: TorqueZero,
+    bearing: OutputBearing,
 ) -> dict[str, Estimate]:
     """Mean over positions of each direction, and of both, in which the torque zero cancels."""
     estimates: dict[str, Estimate] = {}
     factor = student_quantile(balance.freedom)
     # The same laws of motion are laid through all ramps, so that their error does not average.
     moment = float(np.mean([b.within for b in ramps])) / math.sqrt(3.0)
-    bearing = _at_input(recording, BEARING_HALF_WIDTH / math.sqrt(3.0))
+    turning, unknown = _at_rest(recording, bearing)
 
     def add(way: str, sign: float, value: float, error: float, *lines: BudgetLine) -> None:
         name = f"starting_torque{way}"
-        value -= sign * _at_input(recording, BEARING_TORQUE)
+        value -= sign * turning
         half = math.hypot(factor * error, NORMAL_COVERAGE_FACTOR * moment)
         budget = (
             BudgetLine("between ramps", "A", error, degrees_of_freedom=balance.freedom),
             BudgetLine("moment of first motion", "A", moment, "law of motion; rectangular"),
-            BudgetLine("output bearing", "B", bearing, BEARING_NOTE),
+            BudgetLine(COULOMB, "B", unknown, bearing.words()),
             *lines,
             scale_line(recording, value),
         )
@@ -530,10 +531,15 @@ def _estimates(
     return estimates
 
 
-def _at_input(recording: Recording, torque: float) -> float:
-    """A torque of the output as the input feels it [N m]; 0 where the ratio is not known."""
+def _at_rest(recording: Recording, bearing: OutputBearing) -> tuple[float, float]:
+    """What the output bearing asks of the input before it turns and is taken off, and its standard uncertainty [N m];
+    0 where the ratio is not known.
+    """
     ratio = recording.metadata.ratio
-    return torque / ratio if math.isfinite(ratio) and ratio > 0.0 else 0.0
+    if not (math.isfinite(ratio) and ratio > 0.0):
+        return 0.0, 0.0
+    still = np.zeros(1)
+    return float(bearing.torque(still, ratio)[0]), float(bearing.effects(still, ratio)[COULOMB][0])
 
 
 def _metrics(ramps: list[Breakaway]) -> dict[str, float]:

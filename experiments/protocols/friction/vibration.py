@@ -55,7 +55,8 @@ SEEN = 4.0
 """Mean square of an order over that of the noise from which on it is a motion."""
 BLOCK_ROWS, BLOCK_REVOLUTIONS = 80, 5.0
 """A block has at least so many rows and covers so many input revolutions, all of a shorter hold, but one at least."""
-LEAST_REVOLUTIONS = 0.95
+LEAST_REVOLUTIONS, ENOUGH = 0.95, 16
+"""Input revolutions that a hold needs, and slow holds, in many places on the output, that tell the error."""
 REVOLUTION_ROWS = 200
 """Rows per input revolution that are enough."""
 
@@ -129,14 +130,11 @@ def _torsion(ratio: FloatArray, motion: FloatArray, error: FloatArray) -> FloatA
 
 def _at_rest(recording: Recording, holds: list[Hold], mode: float) -> FloatArray:
     """Amplitudes of the kinematic error (orders,) [rad]: the output's own motion where nothing shakes it."""
-    squares = np.full((len(holds), len(ORDERS)), math.nan)
-    for k, hold in enumerate(holds):
-        still = ORDERS[-1] * abs(hold.torque.speed) < STILL * mode
-        waves = _waves(recording, hold, ["input_angle", "output_angle"]) if still else None
-        if waves is not None:
-            squares[k] = waves.squares(1)
-    known = np.isfinite(squares).all(axis=1)
-    return np.sqrt(squares[known].mean(axis=0)) if known.any() else np.zeros(len(ORDERS))
+    still = [h for h in holds if ORDERS[-1] * abs(h.torque.speed) < STILL * mode]
+    few = still[:: 1 + len(still) // ENOUGH]
+    seen = (_waves(recording, hold, ["input_angle", "output_angle"]) for hold in few)
+    squares = [waves.squares(1) for waves in seen if waves is not None]
+    return np.sqrt(np.mean(squares, axis=0)) if squares else np.zeros(len(ORDERS))
 
 
 def _is_shaken(recording: Recording) -> bool:
