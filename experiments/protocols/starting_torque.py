@@ -246,6 +246,9 @@ QUIET_SHARE = 0.25
 """Share of it below which the input is at rest, as far as its encoder can tell."""
 LARGEST_CONDITION = 3.0
 """Of the patterns beside the mean: above it an error of the one would become one of the other."""
+STUCK = 0.4 * DEGREE
+"""Standstill in an approach, in angle at its mean speed, from which on it sticks and slips: the output swings when the
+input stops, and is no longer wound up as far as its friction held it."""
 HIGHEST_ORDER = 6
 """Orders of the input that are told from scatter, where there are positions enough."""
 
@@ -310,8 +313,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             remedy="Raise the limit of the ramp.",
         )
     warnings += _approach_remarks(recording, segments)
+    stuck = _stuck_share(recording)
+    if stuck > 0.0:
+        warnings.append(
+            f"{100.0 * stuck:.0f} % of the approaches stuck and slipped: how far the output was wound up before those "
+            "ramps is not known, and their torque may be too low by what the output's friction asks of the input."
+        )
     balance = _balance(ramps, recording.metadata.run_id)
-    estimates = _estimates(recording, ramps, balance, zero, bearing)
+    estimates = _estimates(recording, ramps, balance, zero, bearing, stuck)
     verdicts = []
     if "starting_torque" in estimates:
         origin = evidence.gear.value("ratings.starting_torque")
@@ -363,6 +372,21 @@ def _approach_remarks(recording: Recording, ramps: Iterable[Segment]) -> list[st
         f"{wrong} ramps were approached against their own direction: the gear was still wound up the other way, "
         "so that their torque is too low by up to twice what the output's friction asks of the input."
     ]
+
+
+def _stuck_share(recording: Recording) -> float:
+    """The share of the approaches that stuck and slipped."""
+    approaches = [a for a in recording.labelled("position") if a.stop - a.start > 2]
+    return float(np.mean([_rest_angle(recording, a) > STUCK for a in approaches] or [0.0]))
+
+
+def _rest_angle(recording: Recording, segment: Segment) -> float:
+    """The longest standstill in an approach as angle at its mean speed [rad]."""
+    time, angle = recording.time(segment), recording.si("input_angle", segment)
+    travelled = np.maximum.accumulate(np.abs(angle - angle[0]))
+    moving = time[np.flatnonzero(np.diff(travelled, prepend=-1.0) > 0.0)]
+    rests = np.diff(moving, append=time[-1])
+    return float(rests.max() * travelled[-1] / (time[-1] - time[0]))
 
 
 def _turned(recording: Recording, segment: Segment) -> float:
@@ -490,6 +514,7 @@ def _estimates(
     balance: Balance,
     zero: TorqueZero,
     bearing: OutputBearing,
+    stuck: float,
 ) -> dict[str, Estimate]:
     """Mean over positions of each direction, and of both, in which the torque zero cancels."""
     estimates: dict[str, Estimate] = {}
@@ -497,14 +522,17 @@ def _estimates(
     # The same laws of motion are laid through all ramps, so that their error does not average.
     moment = float(np.mean([b.within for b in ramps])) / math.sqrt(3.0)
     turning, unknown = _at_rest(recording, bearing)
+    held = bearing.coulomb + 2.0 * bearing.coulomb_uncertainty
+    lost = stuck * _at_input(recording, held) / math.sqrt(3.0)
 
     def add(way: str, sign: float, value: float, error: float, *lines: BudgetLine) -> None:
         name = f"starting_torque{way}"
         value -= sign * turning
-        half = math.hypot(factor * error, NORMAL_COVERAGE_FACTOR * moment)
+        half = math.hypot(factor * error, NORMAL_COVERAGE_FACTOR * math.hypot(moment, lost))
         budget = (
             BudgetLine("between ramps", "A", error, degrees_of_freedom=balance.freedom),
             BudgetLine("moment of first motion", "A", moment, "law of motion; rectangular"),
+            *[BudgetLine("wind-up lost by stick-slip", "A", lost, "rectangular")] * (lost > 0.0),
             BudgetLine(COULOMB, "B", unknown, bearing.words()),
             *lines,
             scale_line(recording, value),
@@ -535,11 +563,14 @@ def _at_rest(recording: Recording, bearing: OutputBearing) -> tuple[float, float
     """What the output bearing asks of the input before it turns and is taken off, and its standard uncertainty [N m];
     0 where the ratio is not known.
     """
+    taken = bearing.coulomb if bearing.is_subtracted else 0.0
+    return _at_input(recording, taken), _at_input(recording, bearing.coulomb_uncertainty)
+
+
+def _at_input(recording: Recording, torque: float) -> float:
+    """A torque of the output as the input feels it [N m]; 0 where the ratio is not known."""
     ratio = recording.metadata.ratio
-    if not (math.isfinite(ratio) and ratio > 0.0):
-        return 0.0, 0.0
-    still = np.zeros(1)
-    return float(bearing.torque(still, ratio)[0]), float(bearing.effects(still, ratio)[COULOMB][0])
+    return torque / ratio if math.isfinite(ratio) and ratio > 0.0 else 0.0
 
 
 def _metrics(ramps: list[Breakaway]) -> dict[str, float]:

@@ -72,6 +72,29 @@ def test_the_output_bearing_of_a_starting_torque_is_that_of_friction(
     assert measured == pytest.approx(0.02)
 
 
+def test_an_approach_that_sticks_and_slips_leaves_the_wind_up_unknown(
+    ramps: Recording, gear: HarmonicDrive
+) -> None:
+    source = ramps.source
+    assert isinstance(source, ArraySource)
+    angle = source.arrays["input_angle"].copy()
+    approaches = ramps.labelled("position")
+    for segment in approaches[: len(approaches) // 2]:
+        # It stands still for half of the time, and then comes loose.
+        angle[segment.start : (segment.start + segment.stop) // 2] = angle[segment.start]
+    stuck = dataclasses.replace(
+        ramps, source=dataclasses.replace(source, arrays={**source.arrays, "input_angle": angle})
+    )
+    smooth, rough = (starting_torque.analyse(run, Evidence(gear)) for run in (ramps, stuck))
+    assert any("50 % of the approaches stuck" in w for w in rough.warnings)
+    before, after = (r.estimates["starting_torque"] for r in (smooth, rough))
+    assert after.value == pytest.approx(before.value)
+    # Half of the ramps may have lost up to the bearing's torque, that of a bench that says nothing.
+    lost = 0.5 * 2.0 * 0.608 / gear.ratio / math.sqrt(3.0)
+    assert after.high - after.value == pytest.approx(1.96 * lost, rel=0.05)
+    assert before.high - before.value < 0.2 * (after.high - after.value)
+
+
 def test_every_ramp_is_approached_in_its_own_direction_and_starts_without_power(
     gear: HarmonicDrive,
 ) -> None:
