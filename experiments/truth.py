@@ -248,13 +248,15 @@ def _speeds(names: Iterable[str], suffix: str) -> Iterator[float]:
 
 
 def _tare(result: Result, truth: _Truth) -> Truths:
-    """Friction of the motor alone, as warm as it was on average."""
+    """Friction of the motor alone, as warm as it was on average, and at 20 degC."""
     motor, scale = truth.part("motor"), truth.scale()
-    weaker = 1.0 - truth.heat("motor_friction_per_kelvin") * truth.motor_warmer()
-    for name in ("coulomb", "viscous"):
-        if name in motor:
-            own = weaker * float(motor[name])
-            yield f"motor_{name}", scale * own, own
+    reference = 20.0 - truth.heat("reference") if truth.part("thermal") else 0.0
+    for suffix, warmer in (("", truth.motor_warmer()), (AT_REFERENCE, reference)):
+        weaker = 1.0 - truth.heat("motor_friction_per_kelvin") * warmer
+        for name in ("coulomb", "viscous"):
+            if name in motor:
+                own = weaker * float(motor[name])
+                yield f"motor_{name}{suffix}", scale * own, own
 
 
 def _home(result: Result, truth: _Truth) -> Truths:

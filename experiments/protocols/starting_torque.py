@@ -21,6 +21,7 @@ from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, stop
 from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
 from experiments.planning.speeds import refuse_speed
+from experiments.protocols.friction.bearing import COULOMB, NAMES, OutputBearing, output_bearing
 from experiments.quantity import Counterpart, Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Table, both_ways, judge_upper
@@ -245,11 +246,9 @@ QUIET_SHARE = 0.25
 """Share of it below which the input is at rest, as far as its encoder can tell."""
 LARGEST_CONDITION = 3.0
 """Of the patterns beside the mean: above it an error of the one would become one of the other."""
-BEARING_TORQUE, BEARING_HALF_WIDTH = 0.55, 0.45
-"""N m of Coulomb friction that the output bearing of a bench may have: 0.1 to 1, any as likely."""
-BEARING_NOTE = (
-    "0.55 N m at the output subtracted; 0.1 to 1 N m assumed of a bench that says nothing"
-)
+STUCK = 0.4 * DEGREE
+"""Standstill in an approach, in angle at its mean speed, from which on it sticks and slips: the output swings when the
+input stops, and is no longer wound up as far as its friction held it."""
 HIGHEST_ORDER = 6
 """Orders of the input that are told from scatter, where there are positions enough."""
 
@@ -288,9 +287,10 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
     The torque is read from a straight line through the last part of the ramp before first motion,
     so that noise of the port does not enter. It is that of motor + gear: a motor tare at running
-    speeds does not tell the motor's own breakaway.
+    speeds does not tell the motor's own breakaway. Settings: the bench's output bearing, as of a friction analysis.
     """
-    check_settings(evidence.settings, (), NAME)
+    check_settings(evidence.settings, NAMES, NAME)
+    bearing = output_bearing(recording, evidence.settings)
     recording.require("starting torque", "input_angle", "torque")
     warnings = list(
         check_recording(recording, "starting torque", evidence.maximum_missed_share).warnings
@@ -313,8 +313,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             remedy="Raise the limit of the ramp.",
         )
     warnings += _approach_remarks(recording, segments)
+    stuck = _stuck_share(recording)
+    if stuck > 0.0:
+        warnings.append(
+            f"{100.0 * stuck:.0f} % of the approaches stuck and slipped: how far the output was wound up before those "
+            "ramps is not known, and their torque may be too low by what the output's friction asks of the input."
+        )
     balance = _balance(ramps, recording.metadata.run_id)
-    estimates = _estimates(recording, ramps, balance, zero)
+    estimates = _estimates(recording, ramps, balance, zero, bearing, stuck)
     verdicts = []
     if "starting_torque" in estimates:
         origin = evidence.gear.value("ratings.starting_torque")
@@ -343,13 +349,13 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         metrics={
             **_metrics(ramps),
             "scatter_of_one_ramp": balance.scatter,
-            "output_bearing_torque": _at_input(recording, BEARING_TORQUE),
+            "output_bearing_torque": _at_rest(recording, bearing)[0],
         },
         warnings=tuple(warnings),
         verdicts=tuple(verdicts),
         plots=(_plot(ramps, balance),),
         tables=(_table(ramps), budget_table(estimates.values())),
-        options={"torque_is_of": "motor + gear"},
+        options={"torque_is_of": "motor + gear", "output_bearing": bearing.words()},
     )
 
 
@@ -366,6 +372,21 @@ def _approach_remarks(recording: Recording, ramps: Iterable[Segment]) -> list[st
         f"{wrong} ramps were approached against their own direction: the gear was still wound up the other way, "
         "so that their torque is too low by up to twice what the output's friction asks of the input."
     ]
+
+
+def _stuck_share(recording: Recording) -> float:
+    """The share of the approaches that stuck and slipped."""
+    approaches = [a for a in recording.labelled("position") if a.stop - a.start > 2]
+    return float(np.mean([_rest_angle(recording, a) > STUCK for a in approaches] or [0.0]))
+
+
+def _rest_angle(recording: Recording, segment: Segment) -> float:
+    """The longest standstill in an approach as angle at its mean speed [rad]."""
+    time, angle = recording.time(segment), recording.si("input_angle", segment)
+    travelled = np.maximum.accumulate(np.abs(angle - angle[0]))
+    moving = time[np.flatnonzero(np.diff(travelled, prepend=-1.0) > 0.0)]
+    rests = np.diff(moving, append=time[-1])
+    return float(rests.max() * travelled[-1] / (time[-1] - time[0]))
 
 
 def _turned(recording: Recording, segment: Segment) -> float:
@@ -488,23 +509,31 @@ def _waves(angle: FloatArray) -> FloatArray:
 
 
 def _estimates(
-    recording: Recording, ramps: list[Breakaway], balance: Balance, zero: TorqueZero
+    recording: Recording,
+    ramps: list[Breakaway],
+    balance: Balance,
+    zero: TorqueZero,
+    bearing: OutputBearing,
+    stuck: float,
 ) -> dict[str, Estimate]:
     """Mean over positions of each direction, and of both, in which the torque zero cancels."""
     estimates: dict[str, Estimate] = {}
     factor = student_quantile(balance.freedom)
     # The same laws of motion are laid through all ramps, so that their error does not average.
     moment = float(np.mean([b.within for b in ramps])) / math.sqrt(3.0)
-    bearing = _at_input(recording, BEARING_HALF_WIDTH / math.sqrt(3.0))
+    turning, unknown = _at_rest(recording, bearing)
+    held = bearing.coulomb + 2.0 * bearing.coulomb_uncertainty
+    lost = stuck * _at_input(recording, held) / math.sqrt(3.0)
 
     def add(way: str, sign: float, value: float, error: float, *lines: BudgetLine) -> None:
         name = f"starting_torque{way}"
-        value -= sign * _at_input(recording, BEARING_TORQUE)
-        half = math.hypot(factor * error, NORMAL_COVERAGE_FACTOR * moment)
+        value -= sign * turning
+        half = math.hypot(factor * error, NORMAL_COVERAGE_FACTOR * math.hypot(moment, lost))
         budget = (
             BudgetLine("between ramps", "A", error, degrees_of_freedom=balance.freedom),
             BudgetLine("moment of first motion", "A", moment, "law of motion; rectangular"),
-            BudgetLine("output bearing", "B", bearing, BEARING_NOTE),
+            *[BudgetLine("wind-up lost by stick-slip", "A", lost, "rectangular")] * (lost > 0.0),
+            BudgetLine(COULOMB, "B", unknown, bearing.words()),
             *lines,
             scale_line(recording, value),
         )
@@ -528,6 +557,14 @@ def _estimates(
         add(way, sign, value, math.sqrt(2.0) * balance.error, zero.budget())
     add("", 1.0, balance.friction, balance.error)
     return estimates
+
+
+def _at_rest(recording: Recording, bearing: OutputBearing) -> tuple[float, float]:
+    """What the output bearing asks of the input before it turns and is taken off, and its standard uncertainty [N m];
+    0 where the ratio is not known.
+    """
+    taken = bearing.coulomb if bearing.is_subtracted else 0.0
+    return _at_input(recording, taken), _at_input(recording, bearing.coulomb_uncertainty)
 
 
 def _at_input(recording: Recording, torque: float) -> float:

@@ -295,6 +295,10 @@ class Tare:
         beyond = (speed < self.speed[0] * 0.97) | (speed > self.speed[-1] * 1.03)
         return torque, error, beyond
 
+    def reaches(self, speed: Array, factor: float) -> np.ndarray:
+        """Which speeds [rad/s] are at most this factor above its fastest."""
+        return np.asarray(speed <= self.speed[-1] * factor)
+
 
 def tare_from(holds: Sequence[RunningTorque]) -> Tare:
     """The motor's own friction over speed from the holds of a tare run; repeats of one speed are averaged."""

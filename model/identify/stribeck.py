@@ -364,6 +364,12 @@ class _Profile:
         return 0.5 * (inside + outside)
 
 
+POPULATION, GENERATIONS, CONVERGED = 100, 400, 1e-6
+"""Of the genetic search: its size, where it ends, and the relative scatter of chi-square at which it has ended."""
+MUTATION, CROSSOVER = (0.5, 1.0), 0.7
+"""Factor of the differences, drawn per generation, and the share of parameters that a mutant hands on."""
+
+
 @dataclass(frozen=True)
 class GeneticFit:
     """The paper's way: a genetic search over all five parameters; best values, chi-square and evaluations."""
@@ -381,7 +387,7 @@ def fit_stribeck_genetic(
     common: Array | None = None,
     seed: int = 0,
     bounds: StribeckBounds | None = None,
-    generations: int = 400,
+    generations: int = GENERATIONS,
 ) -> GeneticFit:
     """Equation 19 by differential evolution, as in the paper, for comparison with `fit_stribeck`;
     same data, same bounds.
@@ -399,25 +405,28 @@ def fit_stribeck_genetic(
         (0.0, slope),
     ]
 
-    def chi_square(x: Array) -> Array:
-        coulomb, static, velocity, shape, viscous = x
+    def chi_square(population: Array) -> Array:
+        coulomb, static, velocity, shape, viscous = population.T
         decay = np.exp(-((v[:, None] / np.exp(velocity)) ** np.exp(shape)))
         curve = coulomb + (static - coulomb) * decay + viscous * v[:, None]
         return np.sum((points.whitening @ (f[:, None] - curve)) ** 2, axis=0)
 
-    result = scipy.optimize.differential_evolution(
-        lambda x: chi_square(x[:, None] if x.ndim == 1 else x),
-        ranges,
-        rng=np.random.default_rng(seed),
-        vectorized=True,
-        updating="deferred",
-        polish=False,
-        maxiter=generations,
-        tol=1e-8,
-        popsize=20,
-    )
-    coulomb, static, velocity, shape, viscous = result.x
+    random = np.random.default_rng(seed)
+    low, high = np.array(ranges).T
+    population = random.uniform(low, high, (POPULATION, len(low)))
+    cost, done = chi_square(population), 0
+    while done < generations and cost.std() > CONVERGED * cost.mean():
+        done += 1
+        order = random.permutation(POPULATION)
+        differences = population[order] - population[np.roll(order, 1)]
+        mutant = population[np.argmin(cost)] + random.uniform(*MUTATION) * differences
+        mixed = np.where(random.random(mutant.shape) < CROSSOVER, mutant, population)
+        # What leaves the box is drawn anew.
+        drawn = random.uniform(low, high, mixed.shape)
+        mixed = np.where((mixed >= low) & (mixed <= high), mixed, drawn)
+        trial = chi_square(mixed)
+        population[trial < cost] = mixed[trial < cost]
+        cost = np.minimum(cost, trial)
+    coulomb, static, velocity, shape, viscous = population[np.argmin(cost)]
     values = np.array([coulomb, static, math.exp(velocity), math.exp(shape), viscous])
-    return GeneticFit(
-        values, float(np.sum(result.fun)), (int(result.nit) + 1) * len(result.population)
-    )
+    return GeneticFit(values, float(cost.min()), (done + 1) * POPULATION)

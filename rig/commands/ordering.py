@@ -52,12 +52,14 @@ def request_of(
         config = DEFAULT_PATH
     gear, motor = shipped_gear(), shipped_motor()
     limits: Mapping[str, float] = {}
+    output_bearing: Mapping[str, Any] = {}
     rate, folder = DEFAULT_SAMPLE_RATE, Path("runs")
     if config is not None:
         from rig.bench.config.apply import configured_rig
 
         configured = configured_rig(config)
         gear, motor, limits = configured.gear, configured.motor, configured.limits
+        output_bearing = configured.output_bearing
         rate, folder = (
             configured.configuration.rig.sample_rate_hz,
             config.parent / configured.configuration.rig.output,
@@ -83,6 +85,7 @@ def request_of(
         block_cycles=block,
         configuration=config,
         limits=limits,
+        output_bearing=output_bearing,
         confirmation=confirmation,
         world=world or WorldChoice(),
     )

@@ -102,6 +102,8 @@ def header_of(
     }
     if order.bench:
         process["bench"] = order.bench
+    if order.output_bearing:
+        process["output_bearing"] = dict(order.output_bearing)
     if order.world:
         process["world"] = order.world
         process["output_bearing"] = OUTPUT_BEARINGS[order.world["population"]]

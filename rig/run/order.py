@@ -41,6 +41,8 @@ class RunOrder:
     conditions: dict[str, Any] = field(default_factory=dict)
     world: Mapping[str, Any] = field(default_factory=dict)
     """The simulated world, as the run file tells it."""
+    output_bearing: Mapping[str, Any] = field(default_factory=dict)
+    """What is known of the bench's output bearing; a simulated bench has its own card."""
     thermal_state: Callable[[], Mapping[str, Mapping[str, float]]] | None = None
     """How warm a simulated rig is, and was on average [degC]: noted at the end, for the run after this one."""
     place: RunPlace | None = None

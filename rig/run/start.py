@@ -71,6 +71,8 @@ class RunRequest:
     """The file that describes the rig, for a rig of hardware."""
     limits: Mapping[str, float] = field(default_factory=dict)
     """Limits of the rig by quantity (SI), from its configuration."""
+    output_bearing: Mapping[str, Any] = field(default_factory=dict)
+    """The bench's output bearing, from its configuration, as run files carry it."""
     confirmation: str = ""
     """What the operator typed to arm a run on hardware."""
 
@@ -248,6 +250,7 @@ def run_on(
         block_cycles=cycles,
         conditions=dict(request.conditions),
         world=rig.world,
+        output_bearing=request.output_bearing,
         thermal_state=rig.thermal_state,
         place=place,
         free_space=lambda: shutil.disk_usage(request.output).free,

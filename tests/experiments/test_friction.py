@@ -89,8 +89,24 @@ def test_a_tare_that_does_not_cover_the_speeds_is_not_used(
     assert any("was not used" in w for w in result.warnings)
 
 
+def test_holds_that_are_faster_than_the_tare_are_left_out_and_named(
+    friction_run: Recording, gear: HarmonicDrive, tare: Result, result: Result
+) -> None:
+    half = 0.5 * float(tare.tables[0].rows[-1][0])
+    table = dataclasses.replace(
+        tare.tables[0], rows=tuple(r for r in tare.tables[0].rows if float(r[0]) < half)
+    )
+    slower = dataclasses.replace(tare, tables=(table, *tare.tables[1:]))
+    left = friction.analyse(friction_run, Evidence(gear, slower, settings=QUICK))
+    assert left.options["torque_is_of"] == "gear"
+    assert left.metrics["points"] < result.metrics["points"]
+    assert any("were left out. Repeat the tare" in w for w in left.warnings)
+    coulomb = left.estimates["coulomb"]
+    assert abs(coulomb.value - gear.mesh_friction.coulomb) < coulomb.expanded_uncertainty
+
+
 def test_a_result_that_is_no_tare_is_not_used(result: Result) -> None:
-    tare, said = read_tare(result, 1.0, 100.0)
+    tare, said = read_tare(result, np.array([1.0, 100.0]))
     assert tare is None
     assert "not of motor-tare" in said[0]
 

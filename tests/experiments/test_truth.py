@@ -126,8 +126,10 @@ def test_friction_of_motor_and_gear_or_in_another_balance_is_not_held_against_th
 
 
 def test_a_tare_is_the_motor_as_warm_as_it_was() -> None:
-    found = pairs(result("motor-tare", "motor_coulomb", "motor_viscous"))
+    at_20 = "motor_coulomb_at_20_degrees"
+    found = pairs(result("motor-tare", "motor_coulomb", "motor_viscous", at_20))
     assert found["motor_coulomb"] == pytest.approx((SCALE * 0.012 * 0.9, 0.012 * 0.9))
+    assert found[at_20] == pytest.approx((SCALE * 0.012, 0.012))
     assert found["motor_viscous"] == pytest.approx((SCALE * 4e-5 * 0.9, 4e-5 * 0.9))
 
 

@@ -42,7 +42,7 @@ from experiments.torque.running_torque import (
     foreign_holds,
     measured_holds,
 )
-from experiments.torque.tare import read_tare
+from experiments.torque.tare import REACH, read_tare
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
@@ -69,10 +69,13 @@ UNKNOWN_TEMPERATURE = 5.0
 """K, standard uncertainty of the temperature of a run without a thermometer on the housing."""
 THERMOMETER = 0.2
 """K, standard uncertainty of a thermometer without calibration."""
-LOSS_RELATIVE = 2.0
-"""Relative standard uncertainty of the loss by vibration: of a factor that all speeds share, and of one that each speed
-has for itself. Stiffness within 40 % is a factor of 2.8, hysteresis and damping are known within three; visits to one
-speed share both."""
+LOSS_RELATIVE, OWN_RELATIVE, HOLD_RELATIVE = 2.0, 1.0, 0.5
+"""Relative standard uncertainties of the loss by vibration: of a factor that all speeds share, since stiffness (within
+40 %, a factor of 2.8), hysteresis and damping (within three) are the same gear's; of one that each speed has for
+itself, since orders take their loss in other proportions; and, over that, of each hold's, whose sidebands beat. Visits
+to one speed share the first two."""
+PRODUCT_RELATIVE = 0.3
+"""Relative standard uncertainty of what is missing of the product of ripples: six orders stand for all."""
 PLACE, WARMTH = "place on the output", "warmth of the motor"
 BEARING, TARE, VIBRATION = "bearing no-load torque", "tare", "vibration near resonances"
 RUN_TO_RUN = "from run to run"
@@ -150,12 +153,20 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
             where=recording.metadata.run_id,
             remedy="Hold each speed for whole revolutions.",
         )
-    speeds = [abs(h.torque.speed) for h in holds]
+    tare, said = read_tare(evidence.tare, _speeds(holds))
+    if tare is not None:
+        holds, bracket = (
+            [
+                h
+                for h, reached in zip(part, tare.reaches(_speeds(part), REACH), strict=True)
+                if reached
+            ]
+            for part in (holds, bracket)
+        )
     law = temperature_law(
         evidence.settings, float(np.mean([hold.torque.temperature for hold in holds]))
     )
     heat = motor_heat(recording, law.mean)
-    tare, said = read_tare(evidence.tare, min(speeds), max(speeds))
     if tare is not None and evidence.tare is not None:
         before = evidence.tare.metrics.get("housing_temperature", math.nan)
         tare, heat = heat.brought(tare, before)
@@ -173,6 +184,10 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         output=output_bearing(recording, evidence.settings),
         heat=heat,
     )
+
+
+def _speeds(holds: list[Hold]) -> FloatArray:
+    return np.array([abs(h.torque.speed) for h in holds])
 
 
 def reproducibility(bracket: list[Hold]) -> float:
@@ -245,22 +260,22 @@ def bearing_relative(gear: HarmonicDrive, law: TemperatureLaw) -> float:
 def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> list[RunningTorque]:
     """The running torques of all holds without what is known not to be the gear's at mean temperature.
 
-    Taken off: output bearing, vibration, what the port's lag does to ripples, and the drift of
-    temperature by the law's own coefficients.
+    Taken off: output bearing, vibration, what the port's lag and the time between samples do to
+    ripples, and the drift of temperature by the law's own coefficients.
     """
     torques = [h.torque for h in measured.every]
     speed = np.array([abs(t.speed) for t in torques])
-    law, warmer = measured.law, _warmer(measured)
+    law, warmer, ripple = measured.law, _warmer(measured), measured.ripple
     _, moving = bearing_parts(curve, speed, {})
     drift = warmer * law.dry.value * curve.dry(speed)
     drift += warmer * law.viscous.value * (curve.viscous(speed) + moving * 2.0 / 3.0)
-    off = measured.output.torque(speed, ratio) + measured.ripple.loss + drift
+    off = measured.output.torque(speed, ratio) + ripple.loss + drift
     return [
         dataclasses.replace(
             t,
             torque=t.torque - t.direction * float(known),
         )
-        for t, known in zip(torques, off - measured.ripple.lag, strict=True)
+        for t, known in zip(torques, off - ripple.lag - ripple.between, strict=True)
     ]
 
 
@@ -316,7 +331,7 @@ def common_errors(
         errors.append(
             CommonError(
                 source=VIBRATION,
-                effect=LOSS_RELATIVE * measured.ripple.loss[:, None] * _alone_and_by_speed(speed),
+                effect=_vibration(measured.ripple, speed),
                 note="damping and first mode of the parameter set",
             )
         )
@@ -344,10 +359,15 @@ def common_errors(
     return errors + _never_seen(measured, recording, speed, direction, dry, gear_torque, ratio)
 
 
-def _alone_and_by_speed(speed: FloatArray) -> FloatArray:
-    """Ones, and for each speed ones where a hold has it; (n, 1 + speeds)."""
+def _vibration(ripple: Ripple, speed: FloatArray) -> FloatArray:
+    """What one standard uncertainty of the loss does: of the factor that all share, of each speed's, of each hold's."""
     _, level = np.unique(np.round(np.log(speed), 2), return_inverse=True)
-    return np.column_stack([np.ones(len(speed)), np.eye(int(level.max()) + 1)[level]])
+    seen = ripple.loss - ripple.unseen
+    own = (
+        OWN_RELATIVE * seen + ripple.unseen + PRODUCT_RELATIVE * np.abs(ripple.lag + ripple.between)
+    )
+    by_speed, by_hold = np.eye(int(level.max()) + 1)[level], HOLD_RELATIVE * np.eye(len(speed))
+    return np.column_stack([LOSS_RELATIVE * seen, own[:, None] * by_speed, own[:, None] * by_hold])
 
 
 def _never_seen(

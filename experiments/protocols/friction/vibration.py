@@ -2,7 +2,8 @@
 
 Orders of the kinematic error shake the output; near the first torsional mode the motion is many times the error. The
 relative motion across the gear is x = r^2 y, r = n w/w_1, with the output's own motion y, which the output encoder
-shows in the very hold whose torque is averaged. With the damping D of the gear it takes, at the input,
+shows in the very hold whose torque is averaged; above the mode x = y + e, with the kinematic error e that slow holds
+show: there y is small, and w_1 falls out. With the damping D of the gear it takes, at the input,
 
     T = sum over n of (D/2) (n w)^2 |x_n|^2/w + n E(x_n)/(2 pi)        D = C_b (r_g/tan(alpha_t) K/K_b')^2 + C_t
 
@@ -12,7 +13,9 @@ their sidebands n +- k/N beat over the output turn, so that y is taken from shor
 Damping is known within a factor of about three, w_1 (in the fourth power) by the card's stiffness and inertia.
 
 The input ripples too, and the port lags behind the torque by an unknown part of `LAG`: the mean over angle holds the
-product of both ripples, half the sum of Re(T_n conj(w_n)/w), whose phase the lag has turned.
+product of both ripples, half the sum of Re(T_n conj(w_n)/w); a first-order lag t hides i n w t T_n of T_n. The sum of
+trapezoids over angle holds only a share sin(b)/b of that product, b = n w times the sampling period: at a quarter of
+the rate a third is missing. A speed loop takes power from ripples (T_n opposes w_n): the mean came out too large.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.evidence import usable
+from experiments.evidence.sampling import HIGHEST_SHARE
 from experiments.planning.speeds import first_resonances
 from experiments.recording import Recording
 from experiments.torque.running_torque import Hold
@@ -34,12 +38,15 @@ from model.units import ARCMIN, REVOLUTION
 ORDERS = (1, 2, 3, 4, 5, 6)
 SLIDING = 3.0 * ARCMIN
 """Torsion over which hysteresis begins to slide, assumed."""
-SLOW = 0.1
-"""Share of the first mode below which the highest order shakes nothing worth a look."""
+SLOW, STILL = 0.1, 0.3
+"""Shares of the first mode below which the highest order shakes nothing worth a look, and moves as the error does."""
+STIFFNESS, HIGHEST_PEAK = 0.4, 10.0
+"""Relative half-width of the stiffness of a gear about its card's; torsion over error at a resonance that sampling
+hides."""
 LAG = 1e-3
 """s by which a torque port lags, assumed; 0 to twice as much."""
 TURNED = 0.02
-"""Radians by which the lag must turn the highest order to be looked at."""
+"""Radians by which the lag or a period must turn the highest order to be looked at."""
 ROWS = 20_000
 """Rows of a hold that are looked at, its last ones."""
 TREND = 2
@@ -47,53 +54,98 @@ TREND = 2
 SEEN = 4.0
 """Mean square of an order over that of the noise from which on it is a motion."""
 BLOCK_ROWS, BLOCK_REVOLUTIONS = 80, 5.0
-"""A block has at least so many rows and covers at least so many input revolutions."""
+"""A block has at least so many rows and covers so many input revolutions, all of a shorter hold, but one at least."""
+LEAST_REVOLUTIONS, ENOUGH = 0.95, 16
+"""Input revolutions that a hold needs, and slow holds, in many places on the output, that tell the error."""
+REVOLUTION_ROWS = 200
+"""Rows per input revolution that are enough."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Ripple:
     """What ripples do to the torque of each hold (n,) [N m]: `loss`, input torque that the shaken output takes by the
-    card; `lag`, what the mean torque would change if the port's lag of `LAG` were taken out.
+    card; `lag`, what the mean torque would change if the port's lag of `LAG` were taken out; `between`, what it would
+    change if ripples were integrated exactly between the samples; `unseen`, half-width of the loss by orders that
+    sampling hides.
     """
 
     loss: FloatArray
     lag: FloatArray
+    between: FloatArray
+    unseen: FloatArray
 
 
 def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, channel: str) -> Ripple:
     """The ripples of all holds at constant speed."""
-    ripple = Ripple(loss=np.zeros(len(holds)), lag=np.zeros(len(holds)))
-    mode, damping = math.sqrt(math.prod(first_resonances(gear))), _damping(gear)
+    ripple = Ripple(*np.zeros((4, len(holds))))
+    orders, period = np.array(ORDERS), 1.0 / recording.metadata.sample_rate
+    mode = math.sqrt(math.prod(first_resonances(gear)))
+    # At small amplitudes hysteresis is a spring beside the gear's own.
+    mode *= math.sqrt(1.0 + 0.5 * gear.ratings.hysteresis_loss / SLIDING)
+    shaken = [
+        _is_shaken(recording) and orders[-1] * abs(h.torque.speed) > SLOW * mode for h in holds
+    ]
+    error = _at_rest(recording, holds, mode) if any(shaken) else np.zeros(len(orders))
     for k, hold in enumerate(holds):
         speed = abs(hold.torque.speed)
-        names = ["input_angle", channel]
-        if _is_shaken(recording) and ORDERS[-1] * speed > SLOW * mode:
-            names.append("output_angle")
-        if ORDERS[-1] * speed * LAG < TURNED:
+        if orders[-1] * speed * max(LAG, period) < TURNED:
             continue
-        waves = _waves(recording, hold, names)
+        waves = _waves(
+            recording, hold, ["input_angle", channel] + ["output_angle"] * int(shaken[k])
+        )
         if waves is None:
             continue
-        orders = np.array(ORDERS)
-        turn = np.asarray(np.exp(1j * orders * speed * LAG) - 1.0, dtype=np.complex128)
-        swing = 1j * orders * waves.mean_product(0, 1, turn)
-        ripple.lag[k] = hold.torque.direction * 0.5 * float(swing.real.sum())
-        for n, square in zip(ORDERS, waves.squares(2) if len(names) > 2 else (), strict=False):
-            relative = (n * speed / mode) ** 2 * math.sqrt(square)
-            ripple.loss[k] += 0.5 * damping * (n * relative) ** 2 * speed
-            ripple.loss[k] += n * _hysteresis_loss(gear, relative) / REVOLUTION
+        turned = orders * speed * LAG
+        swing = 0.5j * orders * waves.mean_product(0, 1)
+        ripple.lag[k] = hold.torque.direction * float((1j * swing * turned).real.sum())
+        # np.sinc has pi in it; what a sum of trapezoids is short of.
+        missing = 1.0 - np.sinc(orders * speed * period / math.pi)
+        ripple.between[k] = hold.torque.direction * float((swing * missing).real.sum())
+        if shaken[k]:
+            seen = orders * speed * period < HIGHEST_SHARE * REVOLUTION
+            motion = np.sqrt(waves.squares(2))
+            torsion = _torsion(orders * speed / mode, np.where(seen, motion, math.nan), error)
+            loss = 0.5 * _damping(gear) * (orders * torsion) ** 2 * speed
+            loss += orders * _hysteresis_loss(gear, torsion) / REVOLUTION
+            low, high = loss.sum(axis=1)
+            ripple.loss[k], ripple.unseen[k] = 0.5 * (low + high), 0.5 * (high - low)
     return ripple
+
+
+def _torsion(ratio: FloatArray, motion: FloatArray, error: FloatArray) -> FloatArray:
+    """Least and largest amplitude of the torsion (2, orders) at multiples `ratio` of the first mode, from that of the
+    output's own motion (NaN where sampling hides it) and of the kinematic error [rad].
+
+    Below the mode the motion's inertia tells it; above, where little moves, the error is what the torsion takes up, in
+    antiphase to the motion. A hidden motion is what a stiffness within `STIFFNESS` allows.
+    """
+    square = ratio**2
+    above = np.clip(square * motion, error, motion + error)
+    seen = np.where(square < 1.0, square * motion, above)
+    moved = square[:, None] / np.linspace(1.0 - STIFFNESS, 1.0 + STIFFNESS, 17)
+    peak = moved / np.maximum(np.abs(1.0 - moved), moved / HIGHEST_PEAK)
+    hidden = error * np.array([peak.min(axis=1), peak.max(axis=1)])
+    return np.where(np.isfinite(motion), seen, hidden)
+
+
+def _at_rest(recording: Recording, holds: list[Hold], mode: float) -> FloatArray:
+    """Amplitudes of the kinematic error (orders,) [rad]: the output's own motion where nothing shakes it."""
+    still = [h for h in holds if ORDERS[-1] * abs(h.torque.speed) < STILL * mode]
+    few = still[:: 1 + len(still) // ENOUGH]
+    seen = (_waves(recording, hold, ["input_angle", "output_angle"]) for hold in few)
+    squares = [waves.squares(1) for waves in seen if waves is not None]
+    return np.sqrt(np.mean(squares, axis=0)) if squares else np.zeros(len(ORDERS))
 
 
 def _is_shaken(recording: Recording) -> bool:
     return recording.has("output_angle") and recording.metadata.gear_mounted
 
 
-def _hysteresis_loss(gear: HarmonicDrive, motion: float) -> float:
-    """What hysteresis takes in one cycle of this amplitude of torsion [rad] [J]."""
+def _hysteresis_loss(gear: HarmonicDrive, torsion: FloatArray) -> FloatArray:
+    """What hysteresis takes per cycle of each of these amplitudes of torsion [rad] [J], which all move it at once."""
     limit = 0.5 * drive_stiffness(gear).combined_output * gear.ratings.hysteresis_loss
-    share = (motion / SLIDING) ** 2
-    return 4.0 * limit * motion * share / (3.0 + share)
+    share = np.sum(torsion**2, axis=1, keepdims=True) / SLIDING**2
+    return 4.0 * limit * torsion * share / (3.0 + share)
 
 
 def _damping(gear: HarmonicDrive) -> float:
@@ -118,21 +170,24 @@ class _Waves:
         noise = self.noise[which]
         return np.where(mean > SEEN * noise, mean - noise, 0.0)
 
-    def mean_product(self, angle: int, torque: int, turn: ComplexArray) -> ComplexArray:
-        """-conj(a) T turn, in the mean over blocks (orders,).
+    def mean_product(self, angle: int, torque: int) -> ComplexArray:
+        """-conj(a) T, in the mean over blocks (orders,).
 
-        i n of it is the torque, turned by `turn`, times the ripple of the speed over its mean (amplitude i n a).
+        i n of it is the torque times the ripple of the speed over its mean (amplitude i n a).
         """
-        return -np.mean(np.conj(self.amplitude[angle]) * self.amplitude[torque], axis=0) * turn
+        return -np.mean(np.conj(self.amplitude[angle]) * self.amplitude[torque], axis=0)
 
 
 def _waves(recording: Recording, hold: Hold, names: list[str]) -> _Waves | None:
     """The orders of some signals of a hold by blocks; None where it is too short."""
     rows = slice(max(hold.segment.start, hold.segment.stop - ROWS), hold.segment.stop)
-    good = usable(recording, rows)
+    per_turn = REVOLUTION * recording.metadata.sample_rate / abs(hold.torque.speed)
+    good = np.flatnonzero(usable(recording, rows))[:: max(1, int(per_turn / REVOLUTION_ROWS))]
     angle = recording.si("input_angle", rows)[good]
     turns = abs(angle[-1] - angle[0]) / REVOLUTION if len(angle) else 0.0
-    size = max(BLOCK_ROWS, math.ceil(BLOCK_REVOLUTIONS * len(angle) / max(turns, 1e-9)))
+    if turns < LEAST_REVOLUTIONS:
+        return None
+    size = max(BLOCK_ROWS, math.ceil(min(BLOCK_REVOLUTIONS / turns, 1.0) * len(angle)))
     blocks = len(angle) // size
     if blocks == 0:
         return None

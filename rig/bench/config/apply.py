@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from model.errors import ModelError
 from model.gear import HarmonicDrive, Origin
@@ -49,6 +50,20 @@ class ConfiguredRig:
     gear: HarmonicDrive
     motor: ServoMotor
     limits: Mapping[str, float]
+
+    @property
+    def output_bearing(self) -> dict[str, Any]:
+        """The bench's output bearing as run files carry it; empty where the file says nothing."""
+        own = self.configuration.output_bearing
+        if own is None:
+            return {}
+        return {
+            "coulomb": own.friction_n_m,
+            "coulomb_u": own.uncertainty_n_m,
+            "viscous": own.viscous_n_m_s,
+            "viscous_u": own.viscous_uncertainty_n_m_s,
+            "source": f"{own.source}, {own.date}",
+        }
 
 
 def configured_rig(path: str | Path) -> ConfiguredRig:

@@ -346,6 +346,19 @@ class Limits(Part):
     housing_temperature_deg_c: Positive | None = None
 
 
+class OutputBearing(Part):
+    """Friction of the bench's own bearing at the output, measured with the gear off, and its expanded uncertainty
+    (k = 2). It is subtracted from the friction of every gear that is measured here.
+    """
+
+    friction_n_m: NotNegative
+    uncertainty_n_m: NotNegative
+    viscous_n_m_s: NotNegative = 0.0
+    viscous_uncertainty_n_m_s: NotNegative = 0.0
+    date: datetime.date
+    source: str = Field(min_length=1)
+
+
 class Ratings(Part):
     """Ratings of the gear as its nameplate or catalogue has them: they replace those of the parameter set."""
 
@@ -397,6 +410,7 @@ class RigConfiguration(Part):
     analog_modules: tuple[AnalogModule, ...] = Field(default=(), alias="analog_module")
     readout: Readout | None = None
     guard: GuardInput | None = None
+    output_bearing: OutputBearing | None = None
     limits: Limits = Limits()
     ratings: Ratings = Ratings()
     real_time: RealTime = RealTime()

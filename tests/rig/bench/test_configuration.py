@@ -275,7 +275,7 @@ def test_the_drivers_get_what_the_file_says(tmp_path: Path) -> None:
 
 def test_limits_and_ratings_reach_the_plan_in_si(tmp_path: Path) -> None:
     text = TEMPLATE.replace("# input_speed_rpm = 3500.0", "input_speed_rpm = 600.0").replace(
-        "# source = ", "source = "
+        '# source = "n', 'source = "n'
     )
     text = text.replace("# repeated_peak_torque_n_m = 167.0", "repeated_peak_torque_n_m = 100.0")
     configured = configured_rig(written(tmp_path, text))
@@ -287,8 +287,30 @@ def test_limits_and_ratings_reach_the_plan_in_si(tmp_path: Path) -> None:
     assert limits.value(lim.TORSION_TORQUE) == pytest.approx(lim.TRIP_SHARE * 100.0)
 
 
+BEARING = """
+[output_bearing]
+friction_n_m = 0.48
+uncertainty_n_m = 0.04
+date = 2026-05-02
+source = "spun with a cord"
+"""
+
+
+def test_the_output_bearing_is_told_with_day_and_source(tmp_path: Path) -> None:
+    assert configured_rig(written(tmp_path, TEMPLATE)).output_bearing == {}
+    bearing = configured_rig(written(tmp_path, TEMPLATE + BEARING)).output_bearing
+    assert bearing["source"] == "spun with a cord, 2026-05-02"
+    assert (bearing["coulomb"], bearing["coulomb_u"], bearing["viscous"]) == (0.48, 0.04, 0.0)
+
+
+@pytest.mark.parametrize("line", ["date = 2026-05-02", 'source = "spun with a cord"'])
+def test_an_output_bearing_without_day_or_source_is_refused(tmp_path: Path, line: str) -> None:
+    with pytest.raises(ConfigurationError, match="output_bearing"):
+        configured_rig(written(tmp_path, TEMPLATE + BEARING.replace(line, "")))
+
+
 def test_ratings_that_contradict_each_other_are_refused(tmp_path: Path) -> None:
-    text = TEMPLATE.replace("# source = ", "source = ")
+    text = TEMPLATE.replace('# source = "n', 'source = "n')
     text = text.replace("# momentary_peak_torque_n_m = 304.0", "momentary_peak_torque_n_m = 1.0")
     with pytest.raises(ConfigurationError, match="momentary_peak_torque"):
         configured_rig(written(tmp_path, text))

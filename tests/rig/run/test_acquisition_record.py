@@ -62,6 +62,14 @@ def test_a_run_keeps_the_figures_of_its_acquisition(begin: Any, tmp_path: Path) 
     assert "acquisition" not in header_again.metadata.process
 
 
+def test_a_run_carries_the_benchs_output_bearing(tmp_path: Path) -> None:
+    known = {"coulomb": 0.48, "coulomb_u": 0.04, "source": "spun with a cord"}
+    report = execute(
+        order_of(planned_of(*STEPS), FakeRig(), tmp_path, output_bearing=known), begin_inline_run
+    )
+    assert read_run_header(report.path).metadata.process["output_bearing"] == known
+
+
 def test_the_wire_tells_its_own_figures(tmp_path: Path) -> None:
     planned = plan_run(EXPERIMENT, DrillParameters(), shipped_gear(), shipped_motor())
     reference_run(planned, "wire", 0, tmp_path)
