@@ -197,7 +197,7 @@ def _running_torque(
     error, freedom = float(points.standard_error[at]), float(points.freedom[at])
     ripple = ripple_of(recording, pair, evidence.gear, "torque")
     loss = float(ripple.loss.mean())
-    lag = float(np.mean([h.torque.direction for h in pair] * ripple.lag))
+    lag = float(np.mean(ripple.lag + ripple.between))
     value = float(points.friction[at]) - loss + lag
     heat = motor_heat(recording, housing)
     by_speed = (

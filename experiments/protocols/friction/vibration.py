@@ -63,10 +63,11 @@ REVOLUTION_ROWS = 200
 
 @dataclass(frozen=True)
 class Ripple:
-    """What ripples do to the torque of each hold (n,) [N m]: `loss`, input torque that the shaken output takes by the
-    card; `lag`, what the mean torque would change if the port's lag of `LAG` were taken out; `between`, what it would
-    change if ripples were integrated exactly between the samples; `unseen`, half-width of the loss by orders that
-    sampling hides.
+    """What ripples do to the torque of each hold (n,) [N m], positive where it opposes the motion as friction does.
+
+    `loss`, input torque that the shaken output takes by the card; `lag`, what the mean torque would change if the
+    port's lag of `LAG` were taken out; `between`, what it would change if ripples were integrated exactly between the
+    samples; `unseen`, half-width of the loss by orders that sampling hides.
     """
 
     loss: FloatArray
@@ -97,10 +98,10 @@ def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, chan
             continue
         turned = orders * speed * LAG
         swing = 0.5j * orders * waves.mean_product(0, 1)
-        ripple.lag[k] = hold.torque.direction * float((1j * swing * turned).real.sum())
+        ripple.lag[k] = float((1j * swing * turned).real.sum())
         # np.sinc has pi in it; what a sum of trapezoids is short of.
         missing = 1.0 - np.sinc(orders * speed * period / math.pi)
-        ripple.between[k] = hold.torque.direction * float((swing * missing).real.sum())
+        ripple.between[k] = float((swing * missing).real.sum())
         if shaken[k]:
             seen = orders * speed * period < HIGHEST_SHARE * REVOLUTION
             motion = np.sqrt(waves.squares(2))
