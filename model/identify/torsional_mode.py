@@ -16,7 +16,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.identify.checks import Array
 
@@ -79,6 +78,8 @@ class TorsionModel:
         )
 
     def _step(self, interval: float, extra: float) -> Array:
+        from model.kernels.steps import exponential
+
         whole = np.zeros((6, 6))
         system = self.system(extra)
         whole[:3, :3] = system
@@ -86,7 +87,7 @@ class TorsionModel:
         whole[3, 4] = 1.0
         whole[1, 4] = self.loss
         whole[1, 5] = 1.0
-        exact = scipy.linalg.expm(whole * interval)[:3]
+        exact = exponential(whole * interval)[:3]
         late = exact[:, 4] / interval
         return np.column_stack([exact[:, :3], exact[:, 3] - late, late, exact[:, 5]])
 

@@ -14,11 +14,52 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from model.arrays import FloatArray, IntArray
 
 _FAST = {"contract", "nsz", "nnan", "ninf"}
+TERMS = 14
+"""Of the exponential series at a norm of at most a quarter: what is left out lies below 1e-20."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def exponential(matrix: FloatArray) -> FloatArray:
+    """exp of a small matrix by its series, halved until that converges and squared again.
+
+    A library's exponential is made for large matrices: its threads wait for each other a hundred times longer than
+    the six columns of a step take.
+    """
+    size = matrix.shape[0]
+    norm = 0.0
+    for i in range(size):
+        norm = max(norm, np.sum(np.abs(matrix[i])))
+    halvings = 0
+    while norm > 0.25:
+        norm *= 0.5
+        halvings += 1
+    small = matrix * 0.5**halvings
+    whole = np.eye(size)
+    term, work = np.eye(size), np.empty((size, size))
+    for k in range(1, TERMS):
+        _product(term, small, work)
+        term[:] = work / k
+        whole += term
+    for _ in range(halvings):
+        _product(whole, whole, work)
+        whole[:] = work
+    return whole
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _product(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
+    for i in range(left.shape[0]):
+        for j in range(right.shape[1]):
+            total = 0.0
+            for k in range(left.shape[1]):
+                total += left[i, k] * right[k, j]
+            out[i, j] = total
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
