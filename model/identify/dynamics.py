@@ -54,6 +54,12 @@ KNOWN_WITHIN = 1.7
 LOWEST_HZ, HIGHEST_SHARE = 4.0, 0.4
 STRAY = 3.0
 """How many times the median of the steps' residuals makes a step a bad one."""
+EXPLAINED, SAME = 1.1, 1.001
+"""How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
+AWAY = (0.2, -0.2, 0.4, -0.4)
+"""Logarithms of the stiffness from the card's at which further searches begin."""
+SOFTENED = 0.05
+"""Logarithm by which the spring is softer beside a hysteresis element."""
 BENT = 0.02
 """Logarithms of K2/K1 and K3/K2 with which the hardening rung begins."""
 PASSES, ROUNDS_PER_PASS = 4, 8
@@ -244,54 +250,52 @@ def _climb(
     problem: Problem, expected: Expected, noise: float, richest: str, period: float
 ) -> dict[str, Solution]:
     """The fits of the rungs, each begun where the one below ended."""
-    error = np.zeros(2 * len(problem.basis))
+    still = np.zeros(2 * len(problem.basis))
     frequency = _first_look(problem, expected, noise, period)
     shapes, added = _shapes(expected, frequency)
-    solution = _settled(problem, shapes["linear"], added["linear"], error, noise)
-    solutions = {"linear": solution}
-    if richest != "linear":
-        solutions["hardening"] = _bent(
-            problem, shapes["hardening"], added["hardening"], solution, noise
-        )
-    if richest == "hysteresis":
-        below = solutions["hardening"]
-        values = below.values | added["hysteresis"]
-        values["stiffness"] = below.values["stiffness"] - 0.05
-        solutions["hysteresis"] = _settled(
-            problem, shapes["hysteresis"], values, below.error, noise, below.weights
-        )
+    card = {**added["linear"], "stiffness": math.log(expected.stiffness)}
+    solutions: dict[str, Solution] = {}
+    for rung in FITTED[: FITTED.index(richest) + 1]:
+        card |= added[rung] if rung != "linear" else {}
+        starts = [(card, still)]
+        if rung == "linear":
+            starts.insert(0, (added["linear"], still))
+        elif rung == "hardening":
+            starts = _bends(solutions["linear"], added[rung]) + starts
+        else:
+            below = solutions["hardening"]
+            softer = {"stiffness": below.values["stiffness"] - SOFTENED}
+            starts.insert(0, (below.values | added[rung] | softer, below.error))
+        starts += [({**card, "stiffness": card["stiffness"] + away}, still) for away in AWAY]
+        solutions[rung] = _best(problem, shapes[rung], starts, noise)
     return solutions
 
 
-def _bent(
-    problem: Problem, shape: Shape, added: Mapping[str, float], linear: Solution, noise: float
-) -> Solution:
-    """The hardening rung. Near a resonance such a spring has two answers, and each start leads to one of them.
-
-    Tried are a bend from the linear spring, downhill all the way, and the card's hardening with the steps that
-    then fit badly left aside at first.
-    """
+def _bends(linear: Solution, added: Mapping[str, float]) -> list[tuple[dict[str, float], Array]]:
+    """Starts of the hardening rung beside the linear spring: hardly bent, and bent as the card says."""
     values, stiff = linear.values, linear.values["stiffness"]
-    downhill = {**values, **dict.fromkeys(added, BENT), "kink": 0.0}
-    found = [_settled(problem, shape, downhill, linear.error, noise, linear.weights)]
-    aside = _settled(
-        problem, shape, {**values, **added, "stiffness": stiff - BENT}, linear.error, noise
-    )
-    found.append(aside)
-    if float(np.min(aside.weights)) < 0.9:
-        ones = np.ones(len(problem.steps))
-        found.append(
-            fit_all(
-                problem,
-                shape,
-                aside.values,
-                aside.error,
-                noise=noise,
-                weights=ones,
-                rounds=ROUNDS_PER_PASS,
-            )
-        )
-    return min(found, key=lambda s: s.robust_square())
+    hardly = {**values, **dict.fromkeys(added, BENT), "kink": 0.0}
+    return [(hardly, linear.error), ({**values, **added, "stiffness": stiff - BENT}, linear.error)]
+
+
+def _best(
+    problem: Problem, shape: Shape, starts: Sequence[tuple[dict[str, float], Array]], noise: float
+) -> Solution:
+    """The best of the fits from several starts.
+
+    Where an order of the kinematic error passes near the mode, a spring has several answers, and each start leads
+    to one of them. The search ends with an answer that leaves what counting does, or that two starts lead to.
+    """
+    found: list[Solution] = []
+    for values, error in starts:
+        found.append(_settled(problem, shape, values, error, noise))
+        found.sort(key=lambda s: s.robust_cost())
+        least = found[0].robust_cost()
+        if least < EXPLAINED**2 * found[0].samples:
+            break
+        if len(found) > 1 and found[1].robust_cost() < SAME * least:
+            break
+    return found[0]
 
 
 def _settled(
@@ -639,12 +643,14 @@ def _slopes(numbers: Callable[[Array], Array], here: Array, size: int) -> Array:
 def _standard_error(solution: Solution, slopes: Array) -> tuple[Array, Array]:
     """Standard error of each number, and its degrees of freedom.
 
-    The larger of what the noise of the samples gives and what the steps pull each their own way.
+    What the noise of the samples gives, and what the steps scatter beyond that.
     """
-    white = np.sqrt(np.einsum("ij,jk,ik->i", slopes, solution.covariance(), slopes))
+    white = np.einsum("ij,jk,ik->i", slopes, solution.covariance(), slopes)
     pulls = solution.influence() @ slopes.T
     count = len(pulls)
     square = (pulls**2).sum(axis=0)
-    between = np.sqrt(square * count / (count - 1))
+    variance = np.maximum(white, square * count / (count - 1))
     effective = square**2 / np.maximum((pulls**4).sum(axis=0), 1e-300)
-    return np.hypot(white, between), np.clip(effective, 3.0, count - 1.0)
+    freedom = np.clip(effective, 1.0, count - 1.0)
+    beyond = np.maximum(variance - white, 1e-9 * variance)
+    return np.sqrt(variance), freedom * (variance / beyond) ** 2

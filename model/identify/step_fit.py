@@ -336,6 +336,7 @@ class Solution:
     weights: Array
     noise: float
     penalty: Array
+    centre: Array
 
     @property
     def vector(self) -> Array:
@@ -377,11 +378,16 @@ class Solution:
         count = sum(w * n.count for w, n in zip(self.weights, self.normals, strict=True))
         return self._inverse() * self.square / count
 
-    def robust_square(self) -> float:
-        """Sum of squares in which no step counts more than three times the median one [rad2]."""
+    @property
+    def samples(self) -> int:
+        return sum(n.count for n in self.normals)
+
+    def robust_cost(self) -> float:
+        """Sum of squares over the noise's, no step counting more than three times the median one, and the prior's pull."""
         squares = np.array([n.square / n.count for n in self.normals])
         counts = np.array([n.count for n in self.normals])
-        return float(counts @ np.minimum(squares, 9.0 * np.median(squares)))
+        left = float(counts @ np.minimum(squares, 9.0 * np.median(squares)))
+        return left / self.noise**2 + float(self.penalty @ (self.vector - self.centre) ** 2)
 
 
 def _regular(matrix: Array) -> Array:
@@ -456,6 +462,7 @@ def fit_all(
         weights=weights,
         noise=noise,
         penalty=penalty,
+        centre=centre,
     )
 
 
