@@ -222,7 +222,7 @@ def _shapes(
         "linear": {
             "stiffness": 2.0 * math.log(REVOLUTION * frequency),
             "damping": damped,
-            "bearing": 0.0,
+            "bearing": 0.1 * BEARING_TORQUE / expected.inertia,
             "skew": 0.0,
         },
         "hardening": {"second": math.log(second), "third": math.log(third / second), "kink": 0.0},
@@ -370,7 +370,6 @@ def _shortened(step: StepArrays) -> StepArrays:
         step,
         fine=step.fine[:rows],
         rigid=step.rigid[:rows],
-        moving=step.moving[:rows],
         whole=np.ascontiguousarray(step.whole[:, :, :rows]),
         slow=np.ascontiguousarray(step.slow[:, :, :rows]),
         stamps=step.stamps[:samples],
@@ -643,14 +642,13 @@ def _slopes(numbers: Callable[[Array], Array], here: Array, size: int) -> Array:
 def _standard_error(solution: Solution, slopes: Array) -> tuple[Array, Array]:
     """Standard error of each number, and its degrees of freedom.
 
-    What the noise of the samples gives, and what the steps scatter beyond that.
+    What the noise of the samples gives and what the steps pull each their own way, as a root sum of squares: the
+    second holds the first once more, which stands for what the few steps of a run share.
     """
-    white = np.einsum("ij,jk,ik->i", slopes, solution.covariance(), slopes)
+    white = np.sqrt(np.einsum("ij,jk,ik->i", slopes, solution.covariance(), slopes))
     pulls = solution.influence() @ slopes.T
     count = len(pulls)
     square = (pulls**2).sum(axis=0)
-    variance = np.maximum(white, square * count / (count - 1))
+    between = np.sqrt(square * count / (count - 1))
     effective = square**2 / np.maximum((pulls**4).sum(axis=0), 1e-300)
-    freedom = np.clip(effective, 1.0, count - 1.0)
-    beyond = np.maximum(variance - white, 1e-9 * variance)
-    return np.sqrt(variance), freedom * (variance / beyond) ** 2
+    return np.hypot(white, between), np.clip(effective, 3.0, count - 1.0)

@@ -1,6 +1,6 @@
 """The torsional mode as a velocity step shows it: the output on the gear's compliance, with everything in units of J_o.
 
-    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + h + g phi' + push ,   phi = u - theta_o
+    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + h + g phi' - d ,   phi = u - theta_o
     tau b' = beta/(1 - beta) (phi - b) - b ,   k_s = (K/J_o)/(1 - beta)
 
 the reduced form of equation 2 (the modes of the flexspline lie above 6 kHz): b is the torsion of the
