@@ -58,6 +58,8 @@ EXPLAINED, SAME = 1.1, 1.001
 """How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
 AWAY = (0.2, -0.2, 0.4, -0.4)
 """Logarithms of the stiffness from the card's at which further searches begin."""
+LEAST_SEARCHES, SEARCHED = 2, 60_000
+"""Starts of a rung that are tried at least, and samples to fit in all of them."""
 SOFTENED = 0.05
 """Logarithm by which the spring is softer beside a hysteresis element."""
 BENT = 0.02
@@ -284,11 +286,22 @@ def _best(
     """The best of the fits from several starts.
 
     Where an order of the kinematic error passes near the mode, a spring has several answers, and each start leads
-    to one of them. The search ends with an answer that leaves what counting does, or that two starts lead to.
+    to one of them. The search ends with an answer that leaves what counting does, or that two starts lead to. The
+    many speeds of a long run leave one answer: it is searched from fewer starts.
     """
     found: list[Solution] = []
-    for values, error in starts:
-        found.append(_settled(problem, shape, values, error, noise))
+    samples = sum(len(step.stamps) for step in problem.steps)
+    for values, error in starts[: max(LEAST_SEARCHES, SEARCHED // samples)]:
+        one = _settled(problem, shape, values, error, noise)
+        found.append(one)
+        if "second" in shape.names and float(np.min(one.weights)) < 0.9:
+            # Steps that were left aside may fit, once the others have found the spring.
+            ones = np.ones(len(problem.steps))
+            held = replace(shape, names=("bearing", "skew"))
+            only = fit_all(problem, held, one.values, one.error, noise=noise, weights=ones)
+            found.append(
+                fit_all(problem, shape, only.values, only.error, noise=noise, weights=ones)
+            )
         found.sort(key=lambda s: s.robust_cost())
         least = found[0].robust_cost()
         if least < EXPLAINED**2 * found[0].samples:
