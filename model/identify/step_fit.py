@@ -179,7 +179,7 @@ class Problem:
 
     def at_samples(
         self, step: StepArrays, skew: float, angle: Array, speed: Array
-    ) -> tuple[Array, Array, Array]:
+    ) -> tuple[Array, NDArray[np.int64], Array]:
         """The response at the samples, `skew` later than their stamps, with their places on the fine grid."""
         from model.kernels import steps as kernel
 
@@ -284,7 +284,9 @@ class Problem:
             waves=waves,
         )
 
-    def _own(self, step: StepArrays, tables: Array, place: Array, share: Array) -> Array:
+    def _own(
+        self, step: StepArrays, tables: Array, place: NDArray[np.int64], share: Array
+    ) -> Array:
         """What belongs to one step alone: offset, wind-up, and a ring-down from before it began."""
         from model.kernels import steps as kernel
 
