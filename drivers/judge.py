@@ -21,8 +21,9 @@ the doubt lies between it and its limit.
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -37,6 +38,8 @@ JITTER: Final = 0.5
 """Periods by which an interval may be shorter than it should: a SYNC that was late by less is made up for."""
 _MEMORY: Final = 4096
 _Weights = list[tuple[int, float]]
+_Compiled = tuple[Bound, _Weights, _Weights]
+"""A bound with the columns of its weights and of its allowance."""
 
 
 class CycleJudge:
@@ -53,7 +56,7 @@ class CycleJudge:
         self._doubt_ns = 0
         self._cycle_ns, self._jitter_ns = cycle_ns, round(JITTER * cycle_ns)
         self._guard: Guard | None = None
-        self._compiled: list[tuple[Bound, _Weights]] = []
+        self._compiled: list[_Compiled] = []
         self._stale = self._untimed = 0
         self._is_untimed = False
 
@@ -72,8 +75,8 @@ class CycleJudge:
             )
         try:
             self._compiled = [
-                (b, [(self._column[name], w) for name, w in b.weights.items()])
-                for b in guard.bounds
+                (bound, self._columns(bound.weights), self._columns(bound.allowance))
+                for bound in guard.bounds
             ]
         except KeyError as error:
             raise DriverError(
@@ -83,6 +86,9 @@ class CycleJudge:
                 limit=", ".join(self._column),
             ) from error
         self._guard = guard
+
+    def _columns(self, weights: Mapping[str, float]) -> _Weights:
+        return [(self._column[name], weight) for name, weight in weights.items()]
 
     def remember(
         self, counts: NDArray[np.int64], flags: NDArray[np.uint16], time_ns: NDArray[np.int64]
@@ -118,13 +124,13 @@ class CycleJudge:
         if guard.stale_cycles > 0 and self._stale >= guard.stale_cycles:
             return Break(row, STALE_DATA, float(self._stale), float(guard.stale_cycles), True)
         self._is_untimed = False
-        for bound, weights in self._compiled:
-            value = self._value(bound, weights, -1)
+        for compiled in self._compiled:
+            bound, value = compiled[0], self._value(compiled, -1)
             if value is None or bound.low <= value <= bound.high:
                 continue
-            if bound.consecutive > 1 and not self._lasts(bound, weights):
+            if bound.consecutive > 1 and not self._lasts(compiled):
                 continue
-            if bound.lag and doubt_ns and self._is_doubtful(bound, weights):
+            if bound.lag and doubt_ns and self._is_doubtful(compiled):
                 self._is_untimed = True
                 continue
             limit = bound.high if value > bound.high else bound.low
@@ -134,48 +140,67 @@ class CycleJudge:
             return Break(row, MISSED_CYCLES, float(self._untimed), float(UNTIMED_CYCLES), True)
         return None
 
-    def _lasts(self, bound: Bound, weights: _Weights) -> bool:
+    def _lasts(self, compiled: _Compiled) -> bool:
         """Whether the bound was broken in the cycles before as well."""
+        bound = compiled[0]
         if len(self._rows) < bound.consecutive:
             return False
         for here in range(-2, -1 - bound.consecutive, -1):
-            value = self._value(bound, weights, here)
+            value = self._value(compiled, here)
             if value is None or bound.low <= value <= bound.high:
                 return False
         return True
 
-    def _is_doubtful(self, bound: Bound, weights: _Weights) -> bool:
+    def _is_doubtful(self, compiled: _Compiled) -> bool:
         """Whether the present break may come from a SYNC that was heard later than it was sent."""
-        value = self._value(bound, weights, -1, self._untimed, self._doubt_ns)
+        bound, value = compiled[0], self._value(compiled, -1, self._untimed, self._doubt_ns)
         return value is None or bound.low <= value <= bound.high
 
     def _value(
-        self, bound: Bound, weights: _Weights, here: int, longer: int = 0, doubt_ns: int = 0
+        self, compiled: _Compiled, here: int, longer: int = 0, doubt_ns: int = 0
     ) -> float | None:
         """The bound's quantity in the cycle `here` (-1 is the present one); None where it is not to be judged.
 
         `longer` widens the window of a change, `doubt_ns` is time that the shaft may have had besides.
         """
-        lag, mask, value = bound.lag, bound.mask, bound.offset
+        bound, weights, allowance = compiled
         if not self._good[here]:
             return None
-        counts = self._rows[here]
-        if not lag:
+        if bound.lag:
+            value = self._change(bound, weights, here, longer, doubt_ns)
+        else:
+            counts, mask = self._rows[here], bound.mask
+            value = bound.offset
             for column, weight in weights:
                 value += weight * (counts[column] & mask if mask else counts[column])
+        if not allowance or value is None:
             return value
-        there = here - lag - longer
-        if len(self._rows) < -there or not self._good[there]:
+        moved = self._moved(allowance, here, here - bound.allowance_lag)
+        if moved is None:
             return None
-        before, moved = self._rows[there], 0.0
-        for column, weight in weights:
-            now, then = counts[column], before[column]
-            moved += weight * ((now & mask) - (then & mask) if mask else now - then)
-        if not self._cycle_ns:
-            return value + moved
+        return math.copysign(max(abs(value) - abs(moved), 0.0), value)
+
+    def _change(
+        self, bound: Bound, weights: _Weights, here: int, longer: int, doubt_ns: int
+    ) -> float | None:
+        """The bound's change up to `here`, over the time that the shaft had for it."""
+        there = here - bound.lag - longer
+        moved = self._moved(weights, here, there, bound.mask)
+        if moved is None or not self._cycle_ns:
+            return None if moved is None else bound.offset + moved
         nominal, elapsed = (here - there) * self._cycle_ns, self._times[here] - self._times[there]
         if elapsed < nominal - self._jitter_ns:
             self._is_untimed = True
             return None
         longest = elapsed if elapsed > nominal else nominal
-        return value + moved * (lag * self._cycle_ns / (longest + doubt_ns))
+        return bound.offset + moved * (bound.lag * self._cycle_ns / (longest + doubt_ns))
+
+    def _moved(self, weights: _Weights, here: int, there: int, mask: int = 0) -> float | None:
+        """The weighted change of the counts between two cycles; None where the earlier one is not known."""
+        if len(self._rows) < -there or not self._good[there]:
+            return None
+        counts, before, moved = self._rows[here], self._rows[there], 0.0
+        for column, weight in weights:
+            now, then = counts[column], before[column]
+            moved += weight * ((now & mask) - (then & mask) if mask else now - then)
+        return moved

@@ -54,8 +54,12 @@ class Bound:
     further apart than lag periods it is per lag periods. What a SYNC's lateness leaves in doubt is said by who judges
     (`drivers.judge`, `GuardWatch`). With a `mask` the counts are bit fields (a statusword) and are masked before they
     are weighted.
+    With an `allowance` the quantity is taken nearer to zero, and not past it, by what a motion leaves open (encoders
+    that are latched at different times read a twist that is none, in proportion to the speed):
+    |sum over channels of allowance * (counts[k] - counts[k - allowance_lag])|.
     `is_trip` tells a safety limit (the supervisor trips) from an engine's "until" (the step is over). The first `lag`
-    cycles after opening, and cycles that are flagged incomplete, are not judged. `consecutive` cycles must break it.
+    or `allowance_lag` cycles after opening, and cycles that are flagged incomplete or look back at one that is, are
+    not judged. `consecutive` cycles must break it.
     """
 
     cause: str
@@ -67,6 +71,13 @@ class Bound:
     is_trip: bool = True
     consecutive: int = 1
     mask: int = 0
+    allowance: Mapping[str, float] = field(default_factory=dict)
+    allowance_lag: int = 1
+
+    @property
+    def looks_back(self) -> set[int]:
+        """How many cycles before the one that is judged lie those that it is compared with."""
+        return {self.lag, self.allowance_lag if self.allowance else 0} - {0}
 
 
 STALE_DATA = "stale_data"
@@ -92,7 +103,9 @@ class Guard:
     @property
     def history(self) -> int:
         """Cycles before a block that are needed to judge it."""
-        needed = max((b.lag + b.consecutive - 1 for b in self.bounds), default=0)
+        needed = max(
+            (max(b.looks_back, default=0) + b.consecutive - 1 for b in self.bounds), default=0
+        )
         return max(needed, self.stale_cycles - 1, 0)
 
 
@@ -339,6 +352,18 @@ class GuardWatch:
                 return Break(index - keep, STALE_DATA, float(run), float(cycles), True)
         return None
 
+    def _sum(
+        self, weights: Mapping[str, float], joined: NDArray[np.int64], lag: int, mask: int = 0
+    ) -> NDArray[np.float64]:
+        """The weighted sum (n,) of counts, for a `lag` of their change over it (0 in the first of them)."""
+        total = np.zeros(len(joined))
+        for name, weight in weights.items():
+            column = joined[:, self._column[name]]
+            if mask:
+                column = column & mask
+            total[lag:] += weight * (column[lag:] - column[:-lag] if lag else column)
+        return total
+
     def _judge(
         self,
         bound: Bound,
@@ -347,27 +372,20 @@ class GuardWatch:
         keep: int,
         times: NDArray[np.int64] | None,
     ) -> Break | None:
-        total = np.zeros(len(joined))
-        for name, weight in bound.weights.items():
-            column = joined[:, self._column[name]]
-            if bound.mask:
-                column = column & bound.mask
-            if bound.lag:
-                moved = np.zeros(len(column))
-                moved[bound.lag :] = column[bound.lag :] - column[: -bound.lag]
-                total += weight * moved
-            else:
-                total += weight * column
+        total = self._sum(bound.weights, joined, bound.lag, bound.mask)
         if bound.lag and times is not None:
             nominal = bound.lag * self._cycle_ns
             total[bound.lag :] *= nominal / np.maximum(
                 times[bound.lag :] - times[: -bound.lag], nominal
             )
         total += bound.offset
+        if bound.allowance:
+            allowed = np.abs(self._sum(bound.allowance, joined, bound.allowance_lag))
+            total = np.copysign(np.maximum(np.abs(total) - allowed, 0.0), total)
         outside = ((total < bound.low) | (total > bound.high)) & good
-        if bound.lag:
-            outside[: bound.lag] = False
-            outside[bound.lag :] &= good[: -bound.lag]
+        for lag in bound.looks_back:
+            outside[:lag] = False
+            outside[lag:] &= good[:-lag]
         run = outside.copy()
         for shift in range(1, bound.consecutive):
             run[shift:] &= outside[:-shift]

@@ -20,6 +20,8 @@ STANDING_ANGLE = 0.1
 """rad of the input that may be turned while an angle stands still: what stick and slip may do at low speed."""
 STANDING_COUNTS = 5.0
 """Counts of the angle beside that."""
+STANDS_SHARE = 0.5
+"""Share of its mean movement below which an encoder stands beside one that stands."""
 JUMP_SHARE, JUMP_COUNTS = 0.3, 30.0
 """Change of an angle from one row to the next beside its median: ripple of the speed, and counts."""
 
@@ -40,7 +42,9 @@ def continuity(recorded: Recorded) -> Finding:
             excess, what = (
                 _torque(stored)
                 if name == recorded.torque
-                else _angle(stored, np.diff(at), abs(hold.input_travel))
+                else _angle(
+                    stored, np.diff(at), abs(hold.input_travel), _beside(recorded, name, rows, at)
+                )
             )
             if excess > worst:
                 worst = excess
@@ -68,10 +72,22 @@ def _torque(stored: FloatArray) -> tuple[float, str]:
     return (standing / STANDING_TORQUE if is_noisy else 0.0), f"stands still for {standing} rows"
 
 
-def _angle(stored: FloatArray, apart: NDArray[np.int64], travel: float) -> tuple[float, str]:
+def _beside(recorded: Recorded, name: str, rows: slice, at: NDArray[np.int64]) -> FloatArray | None:
+    """The counts (n,) of the other encoder in the same rows; None where there is none."""
+    other = "output_angle" if name == "input_angle" else "input_angle"
+    if not (recorded.recording.has(other) and recorded.recording.metadata.gear_mounted):
+        return None
+    counts: FloatArray = recorded.recording.stored(other, rows).astype(np.float64)[at]
+    return counts
+
+
+def _angle(
+    stored: FloatArray, apart: NDArray[np.int64], travel: float, beside: FloatArray | None
+) -> tuple[float, str]:
     """Standstill and jump of counts, of which the whole segment has as many as the input turns `travel` [rad].
 
-    `apart` (n - 1,): cycles from one row to the next; more than one where cycles between cannot be used.
+    `apart` (n - 1,): cycles from one row to the next; more than one where cycles between cannot be used. Where the
+    other encoder (`beside`) stands as well the shaft itself does, by stick and slip, and nothing is wrong with either.
     """
     steps = np.diff(stored) / apart
     turned = abs(float(stored[-1] - stored[0]))
@@ -79,7 +95,7 @@ def _angle(stored: FloatArray, apart: NDArray[np.int64], travel: float) -> tuple
     if not (mean > 0.0 and travel > 0.0):
         return math.inf, "stands still"
     per_radian = turned / travel
-    standing = _longest_run(stored)
+    standing = _longest_run(stored, beside)
     # One row that equals none before it has not stood still at all.
     stood = (standing - 1) * mean / (STANDING_ANGLE * per_radian + STANDING_COUNTS)
     median = float(np.median(steps))
@@ -90,7 +106,14 @@ def _angle(stored: FloatArray, apart: NDArray[np.int64], travel: float) -> tuple
     return jumped, f"jumps by {jump:.4g} counts"
 
 
-def _longest_run(stored: FloatArray) -> int:
-    """Rows of the longest piece in which nothing changes."""
+def _longest_run(stored: FloatArray, beside: FloatArray | None = None) -> int:
+    """Rows of the longest piece in which nothing changes, but for pieces in which `beside` stands as well."""
     changes = np.flatnonzero(np.diff(stored))
-    return int(np.diff(np.concatenate([[-1], changes, [len(stored) - 1]])).max())
+    first = np.concatenate([[0], changes + 1])
+    last = np.concatenate([changes, [len(stored) - 1]])
+    rows = last - first + 1
+    if beside is not None:
+        mean = abs(float(beside[-1] - beside[0])) / (len(beside) - 1)
+        moved = np.abs(beside[last] - beside[first])
+        rows = np.where(moved < STANDS_SHARE * mean * (rows - 1), 1, rows)
+    return int(rows.max())

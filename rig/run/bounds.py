@@ -46,6 +46,8 @@ class Watch:
 
     speed_window: float = 0.004
     output_speed_window: float = 0.04
+    encoder_skew: float = 1e-3
+    """How much earlier or later than the input's encoder the output's may be latched: at speed it reads as twist."""
     torque_room: float = 1.15
     torque_offset: float = 0.05
     torque_cycles: int = 3
@@ -231,7 +233,11 @@ class BoundMaker:
         ]
 
     def twist(self, reference: Mapping[str, int]) -> Bound | None:
-        """K (theta_i/N - theta_o), zero at the reference; the angle that is not torque is taken off the limit."""
+        """K (theta_i/N - theta_o), zero at the reference; the angle that is not torque is taken off the limit.
+
+        What the encoders' skew may make of the speed is allowed for, K skew omega_o: without it a gear that runs
+        fast looks strained. A shaft that jams slows down, and with it this allowance goes: a standing gear has none.
+        """
         geometry, limit = self.geometry, self.limits.value(lim.TORSION_TORQUE)
         if geometry is None or math.isinf(limit):
             return None
@@ -244,7 +250,17 @@ class BoundMaker:
         doubt += (2.0 * inner.calibration.accuracy + inner.scale) / geometry.ratio
         high = max(limit - geometry.stiffness * doubt, 0.25 * limit)
         offset = -sum(weight * reference[name] for name, weight in weights.items())
-        return Bound(cause=TORSION_TORQUE, weights=weights, low=-high, high=high, offset=offset)
+        lag = max(1, round(self.watch.speed_window / self.period))
+        skewed = weights[INPUT_ANGLE] * self.watch.encoder_skew / (lag * self.period)
+        return Bound(
+            cause=TORSION_TORQUE,
+            weights=weights,
+            low=-high,
+            high=high,
+            offset=offset,
+            allowance={INPUT_ANGLE: skewed},
+            allowance_lag=lag,
+        )
 
 
 def _weight(channel: Channel) -> float:

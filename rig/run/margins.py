@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,6 +22,7 @@ from drivers.samples import SampleBlock
 from rig.bench import limits as lim
 from rig.bench.limits import Limits
 from rig.run.bounds import Geometry, Watch
+from rig.run.trips import OVER_SPEED_OUTPUT, TORSION_TORQUE
 
 OUTPUT_SPEED = "output_speed"
 TRAVEL = "travel"
@@ -72,6 +73,7 @@ class MarginWatch:
         """The peaks after a block."""
         good = (block.flags & 1) == 0
         values: dict[str, float] = {}
+        before = peaks.input_tail[:, 0]
         inner, fastest = self._speed(INPUT_ANGLE, self.watch.speed_window, peaks.input_tail, block)
         outer, output = peaks.output_tail, None
         if self.geometry is not None:
@@ -84,6 +86,7 @@ class MarginWatch:
             values[OUTPUT_SPEED] = output * self.geometry.ratio
         if good.any():
             values.update(self._values(block.counts[good]))
+        values.update(self._torsion(block.counts, good, before))
         run, longest = _runs(~good, peaks.stale_run)
         values[STALE] = float(longest)
         return Peaks(peaks.values, inner, outer, run).with_values(values)
@@ -119,16 +122,35 @@ class MarginWatch:
             )
             values[lim.HOUSING_TEMPERATURE] = float(heat.max())
         for bound in self.bounds:
-            if bound.cause in ("torsion_torque", "travel"):
-                total = bound.offset + sum(
-                    w * counts[:, self.column[n]] for n, w in bound.weights.items()
-                )
-                if bound.cause == "travel":
-                    middle, half = 0.5 * (bound.low + bound.high), 0.5 * (bound.high - bound.low)
-                    values[TRAVEL] = float(np.abs(total - middle).max()) / half
-                else:
-                    values[lim.TORSION_TORQUE] = float(np.abs(total).max())
+            if bound.cause == TRAVEL:
+                middle, half = 0.5 * (bound.low + bound.high), 0.5 * (bound.high - bound.low)
+                total = self._total(bound, counts)
+                values[TRAVEL] = float(np.abs(total - middle).max()) / half
         return values
+
+    def _torsion(
+        self, counts: NDArray[np.int64], good: NDArray[np.bool_], before: NDArray[np.int64]
+    ) -> Iterator[tuple[str, float]]:
+        """The largest torsion torque [N m] of the complete cycles, less what the guard allows for the skew of the
+        encoders; `before` are the input's counts in the last complete cycles before the block.
+        """
+        for bound in self.bounds:
+            if bound.cause != TORSION_TORQUE or not good.any():
+                continue
+            rows = counts[good]
+            turned = np.concatenate([before, rows[:, self.column[INPUT_ANGLE]]])
+            lag = min(bound.allowance_lag, len(turned) - 1)
+            moved = np.zeros(len(turned))
+            moved[lag:] = turned[lag:] - turned[: len(turned) - lag]
+            beyond = np.abs(self._total(bound, rows))
+            beyond -= np.abs(bound.allowance[INPUT_ANGLE] * moved[len(before) :])
+            yield lim.TORSION_TORQUE, max(0.0, float(beyond.max()))
+
+    def _total(self, bound: Bound, counts: NDArray[np.int64]) -> NDArray[np.float64]:
+        total = np.full(len(counts), bound.offset)
+        for name, weight in bound.weights.items():
+            total += weight * counts[:, self.column[name]]
+        return total
 
     def report(self, peaks: Peaks, following_patience: float) -> dict[str, dict[str, float]]:
         """Peak, limit and what was left of it (share) for every quantity that was watched."""
@@ -149,7 +171,7 @@ class MarginWatch:
         }
         if name in own:
             return own[name]
-        cause = {OUTPUT_SPEED: "over_speed_output", lim.TORSION_TORQUE: "torsion_torque"}.get(name)
+        cause = {OUTPUT_SPEED: OVER_SPEED_OUTPUT, lim.TORSION_TORQUE: TORSION_TORQUE}.get(name)
         if cause is None:
             return self.limits.value(name)
         bound = next((b for b in self.bounds if b.cause == cause), None)

@@ -29,13 +29,16 @@ SOFTEST = 0.5
 
 @dataclass(frozen=True)
 class SlipState:
-    """What is carried from block to block: the window (cycles, sums of twist [rad] and torque [N m]), and windows
-    beyond the limit in a row.
+    """What is carried from block to block: the window (cycles, sums of twist [rad] and torque [N m], input angle [rad]
+    at its begin), windows beyond the limit in a row, and between which two skews of the encoders [s] the run so far
+    leaves room (None: whatever the watch allows).
     """
 
     rows: int = 0
     sums: tuple[float, float] = (0.0, 0.0)
+    begin: float | None = None
     windows: int = 0
+    skew: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,19 +60,27 @@ class SlipReview:
         if geometry is None or torque not in self.column or not self.reference:
             return state, []
         good = block.counts[(block.flags & CycleFlag.INCOMPLETE) == 0]
-        twist = self._turned(INPUT_ANGLE, good) / geometry.ratio
+        if not len(good):
+            return state, []
+        inner = self._turned(INPUT_ANGLE, good)
+        twist = inner / geometry.ratio
         twist -= geometry.output_sense * self._turned(OUTPUT_ANGLE, good)
         pull = np.abs(self.channels[torque].to_si(good[:, self.column[torque]]))
         rows = state.rows + len(good)
         sums = (state.sums[0] + float(twist.sum()), state.sums[1] + float(pull.sum()))
+        begin = float(inner[0]) if state.begin is None else state.begin
         if rows * self.period < self.watch.slip_window:
-            return replace(state, rows=rows, sums=sums), []
+            return replace(state, rows=rows, sums=sums, begin=begin), []
         value, carried = sums[0] / rows, geometry.ratio * sums[1] / rows
         allowed = self._allowed(geometry) + carried / (SOFTEST * geometry.stiffness)
-        windows = state.windows + 1 if abs(value) > allowed else 0
-        state = replace(state, rows=0, sums=(0.0, 0.0), windows=windows)
+        speed = (float(inner[-1]) - begin) / (rows * self.period * geometry.ratio)
+        before = state.skew or (-self.watch.encoder_skew, self.watch.encoder_skew)
+        skew = _skew_left(before, speed, value, allowed)
+        windows = 0 if skew else state.windows + 1
+        state = SlipState(windows=windows, skew=skew or before)
         if windows < self.watch.slip_windows:
             return state, []
+        allowed += max(math.copysign(1.0, value) * speed * end for end in before)
         limit = math.copysign(allowed, value) / ARCMIN
         row = start + len(block) - 1
         return state, [Trip(SLIP, row, value / ARCMIN, limit, "arcmin at the output")]
@@ -87,3 +98,20 @@ class SlipReview:
         doubt = 2.0 * outer.calibration.accuracy + outer.scale
         doubt += (2.0 * inner.calibration.accuracy + inner.scale) / geometry.ratio
         return SLIP_ROOM * geometry.free_angle + doubt
+
+
+def _skew_left(
+    skew: tuple[float, float], speed: float, twist: float, allowed: float
+) -> tuple[float, float] | None:
+    """The skews [s] of those so far that account for this twist [rad] at this output speed [rad/s]; None: none does.
+
+    Encoders that are latched at different times read the way between as twist. The skew is the bench's and does not
+    change: what a window leaves open, a slip in a later one may not use.
+    """
+    ends = sorted((speed * skew[0], speed * skew[1]))
+    if twist < ends[0] - allowed or twist > ends[1] + allowed:
+        return None
+    if speed == 0.0:
+        return skew
+    least, most = sorted(((twist - allowed) / speed, (twist + allowed) / speed))
+    return max(skew[0], least), min(skew[1], most)

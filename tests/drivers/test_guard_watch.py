@@ -1,5 +1,7 @@
 """The per-cycle guard: the first cycle outside a bound is found, whatever the cut into blocks."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -65,9 +67,10 @@ def test_an_incomplete_cycle_is_not_judged() -> None:
     st.integers(0, 3),
     st.integers(1, 3),
     st.sampled_from([1, 2, 7]),
+    st.integers(1, 3),
 )
 def test_cutting_into_blocks_changes_nothing(
-    rows: list[tuple[int, int, bool]], lag: int, consecutive: int, size: int
+    rows: list[tuple[int, int, bool]], lag: int, consecutive: int, size: int, allowance_lag: int
 ) -> None:
     counts = np.array([[a, b] for a, b, _ in rows], dtype=np.int64)
     flags = np.array([int(bad) for _, _, bad in rows], dtype=np.uint16)
@@ -81,12 +84,48 @@ def test_cutting_into_blocks_changes_nothing(
                 lag=lag,
                 consecutive=consecutive,
             ),
-            Bound(cause="torque", weights={"torque": 1.0}, low=-6, high=6, consecutive=2),
+            Bound(
+                cause="torque",
+                weights={"torque": 1.0},
+                low=-6,
+                high=6,
+                consecutive=2,
+                allowance={"input_angle": 0.5},
+                allowance_lag=allowance_lag,
+            ),
         )
     )
-    assert first_break_cut(guard, counts, flags, size) == first_break_cut(
-        guard, counts, flags, len(rows)
+    found = first_break_cut(guard, counts, flags, size)
+    assert found == first_break_cut(guard, counts, flags, len(rows))
+    judge = CycleJudge(CHANNELS)
+    judge.adopt(guard)
+    breaks = (judge.judge(row, int(flags[i]), i) for i, row in enumerate(counts.tolist()))
+    one = next((broken for broken in breaks if broken is not None), None)
+    assert found == (None if one is None else (one.row, one.cause))
+
+
+@pytest.mark.parametrize("moved", [4, -4])
+@pytest.mark.parametrize("torque", [9, -9])
+def test_an_allowance_lasts_as_long_as_the_motion(moved: int, torque: int) -> None:
+    angle = np.cumsum([0, 0, moved, moved, moved, 0, 0, 0])
+    counts = np.column_stack([angle, np.where(np.arange(8) > 2, torque, 0)])
+    bound = Bound(
+        cause="strained",
+        weights={"torque": 1.0},
+        low=-6.0,
+        high=6.0,
+        allowance={"input_angle": 0.5},
+        allowance_lag=2,
     )
+    found = GuardWatch(CHANNELS).first_break(Guard((bound,)), counts, np.zeros(8, np.uint16))
+    assert found is not None
+    # Two cycles after the last motion there is nothing left that could explain it; one after, half of it.
+    assert (found.row, found.limit) == (5, math.copysign(6.0, torque))
+    assert abs(found.value) == pytest.approx(9.0 - 0.5 * 4)
+    standing = np.column_stack([np.zeros(8, dtype=np.int64), counts[:, 1]])
+    found = GuardWatch(CHANNELS).first_break(Guard((bound,)), standing, np.zeros(8, np.uint16))
+    assert found is not None
+    assert (found.row, found.value) == (3, torque)
 
 
 @pytest.mark.parametrize("size", [1, 7, 200])

@@ -45,7 +45,8 @@ def test_the_gears_friction_is_recovered_behind_the_motors(
         half = 0.5 * (estimate.high - estimate.low)
         assert abs(estimate.value - getattr(truth, name)) <= 2.0 * half, name
     assert result.estimates["coulomb"].value == pytest.approx(truth.coulomb, rel=0.01)
-    assert result.estimates["viscous"].value == pytest.approx(truth.viscous, rel=0.03)
+    # One standard uncertainty of it in this recording.
+    assert result.estimates["viscous"].value == pytest.approx(truth.viscous, rel=0.05)
     assert result.options["torque_is_of"] == "gear"
 
 

@@ -164,3 +164,15 @@ def test_order_spectrum_refuses_what_it_cannot_do() -> None:
         order_spectrum(2.0 * angle, np.full(100, math.nan))
     with pytest.raises(ModelError, match="every value"):
         order_spectrum(angle, angle[:50])
+
+
+@pytest.mark.parametrize("ratio", [80.0, 120.0, 100.5, math.pi * 30.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_peak_to_peak_of_any_orders_is_that_of_the_curve(seed: int, ratio: float) -> None:
+    random = np.random.default_rng(seed)
+    orders = [1.0, 2.0, 3.0, 4.0, 2.0 - 1.0 / ratio, 2.0 + 2.0 / ratio, 1.0 / ratio, 5.0 / ratio]
+    series = [Harmonic(order, *random.normal(0.0, 0.1 * ARCMIN, 2)) for order in orders]
+    angle = np.linspace(0.0, 2.0 * math.pi * ratio, 1_000_003)
+    curve = series_value(series, angle)
+    expected = float(curve.max() - curve.min())
+    assert peak_to_peak(series, ratio, 120) == pytest.approx(expected, rel=2e-4)

@@ -104,9 +104,9 @@ GOLDEN_STEP = 0.6180339887498949
 apart on the output, any
 number of positions is spread evenly, and none repeats."""
 
-WIND_UP = 10.0 * DEGREE
-"""Input angle within which friction winds the gear up after a reversal (hysteresis of 1 arcmin is 2
-degrees at the input).
+WIND_UP = 30.0 * DEGREE
+"""Input angle of the set-point within which friction winds the gear up after a reversal (hysteresis of 1 arcmin is
+2 degrees at the input), and a speed loop builds up the torque that breaks a sticking gear loose (16 degrees were seen).
 """
 
 

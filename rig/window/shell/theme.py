@@ -29,12 +29,15 @@ def theme_named(wanted: str) -> str:
 
 
 def apply_theme(application: QApplication, theme: str) -> Palette:
-    """Give the whole application the colours of a theme; returns them."""
+    """Give the whole application the colours of a theme, unless it has them already; returns them."""
     palette = palette_of(theme)
+    sheet = style_sheet(palette)
+    if application.styleSheet() == sheet:
+        return palette
     QPixmapCache.setCacheLimit(KEPT_PICTURES)
     application.setStyle("Fusion")
     application.setPalette(_qt_palette(palette))
-    application.setStyleSheet(style_sheet(palette))
+    application.setStyleSheet(sheet)
     return palette
 
 

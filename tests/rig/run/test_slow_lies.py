@@ -75,8 +75,11 @@ def run_with(
         (faults.ChannelFrozen(AT), trips.TORQUE_FROZEN, 400),
         (faults.TorqueZeroDrifts(AT), trips.TORQUE_ZERO, 1000),
         (faults.TorqueZeroDrifts(AT, counts_per_cycle=-0.5), trips.TORQUE_ZERO, 1000),
-        (faults.CountsLost(AT), trips.SLIP, 300),
-        (faults.CountsLost(AT, counts=-20), trips.SLIP, 300),
+        (faults.CountsLost(AT, counts=23), trips.SLIP, 300),
+        (faults.CountsLost(AT, counts=-23), trips.SLIP, 300),
+        # What a skew of the encoders could be at this speed, it cannot be the other way round.
+        (faults.CountsLost(AT), trips.SLIP, 520),
+        (faults.CountsLost(AT, counts=-20), trips.SLIP, 520),
         (faults.CountsLost(AT, channel=names.INPUT_ANGLE, counts=-30), trips.LOST_COUNTS, 220),
         (faults.RunAway(STAND, speed=29.0 * RPM, cycles=600), trips.CREEP, 400),
         (faults.RunAway(STAND, speed=-29.0 * RPM, cycles=600), trips.CREEP, 400),

@@ -283,6 +283,30 @@ def test_torsion_leaves_room_for_what_is_not_torque() -> None:
     assert rig._watch.first_break(Guard((bound,)), counts, np.zeros(1, np.uint16)) is None
 
 
+@pytest.mark.parametrize("late", [1e-3, -1e-3])
+@pytest.mark.parametrize("speed", [300.0, -300.0])
+def test_encoders_latched_a_millisecond_apart_are_no_torsion(late: float, speed: float) -> None:
+    rig = FakeRig()
+    supervisor = _supervisor(rig)
+    supervisor.begin(np.zeros(len(rig.channels), dtype=np.int64))
+    bound = next(b for b in supervisor.guard(_turn()).bounds if b.cause == trips.TORSION_TORQUE)
+    assert 0.9 * bound.high < 57000.0 * 1e-3 * 300.0 / 120.0
+    cycles = np.arange(200)
+    # Starts, runs, stops within 20 ms: the encoders stand apart only while it turns.
+    angle = np.cumsum(np.interp(cycles, (20, 40, 130, 150), (0.0, 1.0, 1.0, 0.0))) * speed * 1e-3
+    later = np.interp(cycles * 1e-3 + late, cycles * 1e-3, angle)
+    twisted = 0.3 * bound.high / 57000.0
+    counts = np.zeros((200, len(rig.channels)), dtype=np.int64)
+    counts[:, 0] = np.rint(angle * 32768 / (2.0 * math.pi))
+    flags = np.zeros(200, np.uint16)
+    for twist, wanted in ((twisted, False), (-twisted, False), (3.9 * twisted, True)):
+        counts[:, 1] = -np.rint((later / 120.0 - twist) * 72000 / (2.0 * math.pi))
+        broken = GuardWatch(rig.channels).first_break(Guard((bound,)), counts, flags)
+        assert (broken is not None) == wanted
+    assert broken is not None
+    assert broken.row == 4
+
+
 def test_the_review_is_pure() -> None:
     rig = FakeRig()
     supervisor = _supervisor(rig)
