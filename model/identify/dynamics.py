@@ -54,6 +54,14 @@ KNOWN_WITHIN = 1.7
 LOWEST_HZ, HIGHEST_SHARE = 4.0, 0.4
 STRAY = 3.0
 """How many times the median of the steps' residuals makes a step a bad one."""
+EXPLAINED, SAME = 1.1, 1.001
+"""How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
+AWAY = (0.2, -0.2, 0.4, -0.4)
+"""Logarithms of the stiffness from the card's at which further searches begin."""
+LEAST_SEARCHES, SEARCHED = 2, 60_000
+"""Starts of a rung that are tried at least, and samples to fit in all of them."""
+SOFTENED = 0.05
+"""Logarithm by which the spring is softer beside a hysteresis element."""
 BENT = 0.02
 """Logarithms of K2/K1 and K3/K2 with which the hardening rung begins."""
 PASSES, ROUNDS_PER_PASS = 4, 8
@@ -216,7 +224,7 @@ def _shapes(
         "linear": {
             "stiffness": 2.0 * math.log(REVOLUTION * frequency),
             "damping": damped,
-            "bearing": 0.0,
+            "bearing": 0.1 * BEARING_TORQUE / expected.inertia,
             "skew": 0.0,
         },
         "hardening": {"second": math.log(second), "third": math.log(third / second), "kink": 0.0},
@@ -244,54 +252,63 @@ def _climb(
     problem: Problem, expected: Expected, noise: float, richest: str, period: float
 ) -> dict[str, Solution]:
     """The fits of the rungs, each begun where the one below ended."""
-    error = np.zeros(2 * len(problem.basis))
+    still = np.zeros(2 * len(problem.basis))
     frequency = _first_look(problem, expected, noise, period)
     shapes, added = _shapes(expected, frequency)
-    solution = _settled(problem, shapes["linear"], added["linear"], error, noise)
-    solutions = {"linear": solution}
-    if richest != "linear":
-        solutions["hardening"] = _bent(
-            problem, shapes["hardening"], added["hardening"], solution, noise
-        )
-    if richest == "hysteresis":
-        below = solutions["hardening"]
-        values = below.values | added["hysteresis"]
-        values["stiffness"] = below.values["stiffness"] - 0.05
-        solutions["hysteresis"] = _settled(
-            problem, shapes["hysteresis"], values, below.error, noise, below.weights
-        )
+    card = {**added["linear"], "stiffness": math.log(expected.stiffness)}
+    solutions: dict[str, Solution] = {}
+    for rung in FITTED[: FITTED.index(richest) + 1]:
+        card |= added[rung] if rung != "linear" else {}
+        starts = [(card, still)]
+        if rung == "linear":
+            starts.insert(0, (added["linear"], still))
+        elif rung == "hardening":
+            starts = _bends(solutions["linear"], added[rung]) + starts
+        else:
+            below = solutions["hardening"]
+            softer = {"stiffness": below.values["stiffness"] - SOFTENED}
+            starts.insert(0, (below.values | added[rung] | softer, below.error))
+        starts += [({**card, "stiffness": card["stiffness"] + away}, still) for away in AWAY]
+        solutions[rung] = _best(problem, shapes[rung], starts, noise)
     return solutions
 
 
-def _bent(
-    problem: Problem, shape: Shape, added: Mapping[str, float], linear: Solution, noise: float
-) -> Solution:
-    """The hardening rung. Near a resonance such a spring has two answers, and each start leads to one of them.
-
-    Tried are a bend from the linear spring, downhill all the way, and the card's hardening with the steps that
-    then fit badly left aside at first.
-    """
+def _bends(linear: Solution, added: Mapping[str, float]) -> list[tuple[dict[str, float], Array]]:
+    """Starts of the hardening rung beside the linear spring: hardly bent, and bent as the card says."""
     values, stiff = linear.values, linear.values["stiffness"]
-    downhill = {**values, **dict.fromkeys(added, BENT), "kink": 0.0}
-    found = [_settled(problem, shape, downhill, linear.error, noise, linear.weights)]
-    aside = _settled(
-        problem, shape, {**values, **added, "stiffness": stiff - BENT}, linear.error, noise
-    )
-    found.append(aside)
-    if float(np.min(aside.weights)) < 0.9:
-        ones = np.ones(len(problem.steps))
-        found.append(
-            fit_all(
-                problem,
-                shape,
-                aside.values,
-                aside.error,
-                noise=noise,
-                weights=ones,
-                rounds=ROUNDS_PER_PASS,
+    hardly = {**values, **dict.fromkeys(added, BENT), "kink": 0.0}
+    return [(hardly, linear.error), ({**values, **added, "stiffness": stiff - BENT}, linear.error)]
+
+
+def _best(
+    problem: Problem, shape: Shape, starts: Sequence[tuple[dict[str, float], Array]], noise: float
+) -> Solution:
+    """The best of the fits from several starts.
+
+    Where an order of the kinematic error passes near the mode, a spring has several answers, and each start leads
+    to one of them. The search ends with an answer that leaves what counting does, or that two starts lead to. The
+    many speeds of a long run leave one answer: it is searched from fewer starts.
+    """
+    found: list[Solution] = []
+    samples = sum(len(step.stamps) for step in problem.steps)
+    for values, error in starts[: max(LEAST_SEARCHES, SEARCHED // samples)]:
+        one = _settled(problem, shape, values, error, noise)
+        found.append(one)
+        if "second" in shape.names and float(np.min(one.weights)) < 0.9:
+            # Steps that were left aside may fit, once the others have found the spring.
+            ones = np.ones(len(problem.steps))
+            held = replace(shape, names=("bearing", "skew"))
+            only = fit_all(problem, held, one.values, one.error, noise=noise, weights=ones)
+            found.append(
+                fit_all(problem, shape, only.values, only.error, noise=noise, weights=ones)
             )
-        )
-    return min(found, key=lambda s: s.robust_square())
+        found.sort(key=lambda s: s.robust_cost())
+        least = found[0].robust_cost()
+        if least < EXPLAINED**2 * found[0].samples:
+            break
+        if len(found) > 1 and found[1].robust_cost() < SAME * least:
+            break
+    return found[0]
 
 
 def _settled(
@@ -366,7 +383,6 @@ def _shortened(step: StepArrays) -> StepArrays:
         step,
         fine=step.fine[:rows],
         rigid=step.rigid[:rows],
-        moving=step.moving[:rows],
         whole=np.ascontiguousarray(step.whole[:, :, :rows]),
         slow=np.ascontiguousarray(step.slow[:, :, :rows]),
         stamps=step.stamps[:samples],
@@ -639,7 +655,8 @@ def _slopes(numbers: Callable[[Array], Array], here: Array, size: int) -> Array:
 def _standard_error(solution: Solution, slopes: Array) -> tuple[Array, Array]:
     """Standard error of each number, and its degrees of freedom.
 
-    The larger of what the noise of the samples gives and what the steps pull each their own way.
+    What the noise of the samples gives and what the steps pull each their own way, as a root sum of squares: the
+    second holds the first once more, which stands for what the few steps of a run share.
     """
     white = np.sqrt(np.einsum("ij,jk,ik->i", slopes, solution.covariance(), slopes))
     pulls = solution.influence() @ slopes.T

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from model.errors import IdentificationError
 from model.identify.checks import Array
-from model.identify.differentiation import speed_from_counts
 from model.identify.step_data import SPEED_SMOOTHING, StepData
 from model.identify.torsional_mode import TorsionModel
 from model.kinematic_error import series_value
@@ -62,14 +61,13 @@ class Shape:
 class StepArrays:
     """One step on a fine even grid (m,), and the samples (n,) that are fitted.
 
-    `rigid`: theta_i/N with the kinematic error that is taken as given; `moving` the smoothed sign of the speed.
+    `rigid`: theta_i/N with the kinematic error that is taken as given; `own`: what friction winds up.
     """
 
     data: StepData
     fine: Array
     interval: float
     rigid: Array
-    moving: Array
     whole: Array
     slow: Array
     stamps: Array
@@ -79,12 +77,12 @@ class StepArrays:
 
 def step_arrays(data: StepData, interval: float, basis: Sequence[tuple[int, int]]) -> StepArrays:
     """A step made ready for the fit, on a fine grid of this interval [s], which is that of all steps."""
-    motion = speed_from_counts(data.time, data.input_angle, data.input_quantum, longest=0.03)
     last = min(float(data.time[-1]), LONGEST)
     fine = np.arange(data.time[0], last + 0.5 * interval, interval)
     fine = fine[fine <= data.time[-1]]
     angle = scipy.interpolate.CubicSpline(data.time, data.input_angle)(fine)
-    speed = np.interp(fine, motion.time, motion.speed)
+    # Friction winds the gear up from the first count on: by a smoothed speed it would begin before the step does.
+    speed = np.interp(fine, data.time, np.gradient(data.input_angle, data.time))
     rigid = angle / data.ratio + series_value(data.kinematic_error, angle)
     inside = (data.time >= fine[0] + LARGEST_SKEW) & (data.time <= fine[-1] - LARGEST_SKEW)
     moving = np.tanh(speed / SPEED_SMOOTHING)
@@ -96,7 +94,6 @@ def step_arrays(data: StepData, interval: float, basis: Sequence[tuple[int, int]
         fine=fine,
         interval=interval,
         rigid=np.asarray(rigid - rigid[0]),
-        moving=moving,
         whole=_waves(angle, max(n for n, _ in basis)),
         slow=_waves(angle / data.ratio, max(abs(k) for _, k in basis)),
         stamps=stamps,
@@ -165,10 +162,9 @@ class Problem:
         model = self.model(values)
         angle, speed = np.empty_like(ideal), np.empty_like(ideal)
         piece = np.zeros(len(ideal), dtype=np.int64)
-        push = -values.get("bearing", 0.0) * step.moving
         kernel.respond(
             ideal,
-            push,
+            abs(values.get("bearing", 0.0)),
             step.interval,
             tables,
             model.kinks,
@@ -183,7 +179,7 @@ class Problem:
 
     def at_samples(
         self, step: StepArrays, skew: float, angle: Array, speed: Array
-    ) -> tuple[Array, Array, Array]:
+    ) -> tuple[Array, NDArray[np.int64], Array]:
         """The response at the samples, `skew` later than their stamps, with their places on the fine grid."""
         from model.kernels import steps as kernel
 
@@ -288,7 +284,9 @@ class Problem:
             waves=waves,
         )
 
-    def _own(self, step: StepArrays, tables: Array, place: Array, share: Array) -> Array:
+    def _own(
+        self, step: StepArrays, tables: Array, place: NDArray[np.int64], share: Array
+    ) -> Array:
         """What belongs to one step alone: offset, wind-up, and a ring-down from before it began."""
         from model.kernels import steps as kernel
 
@@ -300,7 +298,7 @@ class Problem:
             angle, speed, values = np.empty_like(still), np.empty_like(still), np.empty(len(place))
             kernel.respond(
                 still,
-                still,
+                0.0,
                 step.interval,
                 linear,
                 none,
@@ -336,6 +334,7 @@ class Solution:
     weights: Array
     noise: float
     penalty: Array
+    centre: Array
 
     @property
     def vector(self) -> Array:
@@ -377,11 +376,16 @@ class Solution:
         count = sum(w * n.count for w, n in zip(self.weights, self.normals, strict=True))
         return self._inverse() * self.square / count
 
-    def robust_square(self) -> float:
-        """Sum of squares in which no step counts more than three times the median one [rad2]."""
+    @property
+    def samples(self) -> int:
+        return sum(n.count for n in self.normals)
+
+    def robust_cost(self) -> float:
+        """Squares over the noise's, no step counting more than three times the median one, and the prior's pull."""
         squares = np.array([n.square / n.count for n in self.normals])
         counts = np.array([n.count for n in self.normals])
-        return float(counts @ np.minimum(squares, 9.0 * np.median(squares)))
+        left = float(counts @ np.minimum(squares, 9.0 * np.median(squares)))
+        return left / self.noise**2 + float(self.penalty @ (self.vector - self.centre) ** 2)
 
 
 def _regular(matrix: Array) -> Array:
@@ -456,6 +460,7 @@ def fit_all(
         weights=weights,
         noise=noise,
         penalty=penalty,
+        centre=centre,
     )
 
 

@@ -1,6 +1,6 @@
 """The torsional mode as a velocity step shows it: the output on the gear's compliance, with everything in units of J_o.
 
-    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + h + g phi' + push ,   phi = u - theta_o
+    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + h + g phi' - d ,   phi = u - theta_o
     tau b' = beta/(1 - beta) (phi - b) - b ,   k_s = (K/J_o)/(1 - beta)
 
 the reduced form of equation 2 (the modes of the flexspline lie above 6 kHz): b is the torsion of the
@@ -16,7 +16,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.identify.checks import Array
 
@@ -79,6 +78,8 @@ class TorsionModel:
         )
 
     def _step(self, interval: float, extra: float) -> Array:
+        from model.kernels.steps import exponential
+
         whole = np.zeros((6, 6))
         system = self.system(extra)
         whole[:3, :3] = system
@@ -86,7 +87,7 @@ class TorsionModel:
         whole[3, 4] = 1.0
         whole[1, 4] = self.loss
         whole[1, 5] = 1.0
-        exact = scipy.linalg.expm(whole * interval)[:3]
+        exact = exponential(whole * interval)[:3]
         late = exact[:, 4] / interval
         return np.column_stack([exact[:, :3], exact[:, 3] - late, late, exact[:, 5]])
 

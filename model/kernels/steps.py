@@ -1,24 +1,65 @@
 """Compiled response of the torsional mode to a prescribed input, for the fit of velocity steps.
 
-    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + g phi' + push + h ,   u = theta_i/N + ke
+    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + g phi' - d + h ,   u = theta_i/N + ke
     b' = (p (u - theta_o) - q b) ,   h' = s (1 - h sgn(phi')/H) phi' ,   phi = u - theta_o
 
 b is the torsion of the wave-generator bearing, the only element with damping; stiffening is piecewise
 linear in the torsion phi (K1, K2, K3), so that within a piece the step is a matrix exponential with
 first-order hold on u. Rows of a step matrix are the states (theta_o, theta_o', b); its columns the states,
-u at the start and the end of the step, and a constant acceleration. h is a Dahl element, taken in the
-middle of the step.
+u at the start and the end of the step, and a constant acceleration. d is the dry friction of the output's
+bearing, which holds an output at rest. h is a Dahl element, taken in the middle of the step.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from model.arrays import FloatArray, IntArray
 
 _FAST = {"contract", "nsz", "nnan", "ninf"}
+TERMS = 14
+"""Of the exponential series at a norm of at most a quarter: what is left out lies below 1e-20."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def exponential(matrix: FloatArray) -> FloatArray:
+    """exp of a small matrix by its series, halved until that converges and squared again.
+
+    A library's exponential is made for large matrices: its threads wait for each other a hundred times longer than
+    the six columns of a step take.
+    """
+    size = matrix.shape[0]
+    norm = 0.0
+    for i in range(size):
+        norm = max(norm, np.sum(np.abs(matrix[i])))
+    halvings = 0
+    while norm > 0.25:
+        norm *= 0.5
+        halvings += 1
+    small = matrix * 0.5**halvings
+    whole = np.eye(size)
+    term, work = np.eye(size), np.empty((size, size))
+    for k in range(1, TERMS):
+        _product(term, small, work)
+        term[:] = work / k
+        whole += term
+    for _ in range(halvings):
+        _product(whole, whole, work)
+        whole[:] = work
+    return whole
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _product(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
+    for i in range(left.shape[0]):
+        for j in range(right.shape[1]):
+            total = 0.0
+            for k in range(left.shape[1]):
+                total += left[i, k] * right[k, j]
+            out[i, j] = total
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
@@ -47,7 +88,7 @@ def error_signal(
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
 def respond(
     ideal: FloatArray,
-    push: FloatArray,
+    drag: float,
     interval: float,
     step: FloatArray,
     kinks: FloatArray,
@@ -61,8 +102,8 @@ def respond(
     """Output angle and speed on the fine grid (m,), and the piece of the spring in each step.
 
     `step` (pieces, 3, 6), `kinks` (pieces - 1) torsions at which the next piece begins, `offsets` (pieces) its
-    acceleration at zero torsion; `dahl` (2): stiffness over inertia and limit over inertia, 0 for none;
-    `start` theta_o and theta_o' at the first sample.
+    acceleration at zero torsion; `drag`: most that the output's bearing takes, over the inertia; `dahl` (2):
+    stiffness over inertia and limit over inertia, 0 for none; `start` theta_o and theta_o' at the first sample.
     """
     theta, omega, bearing = start[0], start[1], 0.0
     last_kink = kinks.size
@@ -76,7 +117,7 @@ def respond(
         while r < last_kink and size > kinks[r]:
             r += 1
         piece[i] = r
-        force = push[i] + (offsets[r] if middle > 0.0 else -offsets[r])
+        force = offsets[r] if middle > 0.0 else -offsets[r]
         if dahl[1] > 0.0:
             moved = middle - torsion
             pull = 1.0 - math.copysign(memory / dahl[1], memory * moved)
@@ -93,6 +134,12 @@ def respond(
         bearing = (m[2, 0] * theta + m[2, 1] * omega + m[2, 2] * bearing) + (
             m[2, 3] * before + m[2, 4] * after + m[2, 5] * force
         )
+        if drag > 0.0:
+            # The bearing holds an output that it can stop within the step, and drags at one that it can't.
+            holding = min(max(new_omega / m[1, 5], -drag), drag)
+            new -= holding * m[0, 5]
+            new_omega -= holding * m[1, 5]
+            bearing -= holding * m[2, 5]
         theta, omega = new, new_omega
     angle[ideal.size - 1], speed[ideal.size - 1] = theta, omega
     piece[ideal.size - 1] = 0

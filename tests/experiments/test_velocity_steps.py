@@ -62,10 +62,10 @@ def test_resonance_and_damping_are_recovered(result: Result, elastic_gear: Harmo
     truth = modes(dynamic_parameters(elastic_gear))[0]
     p = dynamic_parameters(elastic_gear)
     assert result.estimates["mode_squared"].value == pytest.approx(
-        truth.natural_frequency**2, rel=0.005
+        truth.natural_frequency**2, rel=0.003
     )
     assert result.estimates["stiffness_over_inertia"].value == pytest.approx(
-        p.combined_stiffness / p.output_inertia, rel=0.005
+        p.combined_stiffness / p.output_inertia, rel=0.003
     )
     assert result.estimates["damping_ratio"].value == pytest.approx(truth.damping_ratio, rel=0.1)
     for way in ("forward", "reverse"):

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import scipy
 
 from model.dynamics import simulate_prescribed
 from model.errors import IdentificationError
@@ -15,6 +16,8 @@ from model.identify.dynamics import Expected, LadderFit, fit_ladder
 from model.identify.sensitivity import step_identifiability
 from model.identify.step_data import score_step, step_data
 from model.identify.step_inertia import fit_inertia
+from model.identify.torsional_mode import TorsionModel
+from model.kernels.steps import respond
 from model.linear import dynamic_parameters, modes
 from model.units import ARCSEC, RPM
 from tests.model.identify.rigs import INPUT_QUANTUM, OUTPUT_QUANTUM, counted
@@ -130,6 +133,29 @@ def test_a_bad_step_counts_little_and_is_named(run, ladder: LadderFit) -> None:
     assert found.estimates["stiffness_over_inertia"].value == pytest.approx(good, rel=0.003)
     assert found.weights[2] < 0.05
     assert any(w.startswith("2400 r/min forward") for w in found.warnings)
+
+
+@pytest.mark.parametrize("relaxation", [1e-6, 1e-2])
+def test_the_exact_step_is_the_exponential_of_the_system(relaxation: float) -> None:
+    model = TorsionModel(stiffness=STATIC, relaxation=relaxation, share=0.4)
+    exact = scipy.linalg.expm(model.system() * 5e-4)
+    assert model.step(5e-4)[0, :, :3] == pytest.approx(exact, rel=1e-9, abs=1e-12)
+
+
+def test_a_bearing_holds_an_output_that_cannot_pull_free() -> None:
+    model = TorsionModel(stiffness=STATIC, relaxation=1e-5, share=0.4)
+    ideal = np.concatenate([np.zeros(20), np.full(180, 1e-5)])
+
+    def end(drag: float) -> float:
+        angle, speed, piece = np.empty(200), np.empty(200), np.zeros(200, dtype=np.int64)
+        rest, none = np.zeros(2), np.zeros(0)
+        respond(
+            ideal, drag, 5e-4, model.step(5e-4), none, np.zeros(1), rest, rest, angle, speed, piece
+        )
+        return float(np.max(np.abs(angle)))
+
+    assert end(1.1 * STATIC * 1e-5) < 0.02 * 1e-5
+    assert end(0.0) > 1.5e-5
 
 
 def test_a_rigid_prediction_has_no_skill() -> None:
