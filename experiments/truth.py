@@ -368,8 +368,8 @@ def _steps(result: Result, truth: _Truth) -> Truths:
             yield f"frequency{suffix}", frequency, frequency
             seen = float(dynamics["damping_ratio_with_output_bearing"])
             yield f"damping_ratio{suffix}", seen, damping
-    scale, rotor = truth.scale(), float(dynamics.get("input_inertia", 0.0))
-    carried = scale * inertia + (scale - 1.0) * rotor * float(dynamics.get("ratio", 0.0)) ** 2
+    # The rotor's inertia is a number of the same fit: a scale error of the torque scales both alike.
+    carried = truth.scale() * inertia
     yield "output_inertia", carried, inertia
     yield "output_stiffness", ratio * carried, ratio * inertia
 

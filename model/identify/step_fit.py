@@ -110,13 +110,18 @@ def _waves(angle: Array, highest: int) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class Normal:
-    """Normal equations of one step after what is its own was projected out: J'J, J'r, r'r, and how many samples."""
+    """Normal equations of one step after what is its own was projected out: J'J, J'r, r'r, and how many samples.
+
+    `columns` and `waves` (n, ...) are J, by the shape's numbers and by the kinematic error, `residual` (n,) is r.
+    """
 
     matrix: Array
     gradient: Array
     square: float
     count: int
+    columns: Array
     waves: Array
+    residual: Array
 
     @property
     def rms(self) -> float:
@@ -281,7 +286,9 @@ class Problem:
             gradient=np.concatenate([columns.T @ residual, waves.T @ residual]),
             square=float(residual @ residual),
             count=len(residual),
+            columns=columns,
             waves=waves,
+            residual=residual,
         )
 
     def _own(

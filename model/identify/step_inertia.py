@@ -1,22 +1,24 @@
 """The inertia at the output, from the torque port during steps whose mode has been identified.
 
-    T + tau T' = J_i theta_i'' + J_o (1/N + ke'(theta_i)) theta_o'' + friction(theta_i') + T_0
+    T = L(J_i theta_i'' + J_o (1/N + ke'(theta_i)) theta_o'' + friction(theta_i')) + T_0,  tau L(x)' + L(x) = x
 
-The output's acceleration is that of the identified mode, free of counting noise; tau is the lag of the port. All
-sides go through one smooth kernel b (a Gaussian) before they are compared: derivatives are taken of the kernel,
-never of the data, so that what it leaves out is left out on both sides alike. Only the rise and the ring-down
-count. All steps are one fit; the scatter between them is the error. Together with K/J_o the inertia gives the
-stiffness.
+The output's acceleration is that of the identified mode, free of counting noise; tau is the lag of the port, laid
+on the motion: a derivative of the torque among the columns would be read too small by its noise, and the inertia
+with it. All sides go through one smooth kernel b (a Gaussian) before they are compared: derivatives are taken of
+the kernel, never of the data, so that what it leaves out is left out on both sides alike. Only the rise and the
+ring-down count. All steps are one fit; the scatter between them is the error. Together with K/J_o the inertia gives
+the stiffness.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
+import scipy  # pyright: ignore[reportMissingTypeStubs]
+from numpy.typing import NDArray
 
 from model.errors import IdentificationError
 from model.gear import Harmonic
@@ -30,18 +32,26 @@ WIDTH = 1.2
 LIVELY = 0.25
 """s after the onset of a step in which the output rings and the rotor gains speed."""
 LEAST_STEPS = 4
+LAG_STEP = 1e-6
+"""s by which the lag is moved for its derivative."""
 CLEAR = 5
 """Samples after the onset within which the kernel still reaches into the standstill."""
 COLUMNS = ("lag", "input_inertia", "output_inertia")
+LARGEST_LAG = 5e-3
+"""s of the torque port that are looked for."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class InertiaFit:
-    """Inertias [kg m2] and the port's lag [s] from torque, with standard errors and their degrees of freedom."""
+    """Inertias [kg m2] and the port's lag [s] from torque, with standard errors and their degrees of freedom.
+
+    `smoothing`: what changes where all sides are smoothed twice as wide; the model of the rise is not exact.
+    """
 
     values: dict[str, float]
     errors: dict[str, float]
     freedom: dict[str, float]
+    smoothing: dict[str, float]
     residual: float
 
 
@@ -63,9 +73,41 @@ def fit_inertia(
             value=len(steps),
             limit=f">= {LEAST_STEPS}",
         )
+    fit, wider = (
+        _fitted(
+            [
+                _sides(step, torque, acceleration, series, width)
+                for step, torque, acceleration in zip(steps, torques, accelerations, strict=True)
+            ]
+        )
+        for width in (WIDTH, 2.0 * WIDTH)
+    )
+    smoothing = {name: abs(wider.values[name] - fit.values[name]) for name in COLUMNS}
+    return replace(fit, smoothing=smoothing)
+
+
+def _fitted(sides: Sequence[_Sides]) -> InertiaFit:
+    """All steps in one least-squares fit."""
+
+    def away(lag: float) -> float:
+        return _least(_equations(sides, lag))[1]
+
+    lag = float(
+        scipy.optimize.minimize_scalar(
+            away, bounds=(0.0, LARGEST_LAG), method="bounded", options={"xatol": 1e-6}
+        ).x
+    )
+    # The lag is one more column from here on: what it changes of the torque that was found.
+    numbers = _least(_equations(sides, lag))[0]
+    turned = [
+        (there - here) @ numbers / LAG_STEP
+        for (here, _), (there, _) in zip(
+            _equations(sides, lag), _equations(sides, lag + LAG_STEP), strict=True
+        )
+    ]
     parts = [
-        _equations(step, torque, acceleration, series)
-        for step, torque, acceleration in zip(steps, torques, accelerations, strict=True)
+        (np.column_stack([change, design]), right)
+        for change, (design, right) in zip(turned, _equations(sides, lag), strict=True)
     ]
     matrices = [design.T @ design for design, _ in parts]
     pulls = [design.T @ right for design, right in parts]
@@ -75,14 +117,15 @@ def fit_inertia(
         :, : len(COLUMNS)
     ]
     centred = left - left.mean(axis=0)
-    count = len(steps)
+    count = len(sides)
     variance = (count - 1) / count * (centred**2).sum(axis=0)
     effective = (centred**2).sum(axis=0) ** 2 / np.maximum((centred**4).sum(axis=0), 1e-300)
     square = sum(float(np.sum((right - design @ found) ** 2)) for design, right in parts)
     return InertiaFit(
-        values=dict(zip(COLUMNS, found.tolist(), strict=False)),
+        values=dict(zip(COLUMNS, [lag + found[0], *found[1:].tolist()], strict=False)),
         errors=dict(zip(COLUMNS, np.sqrt(variance).tolist(), strict=True)),
         freedom=dict(zip(COLUMNS, np.clip(effective, 3.0, count - 1.0).tolist(), strict=True)),
+        smoothing={},
         residual=math.sqrt(square / sum(len(right) for _, right in parts)),
     )
 
@@ -92,17 +135,50 @@ def _solved(matrix: Array, pull: Array) -> Array:
     return scale * (np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-10) @ (pull * scale))
 
 
-def _equations(
-    step: StepData, torque: Array, acceleration: Array, series: Sequence[Harmonic]
-) -> tuple[Array, Array]:
-    """Columns and right-hand side of one step, its own offset taken out."""
+def _least(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, float]:
+    """The numbers that explain all steps best, and the sum of squares that they leave."""
+    matrix = sum((design.T @ design for design, _ in parts), np.zeros((1, 1)))
+    pull = sum((design.T @ right for design, right in parts), np.zeros(1))
+    numbers = _solved(matrix, pull)
+    return numbers, sum(float(np.sum((right - design @ numbers) ** 2)) for design, right in parts)
+
+
+@dataclass(frozen=True)
+class _Sides:
+    """One step: what the motion does by a number each (n, c), the torque (n,), which rows count, time between them."""
+
+    columns: Array
+    torque: Array
+    inside: NDArray[np.bool_]
+    period: float
+
+
+def _equations(sides: Sequence[_Sides], lag: float) -> list[tuple[Array, Array]]:
+    """Columns as a port of this lag [s] shows them, and right-hand side of each step, its own offset taken out."""
+    parts: list[tuple[Array, Array]] = []
+    for side in sides:
+        # Exact for straight lines between the samples.
+        r = side.period / max(lag, 1e-3 * side.period)
+        kept = math.exp(-r)
+        mean = (1.0 - kept) / r
+        columns = np.asarray(
+            scipy.signal.lfilter([1.0 - mean, mean - kept], [1.0, -kept], side.columns, axis=0)
+        )[side.inside]
+        right = side.torque[side.inside]
+        parts.append((columns - columns.mean(axis=0), right - right.mean()))
+    return parts
+
+
+def _sides(
+    step: StepData, torque: Array, acceleration: Array, series: Sequence[Harmonic], width: float
+) -> _Sides:
     period = float(np.median(np.diff(step.time)))
     even = np.arange(step.time[0], step.time[-1], period)
     angle, effort, pulled = (
         scipy.interpolate.CubicSpline(step.time, values)(even)
         for values in (step.input_angle, torque, acceleration)
     )
-    smooth, first, second = _kernels(period)
+    smooth, first, second = _kernels(period, width)
 
     def through(values: Array, kernel: Array) -> Array:
         return np.convolve(values, kernel, mode="same")
@@ -113,7 +189,6 @@ def _equations(
     falling = moving * np.exp(-np.abs(speed) / FALLING)
     columns = np.column_stack(
         [
-            -through(effort, first),
             through(angle - angle[0], second),
             through(pulled * (1.0 / step.ratio + slope), smooth),
             through(moving, smooth),
@@ -131,15 +206,13 @@ def _equations(
     fast = np.abs(speed[edge:-edge])
     onset = edge + int(np.argmax(fast > 0.02 * float(np.max(fast))))
     inside &= np.arange(len(even)) > onset + CLEAR
-    right = through(effort, smooth)[inside]
-    columns = columns[inside]
-    return columns - columns.mean(axis=0), right - right.mean()
+    return _Sides(columns, through(effort, smooth), inside, period)
 
 
-def _kernels(period: float) -> tuple[Array, Array, Array]:
+def _kernels(period: float, samples: float) -> tuple[Array, Array, Array]:
     """The Gaussian and its first and second derivative by time, as sums over samples."""
-    width = WIDTH * period
-    lag = np.arange(-math.ceil(6.0 * WIDTH), math.ceil(6.0 * WIDTH) + 1) * period
+    width = samples * period
+    lag = np.arange(-math.ceil(6.0 * samples), math.ceil(6.0 * samples) + 1) * period
     bell = np.exp(-0.5 * (lag / width) ** 2)
     bell /= bell.sum()
     return bell, -lag / width**2 * bell, (lag**2 / width**4 - 1.0 / width**2) * bell

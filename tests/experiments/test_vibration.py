@@ -62,7 +62,7 @@ def test_what_samples_miss_of_a_rippling_torque_is_put_back(
     (hold,) = holds
     friction = hold.torque.direction * hold.torque.torque
     assert friction == pytest.approx(0.05 - share * braked, abs=1e-5)
-    put_back = friction + hold.torque.direction * ripple.between[0]
+    put_back = friction + ripple.between[0]
     assert put_back == pytest.approx(0.05 - braked, abs=1e-5)
 
 

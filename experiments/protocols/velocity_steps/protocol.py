@@ -57,7 +57,13 @@ from experiments.torque.zero import torque_zero
 from model.gear import HarmonicDrive, Origin
 from model.gear_file import shipped_gear
 from model.identify.dynamics import Expected, LadderFit, fit_ladder
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import (
+    NORMAL_COVERAGE_FACTOR,
+    BudgetLine,
+    Estimate,
+    Identifiable,
+    coverage_factor,
+)
 from model.identify.least_squares import student_quantile
 from model.identify.sensitivity import Identifiability, step_identifiability
 from model.identify.step_data import StepScore, score_step
@@ -345,37 +351,45 @@ def _output_inertia(
     data, torques, accelerations = zip(*asked, strict=True)
     series = (*steps[0].data.kinematic_error, *ladder.series(steps[0].data.ratio))
     found = fit_inertia(data, torques, accelerations, series)
+    # The ringing torque over J_o is the fitted mode's: what is in doubt of K/J_o is, the other way round, in J_o.
+    mode = [line for line in ratio.budget if line.kind == "B"]
     estimates: dict[str, Estimate] = {}
     for name in ("output_inertia", "input_inertia"):
         value, error = found.values[name], found.errors[name]
-        half = student_quantile(found.freedom[name]) * error
-        line = BudgetLine(
-            "scatter between the steps (jackknife)",
-            "A",
-            error,
-            degrees_of_freedom=found.freedom[name],
+        lines = [BudgetLine(SMOOTHING, "B", found.smoothing[name] / math.sqrt(3.0), TWICE)]
+        if name == "output_inertia":
+            lines += [_share(line, abs(value) / ratio.value) for line in mode]
+        half = math.hypot(
+            student_quantile(found.freedom[name]) * error,
+            *(NORMAL_COVERAGE_FACTOR * line.standard_uncertainty for line in lines),
         )
+        scatter = BudgetLine(SCATTER, "A", error, degrees_of_freedom=found.freedom[name])
+        verdict, note = _told(value, half, ratio)
         estimates[name] = Estimate(
             name=name,
             value=value,
             unit="kg m2",
             low=value - half,
             high=value + half,
-            identifiable="yes" if value > 2.0 * half else "weakly" if value > half else "no",
-            note="" if value > 2.0 * half else "the torque of the ringing hardly shows it",
-            budget=(line, scale_line(recording, value)),
+            identifiable=verdict,
+            note=note,
+            budget=(scatter, *lines, scale_line(recording, value)),
         )
     inertia = estimates["output_inertia"]
     value = inertia.value * ratio.value
-    half = abs(value) * math.hypot(
-        0.5 * (inertia.high - inertia.low) / inertia.value,
-        0.5 * (ratio.high - ratio.low) / ratio.value,
-    )
-    lines = [
-        dataclasses.replace(line, standard_uncertainty=line.standard_uncertainty * factor)
-        for estimate, factor in ((inertia, ratio.value), (ratio, abs(inertia.value)))
-        for line in estimate.budget
+    # In K = J_o (K/J_o) the doubt of the mode cancels; the scatter of both stays.
+    sources = {line.source for line in mode}
+    lines = [_share(line, ratio.value) for line in inertia.budget if line.source not in sources] + [
+        _share(line, abs(inertia.value)) for line in ratio.budget if line.kind == "A"
     ]
+    scale = scale_line(recording, value).source
+    half = math.hypot(
+        *(
+            coverage_factor(line.degrees_of_freedom) * line.standard_uncertainty
+            for line in lines
+            if line.source != scale
+        )
+    )
     estimates["output_stiffness"] = Estimate(
         name="output_stiffness",
         value=value,
@@ -387,6 +401,23 @@ def _output_inertia(
         budget=tuple(lines),
     )
     return estimates
+
+
+SCATTER, SMOOTHING = "scatter between the steps (jackknife)", "smoothing of the rise"
+TWICE = "all sides smoothed twice as wide"
+
+
+def _share(line: BudgetLine, factor: float) -> BudgetLine:
+    return dataclasses.replace(line, standard_uncertainty=line.standard_uncertainty * factor)
+
+
+def _told(value: float, half: float, ratio: Estimate) -> tuple[Identifiable, str]:
+    """Whether an inertia is told: by the torque, and by a mode that the steps tell."""
+    if value <= 2.0 * half:
+        return ("weakly" if value > half else "no"), "the torque of the ringing hardly shows it"
+    if ratio.identifiable != "yes":
+        return "weakly", f"it rests on the mode, and {ratio.note}"
+    return "yes", ""
 
 
 def _metrics(
