@@ -29,7 +29,9 @@ from experiments.planning.speeds import incommensurate, refuse_speed
 from experiments.protocols.friction.points import (
     LAG_RELATIVE,
     LOSS_RELATIVE,
+    OWN_RELATIVE,
     PORT_LAG,
+    PRODUCT_RELATIVE,
     VIBRATION,
 )
 from experiments.protocols.friction.vibration import LAG, ripple_of
@@ -198,10 +200,15 @@ def _running_torque(
     ripple = ripple_of(recording, pair, evidence.gear, "torque")
     loss = float(ripple.loss.mean())
     lag = float(np.mean(ripple.lag + ripple.between))
+    hidden = float(ripple.unseen.mean())
+    shaken = math.hypot(
+        LOSS_RELATIVE * (loss - hidden),
+        OWN_RELATIVE * (loss - hidden) + hidden + PRODUCT_RELATIVE * abs(lag),
+    )
     value = float(points.friction[at]) - loss + lag
     heat = motor_heat(recording, housing)
     by_speed = (
-        BudgetLine(VIBRATION, "B", LOSS_RELATIVE * loss, "damping and first mode of the card"),
+        BudgetLine(VIBRATION, "B", shaken, "damping and first mode of the card, orders that hide"),
         BudgetLine(PORT_LAG, "B", LAG_RELATIVE * abs(lag), f"{1e3 * LAG:g} ms, 0 to twice as much"),
     )
     half = math.hypot(

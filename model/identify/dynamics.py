@@ -523,7 +523,9 @@ STATED = (
 """What is stated, in the order of `_numbers`: logarithms but for the skew."""
 BOTH_WAYS = (0, 2, 3)
 WEAK, POOR = 0.05, 0.2
-"""Relative standard errors above which a number is identified weakly, and not at all."""
+"""Relative standard errors above which a number is identified weakly, and not at all; the first also bounds what
+leaving out a direction may move one by.
+"""
 
 
 def _numbers(model: TorsionModel, skew: float, amplitude: float) -> Array:
@@ -572,9 +574,17 @@ def _estimates(
         if not 0 < len(others) < len(steps):
             continue
         moved = numbers(here + solution.left_out(others.tolist()))
-        alone = replace(told, centre=moved, error=math.sqrt(2.0) * error)
+        # Left out to first order: that is in doubt by as much as it leads away.
+        away = np.abs(moved - centre)
+        first_order = ("first order", "of leaving the other direction out", away / math.sqrt(3.0))
+        alone = replace(
+            told, centre=moved, error=math.sqrt(2.0) * error, lines=(*told.lines, first_order)
+        )
         for index in BOTH_WAYS:
             estimate = alone.estimate(index)
+            if away[index] > WEAK and estimate.identifiable == "yes":
+                note = "one direction alone leads too far from both to be told to first order"
+                estimate = replace(estimate, identifiable="weakly", note=note)
             name = f"{estimate.name}_{way}"
             estimates[name] = replace(estimate, name=name)
     return estimates

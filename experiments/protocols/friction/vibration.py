@@ -86,7 +86,7 @@ def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, chan
     shaken = [
         _is_shaken(recording) and orders[-1] * abs(h.torque.speed) > SLOW * mode for h in holds
     ]
-    error = _at_rest(recording, holds, mode) if any(shaken) else np.zeros(len(orders))
+    error = _at_rest(recording, holds, mode, gear) if any(shaken) else np.zeros(len(orders))
     for k, hold in enumerate(holds):
         speed = abs(hold.torque.speed)
         if orders[-1] * speed * max(LAG, period) < TURNED:
@@ -129,13 +129,19 @@ def _torsion(ratio: FloatArray, motion: FloatArray, error: FloatArray) -> FloatA
     return np.where(np.isfinite(motion), seen, hidden)
 
 
-def _at_rest(recording: Recording, holds: list[Hold], mode: float) -> FloatArray:
-    """Amplitudes of the kinematic error (orders,) [rad]: the output's own motion where nothing shakes it."""
+def _at_rest(
+    recording: Recording, holds: list[Hold], mode: float, gear: HarmonicDrive
+) -> FloatArray:
+    """Amplitudes of the kinematic error (orders,) [rad]: the output's own motion where nothing shakes it, and where no
+    hold is that slow what the catalogue's transmission accuracy leaves to each order.
+    """
     still = [h for h in holds if ORDERS[-1] * abs(h.torque.speed) < STILL * mode]
     few = still[:: 1 + len(still) // ENOUGH]
     seen = (_waves(recording, hold, ["input_angle", "output_angle"]) for hold in few)
     squares = [waves.squares(1) for waves in seen if waves is not None]
-    return np.sqrt(np.mean(squares, axis=0)) if squares else np.zeros(len(ORDERS))
+    if not squares:
+        return np.full(len(ORDERS), 0.5 * gear.ratings.transmission_accuracy / len(ORDERS))
+    return np.sqrt(np.mean(squares, axis=0))
 
 
 def _is_shaken(recording: Recording) -> bool:
