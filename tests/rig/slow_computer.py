@@ -10,6 +10,8 @@ from rig.run.order import RunReport
 from rig.run.trips import LATE_TURN, MISSED_CYCLES, TRIPS
 
 CAUSES = (MISSED_CYCLES, LATE_TURN)
+RATE = "FAILED  acquisition, rate: "
+"""What `rig doctor` says where this computer could not keep the rate."""
 SENTENCES = (*(TRIPS[cause].what for cause in CAUSES), "cycles complete")
 
 
@@ -23,6 +25,9 @@ def was_too_slow(report: RunReport) -> bool:
 def says_too_slow(text: str) -> bool:
     """Whether words of the program (a report, a checklist of `rig doctor`) say that the computer was too slow."""
     failed = [line for line in text.splitlines() if line.startswith("FAILED")]
+    if any(line.startswith(RATE) for line in failed):
+        # Heartbeats come as late as the cycles do: what a device then says of itself follows from that.
+        return True
     if failed:
         return all(line.startswith("FAILED  acquisition,") for line in failed)
     return any(sentence in text for sentence in SENTENCES)
