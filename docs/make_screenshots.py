@@ -333,7 +333,7 @@ def _some_runs() -> Path:
     folder = Path(tempfile.mkdtemp())
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     tare: Path | None = None
-    for seed, protocol in enumerate(("motor-tare", "friction", "friction", "friction")):
+    for protocol in ("motor-tare", "friction", "friction", "friction"):
         flags = SHORT_FRICTION if protocol == "friction" else ()
         values = read_flags(protocol, parameter_fields(catalogue.load(protocol).parameters), flags)
         serial = "" if protocol == "motor-tare" else "SN-0815"
@@ -346,7 +346,6 @@ def _some_runs() -> Path:
                 values=values,
                 gear_serial=serial,
                 operator="A. Example",
-                seed=seed,
             )
         )
         path = max(folder.glob("*.h5"))
