@@ -87,3 +87,12 @@ def test_above_the_mode_the_torsion_is_the_error_and_below_what_the_motion_asks_
     assert (high >= exact * 0.999).all()
     # Far above the mode it is known all the same.
     assert high[4] / low[4] < 1.01
+
+
+def test_without_a_slow_hold_the_cards_accuracy_bounds_the_error(
+    rippling: Recording, gear: HarmonicDrive
+) -> None:
+    amplitudes = vibration._at_rest(rippling, [], 100.0, gear)
+    # As peak-to-peak of all orders together no more than the catalogue says.
+    assert float(amplitudes.min()) > 0.0
+    assert 2.0 * float(amplitudes.sum()) == pytest.approx(gear.ratings.transmission_accuracy)

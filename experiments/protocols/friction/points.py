@@ -356,7 +356,9 @@ def common_errors(
                 note="the same motor, warmer or colder",
             )
         )
-    return errors + _never_seen(measured, recording, speed, direction, dry, gear_torque, ratio)
+    return errors + _never_seen(
+        measured, recording, speed, direction, dry=dry, gear_torque=gear_torque, ratio=ratio
+    )
 
 
 def _vibration(ripple: Ripple, speed: FloatArray) -> FloatArray:
@@ -375,6 +377,7 @@ def _never_seen(
     recording: Recording,
     speed: FloatArray,
     direction: FloatArray,
+    *,
     dry: FloatArray,
     gear_torque: FloatArray,
     ratio: float,
