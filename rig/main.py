@@ -21,7 +21,7 @@ from rig.commands import (
     gears,
     library,
     modelling,
-    previewing,
+    planning,
     reporting,
     running,
     simulating,
@@ -42,8 +42,7 @@ app = typer.Typer(
 
 PANELS = {
     "At the rig": (
-        running.plan,
-        previewing.preview,
+        planning.plan,
         doctoring.doctor,
         running.run,
         window.live,
