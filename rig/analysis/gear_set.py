@@ -43,6 +43,16 @@ class GearSource:
             "builds_on": dict(self.builds_on),
         }
 
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> GearSource:
+        """Out of what the analysis store keeps; what an analysis of an earlier version does not say is left open."""
+        return cls(
+            content.get("source", "run"),
+            str(content.get("serial", "")),
+            str(content.get("sha256", "")),
+            dict(content.get("builds_on", {})),
+        )
+
 
 def set_sha256(gear: HarmonicDrive) -> str:
     """The SHA-256 of a parameter set, by which it is told from another one."""

@@ -21,6 +21,7 @@ from experiments import catalogue
 from model.errors import WordedError
 from rig.analysis.gear_set import card_set, mapping_sha256, set_sha256
 from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
+from rig.analysis.tare import tare_kind
 from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.seal import sealed_sha256
 
@@ -209,6 +210,7 @@ class _Things:
             return
         if _hash_now(path) != str(tare.get("sha256", "")):
             yield f"the tare {tare.get('run', '')} is not the one that was subtracted"
+        yield from _tare_of_another_version(tare)
         yield from _tare_too_old(tare, self._run.parent)
 
     def _gear_changed(self, analysis: Analysis) -> Iterator[str]:
@@ -268,6 +270,12 @@ class _Things:
                 f"it builds on analysis {built_on['number']} of {built_on['run']}, of which analysis "
                 f"{number} is in force now"
             )
+
+
+def _tare_of_another_version(tare: Mapping[str, Any]) -> Iterator[str]:
+    before, now = tare.get("analysis_version"), catalogue.load(tare_kind()).version
+    if before is not None and before != now:
+        yield f"its tare was analysed by version {before} of {tare_kind()}, which is at {now}"
 
 
 def _tare_too_old(tare: Mapping[str, Any], folder: Path) -> Iterator[str]:

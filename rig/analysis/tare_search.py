@@ -35,6 +35,7 @@ class FoundTare:
     because: tuple[str, ...] = ()
     age_days: float = math.nan
     """Days between the two runs."""
+    by_hand: bool = False
 
     def as_json(self) -> dict[str, Any]:
         """As `--json` tells it."""
@@ -67,7 +68,8 @@ def find_tare(
         return FoundTare(None, (f"there is no {kind} {tare_kind()} run in {library.folder}",))
     trips = _trips(run, listed)
     reasons = []
-    for candidate in sorted(candidates, key=_nearness):
+    start = run.metadata.start_time
+    for candidate in sorted(candidates, key=lambda one: nearness(one.run.start, start)):
         reason = _speaks_against(run, candidate, trips, tare_days)
         if not reason:
             age = abs(candidate.days_before)
@@ -104,9 +106,11 @@ def _candidates(run: Recording, listed: Iterable[IndexedRun]) -> list[_Candidate
     ]
 
 
-def _nearness(candidate: _Candidate) -> tuple[bool, float]:
-    """Tares before the run come first; of each the nearest in time."""
-    days = candidate.days_before
+def nearness(other: str, start: str) -> tuple[bool, float]:
+    """The order in which runs are looked at for one that began at `start`: those before it come first, and of
+    each the nearest in time.
+    """
+    days = _days_before(other, start)
     return (not days >= 0.0, abs(days) if math.isfinite(days) else math.inf)
 
 
@@ -142,6 +146,8 @@ def _rests_on_another_rig(run: Recording, path: Path) -> str:
     except WordedError as error:
         return f"cannot be read: {error}"
     try:
+        if tare.metadata.gear_mounted:
+            return "was taken with a gear mounted"
         return checks.refusal_of(run, tare)
     finally:
         close_recording(tare)

@@ -61,6 +61,7 @@ class IndexedRun:
     notes: str
     bench: str
     """The bench that it was made on; "" where its file does not say it."""
+    mounting: str
 
     def as_json(self) -> dict[str, Any]:
         """One line of `rig runs --json`."""
@@ -83,6 +84,7 @@ class IndexedRun:
             "notes": self.notes,
             "problem": self.problem,
             "bench": self.bench,
+            "mounting": self.mounting,
         }
 
 
@@ -324,6 +326,7 @@ def _row_of(run: ListedRun) -> Row:
             "backend": str(m.process.get("backend", "")),
             "notes": run.notes,
             "bench": str(m.process.get("bench", "")),
+            "mounting": m.mounting,
         }
     return tuple(row.values())
 
