@@ -22,7 +22,7 @@ from rig.library.folder import ListedRun, read_listed, run_files, run_number
 from rig.library.living import is_being_written
 
 INDEX_NAME = ".library.sqlite"
-SCHEMA = 2
+SCHEMA = 3
 """The version of the tables; another one is rebuilt."""
 WAITING_TIME = 2.0
 """s that one process waits for another one's write."""
