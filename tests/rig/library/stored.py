@@ -29,7 +29,7 @@ def write(
     protocol: str = "friction",
     *,
     serial: str = "A1",
-    outcome: str = "PASS",
+    outcome: str = "COMPLETED",
     rows: int = 20,
     part: bool = False,
     changes: Mapping[str, Any] | None = None,
