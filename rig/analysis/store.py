@@ -134,7 +134,6 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
         "settings": dict(basis.settings),
         "tare": dict(basis.tare),
         "gear": dict(basis.gear),
-        "outcome": result.outcome,
         "result": result.as_json(),
         "tables": [table_to_mapping(table) for table in result.tables],
         "analysis_version": basis.analysis_version,
