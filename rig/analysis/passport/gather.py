@@ -18,12 +18,9 @@ from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
 from rig.analysis.store import Analysis, read_analyses
 from rig.errors import RigError, RunFileError
-from rig.library.index import IndexedRun, LibraryIndex
+from rig.library.index import COUNTED_OUTCOMES, IndexedRun, LibraryIndex
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import check_seal
-
-COUNTED_OUTCOMES = ("COMPLETED", "")
-"""Outcomes of runs that were brought to their end ("" is an imported recording's)."""
 
 
 @dataclass(frozen=True, kw_only=True)
