@@ -134,14 +134,15 @@ class Check:
     words: str = ""
     is_evidence: bool = True
 
-    def as_json(self) -> dict[str, str]:
-        """Name, outcome, what was found, what is allowed, and what follows."""
+    def as_json(self) -> dict[str, str | bool]:
+        """Name, outcome, what was found, what is allowed, what follows, and whether a verdict needs it."""
         return {
             "name": self.name,
             "outcome": self.outcome,
             "found": self.found,
             "allowed": self.allowed,
             "words": self.words,
+            "is_evidence": self.is_evidence,
         }
 
 

@@ -34,9 +34,7 @@ def origin(recorded: Recorded) -> Finding:
     there = recorded.evidence.tare_recording
     if there is None:
         return not_checked("the run of the tare is not at hand")
-    here = recorded.recording
-    pairs = [(name, _named(here, name), _named(there, name)) for name in ("motor", "bench")]
-    pairs.append(("torque channel", _torque_identity(here), _torque_identity(there)))
+    pairs = _rig_of_both(recorded.recording, there)
     other = [(what, a, b) for what, a, b in pairs if a and b and a != b]
     if other:
         what, mine, its = other[0]
@@ -46,6 +44,28 @@ def origin(recorded: Recorded) -> Finding:
     if unknown:
         return not_checked(f"{', '.join(unknown)} of tare or run is not written down")
     return Finding("ok", "same motor, bench and calibration", "the same")
+
+
+def _rig_of_both(here: Recording, there: Recording) -> list[tuple[str, str, str]]:
+    """What must be the same of a run and its tare: what it is, the run's, the tare's; "" where it is not known."""
+    pairs = [(name, _named(here, name), _named(there, name)) for name in ("motor", "bench")]
+    return [*pairs, ("torque channel", _torque_identity(here), _torque_identity(there))]
+
+
+def refusal_of(run: Recording, tare: Recording) -> str:
+    """Why a tare is not looked for further: of another rig, or more than `WARMER` apart; "" where nothing says so.
+
+    Whoever chooses a tare asks for what no check has to widen; one that is chosen by hand is
+    widened instead (`temperature`), and refused only beyond `MUCH_WARMER`. What neither of the two
+    says, such as a temperature that was not recorded, speaks against nobody.
+    """
+    for what, mine, its in _rig_of_both(run, tare):
+        if mine and its and mine != its:
+            return f"{what} {its}, this run's is {mine}"
+    apart = _kelvin_between(run, tare)
+    if apart > WARMER:
+        return f"{apart:.1f} K apart, limit {WARMER:g} K"
+    return ""
 
 
 def _named(recording: Recording, what: str) -> str:
@@ -110,7 +130,11 @@ def _kelvin(recorded: Recorded) -> float:
     there = recorded.evidence.tare_recording
     if there is None:
         return math.nan
-    return abs(_room(recorded.recording) - _room(there))
+    return _kelvin_between(recorded.recording, there)
+
+
+def _kelvin_between(run: Recording, tare: Recording) -> float:
+    return abs(_room(run) - _room(tare))
 
 
 def _room(recording: Recording) -> float:

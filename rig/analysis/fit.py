@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
 from model.gear_file import gear_to_mapping, shipped_gear
-from rig.analysis.tare import check_tare, tare_kind
+from rig.analysis.gear_set import GearSource
+from rig.analysis.tare import check_tare
+from rig.analysis.tare_search import FoundTare
 from rig.errors import RigError
 
 if TYPE_CHECKING:
@@ -46,11 +48,37 @@ class Fit:
     gear_known: bool = True
     largest_missed_share: float | None = None
     """Share of missed cycles that was allowed; None: the analyses' own limit."""
+    gear_source: GearSource = field(default_factory=GearSource)
+    found_tare: FoundTare = field(default_factory=FoundTare)
+    """The tare that was found or chosen by hand, and where there is none, why."""
+    named_tare: Mapping[str, Any] = field(default_factory=dict)
+    """Of a stored fit: the tare that was subtracted, as its analysis names it."""
 
     @property
     def evidence(self) -> Evidence:
         """What its analysis leaned on."""
         return _evidence(self.gear, self.tare, self.settings, self.largest_missed_share)
+
+    def tare_as_json(self) -> dict[str, Any]:
+        """The tare that was subtracted, as the analysis store names it; empty without one."""
+        if self.tare is None:
+            return dict(self.named_tare)
+        metadata, path, found = self.tare.recording.metadata, self.tare.path, self.found_tare
+        return {
+            "run": metadata.run_id,
+            "sha256": metadata.sha256,
+            "file": "" if path is None else _beside(self.path, path),
+            "chosen": "by hand" if found.path is None or found.by_hand else "found",
+            "age_days": found.age_days,
+            "analysis_version": catalogue.load(self.tare.result.kind).version,
+        }
+
+
+def _beside(run: Path | None, tare: Path) -> str:
+    """The file of a tare as seen from its run: its name where both lie in one folder, else its whole path."""
+    if run is not None and tare.resolve().parent == run.resolve().parent:
+        return tare.name
+    return str(tare.resolve())
 
 
 def kind_of(recording: Recording, kind: str = "") -> str:
@@ -167,58 +195,21 @@ def score(fit: Fit) -> Result:
     return compare(fit.recording, fit.gear, fit.evidence)
 
 
-def fit_files(
-    paths: Sequence[str | Path],
-    kind: str = "",
-    *,
-    gear: HarmonicDrive | None = None,
-    tare: str | Path | None = None,
-    settings: Mapping[str, Any] | None = None,
-    largest_missed_share: float | None = None,
-) -> tuple[Fit, ...]:
-    """Open and analyse run files, all with the same tare and parameter set."""
-    from rig.runfile.read import open_run
-
-    tare_fit = None
-    if tare is not None:
-        tare_fit = fit_recording(
-            open_run(Path(tare)),
-            tare_kind(),
-            gear=gear,
-            path=Path(tare),
-            largest_missed_share=largest_missed_share,
-        )
-    return tuple(
-        fit_recording(
-            open_run(Path(p)),
-            kind,
-            gear=gear,
-            tare=tare_fit,
-            settings=settings,
-            path=Path(p),
-            largest_missed_share=largest_missed_share,
-        )
-        for p in paths
-    )
-
-
 def store(fit: Fit, created: str) -> Fit:
     """Append a fit to the store beside its run and say under which name; a recording that is no file stays as it is."""
     from rig.analysis.store import Basis, append_analysis
 
     if fit.path is None:
         return fit
-    tare = {}
-    if fit.tare is not None:
-        tare_metadata = fit.tare.recording.metadata
-        tare = {"run": tare_metadata.run_id, "sha256": tare_metadata.sha256}
     basis = Basis(
         fit.recording.metadata.sha256,
         created,
         gear=gear_to_mapping(fit.gear),
-        tare=tare,
+        tare=fit.tare_as_json(),
         settings=fit.settings,
         analysis_version=catalogue.load(fit.result.kind).version,
+        gear_source=fit.gear_source.as_json(),
+        no_tare=() if fit.tare is not None else fit.found_tare.because,
     )
     stored = append_analysis(fit.path, fit.result, basis).path
     return dataclasses.replace(fit, stored=f"{stored.parent.name}/{stored.name}")

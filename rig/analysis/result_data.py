@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from experiments import catalogue
 from experiments.quantity import Quantity, with_bare
-from experiments.result import Check, Panel, Plot, Result, Series, Table, Verdict
+from experiments.result import Check, Covariance, Panel, Plot, Result, Series, Table, Verdict
 from model.identify.estimate import BudgetLine, Cause, Estimate
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
@@ -86,6 +86,15 @@ def estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
         # A result that was stored with k = 2 keeps the U that it was stated with.
         stated_coverage_factor=None if "coverage_factor" in mapping else 2.0,
     )
+
+
+def covariance_from_mapping(mapping: Mapping[str, Any] | None) -> Covariance | None:
+    """A covariance out of what the analysis store keeps. Raises `ValueError`, `KeyError` or `TypeError`."""
+    if not mapping:
+        return None
+    shared = {Cause(name): _array(vector) for name, vector in mapping.get("shared", {}).items()}
+    matrix = np.array([_array(row) for row in mapping["matrix"]], dtype=np.float64)
+    return Covariance(tuple(mapping["names"]), matrix, shared)
 
 
 def _verdict(mapping: Mapping[str, Any], estimates: Mapping[str, Estimate]) -> Verdict:

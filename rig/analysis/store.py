@@ -2,19 +2,22 @@
 
 `<run>.analysis/0001.json` names the run and its tare by their SHA-256, the versions of program and
 analysis, the parameter set and the settings that were used, and holds the result as `rig fit
---json` prints it, what each of its numbers is, and the covariance of what was fitted together. The
-run file itself is never touched. Analyses of format 1 are read as if they were of format 2.
+--json` prints it, what each of its numbers is, and the covariance of what was fitted together. Its
+figures lie beside it, packed, under a name made of their content. The run file itself is never
+touched. Analyses of format 1 are read as if they were of format 2.
 """
 
 from __future__ import annotations
 
+import gzip
+import hashlib
 import json
 import math
 import os
 import re
 import stat
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -22,11 +25,19 @@ from typing import Any
 from experiments.quantity import Quantity, quantity_of
 from experiments.result import Result
 from rig.analysis import format_1
-from rig.analysis.result_data import declared_quantities, table_to_mapping
+from rig.analysis.result_data import (
+    covariance_from_mapping,
+    declared_quantities,
+    plot_to_mapping,
+    result_from_mapping,
+    table_to_mapping,
+)
 from rig.errors import RunFileError
 
 STORE_FORMAT = "harmonic-rig-analysis-2"
 _NUMBER = re.compile(r"(\d{4,})\.json\Z")
+_FIGURES = re.compile(r"figures-[0-9a-f]{16}\.json\.gz")
+NO_FIGURES = "The version that made this analysis kept no figures: `rig fit` makes them."
 
 
 @dataclass(frozen=True)
@@ -47,6 +58,47 @@ class Analysis:
         """The result as `rig fit --json` prints it."""
         return self.content.get("result", {})
 
+    @property
+    def name(self) -> str:
+        """The name by which it is told: folder and file."""
+        return f"{self.path.parent.name}/{self.path.name}"
+
+    @property
+    def tare(self) -> Mapping[str, Any]:
+        """The tare that was subtracted: its run, its SHA-256, its file, how it was chosen; empty without one."""
+        return self.content.get("tare") or {}
+
+    def whole_result(self) -> Result:
+        """The result with its tables, its covariance and its figures, as the analysis returned it.
+
+        Raises `RunFileError` for an analysis that holds none. One that was stored by a version that
+        kept no figures says so among its warnings.
+        """
+        try:
+            figures = self._figures()
+            result = result_from_mapping(
+                {**self.result, "plots": figures or ()}, self.content.get("tables", ())
+            )
+            covariance = covariance_from_mapping(self.content.get("covariance"))
+        except (OSError, EOFError, KeyError, TypeError, ValueError) as error:
+            raise RunFileError(
+                "the stored analysis holds no result",
+                where=str(self.path),
+                value=str(error),
+                remedy="Move it away and analyse the run again with `rig fit`.",
+            ) from None
+        remark = () if figures is not None else (NO_FIGURES,)
+        return replace(result, covariance=covariance, warnings=(*result.warnings, *remark))
+
+    def _figures(self) -> list[Mapping[str, Any]] | None:
+        name = str(self.content.get("figures", ""))
+        if not name:
+            return None
+        # Only a name that this program gives: a file from elsewhere does not choose what is read.
+        if not _FIGURES.fullmatch(name):
+            raise ValueError(f"figures {name!r}")
+        return json.loads(gzip.decompress((self.path.parent / name).read_bytes()))
+
     def quantity(self, name: str) -> Quantity:
         """What its protocol declares of an estimate; what was stored of one that it no longer declares."""
         quantity = quantity_of(declared_quantities(self.kind), name)
@@ -62,17 +114,20 @@ class Analysis:
 class Basis:
     """What an analysis rests on besides the recording.
 
-    `run_sha256` of the run file, `gear` the parameter set as a mapping, `tare` names run and SHA-256 of the motor tare,
-    `settings` what was asked for, `created` the calendar time (ISO 8601), `analysis_version` that of
-    the kind of analysis (`Experiment.version`).
+    `run_sha256` of the run file, `gear` the parameter set as a mapping, `gear_source` where it came from
+    (`GearSource.as_json`), `tare` names run, SHA-256 and file of the motor tare and how it was chosen,
+    `no_tare` says why there is none, `settings` what was asked for, `created` the calendar time
+    (ISO 8601), `analysis_version` that of the kind of analysis (`Experiment.version`).
     """
 
     run_sha256: str
     created: str
     gear: Mapping[str, Any] = field(default_factory=dict)
-    tare: Mapping[str, str] = field(default_factory=dict)
+    tare: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     analysis_version: int = 1
+    gear_source: Mapping[str, Any] = field(default_factory=dict)
+    no_tare: tuple[str, ...] = ()
 
 
 def program_version() -> str:
@@ -133,7 +188,9 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
         "kind": result.kind,
         "settings": dict(basis.settings),
         "tare": dict(basis.tare),
+        "no_tare": list(basis.no_tare),
         "gear": dict(basis.gear),
+        "gear_source": dict(basis.gear_source),
         "outcome": result.outcome,
         "result": result.as_json(),
         "tables": [table_to_mapping(table) for table in result.tables],
@@ -151,6 +208,7 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
         return same[0]
     try:
         folder.mkdir(exist_ok=True)
+        content["figures"] = _write_figures(folder, result)
         return _write_next(folder, content, stored[-1].number + 1 if stored else 1)
     except OSError as error:
         raise RunFileError(
@@ -169,6 +227,18 @@ def _quantity(result: Result, name: str) -> dict[str, str]:
         "unit": estimate.unit if estimate else quantity.unit,
         "definition": quantity.definition,
     }
+
+
+def _write_figures(folder: Path, result: Result) -> str:
+    """Write the figures of a result under a name made of their content; the same figures are written once."""
+    text = json_text([plot_to_mapping(plot) for plot in result.plots]).encode()
+    path = folder / f"figures-{hashlib.sha256(text).hexdigest()[:16]}.json.gz"
+    if not path.exists():
+        scratch = folder / f".{path.name}.{os.getpid()}.tmp"
+        scratch.write_bytes(gzip.compress(text, compresslevel=6, mtime=0))
+        scratch.chmod(stat.S_IRUSR | stat.S_IRGRP | stat.S_IROTH)
+        scratch.replace(path)
+    return path.name
 
 
 def _write_next(folder: Path, content: Mapping[str, Any], number: int) -> Analysis:
@@ -229,4 +299,6 @@ def read_analyses(run: str | Path) -> tuple[Analysis, ...]:
 
 
 def _without_time(content: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in content.items() if key not in ("created", "number")}
+    return {
+        key: value for key, value in content.items() if key not in ("created", "number", "figures")
+    }

@@ -22,7 +22,7 @@ from rig.library.folder import ListedRun, read_listed, run_files, run_number
 from rig.library.living import is_being_written
 
 INDEX_NAME = ".library.sqlite"
-SCHEMA = 2
+SCHEMA = 3
 """The version of the tables; another one is rebuilt."""
 WAITING_TIME = 2.0
 """s that one process waits for another one's write."""
@@ -59,6 +59,9 @@ class IndexedRun:
     rows: int
     problem: str
     notes: str
+    bench: str
+    """The bench that it was made on; "" where its file does not say it."""
+    mounting: str
 
     def as_json(self) -> dict[str, Any]:
         """One line of `rig runs --json`."""
@@ -80,6 +83,8 @@ class IndexedRun:
             "duration_s": self.duration,
             "notes": self.notes,
             "problem": self.problem,
+            "bench": self.bench,
+            "mounting": self.mounting,
         }
 
 
@@ -320,6 +325,8 @@ def _row_of(run: ListedRun) -> Row:
             "origin": m.origin,
             "backend": str(m.process.get("backend", "")),
             "notes": run.notes,
+            "bench": str(m.process.get("bench", "")),
+            "mounting": m.mounting,
         }
     return tuple(row.values())
 

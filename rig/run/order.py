@@ -1,5 +1,5 @@
-"""What a session is given and what it gives back: the order, the open run file, the judgement, the
-report, the progress.
+"""What a session is given and what it gives back: the order, the open run file, the report,
+the progress.
 """
 
 from __future__ import annotations
@@ -82,19 +82,8 @@ class OpenRun(Protocol):
     def flush(self) -> None: ...
 
 
-@dataclass(frozen=True)
-class Judgement:
-    """What the analysis of a completed run says: PASS, MARGINAL or FAIL, its warnings and metrics."""
-
-    outcome: str
-    warnings: tuple[str, ...] = ()
-    metrics: dict[str, float] = field(default_factory=dict)
-
-
 Begin = Callable[[RunOrder, RigDescription, int, str], OpenRun]
 """Makes the run file: order, what the rig says it is, calendar time of a stamp of zero [ns], start time (ISO 8601)."""
-Judge = Callable[[Path], Judgement]
-"""Analyses the (still open) run file of a completed run."""
 
 
 @dataclass(kw_only=True)

@@ -2,7 +2,7 @@
 
 Main thread: Ctrl-C, prompts, progress. Turn thread: the session. Writer thread: the recorder's.
 Watchdog thread: only watches that turns happen. The garbage collector is frozen and off while the
-rig turns; analyses run after it has been made safe.
+rig turns.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ import queue
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 from experiments.recording import Event
 from experiments.steps.vocabulary import Prompt
 from rig.run.engine import Ask
-from rig.run.order import Begin, Judge, Judgement, Progress, RunOrder, RunReport
+from rig.run.order import Begin, Progress, RunOrder, RunReport
 from rig.run.session import execute
 from rig.run.stop import StopRequest
 
@@ -102,7 +101,6 @@ def execute_in_real_time(
     *,
     stop: StopRequest | None = None,
     ask: Ask = lambda prompt: "",
-    judge: Judge | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> RunReport:
@@ -114,15 +112,13 @@ def execute_in_real_time(
 
     def turn() -> None:
         try:
-            with collector_off() as collect:
-                quiet_judge = None if judge is None else _after(collect, judge)
+            with collector_off():
                 done.append(
                     execute(
                         order,
                         begin,
                         stop=stop,
                         ask=relay.ask,
-                        judge=quiet_judge,
                         on_progress=relay.progress,
                         on_event=relay.event,
                     )
@@ -158,30 +154,16 @@ def _serve_until_over(thread: threading.Thread, relay: Relay, stop: StopRequest)
             stop.press()
 
 
-def _after(collect: Callable[[], None], judge: Judge) -> Judge:
-    """The judge, with the garbage collector: the rig has been made safe by then."""
-
-    def judged(path: Path) -> Judgement:
-        collect()
-        return judge(path)
-
-    return judged
-
-
 @contextlib.contextmanager
-def collector_off() -> Iterator[Callable[[], None]]:
-    """The garbage collector frozen and off; what is yielded turns it on again before the end."""
+def collector_off() -> Iterator[None]:
+    """The garbage collector frozen and off."""
     was_on = gc.isenabled()
-
-    def turn_on() -> None:
-        gc.unfreeze()
-        if was_on:
-            gc.enable()
-
     gc.collect()
     gc.freeze()
     gc.disable()
     try:
-        yield turn_on
+        yield
     finally:
-        turn_on()
+        gc.unfreeze()
+        if was_on:
+            gc.enable()

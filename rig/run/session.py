@@ -8,9 +8,8 @@
 
 Whatever ends the run (the plan's end, STOP, ABORT, a trip, a step that fails, an exception),
 make-safe has the last word and is verified. The outcome: TRIPPED, ABORTED and ERROR say why it
-ended early; a run that was completed is judged by its protocol's own analysis while the file is
-still open (PASS, MARGINAL, FAIL). An analysis that cannot be made leaves PASS with the event
-"not-judged": it must never cost the data.
+ended early, COMPLETED that the plan was carried out. What the recording says of the gear is worked
+out from the sealed file, by whoever asks: no analysis can cost the data.
 """
 
 from __future__ import annotations
@@ -26,10 +25,8 @@ from drivers.channel import OUTPUT_ANGLE
 from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.port import STALE_DATA, Command, Guard, Mode
 from drivers.samples import SampleBlock
-from experiments.errors import ExperimentError
 from experiments.recording import Event
 from experiments.steps.profile import cycles_of
-from model.errors import ModelError
 from rig.bench import limits as lim
 from rig.errors import LimitError, RigError
 from rig.run.acquisition import AcquisitionLog
@@ -41,7 +38,7 @@ from rig.run.engine import Ask, Engine, StepFailedError
 from rig.run.latch import LatchedTrip
 from rig.run.logbook import Logbook, iso_time
 from rig.run.make_safe import Action, MakeSafe
-from rig.run.order import Begin, Judge, Progress, RunOrder, RunReport
+from rig.run.order import Begin, Progress, RunOrder, RunReport
 from rig.run.phases import Machine, Turn
 from rig.run.preflight import (
     STANDING_TIME,
@@ -72,7 +69,6 @@ def execute(
     *,
     stop: StopRequest | None = None,
     ask: Ask = lambda prompt: "",
-    judge: Judge | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> RunReport:
@@ -103,7 +99,7 @@ def execute(
         epoch = calendar - int(first.time_ns[0])
         logbook = Logbook(begin(order, description, epoch, iso_time(calendar)), epoch, on_event)
         session = Session(order, logbook, stop or StopRequest(), ask, on_progress)
-        return session.run(first, checks, judge)
+        return session.run(first, checks)
     finally:
         port.close()
 
@@ -136,8 +132,8 @@ class Session:
         self._step_index, self._step_rows = -1, 0
         self._space_rows = 0
 
-    def run(self, first: SampleBlock, checks: tuple[Check, ...], judge: Judge | None) -> RunReport:
-        """Stand and look, execute the plan, make safe, judge, seal."""
+    def run(self, first: SampleBlock, checks: tuple[Check, ...]) -> RunReport:
+        """Stand and look, execute the plan, make safe, seal."""
         try:
             self._stand(first, checks)
             self._turn_until_safe()
@@ -146,13 +142,13 @@ class Session:
             self._message = f"{type(error).__name__}: {error}"
             self._logbook.event("error", "exception", "session", self._message)
             self._emergency()
-            self._report({})
+            self._report()
             raise
         finally:
             if self._order.watchdog is not None:
                 self._order.watchdog.rest()
-        metrics = self._judged(judge) if not self._outcome else {}
-        return self._report(metrics)
+        self._outcome = self._outcome or "COMPLETED"
+        return self._report()
 
     def _stand(self, first: SampleBlock, checks: tuple[Check, ...]) -> None:
         """Stand for a moment with the servo off, look, and take the position as reference; refuse a
@@ -418,31 +414,7 @@ class Session:
 
     # The end.
 
-    def _judged(self, judge: Judge | None) -> dict[str, float]:
-        """Sets the outcome of a completed run; an analysis that cannot be made must not cost the data."""
-        self._outcome = "PASS"
-        logbook = self._logbook
-        if (
-            judge is None
-            or logbook.error is not None
-            or self._make_safe is None
-            or not self._make_safe.report.safe
-        ):
-            return {}
-        logbook.flush()
-        try:
-            judgement = judge(logbook.run.part)
-        except (ExperimentError, ModelError, RigError) as error:
-            logbook.event("warning", "not-judged", "analysis", str(error))
-            return {}
-        except Exception as error:  # noqa: BLE001  a defect of an analysis must not cost the data
-            logbook.event("error", "not-judged", "analysis", f"{type(error).__name__}: {error}")
-            return {}
-        self._outcome = judgement.outcome
-        logbook.warnings += judgement.warnings
-        return dict(judgement.metrics)
-
-    def _report(self, metrics: dict[str, float]) -> RunReport:
+    def _report(self) -> RunReport:
         logbook, supervisor = self._logbook, self._supervisor
         ending = self._make_safe.report if self._make_safe else None
         trip = supervisor.state.trip
@@ -461,7 +433,7 @@ class Session:
         for name, margin in margins.items():
             numbers = f"peak {margin['peak']:.4g}, limit {margin['limit']:.4g}, margin {100 * margin['margin']:.0f} %"
             logbook.event("info", "margin", "supervisor", f"{name}: {numbers}")
-        metrics["missed_share"] = supervisor.state.missed_share
+        metrics = {"missed_share": supervisor.state.missed_share}
         counted, figures = self._acquisition.figures(supervisor.acquisition())
         metrics.update(counted)
         if self._order.thermal_state is not None:

@@ -33,11 +33,10 @@ from rig.run.bench_lock import bench_lock
 from rig.run.computer import claim_real_time
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run, vars_of
 from rig.run.engine import Ask
-from rig.run.judge import judge_by
 from rig.run.latch import latch_of
 from rig.run.marker import RunMarker
 from rig.run.opening import begin_inline_run, begin_threaded_run, git_commit
-from rig.run.order import Judge, Judgement, Progress, RunOrder, RunReport
+from rig.run.order import Progress, RunOrder, RunReport
 from rig.run.preflight import Check, refuse_failed, static_checks
 from rig.run.realtime import block_cycles, execute_in_real_time, watchdog_deadline
 from rig.run.session import execute
@@ -178,12 +177,11 @@ def run_request(
     *,
     stop: StopRequest | None = None,
     ask: Ask = lambda prompt: "",
-    judged: bool = True,
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> RunReport:
-    """Plan (unless `planned` is given), open the rig, run, make safe, judge, seal. Raises only
-    before anything moves.
+    """Plan (unless `planned` is given), open the rig, run, make safe, seal. Raises only before
+    anything moves.
     """
     planned = planned or plan_request(request)
     if request.backend == HARDWARE:
@@ -200,7 +198,6 @@ def run_request(
                 stop=stop,
                 ask=ask,
                 bench=bench,
-                judge=judge_by(planned) if judged else None,
                 place=place,
                 on_progress=on_progress,
                 on_event=on_event,
@@ -214,7 +211,6 @@ def run_on(
     stop: StopRequest | None = None,
     ask: Ask = lambda prompt: "",
     bench: Bench | None = None,
-    judge: Judge | None = None,
     place: RunPlace | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
@@ -228,12 +224,6 @@ def run_on(
     # Asked now: between opening a rig and its first turns a drive counts the ms without a heartbeat.
     git_commit()
     marker = RunMarker(bench.state, bench.id)
-
-    def judged(path: Path) -> Judgement:
-        # Asked only once standstill is verified: whoever is killed in here leaves a rig that stands.
-        marker.remove()
-        assert judge is not None
-        return judge(path)
 
     cycles = request.block_cycles
     if rig.real_time:
@@ -269,7 +259,6 @@ def run_on(
             begin,
             stop=stop,
             ask=ask,
-            judge=None if judge is None else judged,
             on_progress=on_progress,
             on_event=on_event,
         )

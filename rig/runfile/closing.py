@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import h5py
 
@@ -20,6 +20,8 @@ from rig.runfile import layout
 _CHECKSUM = f"{layout.PROCESS}/closing_checksum"
 _LENGTHS = {"end_time": 48, "outcome": 32, "status": 32}
 ACQUISITION = "acquisition"
+VERDICTS_WRITTEN_BEFORE = ("PASS", "MARGINAL", "FAIL")
+"""What versions up to 0.2.0 wrote as the outcome of a run that was brought to its end."""
 LONGEST_ACQUISITION = 12_000
 """Bytes of JSON that the figures of the acquisition may take."""
 
@@ -70,7 +72,10 @@ def write_closing(file: h5py.File, closing: Closing) -> None:
 
 
 def read_closing(file: h5py.File) -> Closing:
-    """How the run ended. Raises `RunFileError` for words that were changed; a writer at work is taken as running."""
+    """How the run ended, in the words of this version; a writer at work is taken as running.
+
+    Raises `RunFileError` for words that were changed.
+    """
     entry = _entry(file)
     words = (layout.read_text(entry, name) for name in _LENGTHS)
     closing = Closing(*words, acquisition=layout.read_text(_process(file), ACQUISITION))
@@ -78,7 +83,7 @@ def read_closing(file: h5py.File) -> Closing:
     if not isinstance(checksum, h5py.Dataset) or checksum.shape != (1,):
         raise RunFileError("the checksum of outcome and end time is missing", where=_CHECKSUM)
     if int(checksum[0]) == closing.checksum:
-        return closing
+        return replace(closing, outcome=outcome_read(closing.outcome))
     if file.swmr_mode:
         # The writer died, or is, between the first of the three words and their checksum.
         return Closing()
@@ -87,6 +92,11 @@ def read_closing(file: h5py.File) -> Closing:
         where=layout.ENTRY,
         value=repr(closing.outcome),
     )
+
+
+def outcome_read(word: str) -> str:
+    """The outcome that a word in a file stands for: a verdict was written of a run that reached its end."""
+    return "COMPLETED" if word in VERDICTS_WRITTEN_BEFORE else word
 
 
 def acquisition_text(figures: Mapping[str, object]) -> str:

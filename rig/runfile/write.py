@@ -28,8 +28,8 @@ from rig.runfile.layout import CYCLE, FLAGS, TIME
 from rig.runfile.recover import compact
 from rig.runfile.seal import hold_while_writing, part_path, seal_file
 
-OUTCOMES = ("PASS", "FAIL", "MARGINAL", "ABORTED", "TRIPPED", "ERROR", "INTERRUPTED", "")
-"""What a run can come to; "" where nothing was judged (a recording of another rig)."""
+OUTCOMES = ("COMPLETED", "ABORTED", "TRIPPED", "ERROR", "INTERRUPTED", "")
+"""What a run can come to; "" for a recording of another rig. What the gear is worth is never written into a run."""
 
 CHUNK_ROWS = 8192
 CHUNK_CACHE = 256 * 1024

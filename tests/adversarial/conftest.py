@@ -57,7 +57,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Recording]:
             operator="test",
             seed=5,
         )
-        recording = open_run(run_request(request, judged=False).path)
+        recording = open_run(run_request(request).path)
         try:
             return in_memory(recording)
         finally:

@@ -90,7 +90,6 @@ def pairs_of(seed: int, population: Any) -> list[tuple[Estimate, Estimate]]:
                         start_state="ambient",
                     ),
                 ),
-                judged=False,
             ).path
             for number, (protocol, values) in enumerate(wanted, start=1)
         ]

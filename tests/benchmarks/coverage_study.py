@@ -162,7 +162,7 @@ def _one_run(
             run["refusals"].append(str(refusal))
     if planned is None or request is None:
         return None, {**run, "outcome": "not planned", "words": run["refusals"][-1]}, []
-    report = run_request(request, planned, judged=False)
+    report = run_request(request, planned)
     if not report.safe or report.outcome in FAILED:
         return None, {**run, "outcome": "failed", "words": report.message}, []
     path = Path(report.path)

@@ -113,7 +113,7 @@ def run(duration: float, rate: float, reaction: float, priority: int, folder: Pa
             sample_rate=rate,
             configured=request.limits,
         )
-        return run_request(request, planned, judged=False)
+        return run_request(request, planned)
 
 
 def intervals(path: Path) -> np.ndarray:
@@ -186,7 +186,7 @@ def main() -> int:
         print(f"| {what} | {value} |")
     if report.message:
         print(report.message, file=sys.stderr)
-    return 0 if report.outcome == "PASS" and report.safe and not missed else 1
+    return 0 if report.outcome == "COMPLETED" and report.safe and not missed else 1
 
 
 if __name__ == "__main__":

@@ -71,7 +71,7 @@ def soak(duration: float, rate: float, folder: Path, memory: Memory) -> tuple[Ru
         sample_rate=rate,
     )
     start = time.perf_counter()
-    report = run_request(request, planned, judged=False, on_progress=memory.look)
+    report = run_request(request, planned, on_progress=memory.look)
     return report, time.perf_counter() - start
 
 
@@ -139,7 +139,11 @@ def main() -> int:
         print(f"| {what} | {value} |")
     return (
         0
-        if report.outcome == "PASS" and not lost and not marked and rows == report.rows and flat
+        if report.outcome == "COMPLETED"
+        and not lost
+        and not marked
+        and rows == report.rows
+        and flat
         else 1
     )
 

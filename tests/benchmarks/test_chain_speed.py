@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from drivers.channel import Channel
 from drivers.clock import WallClock
@@ -44,7 +43,7 @@ def test_recorder(tmp_path: Path, note: Note) -> None:
             time.monotonic_ns() + max(0, int((rows / 150_000 - time.perf_counter() + start) * 1e9))
         )
     taken = time.perf_counter() - start
-    path = recorder.close("PASS")
+    path = recorder.close("COMPLETED")
     assert open_run(path).rows == rows
     note(
         "recorder, 8 channels, none lost, offered at 150 000 rows/s",
@@ -54,9 +53,8 @@ def test_recorder(tmp_path: Path, note: Note) -> None:
     )
 
 
-@pytest.mark.parametrize("judged", [False, True], ids=["run", "run and judgement"])
-def test_whole_chain(benchmark: Any, tmp_path: Path, note: Note, judged: bool) -> None:
-    """A kinematic-error run on the simulated rig at 1 kHz with noise, checks and gzip; and with its analysis."""
+def test_whole_chain(benchmark: Any, tmp_path: Path, note: Note) -> None:
+    """A kinematic-error run on the simulated rig at 1 kHz with noise, checks and gzip."""
     durations = []
 
     def chain() -> None:
@@ -68,14 +66,14 @@ def test_whole_chain(benchmark: Any, tmp_path: Path, note: Note, judged: bool) -
             values={},
             seed=len(durations),
         )
-        report = run_request(request, plan_request(request), judged=judged)
+        report = run_request(request, plan_request(request))
         recording = open_run(Path(report.path))
         durations.append(recording.rows * 1e-3)
 
     benchmark.pedantic(chain, rounds=3, warmup_rounds=1)
     ratio = durations[-1] / float(benchmark.stats.stats.min)
     note(
-        f"whole chain at 1 kHz (noise, checks, gzip{', judgement' if judged else ''})",
+        "whole chain at 1 kHz (noise, checks, gzip)",
         ratio,
         "x real time",
         ">= 300",

@@ -115,7 +115,7 @@ def write(path: Path, rate: float, rig_time: float, times: float) -> None:
         recorder.put(
             SampleBlock(first, stamps, counts.astype(np.int64), np.zeros(rows, dtype=np.uint16))
         )
-    recorder.close("PASS", "")
+    recorder.close("COMPLETED", "")
     told = {
         "rows": total,
         "dropped": writer.rows_dropped,

@@ -128,7 +128,7 @@ def run_here(folder: Path, pipe: int) -> None:
         block_cycles=20,
     )
     with flushes_told(tell), patch.dict(BACKENDS, paced=rig):
-        run_request(request, stop=stop, judged=False)
+        run_request(request, stop=stop)
 
 
 def begun(folder: Path, moment: float) -> Victim:

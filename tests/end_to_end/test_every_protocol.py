@@ -39,7 +39,7 @@ def test_a_protocol_ends_safe_and_leaves_a_good_file(protocol: str, tmp_path: Pa
         seed=5,
     )
     report = run_request(request)
-    assert report.outcome in ("PASS", "MARGINAL", "FAIL")
+    assert report.outcome == "COMPLETED"
     assert report.safe
     recording = open_run(report.path)
     assert recording.rows > 1000

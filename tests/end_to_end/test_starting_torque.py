@@ -30,7 +30,7 @@ def fitted(seed: int, folder: Path, gear: HarmonicDrive, **values: object) -> Fi
         values={**FEW, **values},
         world=WorldChoice(gear_seed=seed, bench_seed=seed, number=1, start_state=AMBIENT),
     )
-    (fit,) = fit_files([run_request(request, judged=False).path])
+    (fit,) = fit_files([run_request(request).path])
     return fit
 
 

@@ -28,7 +28,7 @@ def fitted(
         gear_serial=f"S{seed}",
         seed=seed,
     )
-    path = run_request(request, judged=False).path
+    path = run_request(request).path
     (fit,) = fit_files([path], tare=tare)
     return fit
 
@@ -95,7 +95,7 @@ def test_a_fitted_curve_explains_a_run_that_it_was_not_fitted_to(tmp_path: Path)
             gear_serial="S3",
             seed=21,
         )
-        (fit,) = fit_files([run_request(request, judged=False).path])
+        (fit,) = fit_files([run_request(request).path])
         recording = fit.recording
         # The counters start anywhere: both curves are counted from the index marks.
         mark = truth_of(recording.metadata.process)["kinematic_error"]["reference_angle"]

@@ -45,7 +45,7 @@ def recording(
         run_id="R-000042",
         experiment=experiment,
         origin=origin,
-        outcome="PASS",
+        outcome="COMPLETED",
         start_time="2024-03-01T10:00:00+01:00",
         end_time="2024-03-01T10:05:00+01:00",
         operator="A. Example",

@@ -22,7 +22,7 @@ from rig.library.index import IndexedRun, LibraryIndex
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import check_seal
 
-COUNTED_OUTCOMES = ("PASS", "MARGINAL", "FAIL", "")
+COUNTED_OUTCOMES = ("COMPLETED", "")
 """Outcomes of runs that were brought to their end ("" is an imported recording's)."""
 
 

@@ -15,6 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from drivers import channel as names
+from experiments.evidence.tare import AGE_LIMIT
 from model.units import RPM
 from rig.bench.config.objects import read_object
 
@@ -100,7 +101,8 @@ class Instrument(Part):
 class General(Part):
     """The rig as a whole: its name, the SYNC rate, where runs go, what turns it and what is tested on it.
 
-    `motor` and `gear` name a shipped parameter set or a TOML file beside this one.
+    `motor` and `gear` name a shipped parameter set or a TOML file beside this one. `tare_days` are the
+    days after which a motor tare is not found any more.
     """
 
     name: str = Field(min_length=1)
@@ -109,6 +111,7 @@ class General(Part):
     sample_rate_hz: Annotated[float, Field(strict=True, ge=1.0, le=10_000.0)] = 500.0
     motor: str = "sgmjv-02"
     gear: str = "csf-25-120"
+    tare_days: Positive = AGE_LIMIT
 
 
 class BenchName(Part):

@@ -342,7 +342,7 @@ def _ending(report: RunReport) -> Finding:
             evidence=text,
             remedy="Stopped by the operator: look the rig over again.",
         )
-    fine = report.outcome == "PASS" and report.safe
+    fine = report.outcome == "COMPLETED" and report.safe
     remedy = (
         "Find the cause before anything else is run; a trip is taken away by name: rig acknowledge."
     )

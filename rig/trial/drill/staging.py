@@ -13,7 +13,6 @@ from drivers.errors import DriverError
 from drivers.nd287 import Readout, ReadoutConfig
 from experiments.recording import Event
 from rig.run.dry_run import PlannedRun
-from rig.run.judge import judge_by
 from rig.run.make_safe import Patience
 from rig.run.order import RunOrder, RunReport
 from rig.run.session import GIVEN_UP, execute
@@ -23,6 +22,7 @@ from rig.trial.drill.catalogue import Drill
 from rig.trial.drill.cause import NO_VALUE, causes_of_events, not_obeyed, reading_refused
 from rig.trial.drill.disk import FailingDisk
 from rig.trial.drill.marks import Marks, look_at_file
+from rig.trial.drill.protocol import breaks_closure
 from rig.trial.drill.rigs import Carrier, DrilledRig, Happening, drilled_rig
 
 BLOCK_CYCLES = 20
@@ -33,6 +33,8 @@ drive stops by itself.
 """
 PATIENCE = Patience(ramp=0.3, quick_stop=0.3, servo_off=0.6)
 """Less than a real rig is given: the simulated one stops within a few hundredths of a second or not at all."""
+SPOILED = "measurement spoiled unnoticed"
+"""What a drill detects, and must not, where a completed run shows a lost revolution that nothing has marked."""
 COMPARED = ("input_angle", "output_angle", "torque")
 """Channels whose counts a harmless fault must leave as they are, or mark."""
 
@@ -50,9 +52,7 @@ class Reference:
 def reference_run(planned: PlannedRun, carrier: Carrier, seed: int, folder: Path) -> Reference:
     """Run with nothing going wrong, and find the rows at which things can happen."""
     rig = drilled_rig(carrier, planned.gear, planned.motor, (), StopRequest(), seed)
-    report = execute(
-        _order(planned, rig, folder, seed), FailingDisk("", 0).begin, judge=judge_by(planned)
-    )
+    report = execute(_order(planned, rig, folder, seed), FailingDisk("", 0).begin)
     recording = open_run(report.path)
     segments = {}
     for segment in recording.segments:
@@ -205,7 +205,6 @@ class Staged:
                 order,
                 disk.begin,
                 stop=stop,
-                judge=judge_by(self.planned),
                 on_event=lambda event: self._take(event, rig, disk),
             )
         except Exception as error:  # noqa: BLE001  whatever comes out of a run, its row says so and fails
@@ -242,6 +241,7 @@ class Staged:
         row = min((part.row for part in self.parts), default=0)
         reference = self.reference.counts if self.compares else {}
         readable, marks = look_at_file(report, row, reference)
+        spoiled = (SPOILED,) if breaks_closure(report, self.planned.gear) else ()
         made_safe = report.make_safe
         escalated = made_safe.escalated if made_safe is not None else []
         ended = dict.fromkeys([*causes_of_events(self.events), *map(not_obeyed, escalated)])
@@ -250,7 +250,12 @@ class Staged:
             message=report.message,
             safe=safe,
             evidence=facts,
-            causes=(*ended, *([reading_refused(reading)] if reading else []), *marks.causes),
+            causes=(
+                *ended,
+                *([reading_refused(reading)] if reading else []),
+                *marks.causes,
+                *spoiled,
+            ),
             marks=marks,
             file_readable=readable,
             cycles=self._cycles(report, rig, happenings, marks),

@@ -89,7 +89,7 @@ class OutcomeView(QFrame):
         # The way on, under Enter; what somebody is writing is not taken out of their hands.
         if self.review.isEnabled() and not isinstance(QApplication.focusWidget(), QLineEdit):
             self.review.setFocus()
-        if path is not None and state.outcome in ("PASS", "MARGINAL", "FAIL"):
+        if path is not None and state.outcome == "COMPLETED":
             self.results.setText("Working out the results …")
             self.results.show()
             self._run(["fit", str(path), "--json"], self._show_results)

@@ -223,7 +223,7 @@ class RunPage(QWidget):
             path = self.plots.live.path
             self.plots.finish(path)
         self._take_origin()
-        completed = self.state.outcome in ("PASS", "MARGINAL", "FAIL")
+        completed = self.state.outcome == "COMPLETED"
         if completed or self.bar.maximum() == 0:
             self.bar.setRange(0, 1000)
             self.bar.setValue(1000 if completed else 0)

@@ -16,6 +16,7 @@ from model.identify.estimate import Cause
 from rig.analysis.format_1 import from_format_1
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import (
+    NO_FIGURES,
     STORE_FORMAT,
     Basis,
     analysis_folder,
@@ -54,7 +55,7 @@ def test_a_stored_analysis_names_what_it_rests_on(tmp_path: Path) -> None:
     assert content["gear"] == {"name": "CSF-25"}
     assert content["settings"] == {"a": 1}
     assert content["program_version"]
-    assert content["outcome"] == "PASS"
+    assert content["outcome"] == "COMPLETED"
     assert content["result"]["parameters"]["F_c"]["value"] == 70.31
     assert read_analyses(tmp_path / "r.h5")[0].result["options"]["torque_balance"] == "energy"
 
@@ -67,7 +68,41 @@ def test_a_stored_analysis_is_read_only_and_never_written_again(tmp_path: Path) 
     append_analysis(run, replace(friction_result(), warnings=("other",)), BASIS)
     assert stored.path.read_bytes() == before
     assert len(read_analyses(run)) == 2
-    assert sorted(p.name for p in analysis_folder(run).iterdir()) == ["0001.json", "0002.json"]
+    numbered = sorted(p.name for p in analysis_folder(run).glob("[0-9]*"))
+    assert numbered == ["0001.json", "0002.json"]
+
+
+def test_figures_tables_and_covariance_are_kept_as_they_were_returned(tmp_path: Path) -> None:
+    covariance = Covariance(
+        ("F_c", "F_s"), np.eye(2), {Cause.TORQUE_SCALE: np.array([1.0, math.nan])}
+    )
+    told = replace(friction_result(), covariance=covariance)
+    stored = append_analysis(tmp_path / "r.h5", told, BASIS)
+    read = read_analyses(tmp_path / "r.h5")[0].whole_result()
+    assert json_text(read.as_json()) == json_text(told.as_json())
+    assert read.tables == told.tables
+    (plot,), (drawn,) = read.plots, told.plots
+    assert (plot.name, plot.figure, len(plot.series)) == (drawn.name, "9, 17", 4)
+    assert plot.series[1].y == pytest.approx(drawn.series[1].y, rel=1e-8)
+    assert read.covariance is not None
+    np.testing.assert_array_equal(read.covariance.whole(), covariance.whole())
+    # The same figures of a second analysis are not written a second time.
+    append_analysis(tmp_path / "r.h5", replace(told, warnings=()), BASIS)
+    assert len(list(stored.path.parent.glob("figures-*"))) == 1
+
+
+def test_figures_that_were_not_kept_or_are_gone_are_said(tmp_path: Path) -> None:
+    stored = append_analysis(tmp_path / "r.h5", friction_result(), BASIS)
+    before = replace(stored, content={**stored.content, "figures": ""})
+    assert before.whole_result().plots == ()
+    assert before.whole_result().warnings[-1] == NO_FIGURES
+    (figures,) = stored.path.parent.glob("figures-*")
+    figures.unlink()
+    with pytest.raises(RunFileError, match="holds no result"):
+        stored.whole_result()
+    elsewhere = replace(stored, content={**stored.content, "figures": "../../etc/passwd"})
+    with pytest.raises(RunFileError, match="holds no result"):
+        elsewhere.whole_result()
 
 
 def test_the_same_analysis_is_not_stored_twice(tmp_path: Path) -> None:

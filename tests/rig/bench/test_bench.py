@@ -302,7 +302,7 @@ def test_the_run_file_names_the_bench(tmp_path: Path) -> None:
         output=tmp_path,
         seed=3,
     )
-    report = run_request(request, judged=False)
+    report = run_request(request)
     recording = open_run(report.path)
     assert recording.metadata.process["bench"] == "3"
     close_recording(recording)

@@ -129,8 +129,8 @@ def test_a_run_over_the_hub_is_complete_safe_and_marked_simulated(
 ) -> None:
     request = armed_request(tmp_path, served.configuration(tmp_path))
     events = []
-    report = run_request(request, planned_drill(), judged=False, on_event=events.append)
-    assert report.outcome == "PASS" or was_too_slow(report), report.message
+    report = run_request(request, planned_drill(), on_event=events.append)
+    assert report.outcome == "COMPLETED" or was_too_slow(report), report.message
     assert report.safe
     assert report.metrics["missed_share"] < 0.01 or was_too_slow(report)
     assert any(event.code == "preflight" and "guard: closed" in event.text for event in events)
@@ -142,7 +142,7 @@ def test_a_run_over_the_hub_is_complete_safe_and_marked_simulated(
 
 def test_an_open_guard_keeps_the_rig_still(served: Served, tmp_path: Path) -> None:
     request = armed_request(tmp_path, served.configuration(tmp_path, guard_closed=0))
-    report = run_request(request, planned_drill(), judged=False)
+    report = run_request(request, planned_drill())
     assert report.outcome == "ERROR"
     assert "guard" in report.message
     with opened(report.path) as recording:
@@ -159,7 +159,7 @@ def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(
         if "hold" in str(progress) and served.process.poll() is None:
             served.process.kill()
 
-    report = run_request(request, planned_drill(), judged=False, on_progress=kill)
+    report = run_request(request, planned_drill(), on_progress=kill)
     if was_too_slow(report):
         return
     assert report.outcome == "TRIPPED", report.message
@@ -186,13 +186,11 @@ def test_a_second_master_is_refused_and_the_first_goes_on(
             with monkeypatch.context() as computer:
                 computer.setenv(VARIABLE, str(elsewhere / "state"))
                 with pytest.raises(OtherMasterError) as error:
-                    run_request(second, planned_drill(), judged=False)
+                    run_request(second, planned_drill())
             refused.append(error.value)
 
     events: list[Event] = []
-    report = run_request(
-        request, planned_drill(), judged=False, on_progress=join_in, on_event=events.append
-    )
+    report = run_request(request, planned_drill(), on_progress=join_in, on_event=events.append)
     for words in ("set-points for node 1 (COB-ID 0x201)", "SYNC (COB-ID 0x080)"):
         assert re.search(rf"{re.escape(words)} \d\d+ times", str(refused[0]))
     code, sentence = explain(refused[0]) or (0, "")
@@ -200,7 +198,7 @@ def test_a_second_master_is_refused_and_the_first_goes_on(
     assert not list((elsewhere / "runs").glob("*.h5*"))
     if was_too_slow(report):
         return
-    assert report.outcome == "PASS", report.message
+    assert report.outcome == "COMPLETED", report.message
     assert report.metrics["missed_share"] < 0.01
     assert not [event for event in events if event.code in ("not-operational", "heartbeat-lost")]
 
@@ -210,7 +208,6 @@ def test_stop_in_real_time_is_a_controlled_ramp(served: Served, tmp_path: Path) 
     report = run_request(
         request,
         planned_drill(),
-        judged=False,
         stop=stop,
         on_progress=lambda p: stop.stop() if "hold" in str(p) else None,
     )

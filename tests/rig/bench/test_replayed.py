@@ -36,8 +36,8 @@ def request_of(folder: Path, backend: str = "sim", protocol: str = "motor-tare")
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    report = run_request(request_of(tmp_path_factory.mktemp("sim")), judged=False)
-    assert report.outcome == "PASS"
+    report = run_request(request_of(tmp_path_factory.mktemp("sim")))
+    assert report.outcome == "COMPLETED"
     return report.path
 
 
@@ -55,7 +55,7 @@ def test_a_replay_is_planned_for_the_gear_of_its_file(recorded: Path, tmp_path: 
     """A gear of a wide population has another ratio than the one that is planned for by default."""
     world = WorldChoice(gear_seed=8052, population="wide", number=1, start_state=AMBIENT)
     of_its_own = replace(request_of(tmp_path), world=world)
-    report = run_request(of_its_own, judged=False)
+    report = run_request(of_its_own)
     own = read_run_header(report.path).metadata.gear
     assert own is not None
     assert own.ratio != shipped_gear().ratio
@@ -63,7 +63,7 @@ def test_a_replay_is_planned_for_the_gear_of_its_file(recorded: Path, tmp_path: 
     replay = ordering.request_of(
         "motor-tare", VALUES, backend=f"replay:{report.path}", output=tmp_path / "replayed"
     )
-    assert run_request(replay, judged=False).outcome == report.outcome
+    assert run_request(replay).outcome == report.outcome
     given = tmp_path / "given.toml"
     save_gear(shipped_gear(), given)
     named = ordering.request_of("motor-tare", {}, backend=f"replay:{report.path}", parameters=given)
@@ -108,9 +108,7 @@ def test_a_run_that_was_stopped(tmp_path: Path) -> None:
         if progress.speed:
             stop.stop()
 
-    stopped = run_request(
-        request_of(tmp_path / "sim"), judged=False, stop=stop, on_progress=in_motion
-    )
+    stopped = run_request(request_of(tmp_path / "sim"), stop=stop, on_progress=in_motion)
     assert stopped.outcome == "ABORTED"
     refused = refusal(request_of(tmp_path / "again", f"replay:{stopped.path}"))
     assert refused.value == "ABORTED"
@@ -118,7 +116,7 @@ def test_a_run_that_was_stopped(tmp_path: Path) -> None:
 
 def test_the_same_run_is_played(recorded: Path, tmp_path: Path) -> None:
     request = request_of(tmp_path, f"replay:{recorded}")
-    assert run_request(request, plan_request(request), judged=False).outcome == "PASS"
+    assert run_request(request, plan_request(request)).outcome == "COMPLETED"
 
 
 def test_as_people_type_it(

@@ -143,7 +143,7 @@ def test_people_get_a_table(call: Call) -> None:
         "68.5 … 72.1",
         "weakly",
         "does not move",
-        "PASS",
+        "COMPLETED",
         "warning",
         "SIMULATED",
         "kept as",

@@ -79,7 +79,7 @@ def test_show(rig: Rig, run: Path) -> None:
         "00001-friction-A1",
         "friction",
         "simulated",
-        "PASS",
+        "COMPLETED",
     )
     assert (found["rows"], found["sample_rate"], found["operator"]) == (ROWS, 1000.0, "Ada Grün")
     assert found["parameters"] == {"speeds_rpm": [1.0, 2.5], "repeats": 2, "note": "τ"}
@@ -112,13 +112,13 @@ def test_runs(rig: Rig, run: Path, tmp_path: Path) -> None:
         part.name,
         "00003-broken-A1.h5",
     ]
-    assert found[0]["outcome"] == "PASS"
+    assert found[0]["outcome"] == "COMPLETED"
     assert (found[0]["rows"], found[0]["unfinished"]) == (ROWS, False)
     assert found[0]["duration_s"] == pytest.approx((ROWS - 1) * 1e-3, abs=2e-3)
     assert (found[1]["rows"], found[1]["unfinished"]) == (70, True)
     assert "HDF5" in found[2]["problem"] or "run file" in found[2]["problem"]
     assert rig("runs", tmp_path) == 0
-    for word in (run.name, "PASS", "SIMULATED", "unfinished", "unreadable"):
+    for word in (run.name, "COMPLETED", "SIMULATED", "unfinished", "unreadable"):
         assert word in rig.out
 
 

@@ -61,7 +61,7 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
         gear_serial="G7",
         seed=1,
     )
-    assert run_request(request).outcome == "PASS"
+    assert run_request(request).outcome == "COMPLETED"
     return folder
 
 

@@ -40,7 +40,7 @@ def evil_run(folder: Path) -> Path:
     )
     writer.append(block(0, 40))
     writer.event(Event(EPOCH_NS, "warning [x]", "\x1b[1mCODE", "\roperator", EVIL))
-    return writer.seal("PASS")
+    return writer.seal("COMPLETED")
 
 
 @pytest.mark.parametrize("command", ["show", "verify", "runs", "fit", "diff", "passport"])

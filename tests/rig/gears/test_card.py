@@ -276,7 +276,7 @@ def test_a_run_file_keeps_the_card_among_its_conditions(tmp_path: Path) -> None:
         gear_serial=card.serial,
         conditions=conditions_of(card),
     )
-    report = run_request(request, judged=False)
+    report = run_request(request)
     with h5py.File(report.path) as file:
         text = {}
         for name in ("lubricant", "hours", "conditions", "serial_number"):

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from experiments import catalogue
 from experiments.result import Result
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from rig.analysis.result_data import quantities_for
@@ -28,7 +29,7 @@ def write(
     protocol: str = "friction",
     *,
     serial: str = "A1",
-    outcome: str = "PASS",
+    outcome: str = "COMPLETED",
     rows: int = 20,
     part: bool = False,
     changes: Mapping[str, Any] | None = None,
@@ -97,7 +98,12 @@ def analyse(
         metrics=metrics or {},
         options=told,
     )
-    basis = Basis(sha256 or recorded_sha256(run), "2025-11-21T05:00:00+00:00", tare=tare or {})
+    basis = Basis(
+        sha256 or recorded_sha256(run),
+        "2025-11-21T05:00:00+00:00",
+        tare=tare or {},
+        analysis_version=catalogue.load(kind).version,
+    )
     return append_analysis(run, result, basis)
 
 

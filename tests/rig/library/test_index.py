@@ -272,13 +272,13 @@ def test_a_run_that_has_only_just_begun_is_being_written_not_unreadable(
 
 def test_numbers_are_never_used_again_whatever_the_index_forgot(tmp_path: Path) -> None:
     numbers_given = []
-    for outcome in ("PASS", "ABORTED", "TRIPPED"):
+    for outcome in ("COMPLETED", "ABORTED", "TRIPPED"):
         place = claim_run(tmp_path, "friction", "A1")
         write(tmp_path, place.number, outcome=outcome)
         numbers_given.append(place.number)
     found = LibraryIndex(tmp_path)
     assert [(run.number, run.outcome) for run in found.search()] == [
-        (1, "PASS"),
+        (1, "COMPLETED"),
         (2, "ABORTED"),
         (3, "TRIPPED"),
     ]

@@ -206,7 +206,7 @@ def simulated(
         seed=3,
     )
     plan = plan_request(request)
-    recording = open_run(run_request(request, plan, judged=False).path)
+    recording = open_run(run_request(request, plan).path)
     try:
         return plan, measured(recording)
     finally:

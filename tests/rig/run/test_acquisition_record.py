@@ -91,7 +91,6 @@ def test_the_share_of_missed_cycles_is_asked_for(tmp_path: Path) -> None:
             values=values,
             seed=5,
         ),
-        judged=False,
     )
     with pytest.raises(AnalysisError, match="largest-missed-share"):
         _spoil(report.path, tmp_path)
@@ -120,7 +119,7 @@ def _spoil(path: Path, folder: Path, share: float | None = None) -> Any:
         )
         for segment in recording.segments:
             writer.segment(segment)
-        writer.seal("PASS")
+        writer.seal("COMPLETED")
         close_recording(recording)
     return fit_files([copy], largest_missed_share=share)[0]
 
@@ -163,13 +162,13 @@ def test_a_file_of_the_format_before_is_read(tmp_path: Path) -> None:
 
     writer = RunWriter(tmp_path / "00001-friction-A1.h5", header(), chunk_rows=64)
     writer.append(block(0, 100))
-    path = writer.seal("PASS")
+    path = writer.seal("COMPLETED")
     path.chmod(0o600)
     with h5py.File(path, "r+") as file:
         del file["entry/process/acquisition"]
         file.attrs["file_format_version"] = b"1.0"
     recording = open_run(path, digest=False)
-    assert recording.metadata.outcome == "PASS"
+    assert recording.metadata.outcome == "COMPLETED"
     assert "acquisition" not in recording.metadata.process
     close_recording(recording)
 
@@ -179,7 +178,7 @@ def test_figures_that_were_changed_are_seen(tmp_path: Path) -> None:
 
     writer = RunWriter(tmp_path / "00001-friction-A1.h5", header(), chunk_rows=64)
     writer.append(block(0, 100))
-    path = writer.seal("PASS", acquisition={"missed_share": 0.25})
+    path = writer.seal("COMPLETED", acquisition={"missed_share": 0.25})
     assert acquisition_of(path) == {"missed_share": 0.25}
     path.chmod(0o600)
     with h5py.File(path, "r+") as file:

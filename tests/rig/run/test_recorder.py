@@ -115,7 +115,7 @@ def test_every_row_arrives_value_by_value(tmp_path: Path, size: int, threaded: b
     for first in range(0, rows, size):
         recorder.put(block(first, min(size, rows - first)))
     assert recorder.rows == rows
-    path = recorder.close("PASS", "2025-11-21T04:41:00.000+00:00")
+    path = recorder.close("COMPLETED", "2025-11-21T04:41:00.000+00:00")
     assert path == tmp_path / RUN
     assert_holds(path, np.arange(rows))
     assert {
@@ -134,7 +134,7 @@ def test_a_ring_that_wraps_keeps_the_order(tmp_path: Path) -> None:
         if first % 49 == 0:
             recorder.flush()
         recorder.put(block(first, 7))
-    assert_holds(recorder.close("PASS"), np.arange(1400))
+    assert_holds(recorder.close("COMPLETED"), np.arange(1400))
 
 
 @pytest.mark.parametrize("rate", [1.0, 500.0, 1000.0, 4000.0, 8333.3])
@@ -166,7 +166,7 @@ def test_a_full_ring_stops_the_run_and_every_earlier_row_is_kept(tmp_path: Path)
             call()
     writer.release.set()
     with pytest.raises(RecorderOverflowError):
-        recorder.close("PASS")
+        recorder.close("COMPLETED")
     recorder.abandon()
     assert writer.rows_dropped == 3
     recovered = recover_run(writer.part)
@@ -198,7 +198,7 @@ def test_a_full_disk_surfaces_in_the_next_put_and_what_was_flushed_is_readable(
     assert "rig recover" in str(caught.value)
     assert RUN in str(caught.value)
     with pytest.raises(RunFileError, match="No space left"):
-        recorder.close("PASS")
+        recorder.close("COMPLETED")
     recorder.abandon()
     assert not (tmp_path / RUN).exists()
     recovered = recover_run(writer.part)
@@ -222,7 +222,7 @@ def test_no_error_of_the_writer_thread_is_lost(
     with pytest.raises(RunFileError, match=str(error.args[-1])):
         recorder.put(block(10, 10))
     with pytest.raises(RunFileError):
-        recorder.close("PASS")
+        recorder.close("COMPLETED")
     recorder.abandon()
     assert not (tmp_path / RUN).exists()
 
@@ -239,7 +239,7 @@ def test_a_disk_that_does_not_answer_is_told(
         with pytest.raises(RunFileError, match="the disk does not answer"):
             recorder.flush()
         with pytest.raises(RunFileError, match="the disk does not answer"):
-            recorder.close("PASS")
+            recorder.close("COMPLETED")
     writer.release.set()
     recorder.abandon()
 
@@ -259,10 +259,10 @@ def test_closing_drains_rows_segments_and_events(tmp_path: Path) -> None:
         recorder.event(Event(EPOCH_NS + index, "info", "NOTE", "test", str(index)))
     assert writer.rows == 0
     writer.release.set()
-    path = recorder.close("FAIL", "2025-11-21T04:41:00.000+00:00")
+    path = recorder.close("COMPLETED", "2025-11-21T04:41:00.000+00:00")
     assert_holds(path, np.arange(5000))
     recording = open_run(path, verify=True)
-    assert recording.metadata.outcome == "FAIL"
+    assert recording.metadata.outcome == "COMPLETED"
     assert [(s.start, s.stop) for s in recording.segments] == [(0, 2500)]
     assert [event.text for event in recording.events] == [str(index) for index in range(20)]
     close_recording(recording)
@@ -276,7 +276,7 @@ def test_missing_cycles_are_counted_and_noted(tmp_path: Path, threaded: bool) ->
     )
     for first, rows in ((5, 10), (15, 1), (20, 30), (57, 3)):
         recorder.put(block(first, rows))
-    path = recorder.close("PASS")
+    path = recorder.close("COMPLETED")
     assert writer.rows_dropped == 4 + 7
     assert_holds(path, np.concatenate([np.arange(5, 16), np.arange(20, 50), np.arange(57, 60)]))
     recording = open_run(path)
@@ -318,7 +318,7 @@ def test_the_inline_recorder_flushes_by_the_clock_that_is_handed_in(tmp_path: Pa
     ]  # fmt: skip
     recorder.event(Event(EPOCH_NS, "info", "NOTE", "test", "flushes too"))
     assert writer.rows_stored == 100
-    assert_holds(recorder.close("PASS"), np.arange(100))
+    assert_holds(recorder.close("COMPLETED"), np.arange(100))
 
 
 def test_what_the_inline_recorder_flushed_survives_being_abandoned(tmp_path: Path) -> None:

@@ -12,14 +12,13 @@ import pytest
 
 from drivers.drive_state import DriveState
 from drivers.port import DriveLimits, Mode
-from experiments.errors import AnalysisError
 from experiments.recording import Event
 from experiments.steps.vocabulary import FindIndex, HoldTime, Ramp, SegmentLabel, Step
 from rig.errors import RigError
 from rig.run.engine import CUT
 from rig.run.make_safe import Action
 from rig.run.opening import begin_inline_run
-from rig.run.order import Judgement, Progress, RunReport
+from rig.run.order import Progress, RunReport
 from rig.run.preflight import channel_checks, static_checks
 from rig.run.session import execute, output_sense
 from rig.run.stop import StopRequest
@@ -135,7 +134,7 @@ def test_a_press_before_anything_moves_and_one_after_the_end() -> None:
     _run, report = run_short()
     end = report.rows - 50
     _, report = run_short(FakeRig(script={end: lambda _: late.press()}), stop=late)
-    assert report.outcome == "PASS"
+    assert report.outcome == "COMPLETED"
 
 
 def test_the_drive_must_hold_what_was_written() -> None:
@@ -246,41 +245,10 @@ def test_a_failed_make_safe_is_the_loudest_thing() -> None:
     assert report.as_json()["make_safe"]["safe"] is False
 
 
-@pytest.mark.parametrize("outcome", ["PASS", "MARGINAL", "FAIL"])
-def test_a_completed_run_is_judged_by_its_analysis(outcome: str) -> None:
-    judged: list[Path] = []
-
-    def judge(path: Path) -> Judgement:
-        judged.append(path)
-        return Judgement(outcome, ("beware",), {"score": 0.5})
-
-    run, report = run_short(judge=judge)
-    assert (report.outcome, run.outcome) == (outcome, outcome)
-    assert report.metrics["score"] == 0.5
-    assert "beware" in report.warnings
-    assert judged == [run.part]
-
-
-@pytest.mark.parametrize(
-    "error", [AnalysisError("too short"), RigError("unreadable"), ZeroDivisionError("a defect")]
-)
-def test_an_analysis_that_fails_never_costs_the_data(error: Exception) -> None:
-    def judge(path: Path) -> Judgement:
-        raise error
-
-    run, report = run_short(judge=judge)
-    assert (report.outcome, run.outcome) == ("PASS", "PASS")
-    assert "not-judged" in run.codes()
-    assert any(str(error) in warning for warning in report.warnings)
-
-
-def test_a_run_that_was_cut_is_not_judged() -> None:
-    def judge(path: Path) -> Judgement:
-        raise AssertionError("must not be called")
-
-    stop = StopRequest()
-    _, report = run_short(FakeRig(script={400: lambda _: stop.stop()}), stop=stop, judge=judge)
-    assert report.outcome == "ABORTED"
+def test_a_run_brought_to_its_end_is_completed_whatever_the_gear_is_worth() -> None:
+    run, report = run_short()
+    assert (report.outcome, run.outcome) == ("COMPLETED", "COMPLETED")
+    assert set(report.metrics) >= {"missed_share"}
 
 
 def test_what_is_kept_is_everything_in_order(tmp_path: Path) -> None:
@@ -291,7 +259,7 @@ def test_what_is_kept_is_everything_in_order(tmp_path: Path) -> None:
     recording = open_run(report.path, verify=True)
     metadata = recording.metadata
     assert metadata.run_id == report.run_id
-    assert (metadata.operator, metadata.gear_serial, metadata.outcome) == ("Ada", "G7", "PASS")
+    assert (metadata.operator, metadata.gear_serial, metadata.outcome) == ("Ada", "G7", "COMPLETED")
     assert metadata.ratio == 120.0
     assert metadata.output_sense == -1
     assert metadata.start_time.startswith("2023-11-14T22:13:20")
@@ -312,7 +280,7 @@ def test_progress_and_events_are_told() -> None:
     seen: list[Progress] = []
     events: list[Event] = []
     _, report = run_short(on_progress=seen.append, on_event=events.append)
-    assert report.outcome == "PASS"
+    assert report.outcome == "COMPLETED"
     left = [progress.left for progress in seen]
     assert all(later <= earlier + 1e-9 for earlier, later in itertools.pairwise(left))
     assert seen[-1].what == "making safe"

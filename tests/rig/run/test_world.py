@@ -49,7 +49,7 @@ def request_of(folder: Path, protocol: str = "starting-torque", **changes: Any) 
 
 def made(request: RunRequest) -> Recording:
     """A run of this request, closed: its metadata and the path of its file."""
-    report = run_request(request, judged=False)
+    report = run_request(request)
     recording = open_run(report.path)
     close_recording(recording)
     return recording

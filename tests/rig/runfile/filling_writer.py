@@ -46,7 +46,7 @@ def main(folder: str, kind: str, limit: str) -> None:
             if len(errors) == 2:
                 break
     try:
-        recorder.close("PASS")
+        recorder.close("COMPLETED")
     except RunFileError as error:
         errors.append(str(error))
     recorder.abandon()

@@ -91,7 +91,7 @@ def write_run(
     rows: int = 2500,
     *,
     compress: bool = True,
-    outcome: str = "PASS",
+    outcome: str = "COMPLETED",
     **changes: object,
 ) -> Path:
     """A sealed run of `rows` cycles with two segments and two events."""

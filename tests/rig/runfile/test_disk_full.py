@@ -75,5 +75,5 @@ def test_a_file_that_was_taken_away_cannot_be_sealed(tmp_path: Path) -> None:
     writer.append(block(0, 10))
     writer.part.unlink()
     with pytest.raises(RunFileError, match="cannot be completed"):
-        writer.seal("PASS")
+        writer.seal("COMPLETED")
     writer.abandon()

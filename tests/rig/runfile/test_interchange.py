@@ -39,7 +39,7 @@ def test_h5py_shows_counts_with_axes_labels_and_factor(tmp_path: Path) -> None:
 def test_the_descriptive_groups_are_plain(tmp_path: Path) -> None:
     with h5py.File(write_run(tmp_path)) as file:
         assert file["entry/run_id"][()] == b"00001-friction-A1"
-        assert file["entry/outcome"][()] == b"PASS"
+        assert file["entry/outcome"][()] == b"COMPLETED"
         assert file["entry/status"][()] == b"complete"
         assert file["entry/user/name"].asstr()[()] == "Ada Grün"
         assert file["entry/process/origin_mark"][()] == b"SIMULATED"

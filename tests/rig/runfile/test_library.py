@@ -91,7 +91,7 @@ def test_the_list_shows_good_bad_and_unfinished_runs(tmp_path: Path) -> None:
     writer.abandon()
     assert good.metadata is not None
     assert (good.metadata.outcome, good.rows, good.duration, good.unfinished) == (
-        "PASS",
+        "COMPLETED",
         200,
         pytest.approx(0.199),
         False,

@@ -68,11 +68,11 @@ def test_a_complete_run_that_was_not_sealed_keeps_its_outcome(
 
     monkeypatch.setattr("rig.runfile.write.seal_file", disk_full)
     with pytest.raises(RunFileError, match="no room"):
-        write_run(tmp_path, outcome="MARGINAL")
+        write_run(tmp_path, outcome="COMPLETED")
     recovered = recover_run(tmp_path / "00001-friction-A1.h5.part")
-    assert (recovered.outcome, recovered.rows, recovered.notes) == ("MARGINAL", 2500, ())
+    assert (recovered.outcome, recovered.rows, recovered.notes) == ("COMPLETED", 2500, ())
     m = open_run(recovered.path).metadata
-    assert (m.outcome, m.end_time) == ("MARGINAL", "2025-11-21T04:41:00.000+00:00")
+    assert (m.outcome, m.end_time) == ("COMPLETED", "2025-11-21T04:41:00.000+00:00")
 
 
 def test_a_sealing_that_was_cut_off_between_two_names_is_finished(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_a_sealing_that_was_cut_off_between_two_names_is_finished(tmp_path: Path
     part = path.with_name(path.name + ".part")
     os.link(path, part)
     recovered = recover_run(part)
-    assert (recovered.path, recovered.rows, recovered.outcome) == (path, 2500, "PASS")
+    assert (recovered.path, recovered.rows, recovered.outcome) == (path, 2500, "COMPLETED")
     assert not part.exists()
     assert open_run(path, verify=True).rows == 2500
 

@@ -221,7 +221,7 @@ def test_constant_channels_are_an_honest_run(tmp_path: Path, compress: bool) -> 
         cycles = np.arange(first, first + 50_000)
         counts = np.zeros((50_000, len(CHANNELS)), np.int64)
         writer.append(SampleBlock(first, cycles * 1024, counts, np.zeros(50_000, np.uint16)))
-    path = writer.seal("PASS")
+    path = writer.seal("COMPLETED")
     recording = open_run(path)
     assert recording.rows == 200_000
     close_recording(recording)

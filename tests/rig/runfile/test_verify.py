@@ -42,7 +42,7 @@ def test_a_good_run(tmp_path: Path) -> None:
 def test_a_changed_file(tmp_path: Path) -> None:
     path = write_run(tmp_path)
     with edit(path) as file:
-        file["entry/outcome"][()] = b"FAIL"
+        file["entry/outcome"][()] = b"ABORTED"
     assert levels(path)["hash"] == "error"
     hash_path(path).unlink()
     assert levels(path)["hash"] == "warning"
@@ -75,7 +75,7 @@ def test_gaps_between_cycles(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "1-x-y.h5", header())
     for first, rows in ((3, 50), (60, 40), (100, 10)):
         writer.append(block(first, rows))
-    findings = {f.check: f for f in verify_run(writer.seal("PASS"))}
+    findings = {f.check: f for f in verify_run(writer.seal("COMPLETED"))}
     assert (findings["sequence"].level, findings["sequence"].text) == (
         "warning",
         "1 gaps in the cycle index, 7 cycles missing",
@@ -90,7 +90,7 @@ def test_a_gap_at_the_edge_of_a_block_of_the_check(tmp_path: Path) -> None:
         writer.append(
             SampleBlock(first, cycles, np.zeros((rows, 4), np.int64), np.zeros(rows, np.uint16))
         )
-    findings = {f.check: f for f in verify_run(writer.seal("PASS"))}
+    findings = {f.check: f for f in verify_run(writer.seal("COMPLETED"))}
     assert findings["sequence"].text == "1 gaps in the cycle index, 4 cycles missing"
     assert findings["time"].level == "ok"
 
@@ -110,7 +110,7 @@ def test_calibrations_that_were_overdue(tmp_path: Path, due: str, level: str) ->
     writer = RunWriter(tmp_path / "1-x-y.h5", replace(made, columns=columns))
     writer.append(block(0, 10))
     writer.segment(Segment(index=0, label="hold", start=0, stop=10))
-    assert levels(writer.seal("PASS"))["calibration"] == level
+    assert levels(writer.seal("COMPLETED"))["calibration"] == level
 
 
 def test_an_unfinished_run(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from rig.runfile.read import (
     open_run,
     read_run_header,
 )
+from rig.runfile.verify import verify_run
 from rig.runfile.write import RunWriter
 from tests.rig.runfile.making import (
     CALIBRATION,
@@ -83,7 +84,7 @@ def test_metadata_comes_back(tmp_path: Path) -> None:
         "conditions",
     ):
         assert getattr(m, name) == getattr(wanted, name), name
-    assert (m.outcome, m.end_time) == ("PASS", "2025-11-21T04:41:00.000+00:00")
+    assert (m.outcome, m.end_time) == ("COMPLETED", "2025-11-21T04:41:00.000+00:00")
     assert m.gear == shipped_gear()
     assert m.process == {**wanted.process, "truth": {"coulomb": 70.0}}
     assert len(m.sha256) == 64
@@ -155,7 +156,7 @@ def test_how_a_run_is_cut_into_blocks_does_not_matter(
         first += size
         if index % flush == 0:
             writer.flush()
-    recording = open_run(writer.seal("PASS"))
+    recording = open_run(writer.seal("COMPLETED"))
     assert recording.rows == first
     found = [recording.stored(channel.name) for channel in CHANNELS]
     np.testing.assert_array_equal(np.stack(found, axis=1), counts_of(np.arange(first)))
@@ -179,7 +180,7 @@ def test_a_growing_run_is_followed(tmp_path: Path) -> None:
     assert len(grown.events) == 1
     np.testing.assert_array_equal(grown.stored("input_angle"), counts_of(np.arange(160))[:, 0])
     close_recording(recording)
-    writer.seal("PASS")
+    writer.seal("COMPLETED")
 
 
 def test_missing_cycles_are_counted_and_noted(tmp_path: Path) -> None:
@@ -189,7 +190,7 @@ def test_missing_cycles_are_counted_and_noted(tmp_path: Path) -> None:
     assert (writer.rows, writer.rows_dropped) == (20, 3)
     with pytest.raises(RunFileError, match="out of order"):
         writer.append(block(25, 10))
-    recording = open_run(writer.seal("PASS"))
+    recording = open_run(writer.seal("COMPLETED"))
     assert [event.code for event in recording.events] == ["CYCLES_MISSING"]
     assert isinstance(recording.source, FileSource)
     assert recording.source.cycles(0, 20).tolist() == [*range(7, 17), *range(20, 30)]
@@ -235,7 +236,7 @@ def test_no_run_is_ever_overwritten(tmp_path: Path) -> None:
         RunWriter(tmp_path / "2.h5", header())
     (tmp_path / "2.h5").write_text("somebody else's")
     with pytest.raises(RunFileError, match="of this name already"):
-        writer.seal("PASS")
+        writer.seal("COMPLETED")
     assert path.read_bytes() == before
     assert (tmp_path / "2.h5").read_text() == "somebody else's"
 
@@ -244,7 +245,24 @@ def test_an_outcome_that_nobody_knows_is_refused(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "1-x-y.h5", header())
     with pytest.raises(RunFileError, match="no outcome"):
         writer.seal("GREAT")
-    assert writer.seal("FAIL").exists()
+    with pytest.raises(RunFileError, match="no outcome"):
+        writer.seal("PASS")
+    assert writer.seal("ABORTED").exists()
+
+
+@pytest.mark.parametrize("word", ["PASS", "MARGINAL", "FAIL"])
+def test_a_verdict_of_an_earlier_version_reads_as_completed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, word: str
+) -> None:
+    with monkeypatch.context() as earlier:
+        earlier.setattr("rig.runfile.write.OUTCOMES", (word,))
+        path = write_run(tmp_path, outcome=word)
+    with h5py.File(path) as file:
+        assert file["entry/outcome"][()] == word.encode()
+    recording = open_run(path, verify=True)
+    assert recording.metadata.outcome == "COMPLETED"
+    close_recording(recording)
+    assert {finding.level for finding in verify_run(path)} == {"ok"}
 
 
 @pytest.mark.parametrize("name", ["time", "flags", "a b", "", "x/y", "ä"])

@@ -24,7 +24,7 @@ from rig.trial.drill.catalogue import DRILLS, Drill
 from rig.trial.drill.cause import NOTHING
 from rig.trial.drill.protocol import EXPERIMENT, DrillParameters, analyse
 from rig.trial.drill.rigs import DrillHungError, drilled_rig
-from rig.trial.drill.staging import Placed, Staged
+from rig.trial.drill.staging import SPOILED, Placed, Staged
 from rig.trial.drill.suite import (
     DrillRow,
     chosen,
@@ -69,10 +69,10 @@ def test_every_fault_ends_as_it_must(name: str, rows: dict[str, DrillRow]) -> No
 
 
 def test_no_fault_of_the_rig_fails_the_gear(rows: dict[str, DrillRow]) -> None:
-    assert {row.outcome for row in rows.values()} == {"PASS", "TRIPPED", "ABORTED", "ERROR"}
+    assert {row.outcome for row in rows.values()} == {"COMPLETED", "TRIPPED", "ABORTED", "ERROR"}
     harmless = [row for row in rows.values() if DRILLS[row.fault].is_harmless]
     assert len(harmless) >= 8
-    assert {row.outcome for row in harmless} == {"PASS"}
+    assert {row.outcome for row in harmless} == {"COMPLETED"}
     assert {row.action for row in harmless} == {"none needed"}
 
 
@@ -164,7 +164,7 @@ def test_a_run_that_does_not_end_is_cut(monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"outcome": "FAIL"},
+        {"outcome": "ERROR"},
         {"safe": False},
         {"file_readable": False},
         {"causes": ("over_speed",)},
@@ -202,15 +202,33 @@ def test_wrong_counts_that_are_not_marked_are_found(tmp_path: Path) -> None:
         compares=True,
     ).run()
     assert "10 WRONG COUNTS NOT MARKED" in ending.detected
-    row = row_of(drill, "sim", ending, "PASS")
+    row = row_of(drill, "sim", ending, "COMPLETED")
     assert not replace(row, causes=(row.expected_cause,), evidence="x").passed
     assert replace(row, causes=(row.expected_cause,), evidence="x", wrong_counts=0).passed
 
 
-def test_the_analysis_of_a_drill_judges_and_refuses(tmp_path: Path) -> None:
+def test_a_completed_run_with_lost_revolutions_is_found_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planned = plan_run(EXPERIMENT, DrillParameters(), shipped_gear(), shipped_motor())
+    reference = reference_run(planned, "sim", 0, tmp_path)
+    staged = Staged(
+        parts=(),
+        planned=planned,
+        carrier="sim",
+        seed=0,
+        folder=tmp_path / "again",
+        reference=reference,
+    )
+    assert staged.run().causes == ()
+    monkeypatch.setattr("rig.trial.drill.protocol.CLOSURE_LIMIT", -1.0)
+    assert staged.run().causes == (SPOILED,)
+
+
+def test_the_analysis_of_a_drill_measures_and_refuses(tmp_path: Path) -> None:
     planned = plan_run(EXPERIMENT, DrillParameters(), shipped_gear(), shipped_motor())
     reference = reference_run(planned, "sim", 1, tmp_path)
-    assert reference.outcome == "PASS"
+    assert reference.outcome == "COMPLETED"
     recording = open_run(next(tmp_path.glob("*.h5")))
     result = analyse(recording, Evidence(shipped_gear()))
     assert result.metrics["closure"] < 0.002

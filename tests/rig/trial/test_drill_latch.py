@@ -54,7 +54,7 @@ def test_a_trip_is_latched_and_the_next_run_refused_before_the_rig_is_touched(
     assert rig.exchanged == []
     assert rig.limits is None
     TripLatch(tmp_path).acknowledge("Ada", "2026-01-02T10:00:00+00:00", "loose cable")
-    assert execute(order, lambda *_: ListRun()).outcome == "PASS"
+    assert execute(order, lambda *_: ListRun()).outcome == "COMPLETED"
     kept = json.loads((tmp_path / HISTORY_NAME).read_text())
     assert (kept["acknowledged_by"], kept["cause"], kept["remark"]) == (
         "Ada",
@@ -77,7 +77,7 @@ def test_nothing_is_latched_by_an_end_or_a_stop(tmp_path: Path) -> None:
         tmp_path,
         latch=TripLatch(tmp_path),
     )
-    assert execute(order, lambda *_: ListRun()).outcome == "PASS"
+    assert execute(order, lambda *_: ListRun()).outcome == "COMPLETED"
     assert TripLatch(tmp_path).read() is None
 
 

@@ -79,7 +79,7 @@ def ask() -> None:
         if word == "answer":
             break
     event("info", "made-safe", "make-safe", "zero torque: standstill verified by statusword")
-    report("PASS", safe=True)
+    report("COMPLETED", safe=True)
 
 
 def unsafe() -> None:

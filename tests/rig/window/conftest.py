@@ -186,7 +186,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
             operator="A. Example",
             seed=seed,
         )
-        assert run_request(request).outcome == "PASS"
+        assert run_request(request).outcome == "COMPLETED"
     store(fit_files(sorted(folder.glob("*.h5"))[1:])[0], "2025-11-21T05:00:00+00:00")
     return folder
 

@@ -39,7 +39,7 @@ def indexed(number: int, **changes: object) -> IndexedRun:
         operator="A. Example",
         start=f"2025-11-{1 + number % 28:02d}T10:00:00+00:00",
         duration=61.0,
-        outcome="PASS",
+        outcome="COMPLETED",
         origin="simulated",
         backend="sim",
         rows=61_000,
@@ -52,7 +52,7 @@ def indexed(number: int, **changes: object) -> IndexedRun:
 def several(folder: Path) -> None:
     """Runs of different gears, operators and days, by their headers alone."""
     for number, (serial, day, outcome) in enumerate(
-        (("A1", "20", "PASS"), ("B2", "21", "FAIL"), ("B2", "25", "TRIPPED")), 1
+        (("A1", "20", "COMPLETED"), ("B2", "21", "ABORTED"), ("B2", "25", "TRIPPED")), 1
     ):
         made = header(f"{number:05d}-friction-{serial}")
         metadata = replace(

@@ -27,11 +27,11 @@ def test_the_library_is_searched_filtered_and_sorted(
     page = opened()
     filters = page.library.filters
     assert shown(page) == ["3", "2", "1"]
-    assert shown(page, "outcome") == ["▲ TRIPPED", "✗ FAIL", "✓ PASS"]
+    assert shown(page, "outcome") == ["▲ TRIPPED", "■ ABORTED", "✓ COMPLETED"]
     assert shown(page, "origin") == ["SIMULATED"] * 3
     filters.text.setText("ada b2")
     assert shown(page) == ["3", "2"]
-    filters.outcome.setCurrentText("FAIL")
+    filters.outcome.setCurrentText("ABORTED")
     assert shown(page) == ["2"]
     assert page.library.count.text() == "1 of 3 runs"
     filters.clear()
@@ -145,9 +145,9 @@ def test_a_run_being_written_is_shown_grows_and_is_followed_to_its_seal(
     writer.flush()
     details.refresh()
     assert "160 rows" in details.header.file.text()
-    writer.seal("PASS", "2025-11-21T04:41:00.000+00:00")
-    qtbot.waitUntil(lambda: details.header.outcome.text() == "✓ PASS", timeout=LONGEST)
-    qtbot.waitUntil(lambda: shown(page, "outcome") == ["✓ PASS"], timeout=LONGEST)
+    writer.seal("COMPLETED", "2025-11-21T04:41:00.000+00:00")
+    qtbot.waitUntil(lambda: details.header.outcome.text() == "✓ COMPLETED", timeout=LONGEST)
+    qtbot.waitUntil(lambda: shown(page, "outcome") == ["✓ COMPLETED"], timeout=LONGEST)
     assert details.bar.isEnabled()
 
 

@@ -226,7 +226,7 @@ def test_an_end_without_a_report() -> None:
     assert "boom" in lost.what
     stood = moved.after(event("made-safe", "make-safe", "info")).gone(False, "")
     assert (stood.safe, stood.remedy) == (True, STOOD)
-    unsafe = moved.reported({"outcome": "PASS", "make_safe": {"safe": False}})
+    unsafe = moved.reported({"outcome": "COMPLETED", "make_safe": {"safe": False}})
     assert unsafe.state is State.TRIPPED
     assert "emergency stop" in unsafe.remedy
 
@@ -246,7 +246,7 @@ def test_states_are_told_apart_without_colour_and_read_from_afar() -> None:
     words = [look.word for look in LOOKS.values()]
     assert len(set(words)) == len(words)
     for state in State:
-        for outcome in ("PASS", "FAIL", "MARGINAL", "ABORTED", "ERROR"):
+        for outcome in ("COMPLETED", "ABORTED", "ERROR"):
             look = look_of(RunState(state=state, outcome=outcome))
             assert contrast(look.background, look.text) >= 4.5, look
     active = [LOOKS[state] for state in (State.ARMED, State.RUNNING, State.STOPPING, State.TRIPPED)]
@@ -331,7 +331,7 @@ def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Pat
     assert (found.label, live.next_segment()) == ("hold", None)
     put(400, 1000)
     live.close()
-    sealed = writer.seal("PASS")
+    sealed = writer.seal("COMPLETED")
     live.continue_in(sealed)
     live.look()
     live.read(1.0, seen.append)

@@ -1,0 +1,383 @@
+"""The analysis in force: of all that were ever made of a run, the one that everybody reads.
+
+Order of strength: kept by hand (`rig fit RUN --keep NUMBER --by NAME`); then what is not stale before
+what is; then with a tare before without; then the newest. Terminal, library, passport, report,
+difference and window read through here, and none of them fits anew.
+
+An analysis is stale when something that it rests on is not what it was: the run, the tare, the
+parameter set of the gear, the settings under which its tare was found, the version of its kind.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments import catalogue
+from model.errors import WordedError
+from rig.analysis.gear_set import card_set, mapping_sha256, set_sha256
+from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
+from rig.analysis.tare import tare_kind
+from rig.errors import ConfigurationError, RunFileError
+from rig.runfile.seal import sealed_sha256
+
+if TYPE_CHECKING:
+    from experiments.recording import RunMetadata
+    from model.gear import HarmonicDrive
+
+KEPT_NAME = "kept.json"
+KEPT_FORMAT = "harmonic-rig-kept-1"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A choice by hand: analysis `number` of a kind is in force (0: none is, the choice is taken back)."""
+
+    kind: str
+    number: int
+    by: str
+    at: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class InForce:
+    """What everybody reads of a run and a kind of analysis.
+
+    `analysis` is None where there is none. `stale` says in words what changed since it was made,
+    empty where nothing did. `why_this` says why it, and not another one, is in force. `renewed_by`
+    is the command that makes it anew, "" where nothing is stale. `of_this_run` is False for an
+    analysis of other bytes than those of the run file that lies there now: nothing may be read from it.
+    """
+
+    kind: str
+    analysis: Analysis | None = None
+    stale: tuple[str, ...] = ()
+    why_this: str = ""
+    renewed_by: str = ""
+    of_this_run: bool = True
+
+    @property
+    def number(self) -> int:
+        """The number of the analysis; 0 where there is none."""
+        return 0 if self.analysis is None else self.analysis.number
+
+    def as_json(self) -> dict[str, Any]:
+        """As `rig runs --json` and `rig show --json` tell it."""
+        return {
+            "kind": self.kind,
+            "number": self.number or None,
+            "file": "" if self.analysis is None else self.analysis.name,
+            "tare": "" if self.analysis is None else str(self.analysis.tare.get("run", "")),
+            "stale": list(self.stale),
+            "why": self.why_this,
+            "renewed_by": self.renewed_by,
+        }
+
+
+def in_force(run: str | Path, kind: str = "") -> InForce:
+    """The analysis of a run that everybody reads: of one kind, without `kind` of the run's protocol.
+
+    A recording of another rig, and a run that was never analysed as what it is, give the kind that
+    was analysed last. Raises `RunFileError` for a store that cannot be read.
+    """
+    run = Path(run)
+    of_kind = in_force_by_kind(run)
+    if kind:
+        return of_kind.get(kind, InForce(kind=kind))
+    if len(of_kind) <= 1:
+        return next(iter(of_kind.values()), InForce(kind=""))
+    protocol = _metadata(run).experiment
+    last = max(of_kind.values(), key=lambda one: one.number)
+    return of_kind.get(protocol, last)
+
+
+def in_force_by_kind(run: str | Path) -> dict[str, InForce]:
+    """The analyses of a run in force, by their kind, in the order of their numbers."""
+    run = Path(run)
+    stored = read_analyses(run)
+    kept = {choice.kind: choice for choice in kept_by_hand(run)} if stored else {}
+    things = _Things(run)
+    chosen: dict[str, InForce] = {}
+    for kind in dict.fromkeys(analysis.kind for analysis in stored):
+        of_kind = [analysis for analysis in stored if analysis.kind == kind]
+        chosen[kind] = _strongest(run, kind, of_kind, kept.get(kind), things)
+    return dict(sorted(chosen.items(), key=lambda pair: pair[1].number))
+
+
+def _strongest(
+    run: Path, kind: str, analyses: list[Analysis], kept: Kept | None, things: _Things
+) -> InForce:
+    stale = {analysis.number: tuple(things.changed(analysis)) for analysis in analyses}
+    by_hand = next((a for a in analyses if kept is not None and a.number == kept.number), None)
+
+    def strength(analysis: Analysis) -> tuple[bool, bool, bool, int]:
+        fresh = not stale[analysis.number]
+        return analysis is by_hand, fresh, bool(analysis.tare), analysis.number
+
+    best = max(analyses, key=strength)
+    return InForce(
+        kind=kind,
+        analysis=best,
+        stale=stale[best.number],
+        why_this=_why(best, analyses, kept if best is by_hand else None, stale),
+        renewed_by=_renewing(run, best, kept_by_hand=best is by_hand, things=things)
+        if stale[best.number]
+        else "",
+        of_this_run=things.is_of_this_run(best),
+    )
+
+
+def _why(
+    best: Analysis,
+    analyses: list[Analysis],
+    kept: Kept | None,
+    stale: Mapping[int, tuple[str, ...]],
+) -> str:
+    if kept is not None:
+        return f"kept by {kept.by}, {kept.at}"
+    if len(analyses) == 1:
+        return "the only analysis"
+    rivals = [a for a in analyses if bool(stale[a.number]) == bool(stale[best.number])]
+    words = [] if len(rivals) == len(analyses) else ["not stale"]
+    with_tare = [a for a in rivals if bool(a.tare) == bool(best.tare)]
+    words += [] if len(with_tare) == len(rivals) else ["with a tare"]
+    words += [] if len(with_tare) == 1 else ["the newest"]
+    return f"{', '.join(words)} of {len(analyses)} analyses"
+
+
+def _renewing(run: Path, analysis: Analysis, *, kept_by_hand: bool, things: _Things) -> str:
+    """The command that makes an analysis anew, with what was chosen by hand when it was made."""
+    kind = "" if analysis.kind == things.protocol else f"{analysis.kind} "
+    by_hand = analysis.tare.get("chosen") == "by hand"
+    tare = f" --tare {things.tare_path(analysis)}" if by_hand else ""
+    chosen = ", then rig fit RUN --keep NUMBER --by NAME" if kept_by_hand else ""
+    return f"rig fit {kind}{run}{tare}{chosen}"
+
+
+class _Things:
+    """What the analyses of one run rest on, as it is now; each looked at once, and only when asked for."""
+
+    def __init__(self, run: Path) -> None:
+        self._run = run
+        self._sha256: str | None = None
+        self._known: RunMetadata | None = None
+        self._sets: dict[str, str] = {}
+
+    @property
+    def protocol(self) -> str:
+        """The protocol of the run; "" for a file that cannot be read."""
+        try:
+            return self._metadata.experiment
+        except WordedError:
+            return ""
+
+    @property
+    def _metadata(self) -> RunMetadata:
+        if self._known is None:
+            self._known = _metadata(self._run)
+        return self._known
+
+    def is_of_this_run(self, analysis: Analysis) -> bool:
+        """Whether an analysis is of the bytes that lie there now; a file that is gone contradicts nobody."""
+        if self._sha256 is None:
+            self._sha256 = _hash_now(self._run)
+        return self._sha256 in ("", str(analysis.content.get("run_sha256", "")))
+
+    def changed(self, analysis: Analysis) -> Iterator[str]:
+        """What of that on which an analysis rests is not what it was, in words."""
+        if not self.is_of_this_run(analysis):
+            yield "the run file is not the one that was analysed"
+        yield from self._tare_changed(analysis)
+        yield from self._gear_changed(analysis)
+        yield from _version_changed(analysis)
+
+    def tare_path(self, analysis: Analysis) -> Path:
+        """The file of the tare, where it was or by its run's name beside this run."""
+        tare = analysis.tare
+        noted = Path(str(tare.get("file") or f"{tare.get('run', '')}.h5"))
+        return noted if noted.is_absolute() else self._run.parent / noted
+
+    def _tare_changed(self, analysis: Analysis) -> Iterator[str]:
+        tare = analysis.tare
+        if not tare:
+            return
+        path = self.tare_path(analysis)
+        if not path.is_file():
+            return
+        if _hash_now(path) != str(tare.get("sha256", "")):
+            yield f"the tare {tare.get('run', '')} is not the one that was subtracted"
+        yield from _tare_of_another_version(tare)
+        yield from _tare_too_old(tare, self._run.parent)
+
+    def _gear_changed(self, analysis: Analysis) -> Iterator[str]:
+        source: Mapping[str, Any] = analysis.content.get("gear_source") or {}
+        if source.get("source") == "by hand":
+            return
+        try:
+            now = self._set_now(source)
+            before = str(source.get("sha256", "")) if source else self._own_before(analysis)
+        except WordedError as error:
+            yield f"the parameter set of the gear cannot be read: {error}"
+            return
+        if now and before and now != before:
+            yield "the parameter set of the gear is another one now"
+        yield from self._built_on_another(source.get("builds_on") or {})
+
+    def _set_now(self, source: Mapping[str, Any]) -> str:
+        """The hash of the gear's set as its card, else the run, has it now; "" where there is none."""
+        serial = str(source["serial"]) if source else self._serial
+        if serial not in self._sets:
+            gear = card_set(self._run.parent, serial, self._own_set)
+            self._sets[serial] = "" if gear is None else set_sha256(gear)
+        if self._sets[serial]:
+            return self._sets[serial]
+        # Without a card it is the run's own, which cannot change without the run.
+        if source.get("source") == "run":
+            return str(source.get("sha256", ""))
+        own = self._own_set()
+        return "" if own is None else set_sha256(own)
+
+    @property
+    def _serial(self) -> str:
+        return self._metadata.gear_serial if self._run.exists() else ""
+
+    def _own_set(self) -> HarmonicDrive | None:
+        """The set that the run carries; None for a run that is gone."""
+        return self._metadata.gear if self._run.exists() else None
+
+    def _own_before(self, analysis: Analysis) -> str:
+        """Of an analysis that does not say where its set came from: the run's own set, if that is what it was.
+
+        One that was given by hand, or into which something identified was written, is not held against anything.
+        """
+        own = self._own_set()
+        used = mapping_sha256(analysis.content.get("gear") or {})
+        return used if own is not None and set_sha256(own) == used else ""
+
+    def _built_on_another(self, built_on: Mapping[str, Any]) -> Iterator[str]:
+        if not built_on:
+            return
+        path = self._run.parent / str(built_on["file"])
+        if not path.is_file():
+            return
+        number = in_force(path, str(built_on["kind"])).number
+        if number != built_on["number"]:
+            yield (
+                f"it builds on analysis {built_on['number']} of {built_on['run']}, of which analysis "
+                f"{number} is in force now"
+            )
+
+
+def _tare_of_another_version(tare: Mapping[str, Any]) -> Iterator[str]:
+    before, now = tare.get("analysis_version"), catalogue.load(tare_kind()).version
+    if before is not None and before != now:
+        yield f"its tare was analysed by version {before} of {tare_kind()}, which is at {now}"
+
+
+def _tare_too_old(tare: Mapping[str, Any], folder: Path) -> Iterator[str]:
+    """Whether a tare that was found by itself would not be found any more under the settings of today."""
+    from rig.analysis.tare_search import tare_days_of
+
+    age = tare.get("age_days")
+    if tare.get("chosen") != "found" or not isinstance(age, (int, float)):
+        return
+    limit = tare_days_of(folder)
+    if age > limit:
+        yield f"its tare is {age:.1f} days old, and the setting tare_days is {limit:g} now"
+
+
+def _version_changed(analysis: Analysis) -> Iterator[str]:
+    experiment = catalogue.declared(analysis.kind)
+    before = analysis.content.get("analysis_version", 1)
+    if experiment is not None and before != experiment.version:
+        yield f"it was made by version {before} of the {analysis.kind} analysis, which is at {experiment.version}"
+
+
+def _hash_now(path: Path) -> str:
+    """The hash of a run file; "" where it is gone, and "changed" where it is not the one that was sealed."""
+    if not path.exists():
+        return ""
+    try:
+        return sealed_sha256(path)
+    except RunFileError:
+        return "changed"
+
+
+def _metadata(run: Path) -> RunMetadata:
+    from rig.runfile.read import glance
+
+    return glance(run).metadata
+
+
+def kept_by_hand(run: str | Path) -> tuple[Kept, ...]:
+    """The choices by hand for a run, oldest first; the last of a kind counts. Raises `RunFileError`."""
+    path = analysis_folder(run) / KEPT_NAME
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["format"] != KEPT_FORMAT:
+            raise ValueError(content["format"])
+        return tuple(
+            Kept(str(c["kind"]), int(c["number"]), str(c["by"]), str(c["at"]))
+            for c in content["kept"]
+        )
+    except FileNotFoundError:
+        return ()
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RunFileError(
+            "the choices by hand cannot be read",
+            where=str(path),
+            value=str(error),
+            remedy="Move the file away and choose again with `rig fit RUN --keep NUMBER --by NAME`.",
+        ) from None
+
+
+def keep(run: str | Path, number: int, by: str, at: str, kind: str = "") -> InForce:
+    """Put an analysis in force by hand, by name; 0 takes the choice for `kind` back.
+
+    `at` is the calendar time (ISO 8601). Returns what is in force now. Raises `RunFileError` for a
+    number that there is not, `ConfigurationError` where nobody is named.
+    """
+    run = Path(run)
+    if not by.strip():
+        raise ConfigurationError(
+            "nobody is named who keeps the analysis", where="--by", remedy="Give your name."
+        )
+    stored = read_analyses(run)
+    kind = kind or (in_force(run).kind if number == 0 else "")
+    numbers = [a.number for a in stored if kind in ("", a.kind)]
+    if number and number not in numbers:
+        raise RunFileError(
+            "there is no analysis of this number",
+            where=str(analysis_folder(run)),
+            value=number,
+            limit=_listed(numbers),
+            remedy="Look with `rig show RUN`.",
+        )
+    kind = kind or next(a.kind for a in stored if a.number == number)
+    _write_kept(run, (*kept_by_hand(run), Kept(kind, number, by.strip(), at)))
+    return in_force(run, kind)
+
+
+def _listed(numbers: Iterable[int]) -> str:
+    return ", ".join(str(number) for number in numbers) or "none: the run has no analysis"
+
+
+def _write_kept(run: Path, choices: tuple[Kept, ...]) -> None:
+    folder = analysis_folder(run)
+    scratch = folder / f".{KEPT_NAME}.{os.getpid()}.tmp"
+    content = {"format": KEPT_FORMAT, "kept": [vars(choice) for choice in choices]}
+    try:
+        folder.mkdir(exist_ok=True)
+        scratch.write_text(json_text(json_ready(content)) + "\n", encoding="utf-8")
+        scratch.replace(folder / KEPT_NAME)
+    except OSError as error:
+        raise RunFileError(
+            "the choice cannot be written beside its run",
+            where=str(folder),
+            value=error.strerror or str(error),
+            remedy="Make the folder writable, or copy the run to one that is.",
+        ) from None

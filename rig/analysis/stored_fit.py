@@ -1,0 +1,43 @@
+"""An analysis that lies in the store as the fit that it was: the recording, the set it leaned on, the result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from model.gear_file import gear_from_mapping, shipped_gear
+from rig.analysis.fit import Fit
+from rig.analysis.gear_set import GearSource
+from rig.analysis.store import Analysis
+from rig.runfile import read
+
+if TYPE_CHECKING:
+    from experiments.recording import Recording
+
+
+def stored_fit(path: Path, analysis: Analysis, recording: Recording | None = None) -> Fit:
+    """A run with one of its stored analyses; nothing is fitted.
+
+    Opens the run unless its recording is given. Raises `RunFileError` for an analysis that holds no
+    result and for a run that cannot be read.
+    """
+    result = analysis.whole_result()
+    recording = recording or read.open_run(path)
+    leaned_on = analysis.content.get("gear")
+    own = recording.metadata.gear
+    gear = gear_from_mapping(leaned_on, str(analysis.path)) if leaned_on else own
+    return Fit(
+        recording=recording,
+        gear=gear or shipped_gear(),
+        result=result,
+        path=path,
+        settings=dict(analysis.content.get("settings", {})),
+        stored=analysis.name,
+        gear_known=own is not None or _was_given(analysis),
+        gear_source=GearSource.from_json(analysis.content.get("gear_source") or {}),
+        named_tare=analysis.tare,
+    )
+
+
+def _was_given(analysis: Analysis) -> bool:
+    return (analysis.content.get("gear_source") or {}).get("source") in ("by hand", "card")

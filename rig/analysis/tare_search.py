@@ -1,0 +1,171 @@
+"""The tare that belongs to a run, found by itself in the folder of runs, and what speaks against every other one.
+
+The same motor, torque-channel calibration and bench; at most `tare_days` days between the two; no
+more than 5 K apart; the bench not tripped in between. Of those that fit the newest before the run,
+and where there is none the first after it. What is the same, old and warm is said by the checks that every
+analysis makes of its tare (`experiments.evidence.tare`): a tare that is found is never one that they widen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.evidence import tare as checks
+from model.errors import WordedError
+from rig.analysis.tare import tare_kind
+
+if TYPE_CHECKING:
+    from experiments.recording import Recording
+    from rig.library.index import IndexedRun, LibraryIndex
+
+BROUGHT_TO_THEIR_END = ("COMPLETED", "PASS", "MARGINAL", "FAIL", "")
+"""Outcomes of runs that have all their speeds: a tare that was broken off lacks some. Words of older files included."""
+
+
+@dataclass(frozen=True)
+class FoundTare:
+    """The tare that belongs to a run: its file, None where there is none; why, or why none, in words."""
+
+    path: Path | None = None
+    because: tuple[str, ...] = ()
+    age_days: float = math.nan
+    """Days between the two runs."""
+    by_hand: bool = False
+
+    def as_json(self) -> dict[str, Any]:
+        """As `--json` tells it."""
+        return {
+            "file": None if self.path is None else str(self.path),
+            "age_days": self.age_days if math.isfinite(self.age_days) else None,
+            "because": list(self.because),
+        }
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A tare that may be the one: its line in the index, and how long before the run it was made [days]."""
+
+    run: IndexedRun
+    days_before: float
+
+
+def find_tare(
+    run: Recording, library: LibraryIndex, *, tare_days: float = checks.AGE_LIMIT
+) -> FoundTare:
+    """The tare that belongs to a run, among the runs of a folder.
+
+    Where there is none, `because` says of every candidate what it failed by, the nearest in time first.
+    """
+    listed = library.search()
+    candidates = _candidates(run, listed)
+    if not candidates:
+        kind = run.metadata.origin
+        return FoundTare(None, (f"there is no {kind} {tare_kind()} run in {library.folder}",))
+    trips = _trips(run, listed)
+    reasons = []
+    start = run.metadata.start_time
+    for candidate in sorted(candidates, key=lambda one: nearness(one.run.start, start)):
+        reason = _speaks_against(run, candidate, trips, tare_days)
+        if not reason:
+            age = abs(candidate.days_before)
+            words = f"{candidate.run.run_id}: {_age_in_words(candidate)}, same motor, bench and calibration"
+            return FoundTare(candidate.run.path, (words,), age)
+        reasons.append(f"{candidate.run.run_id}: {reason}")
+    return FoundTare(None, tuple(reasons))
+
+
+def tare_days_of(folder: Path) -> float:
+    """The setting `tare_days` of the rig whose runs lie in this folder; 7 where no description of one is at hand.
+
+    The description (`rig.toml`) is looked for in the present folder and beside the folder of runs, and
+    counts where it names that folder. Raises `ConfigurationError` for one that cannot be accepted.
+    """
+    from rig.bench.config.load import DEFAULT_PATH, load_configuration
+
+    for path in dict.fromkeys((DEFAULT_PATH.resolve(), (folder.parent / DEFAULT_PATH).resolve())):
+        if path.is_file():
+            rig = load_configuration(path).rig
+            if (path.parent / rig.output).resolve() == folder.resolve():
+                return rig.tare_days
+    return checks.AGE_LIMIT
+
+
+def _candidates(run: Recording, listed: Iterable[IndexedRun]) -> list[_Candidate]:
+    return [
+        _Candidate(one, _days_before(one.start, run.metadata.start_time))
+        for one in listed
+        if one.protocol == tare_kind()
+        and one.state == "sealed"
+        and one.origin == run.metadata.origin
+        and one.run_id != run.metadata.run_id
+    ]
+
+
+def nearness(other: str, start: str) -> tuple[bool, float]:
+    """The order in which runs are looked at for one that began at `start`: those before it come first, and of
+    each the nearest in time.
+    """
+    days = _days_before(other, start)
+    return (not days >= 0.0, abs(days) if math.isfinite(days) else math.inf)
+
+
+def _trips(run: Recording, listed: Iterable[IndexedRun]) -> list[IndexedRun]:
+    """The runs of this bench that the supervisor stopped."""
+    bench = str(run.metadata.process.get("bench", ""))
+    return [one for one in listed if one.outcome == "TRIPPED" and one.bench == bench]
+
+
+def _speaks_against(
+    run: Recording, candidate: _Candidate, trips: Sequence[IndexedRun], tare_days: float
+) -> str:
+    """Why a candidate is not the tare of this run; "" where it is. What the index knows is asked first."""
+    one = candidate.run
+    if one.outcome not in BROUGHT_TO_THEIR_END:
+        return f"ended {one.outcome}"
+    if not math.isfinite(candidate.days_before):
+        return "it does not say when it was made"
+    if abs(candidate.days_before) > tare_days:
+        return f"{_age_in_words(candidate)}, limit {tare_days:g}"
+    between = [t for t in trips if _is_between(t.start, one.start, run.metadata.start_time)]
+    if between:
+        return f"{between[-1].run_id} tripped between it and this run"
+    return _rests_on_another_rig(run, one.path)
+
+
+def _rests_on_another_rig(run: Recording, path: Path) -> str:
+    """Motor, bench, torque channel and temperature, which only the file itself tells."""
+    from rig.runfile.read import close_recording, open_run
+
+    try:
+        tare = open_run(path, rows=False)
+    except WordedError as error:
+        return f"cannot be read: {error}"
+    try:
+        if tare.metadata.gear_mounted:
+            return "was taken with a gear mounted"
+        return checks.refusal_of(run, tare)
+    finally:
+        close_recording(tare)
+
+
+def _age_in_words(candidate: _Candidate) -> str:
+    days = candidate.days_before
+    return f"{days:.1f} days old" if days >= 0.0 else f"made {-days:.1f} days after this run"
+
+
+def _days_before(tare: str, run: str) -> float:
+    try:
+        apart = datetime.fromisoformat(run) - datetime.fromisoformat(tare)
+    except (ValueError, TypeError):
+        return math.nan
+    return apart.total_seconds() / 86400.0
+
+
+def _is_between(moment: str, one: str, other: str) -> bool:
+    before, after = _days_before(one, moment), _days_before(moment, other)
+    return before * after > 0.0
