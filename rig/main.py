@@ -14,6 +14,7 @@ import typer
 from rig import exits
 from rig.commands import (
     analysis,
+    campaigning,
     configuring,
     doctoring,
     drilling,
@@ -45,6 +46,7 @@ PANELS = {
         planning.plan,
         doctoring.doctor,
         running.run,
+        campaigning.campaign,
         window.live,
         reporting.demo,
         configuring.config,

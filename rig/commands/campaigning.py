@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.running import Config, Json, MountedHow, Parameters, SampleRate
+from rig.commands.result_tables import print_gear_verdict
 from rig.commands.terminal import console, outliving_the_terminal, print_json, ruled_table
 from rig.commands.worlds import (
     BenchSeed,
@@ -100,7 +101,6 @@ def campaign(
     limit ends nothing: FAIL is the verdict of the whole.
     """
     from rig.commands.ordering import request_of
-    from rig.exits import code_of_campaign
     from rig.trial.campaign.walk import walk
 
     chosen = _plan_of(name, plan)
@@ -142,13 +142,19 @@ def campaign(
     else:
         _print_report(report, certificate)
     raise typer.Exit(
-        code_of_campaign(
-            report.outcome,
-            report.verdict.verdict,
-            crashed=bool(report.problems),
-            require_verdict=require_verdict,
-        )
+        _code_of(report, require_verdict)
     )
+
+
+def _code_of(report: CampaignReport, require_verdict: bool) -> int:
+    """First what stopped it, then an analysis that crashed, then the verdict."""
+    from rig import exits
+
+    if not report.is_complete:
+        return exits.code_of_outcome(report.outcome)
+    if report.problems:
+        return exits.ERROR
+    return exits.code_of_outcome(report.verdict.verdict)
 
 
 def _plan_of(name: str, path: Path | None) -> CampaignPlan:
@@ -230,9 +236,24 @@ def _crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
         )
 
 
-def _certificate(report: CampaignReport, pattern: RunRequest, acceptance: str) -> str:
-    """The certificate of a campaign, written beside its runs; its path."""
-    raise NotImplementedError
+def _certificate(report: CampaignReport, pattern: RunRequest, acceptance: str) -> list[str]:
+    """Write the certificate of a campaign beside its runs, HTML and PDF; the paths, none where nothing is analysed."""
+    from rig.present.certificate.laboratory import laboratory_of
+    from rig.present.certificate.write import write_certificate
+
+    if not report.verdict_rests_on:
+        return []
+    stem = report.journal.path.stem
+    outputs = [pattern.output / f"certificate-{stem}{suffix}" for suffix in (".html", ".pdf")]
+    certificate = write_certificate(
+        pattern.output,
+        pattern.gear_serial,
+        outputs,
+        acceptance=_acceptance_of(pattern, acceptance),
+        protocols=[one.stage.protocol for one in report.walk.stages],
+        laboratory=laboratory_of(pattern.configuration) if pattern.configuration else None,
+    )
+    return [str(path) for path in certificate.paths]
 
 
 def _print_walk(walked: Walk) -> None:
@@ -256,7 +277,7 @@ def _print_walk(walked: Walk) -> None:
     )
 
 
-def _print_report(report: CampaignReport, certificate: str) -> None:
+def _print_report(report: CampaignReport, certificate: list[str]) -> None:
     """How a campaign stands: its runs, the verdict with its reasons, the certificate, what to do next."""
     out = console()
     for words in report.resumed:
@@ -272,9 +293,9 @@ def _print_report(report: CampaignReport, certificate: str) -> None:
     for problem in report.problems:
         out.print(f"analysis: {problem}", style="red", soft_wrap=True)
     state = "" if report.is_complete else "INCOMPLETE, "
-    out.print(f"{state}outcome {report.outcome}, verdict {report.verdict.verdict}", style="bold")
-    for reason in report.verdict.because:
-        out.print(f"  {reason}", soft_wrap=True)
-    out.print(f"certificate  {certificate}", soft_wrap=True)
+    out.print(f"{state}outcome {report.outcome}", style="bold")
+    print_gear_verdict(out, report.verdict)
+    for path in certificate:
+        out.print(f"certificate  {path}", soft_wrap=True)
     if not report.is_complete:
         out.print("The same command goes on from here.")

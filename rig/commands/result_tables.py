@@ -9,6 +9,7 @@ from rich.table import Table
 
 from experiments.result import Result, Verdict
 from rig.analysis.wording import STATISTICAL_PART, metric_text, show
+from rig.analysis.judging import GearVerdict
 from rig.commands.terminal import ruled_table
 from rig.commands.visible import Text
 from rig.present.content import held_against
@@ -62,6 +63,13 @@ def verdict_sentence(result: Result, verdict: Verdict) -> str:
     source = f"{verdict.limit_provenance}: {verdict.limit_source}"
     because = f"; {verdict.because}" if verdict.because else ""
     return f"  {verdict.name}: {value}, limit {limit} ({source}){because}"
+
+
+def print_gear_verdict(out: Console, verdict: GearVerdict) -> None:
+    """The one verdict on a gear, and why it is not a better one."""
+    out.print(Text.assemble("verdict  ", (verdict.verdict, VERDICT_STYLE[verdict.verdict])))
+    for reason in verdict.because:
+        out.print(Text(f"  {reason}"), soft_wrap=True)
 
 
 def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:

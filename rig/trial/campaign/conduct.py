@@ -76,6 +76,8 @@ class CampaignReport:
     journal: Journal
     outcome: str
     verdict: GearVerdict
+    verdict_rests_on: int
+    """Number of analysed runs that were judged."""
     analysed: tuple[Analysed, ...] = ()
     resumed: tuple[str, ...] = field(default=())
     """What was found out of date when it went on, in words."""
@@ -240,11 +242,13 @@ def _concluded(
     resumed: tuple[str, ...],
 ) -> CampaignReport:
     newest = {one.run: one for one in analysed}
+    found = list(_found(journal, order))
     return CampaignReport(
         walk=order.walk,
         journal=journal,
         outcome=outcome,
-        verdict=judge(list(_found(journal, order)), order.acceptance),
+        verdict=judge(found, order.acceptance),
+        verdict_rests_on=len(found),
         analysed=tuple(newest.values()),
         resumed=resumed,
     )

@@ -33,6 +33,7 @@ CAMPAIGN = "acceptance"
 ACCEPTANCE = "demonstration"
 """The acceptance file of a made-up maker, for simulated rigs only."""
 REPORT, PARAMETERS = "report.html", "identified.toml"
+CERTIFICATE = ("certificate.html", "certificate.pdf")
 ORDER = tuple(stage.protocol for stage in shipped_plan(CAMPAIGN).stages)
 
 
@@ -91,6 +92,7 @@ class Demonstration:
     finished: tuple[Finished, ...]
     fits: tuple[Fit, ...]
     truth: tuple[tuple[str, TruthRow], ...]
+    certificate: tuple[Path, ...]
     report: Path
     parameters: Path
     seconds: float
@@ -100,6 +102,7 @@ class Demonstration:
         return {
             "seed": self.order.seed,
             "folder": str(self.order.folder),
+            "certificate": [str(path) for path in self.certificate],
             "report": str(self.report),
             "parameters": str(self.parameters),
             "seconds": self.seconds,
@@ -250,6 +253,7 @@ def _conclude(
 ) -> Demonstration:
     from model.gear_file import save_gear
     from rig.analysis.adopt import adopt
+    from rig.present.certificate.write import write_certificate
     from rig.present.page import write_report
 
     fits = tuple(_fit(done.path, done.protocol) for done in finished)
@@ -260,12 +264,21 @@ def _conclude(
     note = "Made by rig demo: the whole chain, from plan to report, on the simulated rig."
     created = order.created.replace("T", " ", 1)
     report = write_report(fits, order.folder / REPORT, created=created, truth=truth, note=note)
+    certificate = write_certificate(
+        order.folder,
+        order.serial,
+        [order.folder / name for name in CERTIFICATE],
+        acceptance=shipped_acceptance(ACCEPTANCE),
+        protocols=ORDER,
+        created=order.created,
+    )
     return Demonstration(
         order=order,
         campaign=campaign,
         finished=finished,
         fits=fits,
         truth=truth,
+        certificate=certificate.paths,
         report=report,
         parameters=parameters,
         seconds=time.monotonic() - started,
