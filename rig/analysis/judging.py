@@ -8,11 +8,10 @@ PASS. What the file does not list never counts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Protocol
-
 import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 from experiments.quantity import Quantity, quantity_of
 from experiments.result import (

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.running import Config, Json, MountedHow, Parameters, SampleRate
 from rig.commands.result_tables import print_gear_verdict
+from rig.commands.running import Config, Json, MountedHow, Parameters, SampleRate
 from rig.commands.terminal import console, outliving_the_terminal, print_json, ruled_table
 from rig.commands.worlds import (
     BenchSeed,
@@ -73,7 +73,8 @@ def campaign(
         ),
     ] = None,
     junit: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write runs and limits as JUnit XML, for CI.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write runs and limits as JUnit XML, for CI."),
     ] = None,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of a simulated rig: another one is another bench.")
@@ -141,9 +142,7 @@ def campaign(
         print_json({**report.as_json(), "certificate": certificate})
     else:
         _print_report(report, certificate)
-    raise typer.Exit(
-        _code_of(report, require_verdict)
-    )
+    raise typer.Exit(_code_of(report, require_verdict))
 
 
 def _code_of(report: CampaignReport, require_verdict: bool) -> int:
@@ -171,9 +170,7 @@ def _plan_of(name: str, path: Path | None) -> CampaignPlan:
 def _acceptance_of(pattern: RunRequest, named: str) -> Acceptance | None:
     from rig.gears.acceptance import acceptance_for, acceptance_named
 
-    return (
-        acceptance_named(named) if named else acceptance_for(pattern.output, pattern.gear_serial)
-    )
+    return acceptance_named(named) if named else acceptance_for(pattern.output, pattern.gear_serial)
 
 
 def _conducted(
@@ -286,9 +283,7 @@ def _print_report(report: CampaignReport, certificate: list[str]) -> None:
     done: dict[int, Any] = {run.index: run for run in report.journal.stages}
     for index, one in enumerate(report.walk.stages):
         run = done.get(index)
-        rows.add_row(
-            one.stage.protocol, run.run if run else "not run", run.outcome if run else "-"
-        )
+        rows.add_row(one.stage.protocol, run.run if run else "not run", run.outcome if run else "-")
     out.print(rows)
     for problem in report.problems:
         out.print(f"analysis: {problem}", style="red", soft_wrap=True)

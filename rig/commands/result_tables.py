@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from experiments.result import Result, Verdict
-from rig.analysis.wording import STATISTICAL_PART, metric_text, show
 from rig.analysis.judging import GearVerdict
+from rig.analysis.wording import STATISTICAL_PART, metric_text, show
 from rig.commands.terminal import ruled_table
 from rig.commands.visible import Text
 from rig.present.content import held_against

@@ -151,9 +151,7 @@ def _opened(order: CampaignOrder) -> tuple[Journal, tuple[str, ...]]:
     facts = facts_of(order.folder, order.serial, order.bench)
     found = None if order.anew else journals.unfinished(order.folder, order.walk.plan, order.serial)
     if found is None:
-        return journals.begin(
-            order.folder, order.walk.plan, order.serial, facts, order.now()
-        ), ()
+        return journals.begin(order.folder, order.walk.plan, order.serial, facts, order.now()), ()
     refuse_another(found, order.walk.plan, facts)
     words = []
     for index, because in tuple(outdated(found, facts, order.folder, order.now())):

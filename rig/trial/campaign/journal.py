@@ -136,9 +136,7 @@ def read(path: Path) -> Journal | None:
         return None
     first = rows[0]
     if first.get("what") != "begun" or first.get("format") != FORMAT:
-        raise RunFileError(
-            "is no journal of a campaign", where=str(path), limit=f"format {FORMAT}"
-        )
+        raise RunFileError("is no journal of a campaign", where=str(path), limit=f"format {FORMAT}")
     journal = Journal(path, {key: value for key, value in first.items() if key != "what"})
     for row in rows[1:]:
         journal = _taken_in(journal, row)

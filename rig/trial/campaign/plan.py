@@ -1,12 +1,12 @@
 """The plan of a campaign: which protocols, in which order, with which parameters. A TOML file, or one that ships.
 
-    format = "campaign-1"
-    name = "acceptance"
-    title = "Acceptance of a gear"
+format = "campaign-1"
+name = "acceptance"
+title = "Acceptance of a gear"
 
-    [[protocol]]
-    name = "friction"
-    values = { points = 12 }        # parameters of the protocol that differ from their defaults
+[[protocol]]
+name = "friction"
+values = { points = 12 }        # parameters of the protocol that differ from their defaults
 """
 
 from __future__ import annotations
@@ -156,6 +156,4 @@ def _text(table: Mapping[str, Any], key: str, where: str, otherwise: str = "") -
 def _refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
     for key in table:
         if key not in known:
-            raise ConfigurationError(
-                "no such key", where=f"{where}: {key}", limit=", ".join(known)
-            )
+            raise ConfigurationError("no such key", where=f"{where}: {key}", limit=", ".join(known))

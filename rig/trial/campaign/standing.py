@@ -1,4 +1,4 @@
-"""What of an unfinished campaign still counts: the same bench and gear, files as they were sealed, a tare that is young.
+"""What of an unfinished campaign still counts: the same bench and gear, sealed files, a tare that is young.
 
 A run that does not count any more is made again; the campaign goes on after what does.
 """
