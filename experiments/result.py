@@ -1,4 +1,6 @@
-"""What an analysis returns: estimates, metrics, warnings, checks, verdicts, and plots and tables as data."""
+"""What an analysis returns: estimates, metrics, warnings, checks, plots and tables as data; and one number against one
+limit.
+"""
 
 from __future__ import annotations
 
@@ -12,18 +14,17 @@ import numpy as np
 from experiments.errors import AnalysisError
 from experiments.quantity import Quantity, quantity_of
 from model.arrays import FloatArray
-from model.gear import Provenance
 from model.identify.estimate import Cause, Estimate
 
 SeriesStyle = Literal["line", "points", "band", "steps", "bars"]
 VerdictOutcome = Literal["PASS", "MARGINAL", "FAIL", "NOT JUDGED"]
 CheckOutcome = Literal["ok", "widened", "refused", "not checked"]
 
-VERIFIED_PROVENANCES: frozenset[Provenance] = frozenset(
-    {"catalogue", "measured", "identified", "published"}
+WORST_FIRST: tuple[VerdictOutcome, ...] = ("FAIL", "NOT JUDGED", "MARGINAL", "PASS")
+DECISION_RULE = (
+    "PASS: the whole of value ± U keeps the limit. FAIL: the whole of it breaks the limit. "
+    "MARGINAL: the limit lies inside (JCGM 106, guard band U)."
 )
-"""A limit of any other provenance is none to judge by: NOT JUDGED, never PASS or FAIL."""
-WORST_FIRST: tuple[VerdictOutcome, ...] = ("FAIL", "MARGINAL", "NOT JUDGED", "PASS")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,55 +122,59 @@ class Check:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """One measured quantity against its limit, with U: MARGINAL when the limit lies inside value ± U (JCGM 106).
+    """One measured quantity of one run against one limit, with U (JCGM 106).
 
-    `because` says what is missing where it is NOT JUDGED.
+    `estimate` is NaN where the run lacks the quantity; `limit_source` is the document, `limit_standing`
+    says whose limit it is; `because` says what is missing where it is NOT JUDGED. `run` and `kind`
+    name the analysis, empty where there is none.
     """
 
-    name: str
-    definition: str
+    quantity: Quantity
     estimate: Estimate
     limit: float
     limit_source: str
-    limit_provenance: Provenance
+    limit_standing: str
     outcome: VerdictOutcome
+    is_upper: bool = True
     because: str = ""
+    run: str = ""
+    kind: str = ""
+
+    @property
+    def name(self) -> str:
+        """What the quantity is called."""
+        return self.quantity.titled(self.estimate.name)
+
+    def as_json(self) -> dict[str, Any]:
+        """Quantity, value with U, limit, whose limit, outcome, and what is missing."""
+        return {
+            "name": self.name,
+            "quantity": f"{self.kind}.{self.estimate.name}",
+            "run": self.run,
+            "definition": self.quantity.definition,
+            "value": self.estimate.value,
+            "unit": self.estimate.unit,
+            "expanded_uncertainty": self.estimate.expanded_uncertainty,
+            "limit": self.limit,
+            "limit_is": "upper" if self.is_upper else "lower",
+            "limit_source": self.limit_source,
+            "limit_standing": self.limit_standing,
+            "outcome": self.outcome,
+            "because": self.because,
+        }
 
 
-def judge_upper(
-    name: str,
-    definition: str,
-    estimate: Estimate,
-    limit: float,
-    provenance: Provenance,
-    source: str,
-) -> Verdict:
-    """The verdict on a quantity that must not exceed `limit`."""
-    because = _nothing_to_judge(estimate, limit, provenance)
-    if because:
-        outcome: VerdictOutcome = "NOT JUDGED"
-    elif estimate.value + estimate.expanded_uncertainty <= limit:
-        outcome = "PASS"
-    elif estimate.value - estimate.expanded_uncertainty > limit:
-        outcome = "FAIL"
-    else:
-        outcome = "MARGINAL"
-    return Verdict(
-        name=name,
-        definition=definition,
-        estimate=estimate,
-        limit=limit,
-        limit_source=source,
-        limit_provenance=provenance,
-        outcome=outcome,
-        because=because,
-    )
+def outcome_against(estimate: Estimate, limit: float, *, is_upper: bool = True) -> VerdictOutcome:
+    """What value ± U says of a limit: kept for certain, broken for certain, or neither; see `DECISION_RULE`."""
+    sign = 1.0 if is_upper else -1.0
+    beyond, u = sign * (estimate.value - limit), estimate.expanded_uncertainty
+    if lacks_number(estimate) or not math.isfinite(limit):
+        return "NOT JUDGED"
+    return "PASS" if beyond + u <= 0.0 else "FAIL" if beyond - u > 0.0 else "MARGINAL"
 
 
-def _nothing_to_judge(estimate: Estimate, limit: float, provenance: Provenance) -> str:
-    """What is missing of limit or number; "" where both are there. A U that is large is no reason."""
-    if provenance not in VERIFIED_PROVENANCES or not math.isfinite(limit):
-        return f"no verified limit: the limit is {provenance}"
+def lacks_number(estimate: Estimate) -> str:
+    """Why a quantity cannot be held against anything; "" where it can. A U that is large is no reason."""
     if not (math.isfinite(estimate.value) and math.isfinite(estimate.expanded_uncertainty)):
         return "the quantity has no value with an uncertainty"
     if estimate.identifiable == "no":
@@ -223,7 +228,6 @@ class Result:
     estimates: Mapping[str, Estimate]
     metrics: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    verdicts: tuple[Verdict, ...] = ()
     plots: tuple[Plot, ...] = ()
     tables: tuple[Table, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -250,26 +254,6 @@ class Result:
             )
         return quantity
 
-    @property
-    def outcome(self) -> Literal["PASS", "MARGINAL", "FAIL"]:
-        """The worst verdict; PASS where nothing was judged."""
-        outcomes = {v.outcome for v in self.verdicts}
-        return "FAIL" if "FAIL" in outcomes else "MARGINAL" if "MARGINAL" in outcomes else "PASS"
-
-    @property
-    def verdict(self) -> VerdictOutcome:
-        """The worst of all verdicts; NOT JUDGED where there is none, or where one is missing and none is bad."""
-        outcomes = {v.outcome for v in self.verdicts} or {"NOT JUDGED"}
-        return next(word for word in WORST_FIRST if word in outcomes)
-
-    @property
-    def because(self) -> str:
-        """Why something was not judged; "" where everything was."""
-        if not self.verdicts:
-            return "no limit applies to what was measured"
-        reasons = dict.fromkeys(v.because for v in self.verdicts if v.because)
-        return "; ".join(reasons)
-
     def as_json(self) -> dict[str, Any]:
         """The object that `--json` prints and the analysis store keeps."""
         return {
@@ -278,23 +262,6 @@ class Result:
             "parameters": {name: e.as_json() for name, e in self.estimates.items()},
             "metrics": {name: float(value) for name, value in self.metrics.items()},
             "warnings": list(self.warnings),
-            "verdicts": [
-                {
-                    "name": v.name,
-                    "definition": v.definition,
-                    "value": v.estimate.value,
-                    "unit": v.estimate.unit,
-                    "expanded_uncertainty": v.estimate.expanded_uncertainty,
-                    "limit": v.limit,
-                    "limit_source": v.limit_source,
-                    "limit_provenance": v.limit_provenance,
-                    "outcome": v.outcome,
-                    "because": v.because,
-                }
-                for v in self.verdicts
-            ],
-            "verdict": self.verdict,
-            "because": self.because,
             "checks": [check.as_json() for check in self.checks],
             "options": dict(self.options),
         }

@@ -236,6 +236,13 @@ def _exact_text(value: float, converted: float, unit: str, si_unit: str) -> str 
     return None
 
 
+def text_in(value: float, unit: str, si_unit: str) -> str:
+    """The shortest decimal in `unit` that reads back to this SI value; the nearest one where no decimal does."""
+    known = UNITS.get(unit)
+    converted = value / float(known[1]) if known is not None and unit != si_unit else value
+    return _exact_text(value, converted, unit, si_unit) or repr(converted)
+
+
 def quote(text: str) -> str:
     """A TOML basic string."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -19,7 +19,7 @@ from experiments.evidence.orders import SampledAngle, sampled
 from experiments.evidence.table import checks_of
 from experiments.quantity import Quantity
 from experiments.recording import Recording
-from experiments.result import Check, Result, Table, Verdict
+from experiments.result import Check, Result, Table
 from model.identify.estimate import Estimate
 
 LARGEST_SHARE = 0.5
@@ -55,7 +55,6 @@ def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> 
         checks=checks,
         tables=(*result.tables, _table(checks)) if checks else result.tables,
         warnings=(*result.warnings, *(c.words for c in checks if c.outcome == "widened")),
-        verdicts=tuple(_with_evidence(v, checks, result, estimates) for v in result.verdicts),
         covariance=covariance and covariance.with_shared(result.estimates),
     )
 
@@ -107,16 +106,3 @@ def _order(member: str) -> float | None:
 
 def _weakly(estimate: Estimate, note: str) -> Estimate:
     return replace(estimate, identifiable="weakly", note=note)
-
-
-def _with_evidence(
-    verdict: Verdict, checks: tuple[Check, ...], result: Result, estimates: dict[str, Estimate]
-) -> Verdict:
-    """The verdict on what its quantity is now called; NOT JUDGED without a check that a verdict needs."""
-    judged = next((n for n, e in result.estimates.items() if e is verdict.estimate), None)
-    if judged is not None:
-        verdict = replace(verdict, estimate=estimates[judged])
-    missing = [c.name for c in checks if c.is_evidence and c.outcome == "not checked"]
-    if not missing or verdict.outcome == "NOT JUDGED":
-        return verdict
-    return replace(verdict, outcome="NOT JUDGED", because=f"not checked: {', '.join(missing)}")

@@ -24,7 +24,7 @@ from experiments.planning.speeds import refuse_speed
 from experiments.protocols.friction.bearing import COULOMB, NAMES, OutputBearing, output_bearing
 from experiments.quantity import Counterpart, Quantity
 from experiments.recording import Recording, Segment
-from experiments.result import Plot, Result, Table, both_ways, judge_upper
+from experiments.result import Plot, Result, Table, both_ways
 from experiments.steps.vocabulary import (
     MoveRevolutions,
     MoveToAngle,
@@ -321,23 +321,6 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         )
     balance = _balance(ramps, recording.metadata.run_id)
     estimates = _estimates(recording, ramps, balance, zero, bearing, stuck)
-    verdicts = []
-    if "starting_torque" in estimates:
-        origin = evidence.gear.value("ratings.starting_torque")
-        definition = (
-            "quasi-static torque at which the input begins to turn, nothing on the "
-            "output; mean of both directions"
-        )
-        verdicts.append(
-            judge_upper(
-                "no-load starting torque",
-                definition,
-                estimates["starting_torque"],
-                origin.value,
-                origin.origin.provenance,
-                origin.origin.source,
-            )
-        )
     warnings.append(
         "The starting torque is that of motor + gear: the motor's own breakaway is not known."
     )
@@ -352,7 +335,6 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "output_bearing_torque": _at_rest(recording, bearing)[0],
         },
         warnings=tuple(warnings),
-        verdicts=tuple(verdicts),
         plots=(_plot(ramps, balance),),
         tables=(_table(ramps), budget_table(estimates.values())),
         options={"torque_is_of": "motor + gear", "output_bearing": bearing.words()},

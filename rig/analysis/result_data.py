@@ -13,13 +13,11 @@ from numpy.typing import NDArray
 
 from experiments import catalogue
 from experiments.quantity import Quantity, with_bare
-from experiments.result import Check, Covariance, Plot, Result, Series, Table, Verdict
+from experiments.result import Check, Covariance, Plot, Result, Series, Table
 from model.identify.estimate import BudgetLine, Cause, Estimate
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
 _ARRAYS = ("x", "y", "low", "high")
-NOT_JUDGED_BEFORE = "no verified limit"
-"""What a stored verdict of an earlier version says where it is NOT JUDGED for want of a limit."""
 DIGITS = 9
 """Significant digits of a drawn number: far below what any screen or paper shows."""
 
@@ -39,7 +37,6 @@ def result_from_mapping(
         estimates=estimates,
         metrics={name: _number(value) for name, value in mapping.get("metrics", {}).items()},
         warnings=tuple(str(warning) for warning in mapping.get("warnings", ())),
-        verdicts=tuple(_verdict(v, estimates) for v in mapping.get("verdicts", ())),
         plots=tuple(plot_from_mapping(plot) for plot in mapping.get("plots", ())),
         tables=tuple(table_from_mapping(table) for table in (*mapping.get("tables", ()), *tables)),
         checks=tuple(Check(**check) for check in mapping.get("checks", ())),
@@ -95,32 +92,6 @@ def covariance_from_mapping(mapping: Mapping[str, Any] | None) -> Covariance | N
     shared = {Cause(name): _array(vector) for name, vector in mapping.get("shared", {}).items()}
     matrix = np.array([_array(row) for row in mapping["matrix"]], dtype=np.float64)
     return Covariance(tuple(mapping["names"]), matrix, shared)
-
-
-def _verdict(mapping: Mapping[str, Any], estimates: Mapping[str, Estimate]) -> Verdict:
-    value, u = _number(mapping["value"]), _number(mapping["expanded_uncertainty"])
-    outcome = mapping["outcome"]
-    judged = next(
-        (e for e in estimates.values() if e.value == value and e.unit == mapping["unit"]), None
-    )
-    if judged is None:
-        judged = Estimate(
-            name=str(mapping["name"]),
-            value=value,
-            unit=str(mapping["unit"]),
-            low=value - u,
-            high=value + u,
-        )
-    return Verdict(
-        name=str(mapping["name"]),
-        definition=str(mapping["definition"]),
-        estimate=judged,
-        limit=_number(mapping["limit"]),
-        limit_source=str(mapping["limit_source"]),
-        limit_provenance=mapping["limit_provenance"],
-        outcome="NOT JUDGED" if outcome == NOT_JUDGED_BEFORE else outcome,
-        because=str(mapping.get("because", outcome if outcome == NOT_JUDGED_BEFORE else "")),
-    )
 
 
 def _number(value: Any) -> float:

@@ -191,7 +191,6 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
         "no_tare": list(basis.no_tare),
         "gear": dict(basis.gear),
         "gear_source": dict(basis.gear_source),
-        "outcome": result.outcome,
         "result": result.as_json(),
         "tables": [table_to_mapping(table) for table in result.tables],
         "analysis_version": basis.analysis_version,

@@ -163,8 +163,8 @@ def _card(folder: Path, serial: str) -> GearCard:
 
 
 def _absolute(name: str, text: object) -> object:
-    """A parameter file by its whole path, so that the card does not depend on where it was written from."""
-    if name == "part" and isinstance(text, str) and text.lower().endswith(".toml"):
+    """A file by its whole path, so that the card does not depend on where it was written from."""
+    if name in ("part", "acceptance") and isinstance(text, str) and text.lower().endswith(".toml"):
         return str(Path(text).resolve())
     return text
 

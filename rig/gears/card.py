@@ -47,6 +47,9 @@ class GearFacts:
 
     serial: Annotated[str, Help("serial number, as it is engraved on the gear")]
     part: Annotated[str, Help("parameter set of the gear: csf-25-120, or a TOML file")] = ""
+    acceptance: Annotated[
+        str, Help("what the gear must show: a shipped acceptance file, or a TOML file")
+    ] = ""
     mounting: Annotated[
         str, Help("which member is fixed: circular spline (ratio N) or flexspline (ratio N + 1)")
     ] = ""
@@ -87,11 +90,12 @@ REQUIRED = ("part", "mounting")
 """Without these a card cannot be confirmed: limits and directions rest on them."""
 EXPECTED = ("lubricant", "hours", "load_inertia_kg_m2", "load_inertia_uncertainty_kg_m2")
 """A confirmed card without these is worth a warning: results are told with them."""
-NOT_CONFIRMED = frozenset({"hours", "hours_counted"})
+NOT_CONFIRMED = frozenset({"hours", "hours_counted", "acceptance"})
 CONFIRMED_FIELDS = tuple(
     f.name for f in dataclasses.fields(GearFacts) if f.name not in NOT_CONFIRMED
 )
-"""Fields whose change asks for a new confirmation; hours grow by themselves."""
+"""Fields whose change asks for a new confirmation; hours grow by themselves, and what a gear must show changes
+nothing about how it turns."""
 
 EventKind = Literal["changed", "confirmed"]
 
@@ -302,12 +306,12 @@ def gear_of(facts: GearFacts, otherwise: HarmonicDrive) -> HarmonicDrive:
 
 def conditions_of(card: GearCard) -> dict[str, Any]:
     """What a run file keeps of a card among its conditions (/entry/sample): every fact that stands
-    nowhere else there, the
+    nowhere else there (but not what the gear must show: no verdict depends on a sealed file), the
     confirmation, and the warning where the card was not confirmed."""
     conditions = {
         name: value
         for name, value in stated_facts(card.facts).items()
-        if name not in ("serial", "part", "mounting")
+        if name not in ("serial", "part", "mounting", "acceptance")
     }
     confirmation = card.confirmation
     if card.is_confirmed and confirmation is not None:

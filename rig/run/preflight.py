@@ -22,11 +22,12 @@ from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE, Chann
 from drivers.drive_state import POWERED_STATES, DriveState, drive_state
 from drivers.port import DriveLimits
 from drivers.samples import CycleFlag
-from experiments.result import VERIFIED_PROVENANCES
 from rig.errors import LimitError, RigError
 from rig.run.dry_run import PlannedRun
 
 CheckResult = Literal["ok", "warning", "failed"]
+VERIFIED_PROVENANCES = ("catalogue", "measured", "identified", "published")
+"""Ratings of any other provenance are worth a warning."""
 
 STANDING_TIME = 0.2
 """s with the servo off before anything moves."""

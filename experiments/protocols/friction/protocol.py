@@ -69,10 +69,10 @@ from experiments.protocols.friction.points import (
     reproducibility,
     spread_of,
 )
-from experiments.protocols.friction.quantities import QUANTITIES, at_reference
+from experiments.protocols.friction.quantities import QUANTITIES
 from experiments.protocols.friction.temperature import DRY, VISCOUS
 from experiments.recording import Recording
-from experiments.result import Covariance, Result, Verdict, judge_upper
+from experiments.result import Covariance, Result
 from experiments.steps.vocabulary import (
     HoldRevolutions,
     HoldTime,
@@ -86,7 +86,6 @@ from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE, PaperFigure, Term
 from model.friction import TorqueBalance, friction_torque
 from model.gear import HarmonicDrive, Origin
 from model.identify.common_errors import UNREPEATED, Spread
-from model.identify.estimate import Estimate
 from model.identify.friction import (
     LARGEST_REDUCED_CHI_SQUARE,
     FrictionFit,
@@ -320,7 +319,6 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         estimates=estimates,
         metrics=metrics,
         warnings=(*measured.warnings, *fit.warnings),
-        verdicts=_verdicts(fit, estimates, evidence.gear),
         plots=friction_plots(fit, brought.holds, measured.bracket, measured.tare),
         tables=(
             fit_table(fit),
@@ -457,30 +455,6 @@ def _housing_temperature(measured: MeasuredFriction) -> dict[str, float]:
         "housing_temperature": float(temperature.mean()),
         "housing_temperature_span": float(np.ptp(temperature)),
     }
-
-
-def _verdicts(
-    fit: FrictionFit, estimates: dict[str, Estimate], gear: HarmonicDrive
-) -> tuple[Verdict, ...]:
-    """The largest running torque at the catalogue's speeds against the catalogue's value, if it is the gear's alone."""
-    every = [e for name, e in estimates.items() if name.startswith("running_torque_")]
-    brought = [e for e in every if e.name == at_reference(e.name.removesuffix(at_reference("")))]
-    judged = brought or every
-    if fit.subject != "gear" or not judged:
-        return ()
-    worst = max(judged, key=lambda e: e.value)
-    limit = gear.value("ratings.running_torque")
-    definition = (
-        "torque that keeps the input turning at a constant speed, nothing on the "
-        "output; largest of the speeds run" + (", at 20 °C" if brought else "")
-    )
-    rpm = worst.name.removeprefix("running_torque_").partition("_")[0]
-    name = f"no-load running torque at {rpm} r/min" + (", 20 °C" if brought else "")
-    return (
-        judge_upper(
-            name, definition, worst, limit.value, limit.origin.provenance, limit.origin.source
-        ),
-    )
 
 
 def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:

@@ -53,7 +53,7 @@ from experiments.protocols.kinematic_error.plots import (
 from experiments.protocols.kinematic_error.quantities import QUANTITIES
 from experiments.quantity import quantity_of
 from experiments.recording import Recording, Segment
-from experiments.result import Covariance, Result, Verdict, judge_upper, way_of
+from experiments.result import Covariance, Result, way_of
 from experiments.steps.vocabulary import HoldRevolutions, Mark, SegmentLabel, Step
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import TorqueZero, torque_zero
@@ -272,11 +272,6 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             for name, e in relation.estimates.items()
         }
         options["figure_16"] = relation.sentence
-    verdicts = [
-        _verdict(evidence.gear, name, e)
-        for name, e in estimates.items()
-        if name.startswith("transmission_")
-    ]
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
@@ -284,7 +279,6 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         estimates=estimates,
         metrics=metrics,
         warnings=tuple(dict.fromkeys(warnings)),
-        verdicts=tuple(verdicts),
         plots=kinematic_error_plots(
             [t.fit for t in traverses], combined[0], relation, recording, context.reference
         ),
@@ -455,9 +449,6 @@ def _one_direction(
     metrics = _metrics(context, traverses, [], evidence.gear, abs(traverses[0].segment.setpoint))
     for t in traverses:
         warnings += t.fit.warnings
-    verdicts = (
-        _verdict(evidence.gear, "transmission_accuracy", estimates["transmission_accuracy"]),
-    )
     plots = kinematic_error_plots(
         [t.fit for t in traverses], None, None, context.recording, context.reference
     )
@@ -470,7 +461,6 @@ def _one_direction(
         estimates=estimates,
         metrics=metrics,
         warnings=tuple(dict.fromkeys(warnings)),
-        verdicts=verdicts,
         plots=plots,
         tables=tables,
         options=_options(context),
@@ -550,25 +540,6 @@ def _options(context: _Context) -> dict[str, object]:
         "highest_order": context.highest_order,
         "edge_triggered": context.edge_triggered,
     }
-
-
-def _verdict(gear: HarmonicDrive, name: str, estimate: Estimate) -> Verdict:
-    limit = gear.value("ratings.transmission_accuracy")
-    way = name.removeprefix("transmission_accuracy").replace("_", " ").strip()
-    definition = "largest positive plus largest negative deviation of the fitted curve over one output revolution"
-    verdict = judge_upper(
-        f"transmission accuracy {way}".strip(),
-        f"{definition}, {way or 'one direction'}",
-        estimate,
-        limit.value,
-        limit.origin.provenance,
-        limit.origin.source,
-    )
-    return (
-        replace(verdict, outcome="MARGINAL")
-        if estimate.identifiable == "no" and verdict.outcome == "PASS"
-        else verdict
-    )
 
 
 def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:

@@ -36,7 +36,6 @@ class AnalysedRun:
     changing: Mapping[str, str]
     grounds: Grounds
     estimates: Mapping[str, Mapping[str, Any]]
-    verdicts: Sequence[Mapping[str, Any]]
     housing_temperature: float | None
 
 
@@ -198,6 +197,5 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
         changing=changing,
         grounds=grounds,
         estimates=result.get("parameters", {}),
-        verdicts=result.get("verdicts", ()),
         housing_temperature=float(temperature) if isinstance(temperature, (int, float)) else None,
     )

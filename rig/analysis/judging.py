@@ -1,0 +1,296 @@
+"""The verdict on a gear: what its analyses found, held against what its acceptance file asks. Nothing else judges.
+
+A verdict is worked out whenever it is read, and stored nowhere: it follows from the analyses in force
+and the acceptance file as it is now. It is the worst over the limits of that file: FAIL, then NOT
+JUDGED (a limit that nobody confirmed, a quantity without number or without evidence), MARGINAL,
+PASS. What the file does not list never counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from experiments.quantity import Quantity, quantity_of
+from experiments.result import (
+    DECISION_RULE,
+    WORST_FIRST,
+    Result,
+    Verdict,
+    VerdictOutcome,
+    lacks_number,
+    outcome_against,
+)
+from model.identify.estimate import Estimate
+from rig.analysis.result_data import result_from_mapping
+from rig.analysis.store import Analysis, read_analyses
+from rig.analysis.tare import takes_tare
+from rig.gears.acceptance import Acceptance, Limit
+
+NO_ACCEPTANCE = "no acceptance file is named for this gear: rig gear set {serial} --acceptance FILE"
+"""What is missing where nobody has said what the gear must show."""
+BROUGHT_TO_THE_END = ("COMPLETED", "")
+"""Outcomes of runs whose recording is whole; "" is that of an imported one."""
+
+
+class Analysed(Protocol):
+    """One analysed run as it is judged: a fit, or a stored analysis with what its run file says."""
+
+    @property
+    def result(self) -> Result:
+        """What was found."""
+        ...
+
+    @property
+    def origin(self) -> str:
+        """Where the recording is from: hardware, simulated, replay or imported."""
+        ...
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended."""
+        ...
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the gear."""
+        ...
+
+
+@dataclass(frozen=True)
+class StoredResult:
+    """A stored analysis with what its run file says of the run."""
+
+    result: Result
+    origin: str
+    outcome: str
+    serial: str = ""
+
+
+def stored_result(analysis: Analysis, origin: str, outcome: str, serial: str = "") -> StoredResult:
+    """A stored analysis, ready to be judged."""
+    tables = analysis.content.get("tables", ())
+    return StoredResult(result_from_mapping(analysis.result, tables), origin, outcome, serial)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GearVerdict:
+    """What a gear, or one run of it, is worth: the verdict, why it is not a better one, and every limit with its own.
+
+    `source` names the acceptance file, empty where there is none.
+    """
+
+    verdict: VerdictOutcome
+    because: tuple[str, ...] = ()
+    lines: tuple[Verdict, ...] = ()
+    source: str = ""
+
+    def of(self, result: Result) -> tuple[Verdict, ...]:
+        """The lines that one result had a part in."""
+        return tuple(v for v in self.lines if (v.run, v.kind) == (result.run, result.kind))
+
+    def as_json(self) -> dict[str, Any]:
+        """`verdict`, `because`, and what was judged, as every `--json` tells it."""
+        return {
+            "verdict": self.verdict,
+            "because": list(self.because),
+            "acceptance": self.source,
+            "decision_rule": DECISION_RULE,
+            "limits": [line.as_json() for line in self.lines],
+        }
+
+
+def judge(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
+    """The verdict on a gear by all that its acceptance file lists; `found` are its analyses in force."""
+    if acceptance is None or not acceptance.limits:
+        return _without_limits(found, acceptance)
+    lines = [line for limit in acceptance.limits for line in _lines(limit, found, acceptance)]
+    return _worst(lines, acceptance)
+
+
+def judge_run(one: Analysed, acceptance: Acceptance | None) -> GearVerdict:
+    """The verdict on what one run measures: only the limits on quantities of its kind count."""
+    if acceptance is None or not acceptance.limits:
+        return _without_limits([one], acceptance)
+    of_kind = [limit for limit in acceptance.limits if limit.kind == one.result.kind]
+    if not of_kind:
+        nothing = f"no limit of {acceptance.name} applies to what this run measures"
+        return GearVerdict(verdict="NOT JUDGED", because=(nothing,), source=acceptance.path)
+    lines = [line for limit in of_kind for line in _lines(limit, [one], acceptance)]
+    return _worst(lines, acceptance)
+
+
+def judge_listed(
+    run: Path, kind: str, origin: str, outcome: str, serial: str, acceptance: Acceptance | None
+) -> GearVerdict:
+    """The verdict on what a run measures, by the analysis that lies beside it; NOT JUDGED, and why, where none does.
+
+    `origin`, `outcome` and `serial` are those of the run file. Raises `RunFileError` for a store that cannot be read.
+    """
+    if outcome not in BROUGHT_TO_THE_END:
+        return not_judged(f"the run ended as {outcome}")
+    analysis = _to_judge(run, kind)
+    if analysis is None:
+        return not_judged(f"the run is not analysed: rig fit {run}")
+    return judge_run(stored_result(analysis, origin, outcome, serial), acceptance)
+
+
+def _to_judge(run: Path, kind: str) -> Analysis | None:
+    """The analysis of a run by which it is judged: the newest of its kind."""
+    return next((a for a in reversed(read_analyses(run)) if a.kind == kind), None)
+
+
+def judge_runs(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
+    """The verdict on what these runs show together; one run alone owes only what it measures."""
+    return judge_run(found[0], acceptance) if len(found) == 1 else judge(found, acceptance)
+
+
+def not_judged(*because: str) -> GearVerdict:
+    """The verdict where nothing can be held against anything, with its reasons."""
+    return GearVerdict(verdict="NOT JUDGED", because=because)
+
+
+def worst_of(verdicts: Sequence[VerdictOutcome]) -> VerdictOutcome:
+    """The worst of several verdicts; NOT JUDGED for none."""
+    none: VerdictOutcome = "NOT JUDGED"
+    return next((word for word in WORST_FIRST if word in verdicts), none)
+
+
+def _without_limits(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
+    if acceptance is not None:
+        return not_judged(f"{acceptance.path} lists no limit")
+    serial = next((one.serial for one in found if one.serial), "SERIAL")
+    return not_judged(NO_ACCEPTANCE.format(serial=serial))
+
+
+def _worst(lines: Sequence[Verdict], acceptance: Acceptance) -> GearVerdict:
+    """The worst of these lines, with the reasons of all that are not PASS, the worst first."""
+    verdict = worst_of([line.outcome for line in lines])
+    ranked = sorted(lines, key=lambda line: WORST_FIRST.index(line.outcome))
+    because = dict.fromkeys(_reason(line) for line in ranked if line.outcome != "PASS")
+    return GearVerdict(
+        verdict=verdict, because=tuple(because), lines=tuple(lines), source=acceptance.path
+    )
+
+
+def _reason(line: Verdict) -> str:
+    """Why a line is not PASS: quantity, value ± U, limit and whose limit it is, or what is missing."""
+    run = f" (run {line.run})" if line.run else ""
+    if line.because:
+        return f"{line.name}{run}: {line.because}"
+    value, limit = held_against(line)
+    return f"{line.name}{run}: {line.outcome}, {value}, limit {limit} ({whose_limit(line)})"
+
+
+def held_against(line: Verdict) -> tuple[str, str]:
+    """Value ± U and limit of a line in words, both in the unit of its quantity."""
+    from rig.analysis.wording import laboratory_unit, number, show
+
+    estimate = line.estimate
+    size = estimate.value if math.isfinite(estimate.value) else line.limit
+    factor, unit = laboratory_unit(estimate.unit, size, line.quantity.shown)
+    sign = "≤" if line.is_upper else "≥"
+    limit = f"{sign} {number(line.limit / factor)} {unit}".rstrip()
+    if not math.isfinite(estimate.value):
+        return "–", limit
+    return show(estimate, line.quantity).with_uncertainty, limit
+
+
+def whose_limit(line: Verdict) -> str:
+    """Whose limit it is, and the document in which it stands."""
+    standing, source = line.limit_standing, line.limit_source
+    return source if source.startswith(standing) else f"{standing}: {source}"
+
+
+def _lines(limit: Limit, found: Sequence[Analysed], acceptance: Acceptance) -> Iterator[Verdict]:
+    """A limit against everything that was found of its quantity; one line that says so where that is nothing."""
+    quantity = limit.declared()
+    measured = [
+        (one, name) for one in found if one.result.kind == limit.kind for name in _named(limit, one)
+    ]
+    for one, name in measured:
+        doubt = acceptance.doubt(limit, is_simulated=one.origin == "simulated")
+        estimate = one.result.estimates[name]
+        because = doubt or _lacks(one, estimate, quantity)
+        yield from _sides(limit, one.result.quantity(name), estimate, because, one.result)
+    if not measured:
+        because = _why_nothing(limit, found)
+        ran = next((one.result for one in found if one.result.kind == limit.kind), None)
+        yield from _sides(limit, quantity, _no_number(limit, quantity), because, ran)
+
+
+def _named(limit: Limit, one: Analysed) -> list[str]:
+    """The estimates of a result that a limit is about.
+
+    The one of that name; every member where the limit names a family; both directions where it names
+    what was found of each of them.
+    """
+    estimates = one.result.estimates
+    if limit.name in estimates:
+        return [limit.name]
+    quantities = one.result.quantities
+    families = {limit.name, f"{limit.name}_{{way}}"}
+    return [
+        name
+        for name in estimates
+        if (quantity := quantity_of(quantities, name)) is not None and quantity.name in families
+    ]
+
+
+def _lacks(one: Analysed, estimate: Estimate, quantity: Quantity) -> str:
+    """What an estimate lacks to be judged: a whole run, evidence, the gear's own torque, a number; "" for nothing."""
+    if one.outcome not in BROUGHT_TO_THE_END:
+        return f"the run ended as {one.outcome}"
+    checks = one.result.checks
+    missing = [c.name for c in checks if c.is_evidence and c.outcome == "not checked"]
+    if missing:
+        return f"not checked: {', '.join(missing)}"
+    subject = str(one.result.options.get("torque_is_of", "gear"))
+    if takes_tare(one.result.kind) and subject != "gear":
+        return f"the torque is that of {subject}, not of the gear alone: no tare was subtracted"
+    if quantity.unit and estimate.unit != quantity.unit:
+        return f"it was found in {estimate.unit}, not in {quantity.unit}"
+    return lacks_number(estimate)
+
+
+def _why_nothing(limit: Limit, found: Sequence[Analysed]) -> str:
+    """Why there is nothing to hold against a limit."""
+    if any(one.result.kind == limit.kind for one in found):
+        return f"the {limit.kind} run did not find it"
+    return f"no {limit.kind} run of this gear is analysed"
+
+
+def _no_number(limit: Limit, quantity: Quantity) -> Estimate:
+    return Estimate(
+        name=limit.name,
+        value=math.nan,
+        unit=quantity.unit,
+        low=math.nan,
+        high=math.nan,
+        identifiable="no",
+    )
+
+
+def _sides(
+    limit: Limit, quantity: Quantity, estimate: Estimate, because: str, result: Result | None
+) -> Iterator[Verdict]:
+    """A line for each side that the limit closes."""
+    for value, is_upper in ((limit.upper, True), (limit.lower, False)):
+        if value is None:
+            continue
+        judged = outcome_against(estimate, value, is_upper=is_upper)
+        yield Verdict(
+            quantity=quantity,
+            estimate=estimate,
+            limit=value,
+            limit_source=limit.source,
+            limit_standing=limit.standing,
+            outcome="NOT JUDGED" if because else judged,
+            is_upper=is_upper,
+            because=because,
+            run=result.run if result is not None else "",
+            kind=limit.kind,
+        )

@@ -1,0 +1,375 @@
+"""Acceptance files: what a gear must show to be accepted, limit by limit, each with its source and who confirmed it.
+
+A file is TOML (`format = "acceptance-1"`): `name`, `source` (the document), `use`, and a list
+`[[limits]]`. A limit names one quantity of one protocol ("kinematic-error.transmission_accuracy"),
+its largest and smallest allowed value in a unit that stands beside it, the condition under which the
+document states it, and whose limit it is. It counts as verified once a named person has confirmed
+it against the document; no rank of a source replaces that. A file of `use = "simulated"` judges
+runs of the simulated rig and nothing else; only in it may limits of standing "demonstration" stand.
+
+Inside, limits are SI; the file keeps the unit in which they were stated.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from experiments import catalogue
+from experiments.quantity import Quantity, quantity_of
+from model import quantities
+from model.errors import ParameterError
+from rig.errors import ConfigurationError
+from rig.gears.card import card_for
+
+FORMAT = "acceptance-1"
+"""The value of `format` in the files that this program reads and writes."""
+
+Use = Literal["any", "simulated"]
+Standing = Literal["customer", "catalogue", "statistics", "demonstration"]
+Trust = Literal["A", "B", "C", "derived", ""]
+
+_TOP = ("format", "name", "source", "use", "limits")
+_WORDS: Mapping[str, tuple[str, ...]] = {"standing": get_args(Standing), "trust": get_args(Trust)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """One line of an acceptance file.
+
+    - `quantity`: protocol and quantity, as in "friction.running_torque_2000_rpm".
+    - `upper`, `lower`: largest and smallest allowed value in SI; None where that side is free.
+    - `unit`: the unit in which the file states them.
+    - `condition`: under which the document states the limit: temperature, speed, grease.
+    - `source`: document, edition, page.
+    - `standing`: whose limit it is.
+    - `trust`: of a catalogue's limit: A read in the maker's own page, B transcribed by somebody else
+      and cross-checked, C third party, derived by a rule; "" for every other standing.
+    - `confirmed_by`, `confirmed_on`: who held the limit against its document, and when (YYYY-MM-DD).
+    """
+
+    quantity: str
+    unit: str
+    source: str
+    standing: Standing
+    upper: float | None = None
+    lower: float | None = None
+    condition: str = ""
+    trust: Trust = ""
+    confirmed_by: str = ""
+    confirmed_on: str = ""
+
+    @property
+    def kind(self) -> str:
+        """The protocol whose analysis finds the quantity."""
+        return self.quantity.partition(".")[0]
+
+    @property
+    def name(self) -> str:
+        """The quantity's name among that analysis' estimates."""
+        return self.quantity.partition(".")[2]
+
+    @property
+    def is_verified(self) -> bool:
+        """Whether a named person has confirmed the limit against its document."""
+        return bool(self.confirmed_by and self.confirmed_on)
+
+    def declared(self) -> Quantity:
+        """What its protocol declares of the quantity. Raises `ConfigurationError` for one that it does not have."""
+        kinds = catalogue.names()
+        if self.kind not in kinds or not self.name:
+            raise ConfigurationError(
+                "names no quantity of a protocol",
+                value=repr(self.quantity),
+                limit=f"PROTOCOL.QUANTITY, with a protocol among {', '.join(kinds)}",
+            )
+        declared = catalogue.load(self.kind).quantities
+        found = quantity_of(declared, self.name)
+        if found is None:
+            raise ConfigurationError(
+                "is a quantity that this protocol does not find",
+                value=repr(self.quantity),
+                limit=", ".join(f"{self.kind}.{q.name}" for q in declared if q.is_key),
+            )
+        return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acceptance:
+    """What a gear must show: the limits of one acceptance file, in their order.
+
+    `path` is the file, or the name of one that comes with the program.
+    """
+
+    name: str
+    source: str
+    use: Use
+    limits: tuple[Limit, ...]
+    path: str
+
+    def doubt(self, limit: Limit, *, is_simulated: bool) -> str:
+        """Why this limit cannot judge a run, of the simulated rig or not; "" where it can."""
+        if self.use == "simulated" and not is_simulated:
+            return f"{self.name} is for simulated rigs only"
+        if limit.is_verified or limit.standing == "demonstration":
+            return ""
+        return f"the limit is not confirmed: nobody has held it against {limit.source}"
+
+
+def load_acceptance(path: str | Path) -> Acceptance:
+    """The acceptance file at `path`. Raises `ConfigurationError` with file, table, key, value, limit and remedy."""
+    try:
+        content = quantities.read_toml(path)
+    except ParameterError as error:
+        raise _refusal(error, "") from error
+    return _acceptance(content, str(path))
+
+
+def shipped_acceptance(name: str) -> Acceptance:
+    """An acceptance file that comes with the program. Raises `ConfigurationError` that lists them for another name."""
+    names = shipped_names()
+    if name not in names:
+        raise ConfigurationError(
+            "no such shipped acceptance file",
+            where="acceptance",
+            value=repr(name),
+            limit=", ".join(names),
+            remedy="Name one of these, or the path of a TOML file.",
+        )
+    text = (_shipped() / f"{name}.toml").read_text(encoding="utf-8")
+    return _acceptance(tomllib.loads(text), name)
+
+
+def shipped_names() -> tuple[str, ...]:
+    """The acceptance files that come with the program."""
+    files = [entry.name for entry in _shipped().iterdir()]
+    return tuple(sorted(name.removesuffix(".toml") for name in files if name.endswith(".toml")))
+
+
+def acceptance_named(text: str) -> Acceptance:
+    """An acceptance file as people name it: a path that ends in .toml, or the name of a shipped one."""
+    return load_acceptance(text) if text.lower().endswith(".toml") else shipped_acceptance(text)
+
+
+def acceptance_for(folder: str | Path, serial: str) -> Acceptance | None:
+    """What the card of a gear says it must show; None without card, or where the card names no file.
+
+    Raises `ConfigurationError` for a card or an acceptance file that cannot be read.
+    """
+    card = card_for(folder, serial)
+    if card is None or not card.facts.acceptance:
+        return None
+    return acceptance_named(card.facts.acceptance)
+
+
+def save_acceptance(acceptance: Acceptance, path: str | Path) -> None:
+    """Write an acceptance file that reads back to the same limits. Raises `ConfigurationError` where it cannot be
+    written."""
+    try:
+        quantities.write_text(acceptance_text(acceptance), path)
+    except ParameterError as error:
+        raise _refusal(error, "") from error
+
+
+def acceptance_text(acceptance: Acceptance) -> str:
+    """An acceptance file as TOML that a person can read and change."""
+    quote = quantities.quote
+    lines = [
+        "# What a gear must show to be accepted. A limit judges once somebody has confirmed it by name.",
+        f"format = {quote(FORMAT)}",
+        f"name = {quote(acceptance.name)}",
+        f"source = {quote(acceptance.source)}",
+        f"use = {quote(acceptance.use)}",
+    ]
+    for limit in acceptance.limits:
+        si = limit.declared().unit
+        lines += ["", "[[limits]]"]
+        for f in dataclasses.fields(limit):
+            value = getattr(limit, f.name)
+            if isinstance(value, float):
+                lines.append(f"{f.name} = {quantities.text_in(value, limit.unit, si)}")
+            elif value:
+                lines.append(f"{f.name} = {quote(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _shipped() -> Any:
+    return resources.files("rig.gears") / "shipped"
+
+
+def _refusal(error: ParameterError | ConfigurationError, before: str) -> ConfigurationError:
+    """The same refusal as one of a configuration, with what stands before its place."""
+    return ConfigurationError(
+        error.what,
+        where=before + error.where,
+        value=error.value,
+        limit=error.limit,
+        remedy=error.remedy,
+    )
+
+
+def _acceptance(content: Mapping[str, Any], path: str) -> Acceptance:
+    """The acceptance of a parsed file."""
+    if content.get("format") != FORMAT:
+        raise ConfigurationError(
+            "is no acceptance file",
+            where=f"{path}: format",
+            value=quantities.shorten(content.get("format")),
+            limit=f'"{FORMAT}"',
+            remedy="Is this the acceptance file of a gear?",
+        )
+    _check_keys(content, _TOP, path, "")
+    words = {key: _text(content, key, path, "") for key in ("name", "source")}
+    use = _word(content, "use", get_args(Use), path, "")
+    rows = content.get("limits", [])
+    if not isinstance(rows, list):
+        raise ConfigurationError(
+            "is no list of limits",
+            where=f"{path}: limits",
+            value=quantities.shorten(rows),
+            remedy="Begin every limit with a line [[limits]].",
+        )
+    limits = tuple(_limit(row, path, f"limits[{place}]", use) for place, row in enumerate(rows))
+    for place, limit in enumerate(limits):
+        if limit.quantity in {earlier.quantity for earlier in limits[:place]}:
+            raise ConfigurationError(
+                "is limited twice",
+                where=f"{path}: limits[{place}].quantity",
+                value=repr(limit.quantity),
+                limit="each quantity once",
+                remedy="Keep one of the two; it may have an upper and a lower value.",
+            )
+    return Acceptance(**words, use=use, limits=limits, path=path)
+
+
+def _limit(row: object, path: str, table: str, use: str) -> Limit:
+    """One limit, in SI."""
+    if not isinstance(row, Mapping):
+        raise ConfigurationError(
+            "is no limit", where=f"{path}: {table}", value=quantities.shorten(row)
+        )
+    _check_keys(row, [f.name for f in dataclasses.fields(Limit)], path, table)
+    words: dict[str, Any] = {
+        key: _text(row, key, path, table) for key in ("quantity", "unit", "source")
+    }
+    words |= {
+        key: _text(row, key, path, table, needed=False) for key in ("condition", "confirmed_by")
+    }
+    words |= {key: _word(row, key, allowed, path, table) for key, allowed in _WORDS.items()}
+    limit = Limit(**words, confirmed_on=_day(row, path, table))
+    try:
+        si = limit.declared().unit
+        bounds = {
+            key: quantities.to_si(
+                quantities.number(row[key], key, f"a number of {limit.unit}"),
+                limit.unit,
+                si,
+                "unit",
+            )
+            for key in ("upper", "lower")
+            if key in row
+        }
+    except ConfigurationError as error:
+        raise _refusal(error, f"{path}: {table}.quantity") from error
+    except ParameterError as error:
+        raise _refusal(error, f"{path}: {table}.") from error
+    limit = dataclasses.replace(limit, **bounds)
+    _check_sense(limit, path, table, use)
+    return limit
+
+
+def _check_sense(limit: Limit, path: str, table: str, use: str) -> None:
+    """Refuse a limit whose parts do not go together."""
+
+    def refuse(key: str, what: str, value: object, allowed: str, remedy: str) -> None:
+        raise ConfigurationError(
+            what, where=f"{path}: {table}.{key}", value=value, limit=allowed, remedy=remedy
+        )
+
+    if limit.upper is None and limit.lower is None:
+        refuse("upper", "limits nothing", None, "upper, lower or both", "Give the limit's value.")
+    if limit.upper is not None and limit.lower is not None and limit.upper < limit.lower:
+        refuse("upper", "is below lower", limit.upper, f">= {limit.lower:g}", "Exchange the two.")
+    if (limit.standing == "catalogue") != bool(limit.trust):
+        refuse(
+            "trust",
+            "is a catalogue's and no other limit's",
+            repr(limit.trust),
+            f"{', '.join(_WORDS['trust'][:-1])} with standing catalogue, left away with any other",
+            "Say how the catalogue's number was come by.",
+        )
+    if limit.standing == "demonstration" and use != "simulated":
+        refuse(
+            "standing",
+            "judges simulated rigs only",
+            "'demonstration'",
+            'a file of use = "simulated"',
+            "State whose limit it is, or the use of the file.",
+        )
+    if bool(limit.confirmed_by) != bool(limit.confirmed_on):
+        missing = "confirmed_on" if limit.confirmed_by else "confirmed_by"
+        remedy = "Name who held the limit against its document, and the day; or leave both away."
+        refuse(missing, "is missing", None, "confirmed_by and confirmed_on together", remedy)
+
+
+def _check_keys(content: Mapping[str, Any], allowed: Any, path: str, table: str) -> None:
+    try:
+        quantities.check_keys(content, allowed, table)
+    except ParameterError as error:
+        raise _refusal(error, f"{path}: ") from error
+
+
+def _place(path: str, table: str, key: str) -> str:
+    return f"{path}: {table}.{key}" if table else f"{path}: {key}"
+
+
+def _text(
+    content: Mapping[str, Any], key: str, path: str, table: str, *, needed: bool = True
+) -> str:
+    """A text of the file, without blanks around it."""
+    text = content.get(key, "")
+    if not isinstance(text, str) or (needed and not text.strip()):
+        raise ConfigurationError(
+            "is missing" if key not in content else "is no text",
+            where=_place(path, table, key),
+            value=quantities.shorten(text) if key in content else None,
+            remedy=f'Write {key} = "...".',
+        )
+    return text.strip()
+
+
+def _word(
+    content: Mapping[str, Any], key: str, allowed: tuple[str, ...], path: str, table: str
+) -> Any:
+    """One of a few words; "" where that is one of them and nothing stands there."""
+    word = content.get(key, "")
+    if word not in allowed:
+        raise ConfigurationError(
+            "is none of the words there are" if key in content else "is missing",
+            where=_place(path, table, key),
+            value=quantities.shorten(word) if key in content else None,
+            limit=", ".join(name for name in allowed if name),
+        )
+    return word
+
+
+def _day(row: Mapping[str, Any], path: str, table: str) -> str:
+    """The day of a confirmation, "" for none; TOML's own dates are dates as well."""
+    day = row.get("confirmed_on", "")
+    if day == "":
+        return ""
+    try:
+        return (day if type(day) is date else date.fromisoformat(day)).isoformat()
+    except (TypeError, ValueError):
+        raise ConfigurationError(
+            "is no date",
+            where=f"{path}: {table}.confirmed_on",
+            value=quantities.shorten(day),
+            limit="YYYY-MM-DD",
+        ) from None
