@@ -140,7 +140,7 @@ def test_a_run_that_is_none(rig: Rig, tmp_path: Path, command: str) -> None:
     (tmp_path / "x.h5").write_bytes(b"no run at all")
     assert rig(command, tmp_path / "x.h5", "--json") == 6
     assert "x.h5" in rig.err
-    assert rig.out == ""
+    assert json.loads(rig.out)["error"]["kind"] == "RunFileError"
     assert not list(tmp_path.glob("*.csv"))
 
 
