@@ -57,6 +57,21 @@ class Fit:
     """Of a stored fit: the tare that was subtracted, as its analysis names it."""
 
     @property
+    def origin(self) -> str:
+        """Where the recording is from: hardware, simulated, replay or imported."""
+        return self.recording.metadata.origin
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended."""
+        return self.recording.metadata.outcome
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the gear."""
+        return self.recording.metadata.gear_serial
+
+    @property
     def evidence(self) -> Evidence:
         """What its analysis leaned on."""
         return _evidence(self.gear, self.tare, self.settings, self.largest_missed_share)

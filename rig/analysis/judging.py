@@ -1,4 +1,4 @@
-"""The verdict on a gear: what its analyses found, held against what its acceptance file asks. The only place that judges.
+"""The verdict on a gear: what its analyses found, held against what its acceptance file asks. Nothing else judges.
 
 A verdict is worked out whenever it is read, and stored nowhere: it follows from the analyses in force
 and the acceptance file as it is now. It is the worst over the limits of that file: FAIL, then NOT
@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 from experiments.quantity import Quantity, quantity_of
@@ -24,6 +25,7 @@ from experiments.result import (
     outcome_against,
 )
 from model.identify.estimate import Estimate
+from rig.analysis.in_force import in_force
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
@@ -122,6 +124,32 @@ def judge_run(one: Analysed, acceptance: Acceptance | None) -> GearVerdict:
     return _worst(lines, acceptance)
 
 
+def judge_listed(
+    run: Path, kind: str, origin: str, outcome: str, serial: str, acceptance: Acceptance | None
+) -> GearVerdict:
+    """The verdict on what a run measures, by the analysis that lies beside it; NOT JUDGED, and why, where none does.
+
+    `origin`, `outcome` and `serial` are those of the run file. Raises `RunFileError` for a store that cannot be read.
+    """
+    if outcome not in BROUGHT_TO_THE_END:
+        return not_judged(f"the run ended as {outcome}")
+    analysis = _to_judge(run, kind)
+    if analysis is None:
+        return not_judged(f"the run is not analysed: rig fit {run}")
+    return judge_run(stored_result(analysis, origin, outcome, serial), acceptance)
+
+
+def _to_judge(run: Path, kind: str) -> Analysis | None:
+    """The analysis of a run by which it is judged: the one in force, unless it is of another file of this name."""
+    found = in_force(run, kind)
+    return found.analysis if found.of_this_run else None
+
+
+def judge_runs(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
+    """The verdict on what these runs show together; one run alone owes only what it measures."""
+    return judge_run(found[0], acceptance) if len(found) == 1 else judge(found, acceptance)
+
+
 def not_judged(*because: str) -> GearVerdict:
     """The verdict where nothing can be held against anything, with its reasons."""
     return GearVerdict(verdict="NOT JUDGED", because=because)
@@ -129,7 +157,10 @@ def not_judged(*because: str) -> GearVerdict:
 
 def worst_of(verdicts: Sequence[VerdictOutcome]) -> VerdictOutcome:
     """The worst of several verdicts; NOT JUDGED for none."""
-    return next((word for word in WORST_FIRST if word in verdicts), "NOT JUDGED")
+    for word in WORST_FIRST:
+        if word in verdicts:
+            return word
+    return "NOT JUDGED"
 
 
 def _without_limits(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
@@ -180,16 +211,16 @@ def whose_limit(line: Verdict) -> str:
 
 def _lines(limit: Limit, found: Sequence[Analysed], acceptance: Acceptance) -> Iterator[Verdict]:
     """A limit against everything that was found of its quantity; one line that says so where that is nothing."""
-    quantity = limit.declared()
     measured = [
         (one, name) for one in found if one.result.kind == limit.kind for name in _named(limit, one)
     ]
     for one, name in measured:
         doubt = acceptance.doubt(limit, is_simulated=one.origin == "simulated")
-        estimate = one.result.estimates[name]
+        estimate, quantity = one.result.estimates[name], one.result.quantity(name)
         because = doubt or _lacks(one, estimate, quantity)
-        yield from _sides(limit, one.result.quantity(name), estimate, because, one.result)
+        yield from _sides(limit, quantity, estimate, because, one.result)
     if not measured:
+        quantity = limit.declared()
         because = _why_nothing(limit, found)
         ran = next((one.result for one in found if one.result.kind == limit.kind), None)
         yield from _sides(limit, quantity, _no_number(limit, quantity), because, ran)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.commands.judgement import AcceptanceFile, RequireVerdict, judged_run, worst_code
 from rig.commands.terminal import console, echo, print_json, ruled_table
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from rig.analysis.adopt import Comparison
     from rig.analysis.fit import Fit
     from rig.analysis.fit_run import Choices
+    from rig.analysis.judging import GearVerdict
 
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
@@ -83,6 +85,7 @@ def fit(
         bool,
         typer.Option(
             "--store/--no-store",
+            " /--no-keep",
             help="Append the analysis to the store beside the run, or leave no trace.",
         ),
     ] = True,
@@ -96,16 +99,19 @@ def fit(
         ),
     ] = None,
     by: Annotated[str, typer.Option("--by", metavar="NAME", help="Who chooses, with --keep.")] = "",
+    acceptance: AcceptanceFile = "",
+    require_verdict: RequireVerdict = False,
     json: Json = False,
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
 
     Kinds: kinematic-error, friction, velocity-steps, motor-tare, warm-up, starting-torque, home,
     and for any recording motion (inertia and friction), revolution (Fourier series per revolution),
-    order-spectrum. The exit code is the verdict: 0 PASS or nothing to judge, 1 FAIL, 3 MARGINAL.
+    order-spectrum. The exit code is the verdict by the acceptance file of the gear:
+    0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL, 7 NOT JUDGED under --require-verdict.
     """
     from rig.analysis.fit_run import fit_run
-    from rig.exits import code_of_outcome
+    from rig.exits import code_of_verdict
 
     kind, runs = split_kind(words)
     if keep is not None:
@@ -123,11 +129,14 @@ def fit(
         adopted = adopt(fits[-1].gear, [f.result for f in fits])
         save_gear(adopted.gear, parameters_out)
         notes.append(f"{parameters_out}: {len(adopted.changed)} identified values written")
+    verdicts = [judged_run(one, one.path, acceptance) for one in fits]
     if json:
-        print_json(_as_object(fits, plots=plots))
+        print_json(_as_object(fits, verdicts, plots=plots))
     else:
-        _print_fits(fits, notes)
-    raise typer.Exit(max((code_of_outcome(f.result.outcome) for f in fits), key=_severity))
+        _print_fits(fits, verdicts, notes)
+    raise typer.Exit(
+        worst_code([code_of_verdict(v.verdict, required=require_verdict) for v in verdicts])
+    )
 
 
 def compare(
@@ -269,11 +278,6 @@ def _read(text: str) -> Any:
     return numbers[0] if len(numbers) == 1 else tuple(numbers)
 
 
-def _severity(code: int) -> int:
-    """FAIL is worse than MARGINAL is worse than PASS."""
-    return {0: 0, 3: 1, 1: 2}.get(code, 3)
-
-
 def _store(fits: tuple[Fit, ...]) -> list[str]:
     """Append every fit to the store beside its run; a folder that cannot be written is said, not fatal."""
     from datetime import datetime
@@ -295,14 +299,24 @@ def _store(fits: tuple[Fit, ...]) -> list[str]:
     return notes
 
 
-def _as_object(fits: tuple[Fit, ...], *, plots: bool = False) -> dict[str, Any]:
+def _as_object(
+    fits: tuple[Fit, ...], verdicts: Sequence[GearVerdict], *, plots: bool = False
+) -> dict[str, Any]:
+    told = [
+        {
+            **_with_drawings(one, wanted=plots),
+            "outcome": one.outcome,
+            **verdict.as_json(),
+        }
+        for one, verdict in zip(fits, verdicts, strict=True)
+    ]
     if len(fits) == 1:
-        return _with_drawings(fits[0], wanted=plots)
+        return told[0]
     from rig.analysis.adopt import pooled
 
     spread = pooled([f.result for f in fits])
     return {
-        "fits": [_with_drawings(f, wanted=plots) for f in fits],
+        "fits": told,
         "pooled": {p.key: p.as_json() for p in spread},
     }
 
@@ -323,7 +337,7 @@ def _with_drawings(fit: Fit, *, wanted: bool) -> dict[str, Any]:
     }
 
 
-def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
+def _print_fits(fits: tuple[Fit, ...], verdicts: Sequence[GearVerdict], notes: list[str]) -> None:
     from experiments.quantity import quantity_of
     from rig.analysis.wording import number
     from rig.commands.result_tables import print_result
@@ -331,7 +345,7 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
     from rig.present.figure import WATERMARKS
 
     out = console()
-    for one in fits:
+    for one, verdict in zip(fits, verdicts, strict=True):
         metadata = one.recording.metadata
         word = WATERMARKS.get(metadata.origin, metadata.origin.upper())
         gear = f", gear {metadata.gear_serial}" if metadata.gear_serial else ""
@@ -339,6 +353,7 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
             out,
             one.result,
             f"{one.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}",
+            verdict,
         )
         for words in one.tare_words:
             out.print(Text.assemble(("  tare  ", "bold"), words))

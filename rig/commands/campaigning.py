@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.result_tables import print_gear_verdict
+from rig.commands.result_tables import print_verdict
 from rig.commands.running import Config, Json, MountedHow, Parameters, SampleRate
 from rig.commands.terminal import console, outliving_the_terminal, print_json, ruled_table
 from rig.commands.worlds import (
@@ -289,7 +289,7 @@ def _print_report(report: CampaignReport, certificate: list[str]) -> None:
         out.print(f"analysis: {problem}", style="red", soft_wrap=True)
     state = "" if report.is_complete else "INCOMPLETE, "
     out.print(f"{state}outcome {report.outcome}", style="bold")
-    print_gear_verdict(out, report.verdict)
+    print_verdict(out, report.verdict)
     for path in certificate:
         out.print(f"certificate  {path}", soft_wrap=True)
     if not report.is_complete:

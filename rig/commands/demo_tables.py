@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from experiments.result import Result
 from experiments.truth import TruthRow
 from rig.analysis.wording import number, show
-from rig.commands.result_tables import print_gear_verdict, print_warnings
+from rig.commands.result_tables import print_verdict, print_warnings
 from rig.commands.terminal import console, ruled_table
 from rig.commands.visible import Text
 from rig.trial.demo.chain import ORDER, Demonstration, Finished, Step
@@ -133,7 +133,7 @@ def print_demonstration(demonstration: Demonstration) -> None:
     _print_misses(out, demonstration, results)
     for fit in demonstration.fits:
         print_warnings(out, [f"{fit.result.kind}: {w}" for w in fit.result.warnings])
-    print_gear_verdict(out, demonstration.campaign.verdict)
+    print_verdict(out, demonstration.campaign.verdict)
     out.print()
     for name, path in (
         *(("certificate", path) for path in demonstration.certificate),

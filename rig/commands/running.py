@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from rig.commands.judgement import AcceptanceFile, RequireVerdict
 from rig.commands.terminal import outliving_the_terminal, print_json
 from rig.commands.worlds import (
     BenchSeed,
@@ -28,6 +29,7 @@ from rig.commands.worlds import (
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
+    from rig.commands.ending import Ending
     from rig.run.dry_run import PlannedRun
     from rig.run.order import RunReport
     from rig.run.start import RunRequest
@@ -137,6 +139,12 @@ def run(
     block: Annotated[
         int, typer.Option(min=1, max=100_000, help="Cycles per exchange; changes no count.")
     ] = 2000,
+    acceptance: AcceptanceFile = "",
+    require_verdict: RequireVerdict = False,
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="All that was found and every margin, not only what matters."),
+    ] = False,
     json: Json = False,
     events: Annotated[
         bool,
@@ -201,22 +209,42 @@ def run(
         request = _repeated(context, repeat, request)
     planned = plan_request(request)
     request = confirmed(request, planned, asks=not (json or events or stdin_control))
-    from rig.exits import code_of_outcome
+    from rig.commands.ending import ending_of
+    from rig.exits import ERROR, code_of_run
+
+    def ended(report: RunReport) -> Ending:
+        return ending_of(report, request, acceptance)
 
     if events or stdin_control:
-        report = _run_for_a_program(request, planned, events, stdin_control)
+        report, ending = _run_for_a_program(request, planned, ended, events, stdin_control)
     else:
         report = _run_with_signals(request, planned, quiet=json)
+        ending = ended(report)
     if events:
         pass
     elif json:
-        print_json(report.as_json())
+        print_json({**report.as_json(), **ending.as_json()})
     else:
-        print_report(report, option_of(request.backend, request.output, request.configuration))
-    raise typer.Exit(code_of_outcome(report.outcome))
+        bench = option_of(request.backend, request.output, request.configuration)
+        print_report(report, bench, ending, everything=everything)
+    if ending.crash:
+        raise typer.Exit(ERROR)
+    raise typer.Exit(code_of_run(report.outcome, ending.verdict.verdict, required=require_verdict))
 
 
-REPEATABLE = ("output", "operator", "config", "block", "json", "events", "stdin_control", "repeat")
+REPEATABLE = (
+    "output",
+    "operator",
+    "config",
+    "block",
+    "acceptance",
+    "require_verdict",
+    "everything",
+    "json",
+    "events",
+    "stdin_control",
+    "repeat",
+)
 """Flags that a repeated run takes; everything else is said by its file."""
 
 
@@ -338,10 +366,15 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
 
 
 def _run_for_a_program(
-    request: RunRequest, planned: PlannedRun, events: bool, stdin_control: bool
-) -> RunReport:
+    request: RunRequest,
+    planned: PlannedRun,
+    ended: Callable[[RunReport], Ending],
+    events: bool,
+    stdin_control: bool,
+) -> tuple[RunReport, Ending]:
     """A run whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
+    from rig.analysis.store import json_ready
     from rig.commands.prompting import terminal_ask
     from rig.run.remote import RemoteOperator, lines_of
     from rig.run.start import run_request
@@ -365,5 +398,6 @@ def _run_for_a_program(
             on_progress=remote.on_progress,
             on_event=remote.on_event,
         )
-    remote.report(report)
-    return report
+    ending = ended(report)
+    remote.report(json_ready({**report.as_json(), **ending.as_json()}))
+    return report, ending

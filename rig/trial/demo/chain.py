@@ -263,7 +263,14 @@ def _conclude(
     save_gear(adopted.gear, parameters)
     note = "Made by rig demo: the whole chain, from plan to report, on the simulated rig."
     created = order.created.replace("T", " ", 1)
-    report = write_report(fits, order.folder / REPORT, created=created, truth=truth, note=note)
+    report = write_report(
+        fits,
+        order.folder / REPORT,
+        created=created,
+        verdict=campaign.verdict,
+        truth=truth,
+        note=note,
+    )
     certificate = write_certificate(
         order.folder,
         order.serial,

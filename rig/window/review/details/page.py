@@ -12,12 +12,16 @@ from PySide6.QtWidgets import QStackedLayout, QTabWidget, QTextBrowser, QWidget
 from experiments import catalogue
 from experiments.recording import Recording
 from experiments.result import Result
+from model.errors import WordedError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
+from rig.analysis.in_force import in_force
+from rig.analysis.judging import GearVerdict, StoredResult, judge_run, not_judged
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.tare import takes_tare
 from rig.errors import RigError
+from rig.gears.acceptance import acceptance_for
 from rig.library.index import IndexedRun
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.read import follow, open_run
@@ -257,11 +261,11 @@ class RunDetails(QWidget):
         return self.recording.metadata.gear if self.recording is not None else None
 
     def _show_newest(self) -> None:
-        """The newest stored analysis, and the fit bar set as it was made."""
+        """The analysis in force, and the fit bar set as it was made."""
         assert self.path is not None
         assert self.recording is not None
         metadata = self.recording.metadata
-        newest = self._analyses[-1] if self._analyses else None
+        newest = self._in_force()
         used = order_of(newest, self.path, self._sealed_runs()) if newest else None
         tares = [r for r in tares_among(self._library, metadata.origin) if r.path != self.path]
         self.bar.show_run(self.path, metadata.experiment, tares, used)
@@ -276,6 +280,11 @@ class RunDetails(QWidget):
         else:
             self.results.show_nothing("Nothing has been identified from this run yet. Press Fit.")
 
+    def _in_force(self) -> Analysis | None:
+        """The analysis that everybody reads of this run."""
+        assert self.path is not None
+        return in_force(self.path).analysis if self._analyses else None
+
     def _sealed_runs(self) -> Mapping[str, Path]:
         return {run.run_id: run.path for run in self._library if run.state == "sealed"}
 
@@ -285,12 +294,30 @@ class RunDetails(QWidget):
         except (ValueError, KeyError, TypeError) as error:
             self.results.show_nothing(f"Analysis {analysis.number} cannot be read: {error}.")
             return
-        self.results.show_result(result, self._gear)
+        self.results.show_result(result, self._gear, self._verdict_on(result))
         heading = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
         tare = str(analysis.content.get("tare", {}).get("run", ""))
-        self.bar.say(f"{heading}, {analysis.kind}{self._tare_words(tare, analysis.kind)}.")
+        said = f"{heading}, {analysis.kind}{self._tare_words(tare, analysis.kind)}."
+        assert self.path is not None
+        found = in_force(self.path, analysis.kind)
+        stale = found.stale if found.number == analysis.number else ()
+        if stale:
+            self.bar.say(f"{said} Stale: {'; '.join(stale)}. Press Fit to renew it.", "warning")
+        else:
+            self.bar.say(said)
         if front:
             self.tabs.setCurrentWidget(self.results)
+
+    def _verdict_on(self, result: Result) -> GearVerdict:
+        """What this analysis is worth by the acceptance file of the gear, as it is now."""
+        assert self.path is not None
+        assert self.recording is not None
+        m = self.recording.metadata
+        try:
+            acceptance = acceptance_for(self.path.parent, m.gear_serial)
+        except WordedError as error:
+            return not_judged(f"the acceptance file cannot be read: {error}")
+        return judge_run(StoredResult(result, m.origin, m.outcome, m.gear_serial), acceptance)
 
     def _tare_words(self, tare: str, kind: str) -> str:
         """Which tare an analysis was made with; nothing for a kind that has none."""
@@ -337,13 +364,13 @@ class RunDetails(QWidget):
         return ""
 
     def _ask_figures(self) -> None:
-        """The figures of the newest analysis, worked out again without leaving a trace."""
+        """The figures of the analysis in force, worked out again without leaving a trace."""
         assert self.path is not None
         why = self._why_no_figures()
         if why or self.desk.is_running:
             self.figure_hint.setText(why or self.figure_hint.text())
             return
-        newest = self._analyses[-1] if self._analyses else None
+        newest = self._in_force()
         order = (
             order_of(newest, self.path, self._sealed_runs())
             if newest
@@ -366,7 +393,7 @@ class RunDetails(QWidget):
             f"Fitted as {result.kind}{self._tare_words(tare, result.kind)}." if order.keep else ""
         )
         self._set_figures(result.plots, "" if result.plots else "This fit has no figures.")
-        self.results.show_result(result, self._gear)
+        self.results.show_result(result, self._gear, self._verdict_on(result))
         if order.keep:
             self._read_analyses()
 
