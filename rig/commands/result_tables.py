@@ -68,13 +68,6 @@ def print_verdict(out: Console, verdict: GearVerdict) -> None:
         out.print(Text(f"    by {verdict.source}", style="dim"), soft_wrap=True)
 
 
-def print_gear_verdict(out: Console, verdict: GearVerdict) -> None:
-    """The one verdict on a gear, and why it is not a better one."""
-    out.print(Text.assemble("verdict  ", (verdict.verdict, VERDICT_STYLE[verdict.verdict])))
-    for reason in verdict.because:
-        out.print(Text(f"  {reason}"), soft_wrap=True)
-
-
 def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
     """Warnings, each on its own line."""
     for warning in warnings:
