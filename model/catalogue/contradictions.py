@@ -74,7 +74,9 @@ def not_compared(gear: HarmonicDrive) -> str:
     """Why the set could not be held against a table; "" where it was."""
     product = product_of(gear)
     if product is None:
-        return f"{gear.name!r} is no part number (SERIES-SIZE-RATIO-UNIT): not held against any table"
+        return (
+            f"{gear.name!r} is no part number (SERIES-SIZE-RATIO-UNIT): not held against any table"
+        )
     if product.series not in SERIES or of_product(product, "rated_torque") is None:
         return f"no table has {product}: its ratings were not held against any"
     return ""

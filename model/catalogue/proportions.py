@@ -121,9 +121,7 @@ def gear_of_product(product: Product, stated: Mapping[str, tuple[float, Origin]]
 def open_questions(gear: HarmonicDrive) -> tuple[str, ...]:
     """Of the nameplate's values those that are only assumed or recalled: somebody should look."""
     origins = gear.origins
-    return tuple(
-        path for path in NAMEPLATE if origins[path].provenance in ("assumed", "recalled")
-    )
+    return tuple(path for path in NAMEPLATE if origins[path].provenance in ("assumed", "recalled"))
 
 
 def _check_size(product: Product) -> None:

@@ -115,9 +115,7 @@ def read_product(text: str) -> Product:
 @functools.cache
 def sources() -> dict[str, Source]:
     """The documents of the table by their id."""
-    return {
-        r["id"]: Source(r["rank"], r["document"], r["found"]) for r in _content("sources.csv")
-    }
+    return {r["id"]: Source(r["rank"], r["document"], r["found"]) for r in _content("sources.csv")}
 
 
 def _content(name: str) -> Iterable[dict[str, str]]:
