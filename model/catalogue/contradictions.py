@@ -19,7 +19,7 @@ from model.gear import HarmonicDrive
 from model.stiffness import drive_stiffness
 
 SAME_MODULE = 0.02
-"""Share by which the modules of the two splines may differ."""
+"""Share by which (d_c - d_f)/(Z_c - Z_f) and d_f/Z_f may differ, which are one module."""
 SAME_SIZE = 0.05
 """Share by which the diameter may differ from that of the size in the name: gears of size 25 have 62 to 65 mm."""
 SAME_RATING = 0.03
@@ -97,14 +97,15 @@ def _teeth(gear: HarmonicDrive) -> Iterator[Contradiction]:
             "2: the wave generator has two lobes",
             "Count the teeth, or take Z_f = 2 N and Z_c = 2 N + 2.",
         )
-    inner = geometry.flexspline_diameter / teeth.flexspline
-    outer = geometry.circular_spline_diameter / teeth.circular_spline
-    if abs(outer - inner) > SAME_MODULE * inner:
+    module = geometry.flexspline_diameter / teeth.flexspline
+    between = (geometry.circular_spline_diameter - geometry.flexspline_diameter) / difference
+    if abs(between - module) > SAME_MODULE * module:
+        expected = geometry.flexspline_diameter + module * difference
         yield Contradiction(
             "teeth against diameters",
             "geometry.circular_spline_diameter",
-            f"{geometry.circular_spline_diameter * 1e3:.5g} mm, module {outer * 1e3:.4g} mm",
-            f"{inner * teeth.circular_spline * 1e3:.5g} mm = d_f Z_c/Z_f, module {inner * 1e3:.4g} mm",
+            f"{geometry.circular_spline_diameter * 1e3:.7g} mm, module {between * 1e3:.4g} mm",
+            f"{expected * 1e3:.7g} mm = d_f Z_c/Z_f, module {module * 1e3:.4g} mm",
             "Both splines have one module: correct teeth or diameters.",
         )
 
