@@ -22,7 +22,7 @@ from rig.commands import (
     library,
     modelling,
     motors,
-    previewing,
+    planning,
     reporting,
     running,
     simulating,
@@ -43,8 +43,7 @@ app = typer.Typer(
 
 PANELS = {
     "At the rig": (
-        running.plan,
-        previewing.preview,
+        planning.plan,
         doctoring.doctor,
         running.run,
         window.live,
