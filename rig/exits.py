@@ -1,34 +1,43 @@
-"""What an ending means to whoever called: one exit code and one sentence for every outcome and every error.
+"""What an ending means to whoever called: one exit code for every outcome, verdict and error.
+
 
 | code | meaning |
 |---|---|
-| 0 | done, or the verdict is PASS |
-| 1 | the verdict is FAIL |
+| 0 | done; of a gear: PASS, or NOT JUDGED |
+| 1 | FAIL: a quantity breaks its limit by more than its expanded uncertainty |
 | 2 | usage: an argument, a parameter, a plan or a configuration that cannot be accepted; nothing has moved |
-| 3 | the verdict is MARGINAL |
+| 3 | MARGINAL: a limit lies inside the expanded uncertainty |
 | 4 | ABORTED by the operator |
 | 5 | TRIPPED by the supervisor |
-| 6 | ERROR: a file, a device or the program itself |
-| 7 | BUSY: another process has this bench; nothing was connected |
+| 6 | ERROR or INTERRUPTED: a file, a device or the program itself |
+| 7 | NOT JUDGED, where `--require-verdict` asks for a verdict |
+| 8 | BUSY: another process has this bench; nothing was connected |
+
+First the outcome of the run decides; only of one that was COMPLETED, and of what judges without
+running (fit, report), the verdict on the gear.
 """
 
 from __future__ import annotations
 
 from drivers.errors import DriverError, OtherMasterError
 from experiments.errors import AnalysisError, PlanError
-from model.errors import ModelError, ParameterError
+from model.errors import ModelError, ParameterError, WordedError
 from rig.errors import BenchInUseError, ConfigurationError, LimitError, RigError
 
-DONE, FAIL, USAGE, MARGINAL, ABORTED, TRIPPED, ERROR, BUSY = range(8)
+DONE, FAIL, USAGE, MARGINAL, ABORTED, TRIPPED, ERROR, NOT_JUDGED, BUSY = range(9)
 
 CODE_OF_OUTCOME: dict[str, int] = {
-    "PASS": DONE,
-    "FAIL": FAIL,
-    "MARGINAL": MARGINAL,
+    "COMPLETED": DONE,
     "ABORTED": ABORTED,
     "TRIPPED": TRIPPED,
     "ERROR": ERROR,
     "INTERRUPTED": ERROR,
+}
+CODE_OF_VERDICT: dict[str, int] = {
+    "PASS": DONE,
+    "NOT JUDGED": DONE,
+    "MARGINAL": MARGINAL,
+    "FAIL": FAIL,
 }
 
 # The first row whose class fits decides; subclasses stand before their roots.
@@ -50,8 +59,19 @@ CODE_OF_ERROR: tuple[tuple[type[BaseException], int, str], ...] = (
 
 
 def code_of_outcome(outcome: str) -> int:
-    """The exit code of a run's or a verdict's outcome."""
+    """The exit code of a run's outcome."""
     return CODE_OF_OUTCOME.get(outcome, ERROR)
+
+
+def code_of_verdict(verdict: str, *, required: bool = False) -> int:
+    """The exit code of the verdict on a gear; `required`: whether having none is an ending of its own."""
+    return NOT_JUDGED if required and verdict == "NOT JUDGED" else CODE_OF_VERDICT[verdict]
+
+
+def code_of_run(outcome: str, verdict: str, *, required: bool = False) -> int:
+    """The exit code of a run: its outcome, and only where that is COMPLETED the verdict on its gear."""
+    code = code_of_outcome(outcome)
+    return code if code != DONE else code_of_verdict(verdict, required=required)
 
 
 def explain(error: BaseException) -> tuple[int, str] | None:
@@ -61,3 +81,25 @@ def explain(error: BaseException) -> tuple[int, str] | None:
             text = str(error).strip()
             return code, f"{sentence}: {text}" if text else f"{sentence}."
     return None
+
+
+def error_object(error: BaseException, sentence: str) -> dict[str, dict[str, str | None]]:
+    """An error as `--json` tells it: its kind, place, value, limit and remedy, and the whole sentence.
+
+    A part that the error does not know is null.
+    """
+    worded = error if isinstance(error, WordedError) else None
+    return {
+        "error": {
+            "kind": type(error).__name__,
+            "where": _text(worded.where if worded else getattr(error, "param_hint", None)),
+            "value": _text(worded and worded.value),
+            "limit": _text(worded and worded.limit),
+            "remedy": _text(worded and worded.remedy),
+            "message": sentence,
+        }
+    }
+
+
+def _text(part: object) -> str | None:
+    return None if part is None or part == "" else str(part)

@@ -37,9 +37,12 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Run a harmonic-drive test rig, record it, fit a physical model to it, and say how good model and gear are. "
     "With no hardware at all it runs on a simulated rig: try [bold]rig demo[/bold].",
-    epilog="Exit codes: 0 done or PASS, 1 FAIL, 2 usage, 3 MARGINAL, 4 ABORTED, 5 TRIPPED, 6 ERROR, 7 BUSY.",
+    epilog="Exit codes: 0 done, PASS or NOT JUDGED, 1 FAIL, 2 usage, 3 MARGINAL, 4 ABORTED, 5 TRIPPED, "
+    "6 ERROR, 7 NOT JUDGED under --require-verdict, 8 BUSY.",
 )
 
+JSON_FLAGS = frozenset({"--json", "--events"})
+"""Flags of a caller that is a program and reads standard output."""
 PANELS = {
     "At the rig": (
         running.plan,
@@ -96,26 +99,32 @@ def common(
 
 
 def run(arguments: list[str] | None = None) -> None:
-    """Entry point: every ending becomes an exit code, every error one screen."""
+    """Entry point: every ending becomes an exit code, every error one screen, and one JSON object if asked for."""
+    words = sys.argv[1:] if arguments is None else arguments
+    as_json = not JSON_FLAGS.isdisjoint(words)
     try:
-        app(args=arguments, standalone_mode=True)
+        # Where a program reads along, the command-line library must not print its own kind of error.
+        code = app(args=arguments, standalone_mode=not as_json)
+        raise SystemExit(code or exits.DONE)
     except BrokenPipeError:
         # Whoever read our output has gone; there is nobody left to tell.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(exits.DONE) from None
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  the last line before the user
         with outliving_the_terminal():
-            code = _tell(error)
+            code = _tell(error, as_json=as_json)
         raise SystemExit(code) from None
 
 
-def _tell(error: BaseException) -> int:
-    """Print the one-screen message for an error and return its exit code."""
+def _tell(error: BaseException, *, as_json: bool = False) -> int:
+    """Print the one-screen message for an error, as JSON the object of it too, and return its exit code."""
     if os.environ.get("HARMONIC_RIG_DEBUG"):
         traceback.print_exception(error)
-    known = exits.explain(error)
+    known = _refusal(error) or exits.explain(error)
     from rig.analysis.wording import visible
 
+    if as_json:
+        _tell_as_json(error, known[1] if known is not None else str(error))
     if known is not None:
         code, sentence = known
         sys.stderr.write(f"{visible(sentence)}\n")
@@ -129,3 +138,21 @@ def _tell(error: BaseException) -> int:
         f"This is a defect; the details for its report are in {log.name}\n"
     )
     return exits.ERROR
+
+
+def _refusal(error: BaseException) -> tuple[int, str] | None:
+    """Exit code and sentence of what the command-line library refuses; None for any other error."""
+    if isinstance(error, typer.Abort):
+        return exits.ABORTED, "Stopped by the operator."
+    words = getattr(error, "format_message", None)
+    return None if words is None else (exits.USAGE, str(words()))
+
+
+def _tell_as_json(error: BaseException, sentence: str) -> None:
+    """The error as one line of JSON on standard output: a whole object by itself, and the last line of a stream."""
+    import json
+
+    from rig.analysis.wording import visible
+
+    sys.stdout.write(visible(json.dumps(exits.error_object(error, sentence))) + "\n")
+    sys.stdout.flush()

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from experiments import catalogue
 from model.gear_file import gear_to_mapping, shipped_gear
 from rig.analysis.gear_set import GearSource
-from rig.analysis.tare import check_tare
+from rig.analysis.tare import check_tare, takes_tare, tare_kind
 from rig.analysis.tare_search import FoundTare
 from rig.errors import RigError
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
 
 
+LEFT_AWAY = "left away by hand"
+"""Why an analysis has no tare where nobody wanted one."""
 NOT_SEALED = "The run file is not sealed: nothing beside it says that it is what was recorded."
 
 
@@ -55,9 +57,44 @@ class Fit:
     """Of a stored fit: the tare that was subtracted, as its analysis names it."""
 
     @property
+    def origin(self) -> str:
+        """Where the recording is from: hardware, simulated, replay or imported."""
+        return self.recording.metadata.origin
+
+    @property
+    def outcome(self) -> str:
+        """How the run ended."""
+        return self.recording.metadata.outcome
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the gear."""
+        return self.recording.metadata.gear_serial
+
+    @property
     def evidence(self) -> Evidence:
         """What its analysis leaned on."""
         return _evidence(self.gear, self.tare, self.settings, self.largest_missed_share)
+
+    @property
+    def tare_words(self) -> tuple[str, ...]:
+        """The tare that was subtracted, or why there is none and what is lost; nothing where none belongs."""
+        tare = self.tare_as_json()
+        if tare:
+            age = tare.get("age_days")
+            old = f", {age:.1f} days apart" if isinstance(age, (int, float)) and age == age else ""
+            return (f"{tare['run']}{old}, {tare.get('chosen') or 'chosen by hand'}",)
+        if not takes_tare(self.result.kind):
+            return ()
+        lost = f"without a {tare_kind()} the torque is that of motor and gear together"
+        return (*self.found_tare.because, lost)
+
+    @property
+    def lacks_tare(self) -> bool:
+        """Whether a tare would have been subtracted, had there been one; one left away by hand is not missed."""
+        if self.tare_as_json() or not takes_tare(self.result.kind):
+            return False
+        return self.found_tare.because != (LEFT_AWAY,)
 
     def tare_as_json(self) -> dict[str, Any]:
         """The tare that was subtracted, as the analysis store names it; empty without one."""

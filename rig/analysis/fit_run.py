@@ -14,13 +14,12 @@ from experiments import catalogue
 from experiments.errors import AnalysisError
 from experiments.evidence.tare import AGE_LIMIT
 from rig.analysis.adopt import adopt
-from rig.analysis.fit import Fit, fit_recording, kind_of
+from rig.analysis.fit import LEFT_AWAY, Fit, fit_recording, kind_of
 from rig.analysis.gear_set import GearSource, SourceWord, card_set, set_sha256
 from rig.analysis.in_force import in_force
 from rig.analysis.stored_fit import stored_fit
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.analysis.tare_search import (
-    BROUGHT_TO_THEIR_END,
     FoundTare,
     find_tare,
     nearness,
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
 
 TARE_AGE_SETTING = "tare_age_limit"
 """The setting of the checks that says from which age [days] on a tare is widened (`experiments.evidence.tare`)."""
-LEFT_AWAY = "left away by hand"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,8 +86,8 @@ def gear_for(
 ) -> tuple[HarmonicDrive | None, GearSource]:
     """The parameter set for an analysis and where it came from: by hand, else by the gear's card, else the run's own.
 
-    What runs of the same gear identified, and this kind builds on, is written into it. None: the run
-    carries none, and the analysis takes the shipped one.
+    What runs of the same gear identified, and this kind builds on, is written into it, unless it is
+    given by hand. None: the run carries none, and the analysis takes the shipped one.
     """
     metadata = recording.metadata
     by_card = card_set(path.parent, metadata.gear_serial, lambda: metadata.gear)
@@ -98,16 +96,24 @@ def gear_for(
         ("card", by_card),
         ("run", metadata.gear),
     )
-    known = [(word, one) for word, one in sets if one is not None]
-    if not known:
-        return None, GearSource("shipped", metadata.gear_serial)
-    source, gear = known[0]
-    told = GearSource(source, metadata.gear_serial, set_sha256(gear))
+    for source, gear in sets:
+        if gear is not None:
+            told = GearSource(source, metadata.gear_serial, set_sha256(gear))
+            # A set given by hand is taken as it is: whoever gives one wants to see what it says.
+            if source == "by hand":
+                return gear, told
+            return _built_on(recording, path, kind, gear, told)
+    return None, GearSource("shipped", metadata.gear_serial)
+
+
+def _built_on(
+    recording: Recording, path: Path, kind: str, gear: HarmonicDrive, source: GearSource
+) -> tuple[HarmonicDrive, GearSource]:
     basis = _basis_of(recording, path, kind)
     if basis is None:
-        return gear, told
+        return gear, source
     result, builds_on = basis
-    return adopt(gear, [result]).gear, replace(told, builds_on=builds_on)
+    return adopt(gear, [result]).gear, replace(source, builds_on=builds_on)
 
 
 def _basis_of(recording: Recording, path: Path, kind: str) -> tuple[Result, dict[str, Any]] | None:
@@ -134,10 +140,7 @@ def _runs_before(recording: Recording, folder: Path, protocols: Sequence[str]) -
     runs = [
         run
         for run in LibraryIndex(folder).search(gear=metadata.gear_serial, origin=metadata.origin)
-        if run.protocol in protocols
-        and run.state == "sealed"
-        and run.outcome in BROUGHT_TO_THEIR_END
-        and run.mounting == metadata.mounting
+        if run.protocol in protocols and run.is_complete and run.mounting == metadata.mounting
     ]
     return sorted(runs, key=lambda run: nearness(run.start, metadata.start_time))
 

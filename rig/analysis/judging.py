@@ -1,4 +1,4 @@
-"""The verdict on a gear: what its analyses found, held against what its acceptance file asks. The only place that judges.
+"""The verdict on a gear: what its analyses found, held against what its acceptance file asks. Nothing else judges.
 
 A verdict is worked out whenever it is read, and stored nowhere: it follows from the analyses in force
 and the acceptance file as it is now. It is the worst over the limits of that file: FAIL, then NOT
@@ -8,11 +8,11 @@ PASS. What the file does not list never counts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Protocol
-
 import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
 
 from experiments.quantity import Quantity, quantity_of
 from experiments.result import (
@@ -26,7 +26,7 @@ from experiments.result import (
 )
 from model.identify.estimate import Estimate
 from rig.analysis.result_data import result_from_mapping
-from rig.analysis.store import Analysis
+from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.tare import takes_tare
 from rig.gears.acceptance import Acceptance, Limit
 
@@ -123,6 +123,31 @@ def judge_run(one: Analysed, acceptance: Acceptance | None) -> GearVerdict:
     return _worst(lines, acceptance)
 
 
+def judge_listed(
+    run: Path, kind: str, origin: str, outcome: str, serial: str, acceptance: Acceptance | None
+) -> GearVerdict:
+    """The verdict on what a run measures, by the analysis that lies beside it; NOT JUDGED, and why, where none does.
+
+    `origin`, `outcome` and `serial` are those of the run file. Raises `RunFileError` for a store that cannot be read.
+    """
+    if outcome not in BROUGHT_TO_THE_END:
+        return not_judged(f"the run ended as {outcome}")
+    analysis = _to_judge(run, kind)
+    if analysis is None:
+        return not_judged(f"the run is not analysed: rig fit {run}")
+    return judge_run(stored_result(analysis, origin, outcome, serial), acceptance)
+
+
+def _to_judge(run: Path, kind: str) -> Analysis | None:
+    """The analysis of a run by which it is judged: the newest of its kind."""
+    return next((a for a in reversed(read_analyses(run)) if a.kind == kind), None)
+
+
+def judge_runs(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
+    """The verdict on what these runs show together; one run alone owes only what it measures."""
+    return judge_run(found[0], acceptance) if len(found) == 1 else judge(found, acceptance)
+
+
 def not_judged(*because: str) -> GearVerdict:
     """The verdict where nothing can be held against anything, with its reasons."""
     return GearVerdict(verdict="NOT JUDGED", because=because)
@@ -130,7 +155,8 @@ def not_judged(*because: str) -> GearVerdict:
 
 def worst_of(verdicts: Sequence[VerdictOutcome]) -> VerdictOutcome:
     """The worst of several verdicts; NOT JUDGED for none."""
-    return next((word for word in WORST_FIRST if word in verdicts), "NOT JUDGED")
+    none: VerdictOutcome = "NOT JUDGED"
+    return next((word for word in WORST_FIRST if word in verdicts), none)
 
 
 def _without_limits(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:

@@ -9,6 +9,7 @@ from model.gear_file import gear_from_mapping, shipped_gear
 from rig.analysis.fit import Fit
 from rig.analysis.gear_set import GearSource
 from rig.analysis.store import Analysis
+from rig.analysis.tare_search import FoundTare
 from rig.runfile import read
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ def stored_fit(path: Path, analysis: Analysis, recording: Recording | None = Non
         stored=analysis.name,
         gear_known=own is not None or _was_given(analysis),
         gear_source=GearSource.from_json(analysis.content.get("gear_source") or {}),
+        found_tare=FoundTare(None, tuple(analysis.content.get("no_tare", ()))),
         named_tare=analysis.tare,
     )
 

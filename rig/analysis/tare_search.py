@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from experiments.recording import Recording
     from rig.library.index import IndexedRun, LibraryIndex
 
-BROUGHT_TO_THEIR_END = ("COMPLETED", "PASS", "MARGINAL", "FAIL", "")
-"""Outcomes of runs that have all their speeds: a tare that was broken off lacks some. Words of older files included."""
-
 
 @dataclass(frozen=True)
 class FoundTare:
@@ -125,7 +122,7 @@ def _speaks_against(
 ) -> str:
     """Why a candidate is not the tare of this run; "" where it is. What the index knows is asked first."""
     one = candidate.run
-    if one.outcome not in BROUGHT_TO_THEIR_END:
+    if not one.is_complete:
         return f"ended {one.outcome}"
     if not math.isfinite(candidate.days_before):
         return "it does not say when it was made"

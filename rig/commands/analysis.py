@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.commands.judgement import AcceptanceFile, RequireVerdict, judged_run, worst_code
 from rig.commands.terminal import console, echo, print_json, ruled_table
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
     from rig.analysis.adopt import Comparison
     from rig.analysis.fit import Fit
+    from rig.analysis.fit_run import Choices
+    from rig.analysis.judging import GearVerdict
 
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
@@ -28,7 +31,14 @@ Parameters = Annotated[
 ]
 Tare = Annotated[
     Path | None,
-    typer.Option("--tare", metavar="RUN", help="Motor-tare run (gear removed) that is subtracted."),
+    typer.Option(
+        "--tare",
+        metavar="RUN",
+        help="Motor-tare run (gear removed) that is subtracted; found by itself without this.",
+    ),
+]
+NoTare = Annotated[
+    bool, typer.Option("--no-tare", help="Subtract no tare, also where one would be found.")
 ]
 Settings = Annotated[
     list[str] | None,
@@ -58,6 +68,7 @@ def fit(
         ),
     ],
     tare: Tare = None,
+    no_tare: NoTare = False,
     parameters: Parameters = None,
     parameters_out: Annotated[
         Path | None,
@@ -70,34 +81,46 @@ def fit(
     plots: Annotated[
         bool, typer.Option("--plots", help="With --json: figures and tables as data too.")
     ] = False,
-    keep: Annotated[
+    stored: Annotated[
         bool,
         typer.Option(
-            "--keep/--no-keep",
+            "--store/--no-store",
             help="Append the analysis to the store beside the run, or leave no trace.",
         ),
     ] = True,
+    keep: Annotated[
+        int | None,
+        typer.Option(
+            "--keep",
+            metavar="NUMBER",
+            min=0,
+            help="Fit nothing: put this stored analysis of RUN in force, by hand; 0 takes the choice back.",
+        ),
+    ] = None,
+    by: Annotated[str, typer.Option("--by", metavar="NAME", help="Who chooses, with --keep.")] = "",
+    acceptance: AcceptanceFile = "",
+    require_verdict: RequireVerdict = False,
     json: Json = False,
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
 
     Kinds: kinematic-error, friction, velocity-steps, motor-tare, warm-up, starting-torque, home,
     and for any recording motion (inertia and friction), revolution (Fourier series per revolution),
-    order-spectrum. The exit code is the verdict: 0 PASS or nothing to judge, 1 FAIL, 3 MARGINAL.
+    order-spectrum. The exit code is the verdict by the acceptance file of the gear:
+    0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL, 7 NOT JUDGED under --require-verdict.
     """
-    from rig.analysis.fit import fit_files
-    from rig.exits import code_of_outcome
+    from rig.analysis.fit_run import fit_run
+    from rig.exits import code_of_verdict
 
     kind, runs = split_kind(words)
-    fits = fit_files(
-        runs,
-        kind,
-        gear=_gear(parameters),
-        tare=tare,
-        settings=_settings(setting),
-        largest_missed_share=largest_missed_share,
+    if keep is not None:
+        _keep_by_hand(kind, runs, keep, by, json=json)
+        return
+    choices = _choices(
+        parameters, tare, setting, no_tare=no_tare, largest_missed_share=largest_missed_share
     )
-    notes = _keep(fits) if keep else []
+    fits = tuple(fit_run(run, kind, choices) for run in runs)
+    notes = _store(fits) if stored else []
     if parameters_out is not None:
         from model.gear_file import save_gear
         from rig.analysis.adopt import adopt
@@ -105,11 +128,14 @@ def fit(
         adopted = adopt(fits[-1].gear, [f.result for f in fits])
         save_gear(adopted.gear, parameters_out)
         notes.append(f"{parameters_out}: {len(adopted.changed)} identified values written")
+    verdicts = [judged_run(one, one.path, acceptance) for one in fits]
     if json:
-        print_json(_as_object(fits, plots=plots))
+        print_json(_as_object(fits, verdicts, plots=plots))
     else:
-        _print_fits(fits, notes)
-    raise typer.Exit(max((code_of_outcome(f.result.outcome) for f in fits), key=_severity))
+        _print_fits(fits, verdicts, notes)
+    raise typer.Exit(
+        worst_code([code_of_verdict(v.verdict, required=require_verdict) for v in verdicts])
+    )
 
 
 def compare(
@@ -124,24 +150,23 @@ def compare(
         str, typer.Option(help="Kind of fit, where the run's protocol does not say it.")
     ] = "",
     tare: Tare = None,
+    no_tare: NoTare = False,
     setting: Settings = None,
     largest_missed_share: MissedShare = None,
     json: Json = False,
 ) -> None:
     """Hold a parameter set against a run: what it predicts, what was measured, and how far apart they are."""
     from rig.analysis.adopt import compare_with
-    from rig.analysis.fit import fit_files, score
+    from rig.analysis.digest import told_tare
+    from rig.analysis.fit import score
+    from rig.analysis.fit_run import fit_run
 
-    gear = _gear(parameters)
+    choices = _choices(
+        parameters, tare, setting, no_tare=no_tare, largest_missed_share=largest_missed_share
+    )
+    gear = choices.gear
     assert gear is not None
-    fitted = fit_files(
-        [run],
-        kind,
-        gear=gear,
-        tare=tare,
-        settings=_settings(setting),
-        largest_missed_share=largest_missed_share,
-    )[0]
+    fitted = fit_run(run, kind, choices)
     rows = compare_with(gear, fitted.result)
     scored = score(fitted)
     if json:
@@ -150,6 +175,7 @@ def compare(
             "kind": fitted.result.kind,
             "parameter_set": gear.name,
             "parameters_file": str(parameters),
+            "tare": told_tare(fitted),
             "comparison": {row.path: row.as_json() for row in rows},
             "metrics": dict(scored.metrics),
             "warnings": list(dict.fromkeys((*scored.warnings, *fitted.result.warnings))),
@@ -176,6 +202,49 @@ def split_kind(words: list[str]) -> tuple[str, list[Path]]:
             f"{first!r} is neither a run file nor a kind of fit. Kinds: {kinds}", param_hint="KIND"
         )
     return "", [Path(w) for w in words]
+
+
+def _choices(
+    parameters: Path | None,
+    tare: Path | None,
+    setting: list[str] | None,
+    *,
+    no_tare: bool,
+    largest_missed_share: float | None,
+) -> Choices:
+    """What was chosen by hand. Raises `BadParameter` for a tare that is both named and left away."""
+    from rig.analysis.fit_run import Choices
+
+    if tare is not None and no_tare:
+        raise typer.BadParameter("a tare is named, and left away", param_hint="--tare, --no-tare")
+    return Choices(
+        gear=_gear(parameters),
+        tare=tare,
+        no_tare=no_tare,
+        settings=_settings(setting),
+        largest_missed_share=largest_missed_share,
+    )
+
+
+def _keep_by_hand(kind: str, runs: list[Path], number: int, by: str, *, json: bool) -> None:
+    """`rig fit RUN --keep NUMBER --by NAME`: the choice is noted, and what is in force now is said."""
+    from datetime import datetime
+
+    from rig.analysis.in_force import keep
+
+    if len(runs) != 1:
+        raise typer.BadParameter(
+            "one run at a time: analyses are numbered by run", param_hint="RUN"
+        )
+    at = datetime.now().astimezone().isoformat(timespec="seconds")
+    now = keep(runs[0], number, by, at, kind)
+    if json:
+        print_json({"run": str(runs[0]), "in_force": now.as_json()})
+        return
+    named = f"{now.kind} analysis {now.number}" if now.analysis else "no analysis"
+    echo(f"{runs[0].name}: {named} is in force ({now.why_this})")
+    for reason in now.stale:
+        echo(f"  stale: {reason}")
 
 
 def _gear(path: Path | None) -> HarmonicDrive | None:
@@ -208,12 +277,7 @@ def _read(text: str) -> Any:
     return numbers[0] if len(numbers) == 1 else tuple(numbers)
 
 
-def _severity(code: int) -> int:
-    """FAIL is worse than MARGINAL is worse than PASS."""
-    return {0: 0, 3: 1, 1: 2}.get(code, 3)
-
-
-def _keep(fits: tuple[Fit, ...]) -> list[str]:
+def _store(fits: tuple[Fit, ...]) -> list[str]:
     """Append every fit to the store beside its run; a folder that cannot be written is said, not fatal."""
     from datetime import datetime
 
@@ -234,32 +298,45 @@ def _keep(fits: tuple[Fit, ...]) -> list[str]:
     return notes
 
 
-def _as_object(fits: tuple[Fit, ...], *, plots: bool = False) -> dict[str, Any]:
+def _as_object(
+    fits: tuple[Fit, ...], verdicts: Sequence[GearVerdict], *, plots: bool = False
+) -> dict[str, Any]:
+    told = [
+        {
+            **_with_drawings(one, wanted=plots),
+            "outcome": one.outcome,
+            **verdict.as_json(),
+        }
+        for one, verdict in zip(fits, verdicts, strict=True)
+    ]
     if len(fits) == 1:
-        return _with_drawings(fits[0].result, wanted=plots)
+        return told[0]
     from rig.analysis.adopt import pooled
 
     spread = pooled([f.result for f in fits])
     return {
-        "fits": [_with_drawings(f.result, wanted=plots) for f in fits],
+        "fits": told,
         "pooled": {p.key: p.as_json() for p in spread},
     }
 
 
-def _with_drawings(result: Result, *, wanted: bool) -> dict[str, Any]:
+def _with_drawings(fit: Fit, *, wanted: bool) -> dict[str, Any]:
+    from rig.analysis.digest import told_tare
+
+    result = fit.result
+    told = {**result.as_json(), "tare": told_tare(fit)}
     if not wanted:
-        return result.as_json()
+        return told
     from rig.analysis.result_data import plot_to_mapping, table_to_mapping
 
-    tables = [table_to_mapping(table) for table in result.tables]
     return {
-        **result.as_json(),
+        **told,
         "plots": [plot_to_mapping(plot) for plot in result.plots],
-        "tables": tables,
+        "tables": [table_to_mapping(table) for table in result.tables],
     }
 
 
-def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
+def _print_fits(fits: tuple[Fit, ...], verdicts: Sequence[GearVerdict], notes: list[str]) -> None:
     from experiments.quantity import quantity_of
     from rig.analysis.wording import number
     from rig.commands.result_tables import print_result
@@ -267,7 +344,7 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
     from rig.present.figure import WATERMARKS
 
     out = console()
-    for one in fits:
+    for one, verdict in zip(fits, verdicts, strict=True):
         metadata = one.recording.metadata
         word = WATERMARKS.get(metadata.origin, metadata.origin.upper())
         gear = f", gear {metadata.gear_serial}" if metadata.gear_serial else ""
@@ -275,7 +352,10 @@ def _print_fits(fits: tuple[Fit, ...], notes: list[str]) -> None:
             out,
             one.result,
             f"{one.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}",
+            verdict,
         )
+        for words in one.tare_words:
+            out.print(Text.assemble(("  tare  ", "bold"), words))
     if len(fits) > 1:
         from rig.analysis.adopt import pooled
 

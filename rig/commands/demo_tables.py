@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from experiments.result import Result
 from experiments.truth import TruthRow
 from rig.analysis.wording import number, show
-from rig.commands.result_tables import VERDICT_STYLE, print_warnings, verdict_sentence
+from rig.commands.result_tables import print_verdict, print_warnings
 from rig.commands.terminal import console, ruled_table
 from rig.commands.visible import Text
 from rig.trial.demo.chain import Demonstration
@@ -136,10 +136,8 @@ def print_demonstration(demonstration: Demonstration) -> None:
     )
     _print_misses(out, demonstration, results)
     for fit in demonstration.fits:
-        for verdict in fit.result.verdicts:
-            line = Text.assemble("  ", (verdict.outcome, VERDICT_STYLE.get(verdict.outcome, "")))
-            out.print(line.append(verdict_sentence(fit.result, verdict)))
         print_warnings(out, [f"{fit.result.kind}: {w}" for w in fit.result.warnings])
+    print_verdict(out, demonstration.verdict)
     out.print()
     for name, path in (
         ("report", demonstration.report),

@@ -12,6 +12,8 @@ from rich.table import Table
 
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
+from rig.analysis.judging import GearVerdict
+from rig.commands.judgement import VERDICT_STYLE
 from rig.commands.terminal import console, table
 from rig.commands.visible import Text
 from rig.library.index import IndexedRun
@@ -23,7 +25,7 @@ SHOWN_SEGMENTS = 24
 SHOWN_EVENTS = 20
 _LOOK: dict[str, Any] = {"box": None, "header_style": "bold", "pad_edge": False}
 _COLOURS = {"error": "bold red", "warning": "yellow", "ok": "green", "info": ""}
-_OUTCOME_COLOURS = {"PASS": "green", "MARGINAL": "yellow", "being written": "cyan", "-": ""}
+_OUTCOME_COLOURS = {"COMPLETED": "", "ABORTED": "yellow", "being written": "cyan", "-": ""}
 _STATE_WORDS = {
     "being written": "being written",
     "left behind": "unfinished, left behind: rig recover",
@@ -31,13 +33,25 @@ _STATE_WORDS = {
 }
 
 
-def print_runs(folder: Path, listed: Sequence[IndexedRun]) -> None:
-    """The list of a folder, or what a search found in it."""
+def print_runs(
+    folder: Path, listed: Sequence[IndexedRun], verdicts: Mapping[Path, GearVerdict]
+) -> None:
+    """The list of a folder, or what a search found in it, each run with the verdict on what it measured."""
     out = console(highlight=True)
     if not listed:
         out.print(f"No runs in {folder}.")
         return
-    headings = ("run", "started", "protocol", "gear", "time", "rows", "outcome", "origin")
+    headings = (
+        "run",
+        "started",
+        "protocol",
+        "gear",
+        "time",
+        "rows",
+        "outcome",
+        "verdict",
+        "origin",
+    )
     look: dict[str, Any] = {"numbers": ("time", "rows"), "whole": ("run",), "overflow": "fold"}
     runs = table(*headings, **look, **_LOOK)
     for run in listed:
@@ -55,9 +69,15 @@ def print_runs(folder: Path, listed: Sequence[IndexedRun]) -> None:
             duration_text(run.duration),
             str(run.rows),
             Text(outcome, style=style),
+            _verdict_cell(verdicts.get(run.path)),
             mark,
         )
     out.print(runs)
+
+
+def _verdict_cell(verdict: GearVerdict | None) -> Text:
+    word = "-" if verdict is None else verdict.verdict
+    return Text(word, style=VERDICT_STYLE.get(word, ""))
 
 
 def print_recording(recording: Recording, path: Path) -> None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rig.commands.terminal import echo, print_json
+
+if TYPE_CHECKING:
+    from rig.analysis.judging import GearVerdict
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 RunArgument = Annotated[
@@ -48,7 +51,10 @@ def runs(
     gear: Annotated[str, typer.Option(metavar="SERIAL", help="Only runs of this gear.")] = "",
     protocol: Annotated[str, typer.Option(metavar="NAME", help="Only runs of this protocol.")] = "",
     outcome: Annotated[
-        str, typer.Option(metavar="WORD", help="Only runs that ended so: PASS, FAIL, TRIPPED, ...")
+        str,
+        typer.Option(
+            metavar="WORD", help="Only runs that ended so: COMPLETED, ABORTED, TRIPPED, ..."
+        ),
     ] = "",
     origin: Annotated[
         str, typer.Option(metavar="WORD", help="hardware, simulated, replay or imported.")
@@ -61,7 +67,7 @@ def runs(
     ] = None,
     json: JsonFlag = False,
 ) -> None:
-    """List the runs of a folder: number, protocol, gear, when, how long, outcome; unreadable ones with their reason.
+    """List the runs of a folder: number, protocol, gear, when, how long, outcome, verdict; unreadable ones with why.
 
     What the files say is kept in an index beside them, which is only a cache: a large folder is searched at once.
     """
@@ -79,18 +85,28 @@ def runs(
             until=_day(until, "--until"),
             origin=origin,
         )
+    from rig.commands.listed_verdicts import verdicts_of
+
+    verdicts = verdicts_of(listed)
     if json:
         print_json(
             {
                 "folder": str(folder),
                 "index": index.rebuilt,
-                "runs": [run.as_json() for run in listed],
+                "runs": [{**run.as_json(), **_told(verdicts.get(run.path))} for run in listed],
             }
         )
         return
     from rig.commands.file_tables import print_runs
 
-    print_runs(folder, listed)
+    print_runs(folder, listed, verdicts)
+
+
+def _told(verdict: GearVerdict | None) -> dict[str, Any]:
+    """Verdict and reasons of one run in the list; null for a file that cannot be read."""
+    if verdict is None:
+        return {"verdict": None, "because": []}
+    return {"verdict": verdict.verdict, "because": list(verdict.because)}
 
 
 def _day(text: str | None, flag: str) -> str | None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.terminal import echo, print_json
+from rig.commands.judgement import AcceptanceFile, RequireVerdict, worst_code
+from rig.commands.terminal import console, echo, print_json
 from rig.commands.worlds import (
     BenchSeed,
     Day,
@@ -18,6 +20,9 @@ from rig.commands.worlds import (
     PopulationName,
     world_choice,
 )
+
+if TYPE_CHECKING:
+    from rig.present.build import Reports
 
 
 class ReportFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
@@ -75,6 +80,8 @@ def report(
             "--parameters", metavar="FILE", help="Parameter set (TOML) instead of the run's own."
         ),
     ] = None,
+    acceptance: AcceptanceFile = "",
+    require_verdict: RequireVerdict = False,
     json: Annotated[
         bool,
         typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
@@ -83,19 +90,28 @@ def report(
     """Write a self-contained report: verdict, figures, parameters with intervals and budgets, conditions, provenance.
 
     HTML or PDF, of all the runs together, of every run for itself, or of a gear over its life (its
-    passport). Only runs from hardware have room for a signature; all others are marked on every
-    page.
+    passport). The exit code is the verdict: 0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL. Only runs from
+    hardware have room for a signature; all others are marked on every page.
     """
+    from rig.commands.result_tables import print_verdict
+    from rig.exits import code_of_verdict
+    from rig.gears.acceptance import acceptance_named
     from rig.present.build import report_on_files, report_on_gear
 
     if bool(runs) == bool(gear):
         raise typer.BadParameter("name either runs or --gear SERIAL", param_hint="RUN... or --gear")
+    asked = acceptance_named(acceptance) if acceptance else None
     suffixes = _suffixes(output, format_, per_run)
     lines: list[str] = []
     written: list[Path] = []
     if gear:
         reports = [
-            report_on_gear(folder, gear, [output.with_suffix(suffix) for suffix in suffixes])
+            report_on_gear(
+                folder,
+                gear,
+                [output.with_suffix(suffix) for suffix in suffixes],
+                acceptance=asked,
+            )
         ]
     elif per_run:
         named = [
@@ -106,18 +122,38 @@ def report(
         for number, (run, paths) in enumerate(named, 1):
             if not json and len(named) > 1:
                 echo(f"{number}/{len(named)} {run}", errors=True)
-            reports.append(report_on_files([run], paths, tare=tare, parameters=parameters))
+            reports.append(
+                report_on_files([run], paths, tare=tare, parameters=parameters, acceptance=asked)
+            )
     else:
         paths = [output.with_suffix(suffix) for suffix in suffixes]
-        reports = [report_on_files(runs or [], paths, tare=tare, parameters=parameters)]
+        reports = [
+            report_on_files(runs or [], paths, tare=tare, parameters=parameters, acceptance=asked)
+        ]
     for one in reports:
         lines += one.lines
         written += one.paths
     if json:
-        print_json({"files": [str(path) for path in written], "lines": lines})
-        return
-    for line in lines:
-        echo(line)
+        print_json(_as_object(reports, written, lines))
+    else:
+        for line in lines:
+            echo(line)
+        for one in reports:
+            print_verdict(console(), one.verdict)
+    codes = [code_of_verdict(one.verdict.verdict, required=require_verdict) for one in reports]
+    raise typer.Exit(worst_code(codes))
+
+
+def _as_object(reports: Sequence[Reports], written: list[Path], lines: list[str]) -> dict[str, Any]:
+    """What was written and what was judged; a report per run each with its own verdict."""
+    files = {"files": [str(path) for path in written], "lines": lines}
+    told = [_told(one) for one in reports]
+    return {**files, **told[0]} if len(told) == 1 else {**files, "reports": told}
+
+
+def _told(report: Reports) -> dict[str, Any]:
+    outcomes = [{"run": fit.result.run, "outcome": fit.outcome} for fit in report.fits]
+    return {"runs": outcomes, **report.verdict.as_json()}
 
 
 def _suffixes(output: Path, format_: ReportFormat | None, per_run: bool) -> tuple[str, ...]:

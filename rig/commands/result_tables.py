@@ -7,23 +7,20 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
-from experiments.result import Result, Verdict
+from experiments.result import Result
+from rig.analysis.judging import GearVerdict
 from rig.analysis.wording import STATISTICAL_PART, metric_text, show
+from rig.commands.judgement import VERDICT_STYLE, verdict_text
 from rig.commands.terminal import ruled_table
 from rig.commands.visible import Text
-from rig.present.content import held_against
 
-VERDICT_STYLE = {
-    "PASS": "bold green",
-    "MARGINAL": "bold yellow",
-    "FAIL": "bold red",
-    "NOT JUDGED": "dim",
-}
 IDENTIFIABLE_STYLE = {"yes": "green", "weakly": "yellow", "no": "red"}
 
 
-def print_result(out: Console, result: Result, heading: str = "") -> None:
-    """One analysed run on the terminal."""
+def print_result(
+    out: Console, result: Result, heading: str = "", verdict: GearVerdict | None = None
+) -> None:
+    """One analysed run on the terminal, with what it is worth where that is known."""
     out.print()
     out.print(Text(heading or f"{result.kind} of run {result.run}", style="bold"))
     if result.estimates:
@@ -36,9 +33,8 @@ def print_result(out: Console, result: Result, heading: str = "") -> None:
     for name, note in notes:
         out.print(Text(f"  {name}: {note}", style="dim"))
     print_metrics(out, result)
-    for verdict in result.verdicts:
-        line = Text.assemble("  ", (verdict.outcome, VERDICT_STYLE.get(verdict.outcome, "")))
-        out.print(line.append(verdict_sentence(result, verdict)))
+    if verdict is not None:
+        print_verdict(out, verdict)
     print_warnings(out, result.warnings)
     for check in result.checks:
         if check.outcome == "not checked":
@@ -56,12 +52,20 @@ def print_metrics(out: Console, result: Result) -> None:
     out.print(grid)
 
 
-def verdict_sentence(result: Result, verdict: Verdict) -> str:
-    """What was judged: the value and the limit that it was held against."""
-    value, limit = held_against(result, verdict)
-    source = f"{verdict.limit_provenance}: {verdict.limit_source}"
-    because = f"; {verdict.because}" if verdict.because else ""
-    return f"  {verdict.name}: {value}, limit {limit} ({source}){because}"
+def print_verdict(out: Console, verdict: GearVerdict) -> None:
+    """The verdict in a word with its reasons, then every limit with its own."""
+    out.print(
+        Text.assemble("  verdict  ", (verdict.verdict, VERDICT_STYLE[verdict.verdict])),
+        soft_wrap=True,
+    )
+    if not verdict.lines:
+        for reason in verdict.because:
+            out.print(Text(f"    {reason}"), soft_wrap=True)
+    for line in verdict.lines:
+        text = Text.assemble("    ", (line.outcome, VERDICT_STYLE[line.outcome]))
+        out.print(text.append(f"  {verdict_text(line)}"))
+    if verdict.source:
+        out.print(Text(f"    by {verdict.source}", style="dim"), soft_wrap=True)
 
 
 def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:

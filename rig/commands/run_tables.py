@@ -15,6 +15,7 @@ from rig.commands.terminal import console, table
 from rig.run.progress import in_words
 
 if TYPE_CHECKING:
+    from rig.analysis.judging import GearVerdict
     from rig.run.dry_run import PlannedRun
     from rig.run.order import RunReport
 
@@ -117,11 +118,14 @@ def _print_margins(out: Console, report: RunReport) -> None:
     out.print(margins)
 
 
-def print_report(report: RunReport, bench: str) -> None:
+def print_report(report: RunReport, bench: str, verdict: GearVerdict) -> None:
     """How a run ended: outcome, file, how it was made safe, what to do. `bench` is the option that names the bench."""
     out = console()
-    styles = {"PASS": "green", "MARGINAL": "yellow", "ABORTED": "yellow"}
+    styles = {"COMPLETED": "bold", "ABORTED": "yellow"}
     out.print(f"{report.outcome}  {report.run_id}", style=styles.get(report.outcome, "red"))
+    from rig.commands.result_tables import print_verdict
+
+    print_verdict(out, verdict)
     out.print(f"{report.path}", soft_wrap=True)
     if report.make_safe is not None and not report.safe:
         _print_alarm(out, report.make_safe.problem)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from rig.commands.judgement import AcceptanceFile, RequireVerdict, acceptance_of
 from rig.commands.terminal import outliving_the_terminal, print_json
 from rig.commands.worlds import (
     BenchSeed,
@@ -28,6 +29,7 @@ from rig.commands.worlds import (
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
+    from rig.analysis.judging import GearVerdict
     from rig.run.dry_run import PlannedRun
     from rig.run.order import RunReport
     from rig.run.start import RunRequest
@@ -181,6 +183,8 @@ def run(
     block: Annotated[
         int, typer.Option(min=1, max=100_000, help="Cycles per exchange; changes no count.")
     ] = 2000,
+    acceptance: AcceptanceFile = "",
+    require_verdict: RequireVerdict = False,
     json: Json = False,
     events: Annotated[
         bool,
@@ -245,22 +249,50 @@ def run(
         request = _repeated(context, repeat, request)
     planned = plan_request(request)
     request = confirmed(request, planned, asks=not (json or events or stdin_control))
-    from rig.exits import code_of_outcome
+    from rig.exits import code_of_run
+
+    def judged(report: RunReport) -> GearVerdict:
+        return _verdict_on(report, request, acceptance)
 
     if events or stdin_control:
-        report = _run_for_a_program(request, planned, events, stdin_control)
+        report, verdict = _run_for_a_program(request, planned, judged, events, stdin_control)
     else:
         report = _run_with_signals(request, planned, quiet=json)
+        verdict = judged(report)
     if events:
         pass
     elif json:
-        print_json(report.as_json())
+        print_json({**report.as_json(), **verdict.as_json()})
     else:
-        print_report(report, option_of(request.backend, request.output, request.configuration))
-    raise typer.Exit(code_of_outcome(report.outcome))
+        bench = option_of(request.backend, request.output, request.configuration)
+        print_report(report, bench, verdict)
+    raise typer.Exit(code_of_run(report.outcome, verdict.verdict, required=require_verdict))
 
 
-REPEATABLE = ("output", "operator", "config", "block", "json", "events", "stdin_control", "repeat")
+def _verdict_on(report: RunReport, request: RunRequest, acceptance: str) -> GearVerdict:
+    """The verdict on what a run measured, by the analysis that lies beside its file."""
+    from rig.analysis.judging import judge_listed
+    from rig.bench.backends.registry import is_simulated
+
+    origin = "simulated" if is_simulated(request.backend) else request.backend.partition(":")[0]
+    asked = acceptance_of(acceptance, request.output, request.gear_serial)
+    return judge_listed(
+        report.path, request.protocol, origin, report.outcome, request.gear_serial, asked
+    )
+
+
+REPEATABLE = (
+    "output",
+    "operator",
+    "config",
+    "block",
+    "acceptance",
+    "require_verdict",
+    "json",
+    "events",
+    "stdin_control",
+    "repeat",
+)
 """Flags that a repeated run takes; everything else is said by its file."""
 
 
@@ -382,10 +414,15 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
 
 
 def _run_for_a_program(
-    request: RunRequest, planned: PlannedRun, events: bool, stdin_control: bool
-) -> RunReport:
+    request: RunRequest,
+    planned: PlannedRun,
+    judged: Callable[[RunReport], GearVerdict],
+    events: bool,
+    stdin_control: bool,
+) -> tuple[RunReport, GearVerdict]:
     """A run whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
+    from rig.analysis.store import json_ready
     from rig.commands.prompting import terminal_ask
     from rig.run.remote import RemoteOperator, lines_of
     from rig.run.start import run_request
@@ -409,5 +446,6 @@ def _run_for_a_program(
             on_progress=remote.on_progress,
             on_event=remote.on_event,
         )
-    remote.report(report)
-    return report
+    verdict = judged(report)
+    remote.report(json_ready({**report.as_json(), **verdict.as_json()}))
+    return report, verdict

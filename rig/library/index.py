@@ -28,6 +28,8 @@ WAITING_TIME = 2.0
 """s that one process waits for another one's write."""
 WRITTEN_AT_ONCE = 50
 """Files that are read between two writes to the database: other processes find what is there already."""
+COUNTED_OUTCOMES = ("COMPLETED", "")
+"""Outcomes of runs that were brought to their end ("" is an imported recording's)."""
 Answer = TypeVar("Answer")
 State = Literal["sealed", "being written", "left behind", "unreadable"]
 Day = str | date | None
@@ -62,6 +64,11 @@ class IndexedRun:
     bench: str
     """The bench that it was made on; "" where its file does not say it."""
     mounting: str
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether it is sealed and was brought to its end: what was broken off lacks speeds."""
+        return self.state == "sealed" and self.outcome in COUNTED_OUTCOMES
 
     def as_json(self) -> dict[str, Any]:
         """One line of `rig runs --json`."""

@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
 from rig.errors import RigError, RunFileError
+from rig.gears.acceptance import acceptance_for
 
 if TYPE_CHECKING:
     from experiments.recording import Recording
     from model.gear import HarmonicDrive
     from rig.analysis.fit import Fit
+    from rig.analysis.judging import GearVerdict
+    from rig.gears.acceptance import Acceptance
 
 """The protocol that identifies a kinematic error, and the one whose analysis needs it."""
 
@@ -26,6 +29,7 @@ class Reports:
     paths: tuple[Path, ...]
     fits: tuple[Fit, ...]
     lines: tuple[str, ...]
+    verdict: GearVerdict
 
     @property
     def path(self) -> Path:
@@ -40,6 +44,7 @@ def report_on_files(
     tare: Path | None = None,
     parameters: Path | None = None,
     created: str | None = None,
+    acceptance: Acceptance | None = None,
 ) -> Reports:
     """Fit these run files and write the report of them: one file, or several of the same content (HTML, PDF).
 
@@ -49,6 +54,7 @@ def report_on_files(
     """
     from model.gear_file import load_gear
     from rig.analysis.fit import fit_recording, store
+    from rig.analysis.judging import judge_runs
     from rig.analysis.tare import tare_kind
     from rig.present.page import report_context
     from rig.runfile.read import open_run
@@ -88,12 +94,27 @@ def report_on_files(
             lines.append(f"Not stored: {error}")
     outputs = (output,) if isinstance(output, Path) else tuple(output)
     count = f"{len(stored_fits)} {'run' if len(stored_fits) == 1 else 'runs'}"
-    lines += _written(report_context(stored_fits, created=_readable(created)), outputs, count)
-    return Reports(outputs, tuple(stored_fits), tuple(lines))
+    verdict = judge_runs(stored_fits, _acceptance(acceptance, stored_fits))
+    context = report_context(stored_fits, created=_readable(created), verdict=verdict)
+    lines += _written(context, outputs, count)
+    return Reports(outputs, tuple(stored_fits), tuple(lines), verdict)
+
+
+def _acceptance(named: Acceptance | None, fits: Sequence[Fit]) -> Acceptance | None:
+    """The acceptance file that was named, else the one that the card of the gear names that was turned."""
+    mounted = [fit for fit in fits if fit.recording.metadata.gear_mounted and fit.path is not None]
+    if named is not None or not mounted or mounted[0].path is None:
+        return named
+    return acceptance_for(mounted[0].path.parent, mounted[0].serial)
 
 
 def report_on_gear(
-    folder: Path, serial: str, outputs: Sequence[Path], *, created: str | None = None
+    folder: Path,
+    serial: str,
+    outputs: Sequence[Path],
+    *,
+    created: str | None = None,
+    acceptance: Acceptance | None = None,
 ) -> Reports:
     """Write the report of a gear over its life, from the analyses that lie beside its runs in a folder."""
     from rig.analysis.passport.build import passport
@@ -103,11 +124,13 @@ def report_on_gear(
     forget_hashes()
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
     record = passport(folder, serial)
-    context = gear_context(record, created=_readable(created))
+    asked = acceptance or acceptance_for(folder, serial)
+    context = gear_context(record, created=_readable(created), acceptance=asked)
     return Reports(
         tuple(outputs),
         (),
         tuple(_written(context, outputs, f"gear {serial}, {len(record.runs)} runs")),
+        context["judged"],
     )
 
 

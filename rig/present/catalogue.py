@@ -42,14 +42,13 @@ COLUMNS = (
     "Catalogue",
     "Conditions and source of the catalogue's value",
     "Conditions here",
-    "Verdict",
 )
-NUMERIC = (False, True, True, False, False, False)
+NUMERIC = (False, True, True, False, False)
 TITLE = "Beside the catalogue"
 NOTE = (
     "The conditions of the catalogue are the customary ones; those of the unit's own "
     "catalogue decide, and stand behind its "
-    "source where they are known."
+    "source where they are known. The table shows; it judges nothing."
 )
 
 Row = tuple[str, ...]
@@ -87,7 +86,6 @@ def catalogue_rows(
 
 def _measured(fit: Fit, conditions: Mapping[str, str]) -> Iterator[Row]:
     """A row per result whose quantity has a counterpart in the catalogue; what several share is said once."""
-    outcomes = {v.estimate.name: v.outcome for v in fit.result.verdicts}
     before = None
     for name, estimate in fit.result.estimates.items():
         quantity = fit.result.quantity(name)
@@ -108,7 +106,6 @@ def _measured(fit: Fit, conditions: Mapping[str, str]) -> Iterator[Row]:
             f"{number(stated.value / shown.scale)} {shown.unit}".rstrip(),
             source,
             _here(fit, quantity, conditions),
-            outcomes.get(name, "not judged"),
         )
 
 
@@ -146,6 +143,5 @@ def _unmeasured(gear: HarmonicDrive) -> Iterator[Row]:
             text,
             source if source != said else "as above",
             "cannot be measured on this rig",
-            "–",
         )
         said = source

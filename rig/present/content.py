@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from experiments.quantity import Quantity, bare_quantity, key_names, quantity_of
+from experiments.quantity import Quantity, key_names
 from experiments.result import Result, Verdict
+from rig.analysis.judging import GearVerdict, held_against, whose_limit
 from rig.analysis.wording import (
     STATISTICAL_PART,
     laboratory_unit,
@@ -20,7 +21,6 @@ from rig.analysis.wording import (
     printed_symbol,
     readable,
     show,
-    source_text,
 )
 from rig.present.columns import column
 from rig.present.provenance import Provenance, provenance_of
@@ -98,69 +98,45 @@ def report_number(results: Sequence[Result], hashes: Sequence[str]) -> str:
     return "HR-" + digest.hexdigest()[:10].upper()
 
 
-def overall(fits: Sequence[Fit]) -> Overall:
-    """The worst of all verdicts; an unfinished run or the lack of a verified limit is said, never passed over."""
-    outcomes = [v.outcome for f in fits for v in f.result.verdicts]
-    broken = [f.recording.metadata for f in fits if f.recording.metadata.outcome in UNFINISHED]
-    judged = [o for o in outcomes if o != "NOT JUDGED"]
-    reasons = dict.fromkeys(v.because for f in fits for v in f.result.verdicts if v.because)
-    unjudged = _count(len(outcomes) - len(judged), "quantity is", "quantities are")
-    aside = f" {unjudged} not judged: {'; '.join(reasons)}." if reasons else ""
-    if broken:
-        runs = ", ".join(f"{m.run_id} ({m.outcome})" for m in broken)
-        return Overall(
-            "INCOMPLETE",
-            f"Not every run reached its end: {runs}. What was recorded is reported.{aside}",
-            "open",
-        )
-    if not judged:
-        why = aside.strip() or "No quantity of these runs was held against a limit."
-        return Overall("NOT JUDGED", f"{why} The values stand for themselves.", "open")
-    worst = next(word for word in ("FAIL", "MARGINAL", "PASS") if word in judged)
+def overall(verdict: GearVerdict, fits: Sequence[Fit] = ()) -> Overall:
+    """The verdict in a word and a sentence; a run that did not reach its end is said, never passed over."""
+    judged = _count(len(verdict.lines), "limit", "limits")
     sentence = {
-        "PASS": f"{_count(len(judged), 'judged quantity keeps its limit', 'judged quantities keep their limits')} "
-        "with the whole expanded uncertainty.",
+        "PASS": f"{judged} kept with the whole expanded uncertainty.",
         "MARGINAL": "At least one limit lies inside the expanded uncertainty of the value: "
         "neither kept nor broken for certain.",
         "FAIL": "At least one quantity breaks its limit by more than its expanded uncertainty.",
-    }[worst]
-    return Overall(worst, sentence + aside, worst.lower())
+        "NOT JUDGED": "Nothing is claimed of the gear; the values stand for themselves.",
+    }[verdict.verdict]
+    because = f" {'; '.join(verdict.because)}." if verdict.because else ""
+    broken = [f.recording.metadata for f in fits if f.recording.metadata.outcome in UNFINISHED]
+    runs = ", ".join(f"{m.run_id} ({m.outcome})" for m in broken)
+    unfinished = f" Not every run reached its end: {runs}." if runs else ""
+    style = "open" if verdict.verdict == "NOT JUDGED" else verdict.verdict.lower()
+    return Overall(verdict.verdict, sentence + because + unfinished, style)
 
 
 def _count(n: int, one: str, many: str) -> str:
     return f"{'One' if n == 1 else n} {one if n == 1 else many}"
 
 
-def verdict_lines(fits: Sequence[Fit]) -> tuple[VerdictLine, ...]:
-    """Every verdict of every run."""
-    lines = []
-    for fit in fits:
-        for v in fit.result.verdicts:
-            value, limit = held_against(fit.result, v)
-            source = source_text(v.limit_provenance, v.limit_source)
-            source += f" ({v.because})" if v.because else ""
-            lines.append(
-                VerdictLine(
-                    name=readable(v.name),
-                    definition=v.definition,
-                    value=value,
-                    limit=f"≤ {limit}",
-                    source=source,
-                    outcome=v.outcome,
-                    run=fit.result.run,
-                )
-            )
-    return tuple(lines)
+def verdict_lines(verdict: GearVerdict) -> tuple[VerdictLine, ...]:
+    """Every limit with what it was held against, as `judge` said it."""
+    return tuple(_verdict_line(line) for line in verdict.lines)
 
 
-def held_against(result: Result, verdict: Verdict) -> tuple[str, str]:
-    """Value ± U and limit of a verdict in words, both in the unit of its quantity."""
-    estimate = verdict.estimate
-    quantity = quantity_of(result.quantities, estimate.name)
-    quantity = quantity or bare_quantity(estimate.name, estimate.unit)
-    factor, unit = laboratory_unit(estimate.unit, estimate.value, quantity.shown)
-    limit = f"{number(verdict.limit / factor)} {unit}".rstrip()
-    return show(estimate, quantity).with_uncertainty, limit
+def _verdict_line(line: Verdict) -> VerdictLine:
+    value, limit = held_against(line)
+    because = f" ({line.because})" if line.because else ""
+    return VerdictLine(
+        name=readable(line.name),
+        definition=line.quantity.definition,
+        value=value,
+        limit=limit,
+        source=whose_limit(line) + because,
+        outcome=line.outcome,
+        run=line.run,
+    )
 
 
 def estimate_grid(title: str, result: Result, estimates: Mapping[str, Estimate]) -> Grid | None:

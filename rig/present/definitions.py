@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from experiments import catalogue
+from experiments.result import DECISION_RULE
 from experiments.terms import PaperFigure, Term
 
 PAPER = (
@@ -27,9 +28,9 @@ COMMON = (
     ),
     Term(
         "Verdict",
-        "PASS and FAIL where the limit lies outside value ± U, MARGINAL where it lies inside. "
-        "NOT JUDGED where the limit is only assumed or recalled from memory, where the quantity has no number, or "
-        "where evidence is missing; the reason stands beside it.",
+        f"{DECISION_RULE} NOT JUDGED where no acceptance file is named, where nobody has confirmed the limit, where "
+        "the quantity has no number, or where evidence is missing; the reason stands beside it. The verdict is the "
+        "worst over all that the acceptance file lists: FAIL, NOT JUDGED, MARGINAL, PASS.",
     ),
 )
 """Terms that every report needs; those of a kind of fit stand with its protocol."""

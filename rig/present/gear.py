@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from experiments.result import DECISION_RULE
+from rig.analysis.judging import GearVerdict, judge
 from rig.analysis.passport.content import Passport, PassportSeries
 from rig.analysis.wording import decimals_of, fixed, number
 from rig.present import catalogue, content, definitions, provenance
@@ -20,6 +22,7 @@ from rig.present.provenance import Provenance
 
 if TYPE_CHECKING:
     from rig.analysis.fit import Fit
+    from rig.gears.acceptance import Acceptance
 
 _STYLES = {
     "in control": "pass",
@@ -36,14 +39,18 @@ _WORDS = {
 _WORST = ("out of control", "to be watched", "no control limits yet", "in control")
 
 
-def gear_context(passport: Passport, *, created: str) -> dict[str, Any]:
+def gear_context(
+    passport: Passport, *, created: str, acceptance: Acceptance | None = None
+) -> dict[str, Any]:
     """What the report of a gear shows, under the names that the page's template knows.
 
     The verdict and the catalogue are those of the newest analysed run of every kind; the charts are
     those of all its runs.
     """
     with newest_fits(passport) as fits:
-        return {**_of_all_runs(passport), **_of_newest(passport, fits), "created": created}
+        verdict = judge(fits, acceptance)
+        newest = _of_newest(passport, fits, verdict)
+        return {**_of_all_runs(passport), **newest, "created": created, "judged": verdict}
 
 
 def _of_all_runs(passport: Passport) -> dict[str, Any]:
@@ -97,24 +104,21 @@ def _of_all_runs(passport: Passport) -> dict[str, Any]:
     }
 
 
-def _of_newest(passport: Passport, fits: Sequence[Fit]) -> dict[str, Any]:
+def _of_newest(passport: Passport, fits: Sequence[Fit], verdict: GearVerdict) -> dict[str, Any]:
     """Verdict, catalogue, conditions, calibrations and provenance of the newest analysed runs, and the files of all."""
     titles = [f"{definitions.title_of(fit.result.kind)}, run {fit.result.run}" for fit in fits]
     origins = list(zip(titles, map(provenance.provenance_of, fits), strict=True))
-    verdict = (
-        content.overall(fits)
+    told = content.overall(verdict, fits)
+    told = (
+        replace(told, sentence=f"{told.sentence} This is of the newest run of every kind.")
         if fits
         else Overall("NOT JUDGED", "No run of this gear is analysed.", "open")
     )
-    verdict = (
-        replace(verdict, sentence=f"{verdict.sentence} This is of the newest run of every kind.")
-        if fits
-        else verdict
-    )
     return {
-        "overall": verdict,
-        "states": (verdict, _state(passport.series)),
-        "verdicts": content.verdict_lines(fits),
+        "overall": told,
+        "states": (told, _state(passport.series)),
+        "verdicts": content.verdict_lines(verdict),
+        "decision_rule": DECISION_RULE,
         "catalogue": catalogue.catalogue_grid(fits, [origin.conditions for _, origin in origins]),
         "files": gear_files(passport, fits),
         "conditions": provenance.side_by_side(

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue as experiments_catalogue
-from experiments.result import Plot
+from experiments.result import DECISION_RULE, Plot
+from rig.analysis.judging import GearVerdict
 from rig.analysis.wording import printable, unbroken
 from rig.errors import RigError
 from rig.present import catalogue, content, definitions, provenance
@@ -63,16 +64,18 @@ def write_report(
     path: str | Path,
     *,
     created: str,
+    verdict: GearVerdict,
     truth: Sequence[tuple[str, TruthRow]] = (),
     note: str = "",
 ) -> Path:
     """Write the report of these fits (of one gear) as one file, HTML or PDF by its suffix, and return its path.
 
-    `created` is the calendar time of the report (ISO 8601); `truth` kind of fit and what the
-    simulator knows; `note` a sentence under the title. The same input gives the same bytes. Raises
+    `created` is the calendar time of the report (ISO 8601); `verdict` what `judge` said; `truth` kind of fit
+    and what the simulator knows; `note` a sentence under the title. The same input gives the same bytes. Raises
     `RigError` for nothing to report or a file that cannot be written.
     """
-    return write_context(report_context(fits, created=created, truth=truth, note=note), path)
+    context = report_context(fits, created=created, verdict=verdict, truth=truth, note=note)
+    return write_context(context, path)
 
 
 def write_context(context: dict[str, Any], path: str | Path) -> Path:
@@ -100,12 +103,18 @@ def write_context(context: dict[str, Any], path: str | Path) -> Path:
 
 
 def report_context(
-    fits: Sequence[Fit], *, created: str, truth: Sequence[tuple[str, TruthRow]] = (), note: str = ""
+    fits: Sequence[Fit],
+    *,
+    created: str,
+    verdict: GearVerdict,
+    truth: Sequence[tuple[str, TruthRow]] = (),
+    note: str = "",
 ) -> dict[str, Any]:
     """Everything that a report shows, on screen and on paper: each number is worded once, here."""
     if not fits:
         raise RigError("there is nothing to report", remedy="Name at least one run.")
-    return {"created": created, "note": note, **_context(sorted(fits, key=_place), truth)}
+    ordered = sorted(fits, key=_place)
+    return {"created": created, "note": note, **_context(ordered, verdict, truth)}
 
 
 def render_page(context: dict[str, Any]) -> str:
@@ -184,7 +193,9 @@ def _place(fit: Fit) -> tuple[int, str]:
     return place, fit.recording.metadata.start_time
 
 
-def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict[str, Any]:
+def _context(
+    fits: Sequence[Fit], verdict: GearVerdict, truth: Sequence[tuple[str, TruthRow]]
+) -> dict[str, Any]:
     """Everything that the template shows."""
     results = [f.result for f in fits]
     number = content.report_number(results, [f.recording.metadata.sha256 for f in fits])
@@ -206,9 +217,10 @@ def _context(fits: Sequence[Fit], truth: Sequence[tuple[str, TruthRow]]) -> dict
         "words": [w for w in (figures.WATERMARKS.get(o, o.upper()) for o in origins) if w],
         "origin_sentences": [ORIGIN_SENTENCES[o] for o in origins if o in ORIGIN_SENTENCES],
         "subtitle": " · ".join(p.title for p in parts),
-        "overall": content.overall(fits),
-        "states": (content.overall(fits),),
-        "verdicts": content.verdict_lines(fits),
+        "overall": content.overall(verdict, fits),
+        "states": (content.overall(verdict, fits),),
+        "verdicts": content.verdict_lines(verdict),
+        "decision_rule": DECISION_RULE,
         "alarms": _alarms(parts, [s for s in serials if s]),
         "catalogue": catalogue.catalogue_grid(fits, [p.provenance.conditions for p in parts]),
         "files": content.file_grid(fits),

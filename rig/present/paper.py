@@ -13,6 +13,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from experiments.result import DECISION_RULE
 from rig.analysis.wording import printable, unbroken
 from rig.errors import RigError
 from rig.present.content import Grid, VerdictLine
@@ -165,7 +166,9 @@ def verdict_grid(lines: Sequence[VerdictLine]) -> Grid:
     rows = tuple(
         (v.name, v.value, v.limit, f"{v.definition}; {v.source}", v.outcome) for v in lines
     )
-    return Grid("Judged quantities", columns, rows, (False, True, True, False, False))
+    return Grid(
+        "Judged quantities", columns, rows, (False, True, True, False, False), DECISION_RULE
+    )
 
 
 def _key_grid(rows: Sequence[tuple[str, str, str, str]]) -> Grid:

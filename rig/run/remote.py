@@ -16,14 +16,14 @@ import json
 import os
 import queue
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
 from drivers.clock import Clock
 from experiments.recording import Event
 from experiments.steps.vocabulary import Prompt
-from rig.run.order import Progress, RunReport
+from rig.run.order import Progress
 from rig.run.stop import StopRequest
 
 PROGRESS_INTERVAL = 0.1
@@ -100,9 +100,9 @@ class RemoteOperator:
         self._reported_ns = now
         self._tell("progress", asdict(progress))
 
-    def report(self, report: RunReport) -> None:
-        """Tell how it ended."""
-        self._tell("report", report.as_json())
+    def report(self, report: Mapping[str, Any]) -> None:
+        """Tell how it ended: the object that `rig run --json` prints."""
+        self._tell("report", dict(report))
 
     def _tell(self, kind: str, fields: dict[str, Any]) -> None:
         self._write(json.dumps({"kind": kind, **fields}, allow_nan=False, default=str))

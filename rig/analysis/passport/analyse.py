@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from model.errors import WordedError
+from rig.analysis.fit_run import Choices
 from rig.analysis.passport.followed import watched_kinds
-from rig.analysis.passport.gather import COUNTED_OUTCOMES, counted_origin, runs_of
+from rig.analysis.passport.gather import counted_origin, runs_of
 from rig.analysis.store import read_analyses
 from rig.analysis.tare import takes_tare
-from rig.library.index import IndexedRun
+from rig.library.index import COUNTED_OUTCOMES, IndexedRun
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,9 @@ def analyse_runs(
     """Fit every run of a gear that a passport follows and that was never fitted, and keep the results beside the runs.
 
     `created` the calendar time (ISO 8601) of the analyses; `tare` a motor-tare run, subtracted from
-    runs that take one; `origin` as in `passport`; `tell` is called before each run. A run that cannot be
-    analysed is told with its reason, and the others are analysed all the same.
+    runs that take one, in the place of the one that is found; `origin` as in `passport`; `tell` is
+    called before each run. A run that cannot be analysed is told with its reason, and the others are
+    analysed all the same.
     """
     runs = runs_of(where, serial)
     only = counted_origin(runs, origin)
@@ -63,20 +65,18 @@ def _lacks_analysis(run: IndexedRun) -> bool:
 def _analyse(
     run: IndexedRun, created: str, tare: Path | None, tell: Callable[[IndexedRun], None] | None
 ) -> Analysed:
-    from rig.analysis.fit import fit_files, store
+    from rig.analysis.digest import digest
     from rig.runfile.read import close_recording
 
     if tell is not None:
         tell(run)
     try:
-        fit = fit_files([run.path], tare=tare)[0]
+        made = digest(run.path, created, choices=Choices(tare=tare))
     except WordedError as error:
         return Analysed(run, problem=str(error))
-    try:
-        return Analysed(run, stored=store(fit, created).stored)
-    except WordedError as error:
-        return Analysed(run, problem=str(error))
-    finally:
-        close_recording(fit.recording)
-        if fit.tare is not None:
-            close_recording(fit.tare.recording)
+    if made.fit is None:
+        return Analysed(run, problem="; ".join(made.because))
+    close_recording(made.fit.recording)
+    if made.fit.tare is not None:
+        close_recording(made.fit.tare.recording)
+    return Analysed(run, stored=made.fit.stored, problem=made.not_stored)

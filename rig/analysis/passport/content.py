@@ -71,7 +71,7 @@ class ControlLimits:
 
 @dataclass(frozen=True)
 class CatalogueLimit:
-    """The limit that the newest analysis judged against, with its source and provenance."""
+    """What the catalogue of the gear states, with its source and provenance; it judges nothing."""
 
     value: float
     source: str

@@ -81,7 +81,7 @@ def control_plot(
                 )
             )
     if limit is not None:
-        label = f"limit ({limit.provenance})"
+        label = f"catalogue ({limit.provenance})"
         series.append(
             Series(
                 label=label,

@@ -18,12 +18,9 @@ from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
 from rig.analysis.store import Analysis, read_analyses
 from rig.errors import RigError, RunFileError
-from rig.library.index import IndexedRun, LibraryIndex
+from rig.library.index import COUNTED_OUTCOMES, IndexedRun, LibraryIndex
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import check_seal
-
-COUNTED_OUTCOMES = ("COMPLETED", "")
-"""Outcomes of runs that were brought to their end ("" is an imported recording's)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +36,6 @@ class AnalysedRun:
     changing: Mapping[str, str]
     grounds: Grounds
     estimates: Mapping[str, Mapping[str, Any]]
-    verdicts: Sequence[Mapping[str, Any]]
     housing_temperature: float | None
 
 
@@ -201,6 +197,5 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
         changing=changing,
         grounds=grounds,
         estimates=result.get("parameters", {}),
-        verdicts=result.get("verdicts", ()),
         housing_temperature=float(temperature) if isinstance(temperature, (int, float)) else None,
     )

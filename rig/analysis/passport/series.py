@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from model.gear_file import gear_from_mapping
 from rig.analysis.causes import common_grounds, own_uncertainty
 from rig.analysis.passport.chart import control_limits, signals_of
 from rig.analysis.passport.content import (
@@ -177,16 +178,13 @@ def _number(value: object) -> float:
 
 
 def _catalogue_limit(quantity: FollowedQuantity, newest: AnalysedRun) -> CatalogueLimit | None:
-    """The limit that the newest analysis judged the kind by; limits of one kind are one and the
-    same for all its speeds.
-    """
-    for verdict in newest.verdicts:
-        if quantity.quantity.catalogue is None or verdict.get("limit") is None:
-            continue
-        return CatalogueLimit(
-            float(verdict["limit"]), str(verdict["limit_source"]), verdict["limit_provenance"]
-        )
-    return None
+    """The value that the catalogue of the newest run's gear states of this quantity; it is shown, and judges nothing."""
+    counterpart, stored = quantity.quantity.catalogue, newest.analysis.content.get("gear")
+    if counterpart is None or not stored:
+        return None
+    gear = gear_from_mapping(stored, str(newest.analysis.path))
+    stated = gear.value(f"ratings.{counterpart.rating}")
+    return CatalogueLimit(stated.value, stated.origin.source, stated.origin.provenance)
 
 
 def _notes(
@@ -212,7 +210,7 @@ def _notes(
         "identified",
         "published",
     ):
-        notes.append(f"The limit is {limit.provenance}, not verified: {limit.source}.")
+        notes.append(f"The catalogue's value is {limit.provenance}, not verified: {limit.source}.")
     return tuple(notes)
 
 

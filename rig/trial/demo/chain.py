@@ -36,6 +36,7 @@ from rig.trial.demo.work import (
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
     from rig.analysis.fit import Fit
+    from rig.analysis.judging import GearVerdict
 
 BRANCHES: tuple[tuple[str, ...], ...] = (
     ("motor-tare", "friction"),
@@ -43,6 +44,8 @@ BRANCHES: tuple[tuple[str, ...], ...] = (
 )
 """What each process runs, one after the other."""
 REPORT, PARAMETERS = "report.html", "identified.toml"
+DEMONSTRATION = "demonstration"
+"""The acceptance file of the made-up maker, by which the simulated gear is judged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +55,7 @@ class Demonstration:
     order: DemoOrder
     finished: tuple[Finished, ...]
     fits: tuple[Fit, ...]
+    verdict: GearVerdict
     truth: tuple[tuple[str, TruthRow], ...]
     report: Path
     parameters: Path
@@ -67,6 +71,7 @@ class Demonstration:
             "seconds": self.seconds,
             "runs": [{"path": str(f.path), "outcome": f.outcome} for f in self.finished],
             "fits": [f.result.as_json() for f in self.fits],
+            **self.verdict.as_json(),
             "truth": [_row_as_json(kind, row) for kind, row in self.truth],
             "covered": sum(row.covered for _, row in self.truth),
             "within_uncertainty": sum(row.within for _, row in self.truth),
@@ -140,7 +145,9 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
     from model.gear_file import save_gear
     from rig.analysis.adopt import adopt
     from rig.analysis.fit import Fit
+    from rig.analysis.judging import judge
     from rig.analysis.tare import tare_kind
+    from rig.gears.acceptance import shipped_acceptance
     from rig.present.page import write_report
     from rig.runfile.read import open_run
 
@@ -166,11 +173,20 @@ def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) 
     save_gear(adopted.gear, parameters)
     note = "Made by rig demo: the whole chain, from plan to report, on the simulated rig."
     created = order.created.replace("T", " ", 1)
-    report = write_report(fitted, order.folder / REPORT, created=created, truth=truth, note=note)
+    verdict = judge(fitted, shipped_acceptance(DEMONSTRATION))
+    report = write_report(
+        fitted,
+        order.folder / REPORT,
+        created=created,
+        verdict=verdict,
+        truth=truth,
+        note=note,
+    )
     return Demonstration(
         order=order,
         finished=finished,
         fits=fitted,
+        verdict=verdict,
         truth=truth,
         report=report,
         parameters=parameters,

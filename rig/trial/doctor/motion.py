@@ -73,7 +73,6 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         estimates={},
         metrics={},
         warnings=(),
-        verdicts=(),
     )
 
 

@@ -12,7 +12,6 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 
 from experiments.result import Result
-from rig.analysis.passport.gather import COUNTED_OUTCOMES
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis
 from rig.analysis.tare import tare_kind
@@ -46,7 +45,7 @@ class FitOrder:
             words += [flag, str(value)] if value is not None else []
         for name, value in self.settings:
             words += ["--set", f"{name}={value}"]
-        return [*words, "--json", "--plots", "--keep" if self.keep else "--no-keep"]
+        return [*words, "--json", "--plots", "--store" if self.keep else "--no-store"]
 
     def key(self) -> tuple[Any, ...]:
         """What must be the same for the same result: what is asked for, and the files as they are now."""
@@ -72,11 +71,7 @@ def tares_among(runs: Iterable[IndexedRun], origin: str) -> list[IndexedRun]:
     return [
         run
         for run in runs
-        if run.protocol == tare_kind()
-        and run.origin == origin
-        and run.state == "sealed"
-        # A run that was broken off is no tare: it lacks speeds.
-        and run.outcome in COUNTED_OUTCOMES
+        if run.protocol == tare_kind() and run.origin == origin and run.is_complete
     ]
 
 

@@ -20,6 +20,7 @@ WORD_COLOURS: Mapping[str, str] = {
     "PASS": "good",
     "MARGINAL": "warning",
     "FAIL": "bad",
+    "NOT JUDGED": "muted",
     "significant": "bad",
     "within U": "good",
     "error": "bad",

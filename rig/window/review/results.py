@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
 from experiments import catalogue
 from experiments.result import Result
 from model.gear import HarmonicDrive
+from rig.analysis.judging import GearVerdict
 from rig.analysis.tare import takes_tare
 from rig.library.index import IndexedRun
 from rig.window.review.fit import FitOrder
@@ -213,7 +214,7 @@ class ResultsView(QWidget):
     def __init__(self, session: WindowSession, bar: FitBar) -> None:
         super().__init__()
         self._session = session
-        self._shown: tuple[Result, HarmonicDrive | None] | None = None
+        self._shown: tuple[Result, GearVerdict] | None = None
         self.bar = bar
         self.table = GridTable(session, "Results", judged=("identifiable", "limit or catalogue"))
         self.page = QTextBrowser()
@@ -234,10 +235,10 @@ class ResultsView(QWidget):
         """The result that is shown."""
         return self._shown[0] if self._shown else None
 
-    def show_result(self, result: Result, gear: HarmonicDrive | None) -> None:
-        """The numbers of a result; `gear` knows what the catalogue says."""
-        self._shown = result, gear
-        rows = result_rows(result, gear)
+    def show_result(self, result: Result, gear: HarmonicDrive | None, judged: GearVerdict) -> None:
+        """The numbers of a result; `gear` knows what the catalogue says, `judged` what they are worth."""
+        self._shown = result, judged
+        rows = result_rows(result, gear, judged.of(result))
         # A column in which nothing stands takes room from those that say something.
         full = [
             place
@@ -261,7 +262,7 @@ class ResultsView(QWidget):
 
     def _write_page(self) -> None:
         if self._shown is not None:
-            text = result_page(self._shown[0], self._session.palette)
+            text = result_page(self._shown[0], self._session.palette, self._shown[1])
             self.page.setHtml(text)
             self.page.setVisible(bool(text))
 

@@ -31,9 +31,7 @@ _NOWHERE = QModelIndex()
 SORT_ROLE = Qt.ItemDataRole.UserRole + 1
 RUN_ROLE = Qt.ItemDataRole.UserRole + 2
 SIGNS = {
-    "PASS": "✓",
-    "MARGINAL": "≈",
-    "FAIL": "✗",
+    "COMPLETED": "✓",
     "ABORTED": "■",
     "TRIPPED": "▲",
     "ERROR": "✗",
@@ -41,8 +39,7 @@ SIGNS = {
 }
 """The sign before an outcome: a colour never carries a meaning alone."""
 COLOURS = {
-    "PASS": "good",
-    "MARGINAL": "warning",
+    "COMPLETED": "text",
     "ABORTED": "warning",
     "INTERRUPTED": "warning",
     "being written": "accent",

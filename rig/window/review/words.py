@@ -9,8 +9,9 @@ from experiments.quantity import Quantity
 from experiments.result import Result, Verdict
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
+from rig.analysis.judging import GearVerdict, held_against, whose_limit
 from rig.analysis.wording import STATISTICAL_PART, laboratory_unit, number, readable, show
-from rig.present.content import Grid, data_grid, held_against, metric_grid
+from rig.present.content import Grid, data_grid, metric_grid
 from rig.window.shell.palette import Palette
 
 RESULT_COLUMNS = (
@@ -24,17 +25,19 @@ RESULT_COLUMNS = (
 )
 
 
-def result_rows(result: Result, gear: HarmonicDrive | None) -> list[tuple[str, ...]]:
-    """A row per estimate, in the units of a laboratory, each under `RESULT_COLUMNS`."""
-    verdicts = {id(v.estimate): v for v in result.verdicts}
+def result_rows(
+    result: Result, gear: HarmonicDrive | None, lines: Sequence[Verdict] = ()
+) -> list[tuple[str, ...]]:
+    """A row per estimate, in the units of a laboratory, each under `RESULT_COLUMNS`; `lines` are its limits, judged."""
+    verdicts = {line.estimate.name: line for line in lines}
     rows = []
     for name, estimate in result.estimates.items():
         quantity = result.quantity(name)
         s = show(estimate, quantity)
-        verdict = verdicts.get(id(estimate))
+        verdict = verdicts.get(name)
         limit = catalogue_words(quantity, estimate, gear)
         if verdict is not None:
-            limit = f"{verdict.outcome} {limit_words(result, verdict)}"
+            limit = f"{verdict.outcome} {limit_words(verdict)}"
         interval = f"{s.low} … {s.high}"
         value = f"{s.value} ± {s.expanded or '?'}"
         rows.append(
@@ -51,12 +54,17 @@ def result_rows(result: Result, gear: HarmonicDrive | None) -> list[tuple[str, .
     return rows
 
 
-def limit_words(result: Result, verdict: Verdict) -> str:
-    """The limit that a quantity was held against, where it is from and under which conditions it holds."""
-    _, limit = held_against(result, verdict)
-    source = f"{verdict.limit_provenance}: {verdict.limit_source}".rstrip(": ")
+def limit_words(verdict: Verdict) -> str:
+    """The limit that a quantity was held against, and whose limit it is."""
+    _, limit = held_against(verdict)
     because = f"; {verdict.because}" if verdict.because else ""
-    return f"(≤ {limit}, {source}{because})"
+    return f"({limit}, {whose_limit(verdict)}{because})"
+
+
+def verdict_words(judged: GearVerdict) -> str:
+    """The verdict with its reasons in one sentence."""
+    because = "; ".join(judged.because)
+    return f"Verdict: {judged.verdict}" + (f". {because}." if because else ".")
 
 
 def catalogue_words(quantity: Quantity, estimate: Estimate, gear: HarmonicDrive | None) -> str:
@@ -69,19 +77,21 @@ def catalogue_words(quantity: Quantity, estimate: Estimate, gear: HarmonicDrive 
     return f"catalogue {number(value.value / factor)} {unit} ({source})"
 
 
-def result_page(result: Result, palette: Palette) -> str:
+def result_page(result: Result, palette: Palette, judged: GearVerdict | None = None) -> str:
     """Warnings, verdicts with their definitions, figures of merit, tables and conventions, as a page of rich text."""
     parts = []
     if result.warnings:
         lines = "".join(f"<li>{html.escape(w)}</li>" for w in result.warnings)
         parts.append(f'<h4 style="color:{palette.warning}">To beware of</h4><ul>{lines}</ul>')
-    for v in result.verdicts:
+    if judged is not None:
+        parts.append(f"<p>{html.escape(verdict_words(judged))}</p>")
+    for v in judged.of(result) if judged is not None else ():
         colour = {"PASS": palette.good, "FAIL": palette.bad, "MARGINAL": palette.warning}.get(
             v.outcome, palette.muted
         )
-        value, _ = held_against(result, v)
-        definition = v.definition[:1].upper() + v.definition[1:]
-        words = html.escape(f"{v.name}: {value} {limit_words(result, v)}. {definition}.")
+        value, _ = held_against(v)
+        definition = v.quantity.definition[:1].upper() + v.quantity.definition[1:]
+        words = html.escape(f"{v.name}: {value} {limit_words(v)}. {definition}.")
         parts.append(f'<p><b style="color:{colour}">{html.escape(v.outcome)}</b>&nbsp; {words}</p>')
     grids = [metric_grid(result), *(data_grid(table) for table in result.tables)]
     parts += [grid_html(grid, palette) for grid in grids if grid is not None]

@@ -52,18 +52,26 @@ LOOKS: dict[State, Look] = {
 }
 """Okabe-Ito yellow, blue, orange and a light purple, a dark red and greys of different lightness."""
 OUTCOMES: dict[str, tuple[str, str, str]] = {
-    "PASS": ("✔", "#006b50", "#ffffff"),
-    "MARGINAL": ("≈", "#f0e442", "#16191d"),
-    "FAIL": ("✘", "#8a3800", "#ffffff"),
+    "COMPLETED": ("■", "#cfd6dd", "#16191d"),
     "ABORTED": ("■", "#cfd6dd", "#16191d"),
     "ERROR": ("✖", "#a3150c", "#ffffff"),
 }
-"""Symbol and colours of a finished run's outcome."""
+"""Symbol and colours of a finished run's outcome; that it was completed says nothing of the gear."""
+VERDICTS: dict[str, tuple[str, str, str]] = {
+    "PASS": ("✔", "#006b50", "#ffffff"),
+    "MARGINAL": ("≈", "#f0e442", "#16191d"),
+    "FAIL": ("✘", "#8a3800", "#ffffff"),
+    "NOT JUDGED": ("■", "#cfd6dd", "#16191d"),
+}
+"""Symbol and colours of the verdict on the gear of a completed run; neutral where nothing was judged."""
 
 
 def look_of(state: RunState) -> Look:
-    """The look of a state; of a finished run that of its outcome."""
+    """The look of a state; of a finished run that of its outcome and, where it was completed, of its verdict."""
     look = LOOKS[state.state]
+    if state.state is State.FINISHED and state.outcome == "COMPLETED" and state.verdict in VERDICTS:
+        symbol, background, text = VERDICTS[state.verdict]
+        return Look(f"COMPLETED: {state.verdict}", symbol, background, text)
     if state.state is State.FINISHED and state.outcome in OUTCOMES:
         symbol, background, text = OUTCOMES[state.outcome]
         return Look(f"FINISHED: {state.outcome}", symbol, background, text)

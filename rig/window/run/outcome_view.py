@@ -43,6 +43,8 @@ class OutcomeView(QFrame):
     """Hidden until a run has ended."""
 
     review_requested = Signal(Path)
+    judged = Signal(str)
+    """What the gear is worth by the analysis of the run that is shown."""
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
@@ -107,7 +109,9 @@ class OutcomeView(QFrame):
             )
         else:
             lines = "   ·   ".join(result_lines(result))
-            self.results.setText("\n".join((lines, *remarks(result))))
+            verdict = told_verdict(out)
+            self.results.setText("\n".join((lines, verdict_line(verdict), *remarks(result))))
+            self.judged.emit(verdict["verdict"])
 
     def _ask_review(self) -> None:
         if self._path is not None:
@@ -186,6 +190,18 @@ def fitted_result(out: str) -> Result | None:
         return None
 
 
+def told_verdict(out: str) -> dict[str, Any]:
+    """Verdict and reasons that `rig fit --json` printed."""
+    told = json.loads(out)
+    return {"verdict": str(told["verdict"]), "because": [str(why) for why in told["because"]]}
+
+
+def verdict_line(verdict: dict[str, Any]) -> str:
+    """The verdict on the gear with its reasons."""
+    because = "; ".join(verdict["because"])
+    return f"Verdict: {verdict['verdict']}" + (f" ({because})" if because else "")
+
+
 def result_lines(result: Result) -> list[str]:
     """The first results, each with its uncertainty and unit; what the data cannot tell is said beside it."""
     doubts = {"weakly": " (weakly identifiable)", "no": " (not identifiable)"}
@@ -200,13 +216,11 @@ def result_lines(result: Result) -> list[str]:
 
 
 def remarks(result: Result) -> list[str]:
-    """What must not be missed beside the numbers: whose torque it is, and that nothing was judged."""
+    """What must not be missed beside the numbers: whose torque it is."""
     lines = []
     if result.options.get("torque_is_of") == "motor + gear":
         way = ""
         if takes_tare(result.kind):
             way = " Review fits it with a motor-tare run."
         lines.append(f"Motor + gear: no tare was subtracted.{way}")
-    if {verdict.outcome for verdict in result.verdicts} == {"NOT JUDGED"}:
-        lines.append(f"The gear is not judged: {result.because}.")
     return lines

@@ -314,6 +314,7 @@ class RunPage(QWidget):
             lambda text: self.process.note(text) if self.process is not None else None
         )
         self.outcome.review_requested.connect(self.review_requested)
+        self.outcome.judged.connect(lambda verdict: self._change(self.state.judged(verdict)))
         # A field that is written in keeps the space bar; everywhere else on the page it is STOP.
         self._key(Qt.Key.Key_Space, self.stop)
         self._key("Ctrl+N", self._write_note)

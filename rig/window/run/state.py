@@ -44,6 +44,8 @@ class RunState:
 
     state: State = State.IDLE
     outcome: str = ""
+    verdict: str = ""
+    """What the gear is worth by the analysis of this run; "" while nobody knows."""
     what: str = ""
     remedy: str = ""
     cause: str = ""
@@ -133,8 +135,19 @@ class RunState:
             message = message or "Standstill was not verified."
             remedy = rule_of("make_safe_failed").remedy
         return replace(
-            self, state=state, outcome=outcome, cause=cause, safe=safe, what=message, remedy=remedy
+            self,
+            state=state,
+            outcome=outcome,
+            verdict=str(report.get("verdict", "")),
+            cause=cause,
+            safe=safe,
+            what=message,
+            remedy=remedy,
         )
+
+    def judged(self, verdict: str) -> RunState:
+        """After the analysis of a completed run: what its gear is worth by it."""
+        return replace(self, verdict=verdict)
 
     def gone(self, reported: bool, complaint: str, killed: bool = False) -> RunState:
         """After the end of the process. Without a report: refused before anything moved, or lost."""

@@ -16,7 +16,7 @@ from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.background import LatestTask
 
-COLUMNS = ("#", "kind of fit", "made", "verdict", "tare", "program", "file")
+COLUMNS = ("#", "kind of fit", "made", "tare", "program", "file")
 Opener = Callable[[QUrl], object]
 
 
@@ -38,7 +38,7 @@ class RunFilesView(QWidget):
             act=self._verify,
         )
         self.folder = push_button("Open its f&older", act=self._open_folder)
-        self.table = GridTable(session, "Analyses", judged=("verdict",))
+        self.table = GridTable(session, "Analyses")
         self.table.activated.connect(
             lambda index: self.analysis_chosen.emit(self._analyses[index.row()])
         )
@@ -70,7 +70,6 @@ class RunFilesView(QWidget):
                     str(a.number),
                     a.kind,
                     created,
-                    str(a.content.get("outcome", "")),
                     tare,
                     version,
                     a.path.name,

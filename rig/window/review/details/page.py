@@ -12,12 +12,15 @@ from PySide6.QtWidgets import QStackedLayout, QTabWidget, QTextBrowser, QWidget
 from experiments import catalogue
 from experiments.recording import Recording
 from experiments.result import Result
+from model.errors import WordedError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
+from rig.analysis.judging import GearVerdict, StoredResult, judge_run, not_judged
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.tare import takes_tare
 from rig.errors import RigError
+from rig.gears.acceptance import acceptance_for
 from rig.library.index import IndexedRun
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.read import follow, open_run
@@ -285,12 +288,23 @@ class RunDetails(QWidget):
         except (ValueError, KeyError, TypeError) as error:
             self.results.show_nothing(f"Analysis {analysis.number} cannot be read: {error}.")
             return
-        self.results.show_result(result, self._gear)
+        self.results.show_result(result, self._gear, self._verdict_on(result))
         heading = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
         tare = str(analysis.content.get("tare", {}).get("run", ""))
         self.bar.say(f"{heading}, {analysis.kind}{self._tare_words(tare, analysis.kind)}.")
         if front:
             self.tabs.setCurrentWidget(self.results)
+
+    def _verdict_on(self, result: Result) -> GearVerdict:
+        """What this analysis is worth by the acceptance file of the gear, as it is now."""
+        assert self.path is not None
+        assert self.recording is not None
+        m = self.recording.metadata
+        try:
+            acceptance = acceptance_for(self.path.parent, m.gear_serial)
+        except WordedError as error:
+            return not_judged(f"the acceptance file cannot be read: {error}")
+        return judge_run(StoredResult(result, m.origin, m.outcome, m.gear_serial), acceptance)
 
     def _tare_words(self, tare: str, kind: str) -> str:
         """Which tare an analysis was made with; nothing for a kind that has none."""
@@ -366,7 +380,7 @@ class RunDetails(QWidget):
             f"Fitted as {result.kind}{self._tare_words(tare, result.kind)}." if order.keep else ""
         )
         self._set_figures(result.plots, "" if result.plots else "This fit has no figures.")
-        self.results.show_result(result, self._gear)
+        self.results.show_result(result, self._gear, self._verdict_on(result))
         if order.keep:
             self._read_analyses()
 

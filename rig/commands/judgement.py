@@ -1,0 +1,69 @@
+"""What every command that tells of a gear's worth has in common: flags, acceptance file, words, colours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from experiments.result import Verdict
+    from rig.analysis.judging import Analysed, GearVerdict
+    from rig.gears.acceptance import Acceptance
+
+AcceptanceFile = Annotated[
+    str,
+    typer.Option(
+        "--acceptance",
+        metavar="FILE",
+        help="What the gear must show (TOML, or the name of a shipped file) instead of what its card names.",
+    ),
+]
+RequireVerdict = Annotated[
+    bool,
+    typer.Option("--require-verdict", help="End with exit code 7 where the gear is NOT JUDGED."),
+]
+VERDICT_STYLE = {
+    "PASS": "bold green",
+    "MARGINAL": "bold yellow",
+    "FAIL": "bold red",
+    "NOT JUDGED": "dim",
+}
+"""Colours of a verdict; what was not judged has none."""
+
+
+def acceptance_of(named: str, folder: Path, serial: str) -> Acceptance | None:
+    """The acceptance file that was named, else that of the gear's card in this folder of runs, else none."""
+    from rig.gears.acceptance import acceptance_for, acceptance_named
+
+    return acceptance_named(named) if named else acceptance_for(folder, serial)
+
+
+def folder_of(path: Path | None) -> Path:
+    """The folder of runs in which a run lies, beside its gear's card."""
+    return path.parent if path is not None else Path()
+
+
+def judged_run(one: Analysed, path: Path | None, named: str = "") -> GearVerdict:
+    """The verdict on what one run measures, by the acceptance file that was named or that of its gear's card."""
+    from rig.analysis.judging import judge_run
+
+    return judge_run(one, acceptance_of(named, folder_of(path), one.serial))
+
+
+def verdict_text(line: Verdict) -> str:
+    """One judged quantity: value, limit, whose limit it is, and what is missing."""
+    from rig.analysis.judging import held_against, whose_limit
+
+    value, limit = held_against(line)
+    because = f"; {line.because}" if line.because else ""
+    return f"{line.name}: {value}, limit {limit} ({whose_limit(line)}){because}"
+
+
+def worst_code(codes: Sequence[int]) -> int:
+    """The exit code of several verdicts: FAIL, then NOT JUDGED where one is required, MARGINAL, PASS."""
+    from rig.exits import DONE, FAIL, MARGINAL, NOT_JUDGED
+
+    return next((code for code in (FAIL, NOT_JUDGED, MARGINAL) if code in codes), DONE)
