@@ -113,6 +113,9 @@ def test_runs(rig: Rig, run: Path, tmp_path: Path) -> None:
         "00003-broken-A1.h5",
     ]
     assert found[0]["outcome"] == "COMPLETED"
+    assert found[0]["verdict"] == "NOT JUDGED"
+    assert found[0]["because"] == [f"the run is not analysed: rig fit {run}"]
+    assert found[1]["verdict"] is None
     assert (found[0]["rows"], found[0]["unfinished"]) == (ROWS, False)
     assert found[0]["duration_s"] == pytest.approx((ROWS - 1) * 1e-3, abs=2e-3)
     assert (found[1]["rows"], found[1]["unfinished"]) == (70, True)
