@@ -14,6 +14,7 @@ import typer
 from rig import exits
 from rig.commands import (
     analysis,
+    certifying,
     configuring,
     doctoring,
     drilling,
@@ -55,7 +56,13 @@ PANELS = {
         gears.gear,
         simulating.sim,
     ),
-    "Fit and compare": (analysis.fit, analysis.compare, reporting.report, modelling.model),
+    "Fit and compare": (
+        analysis.fit,
+        analysis.compare,
+        certifying.certificate,
+        reporting.report,
+        modelling.model,
+    ),
     "Safety": (drilling.drill, drilling.acknowledge),
     "Run files": (
         files.runs,

@@ -333,7 +333,7 @@ def _look(all_series: Sequence[Series], number: int, logarithmic: bool) -> _Look
     series = all_series[number]
     groups = list(dict.fromkeys(s.group for s in all_series if s.role == "data"))
     earlier = sum(
-        (s.group == series.group or s.role != "data")
+        (s.group == series.group or s.role == "null")
         and (s.role, s.panel) == (series.role, series.panel)
         and s.style in ("line", "steps")
         for s in all_series[:number]
@@ -345,7 +345,7 @@ def _look(all_series: Sequence[Series], number: int, logarithmic: bool) -> _Look
     return _Look(
         colour={"null": NULL, "limit": LIMIT}.get(series.role, own),
         marker=MARKERS[place % len(MARKERS)],
-        dash=DASHES[(earlier + (series.role == "limit")) % len(DASHES)],
+        dash=DASHES[1 if series.role == "limit" else earlier % len(DASHES)],
         shift=shift,
         foot=foot_of(all_series) if logarithmic else 0.0,
         behind=series.role == "null",
@@ -482,7 +482,7 @@ def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, f
         for some, texts in reversed(named)
         for handle, label in zip(some, texts, strict=True)
     }
-    characters = max(len(label) for label in labels) + 6
+    characters = max(len(label) for label in labels) + (6 if size[0] > 5 else 4)
     letters = 7.5 if size[0] > 5 else 6.5
     columns = max(1, min(len(labels), int(size[0] * 15.5 * 7.5 / letters / characters)))
     legend = first.legend(
