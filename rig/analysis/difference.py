@@ -21,7 +21,8 @@ from experiments.quantity import Quantity, bare_quantity
 from experiments.recording import Recording, RunMetadata
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate, Ground
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
-from rig.analysis.store import Analysis, read_analyses
+from rig.analysis.in_force import in_force_by_kind
+from rig.analysis.store import Analysis
 from rig.analysis.wording import show
 from rig.runfile.header import read_header
 from rig.runfile.read import close_recording, open_run
@@ -161,7 +162,11 @@ class _Facts:
 
 
 def _facts(path: Path) -> _Facts:
-    newest = {analysis.kind: analysis for analysis in read_analyses(path)}
+    newest = {
+        kind: found.analysis
+        for kind, found in in_force_by_kind(path).items()
+        if found.analysis is not None and found.of_this_run
+    }
     recording = open_run(path)
     try:
         groups = _groups(recording)

@@ -25,8 +25,9 @@ from experiments.result import (
     outcome_against,
 )
 from model.identify.estimate import Estimate
+from rig.analysis.in_force import in_force
 from rig.analysis.result_data import result_from_mapping
-from rig.analysis.store import Analysis, read_analyses
+from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
 from rig.gears.acceptance import Acceptance, Limit
 
@@ -139,8 +140,9 @@ def judge_listed(
 
 
 def _to_judge(run: Path, kind: str) -> Analysis | None:
-    """The analysis of a run by which it is judged: the newest of its kind."""
-    return next((a for a in reversed(read_analyses(run)) if a.kind == kind), None)
+    """The analysis of a run by which it is judged: the one in force, unless it is of another file of this name."""
+    found = in_force(run, kind)
+    return found.analysis if found.of_this_run else None
 
 
 def judge_runs(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:

@@ -15,7 +15,7 @@ from rig.commands.terminal import console, table
 from rig.run.progress import in_words
 
 if TYPE_CHECKING:
-    from rig.analysis.judging import GearVerdict
+    from rig.commands.ending import Ending
     from rig.run.dry_run import PlannedRun
     from rig.run.order import RunReport
 
@@ -118,14 +118,21 @@ def _print_margins(out: Console, report: RunReport) -> None:
     out.print(margins)
 
 
-def print_report(report: RunReport, bench: str, verdict: GearVerdict) -> None:
-    """How a run ended: outcome, file, how it was made safe, what to do. `bench` is the option that names the bench."""
+def print_report(
+    report: RunReport, bench: str, ending: Ending, *, everything: bool = False
+) -> None:
+    """How a run ended: outcome, verdict, file, how it was made safe, the values that matter, what to do.
+
+    `bench` is the option that names the bench. Margins are shown with `everything`, and where the run
+    was not brought to its end.
+    """
     out = console()
     styles = {"COMPLETED": "bold", "ABORTED": "yellow"}
     out.print(f"{report.outcome}  {report.run_id}", style=styles.get(report.outcome, "red"))
+    from rig.commands.ending import print_ending
     from rig.commands.result_tables import print_verdict
 
-    print_verdict(out, verdict)
+    print_verdict(out, ending.verdict)
     out.print(f"{report.path}", soft_wrap=True)
     if report.make_safe is not None and not report.safe:
         _print_alarm(out, report.make_safe.problem)
@@ -137,7 +144,7 @@ def print_report(report: RunReport, bench: str, verdict: GearVerdict) -> None:
         )
     if report.message:
         out.print(report.message, soft_wrap=True)
-    if report.margins:
+    if report.margins and (everything or report.outcome != "COMPLETED"):
         _print_margins(out, report)
     if report.trip is not None:
         out.print(
@@ -146,3 +153,4 @@ def print_report(report: RunReport, bench: str, verdict: GearVerdict) -> None:
         )
     for warning in dict.fromkeys(w for w in report.warnings if w != report.message):
         out.print(f"warning: {warning}", style="yellow", soft_wrap=True)
+    print_ending(out, ending, report.path, everything=everything)

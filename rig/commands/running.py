@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from rig.commands.judgement import AcceptanceFile, RequireVerdict, acceptance_of
+from rig.commands.judgement import AcceptanceFile, RequireVerdict
 from rig.commands.terminal import outliving_the_terminal, print_json
 from rig.commands.worlds import (
     BenchSeed,
@@ -29,7 +29,7 @@ from rig.commands.worlds import (
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
-    from rig.analysis.judging import GearVerdict
+    from rig.commands.ending import Ending
     from rig.run.dry_run import PlannedRun
     from rig.run.order import RunReport
     from rig.run.start import RunRequest
@@ -185,6 +185,10 @@ def run(
     ] = 2000,
     acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="All that was found and every margin, not only what matters."),
+    ] = False,
     json: Json = False,
     events: Annotated[
         bool,
@@ -249,36 +253,27 @@ def run(
         request = _repeated(context, repeat, request)
     planned = plan_request(request)
     request = confirmed(request, planned, asks=not (json or events or stdin_control))
-    from rig.exits import code_of_run
+    from rig.commands.ending import ending_of
+    from rig.exits import ERROR, code_of_run
 
-    def judged(report: RunReport) -> GearVerdict:
-        return _verdict_on(report, request, acceptance)
+    def ended(report: RunReport) -> Ending:
+        return ending_of(report, request, acceptance)
 
     if events or stdin_control:
-        report, verdict = _run_for_a_program(request, planned, judged, events, stdin_control)
+        report, ending = _run_for_a_program(request, planned, ended, events, stdin_control)
     else:
         report = _run_with_signals(request, planned, quiet=json)
-        verdict = judged(report)
+        ending = ended(report)
     if events:
         pass
     elif json:
-        print_json({**report.as_json(), **verdict.as_json()})
+        print_json({**report.as_json(), **ending.as_json()})
     else:
         bench = option_of(request.backend, request.output, request.configuration)
-        print_report(report, bench, verdict)
-    raise typer.Exit(code_of_run(report.outcome, verdict.verdict, required=require_verdict))
-
-
-def _verdict_on(report: RunReport, request: RunRequest, acceptance: str) -> GearVerdict:
-    """The verdict on what a run measured, by the analysis that lies beside its file."""
-    from rig.analysis.judging import judge_listed
-    from rig.bench.backends.registry import is_simulated
-
-    origin = "simulated" if is_simulated(request.backend) else request.backend.partition(":")[0]
-    asked = acceptance_of(acceptance, request.output, request.gear_serial)
-    return judge_listed(
-        report.path, request.protocol, origin, report.outcome, request.gear_serial, asked
-    )
+        print_report(report, bench, ending, everything=everything)
+    if ending.crash:
+        raise typer.Exit(ERROR)
+    raise typer.Exit(code_of_run(report.outcome, ending.verdict.verdict, required=require_verdict))
 
 
 REPEATABLE = (
@@ -288,6 +283,7 @@ REPEATABLE = (
     "block",
     "acceptance",
     "require_verdict",
+    "everything",
     "json",
     "events",
     "stdin_control",
@@ -416,10 +412,10 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
 def _run_for_a_program(
     request: RunRequest,
     planned: PlannedRun,
-    judged: Callable[[RunReport], GearVerdict],
+    ended: Callable[[RunReport], Ending],
     events: bool,
     stdin_control: bool,
-) -> tuple[RunReport, GearVerdict]:
+) -> tuple[RunReport, Ending]:
     """A run whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
     from rig.analysis.store import json_ready
@@ -446,6 +442,6 @@ def _run_for_a_program(
             on_progress=remote.on_progress,
             on_event=remote.on_event,
         )
-    verdict = judged(report)
-    remote.report(json_ready({**report.as_json(), **verdict.as_json()}))
-    return report, verdict
+    ending = ended(report)
+    remote.report(json_ready({**report.as_json(), **ending.as_json()}))
+    return report, ending

@@ -14,9 +14,10 @@ from experiments.recording import Origin, Recording
 from model.identify.estimate import Ground
 from rig.analysis.causes import Grounds, grounds_of, simulated_bench
 from rig.analysis.fit import NOT_SEALED
+from rig.analysis.in_force import in_force_by_kind
 from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
-from rig.analysis.store import Analysis, read_analyses
+from rig.analysis.store import Analysis
 from rig.errors import RigError, RunFileError
 from rig.library.index import COUNTED_OUTCOMES, IndexedRun, LibraryIndex
 from rig.runfile.read import close_recording, open_run
@@ -131,13 +132,11 @@ def _does_not_count(run: IndexedRun, origin: str) -> str:
 
 
 def _read(run: IndexedRun) -> tuple[list[AnalysedRun], list[Missing]]:
-    """The newest analyses of a run of the kinds that are followed, and what it lacks."""
+    """The analyses in force of a run of the kinds that are followed, and what it lacks."""
     command, kinds = f"rig fit {run.path}", watched_kinds()
     try:
         stored = {
-            analysis.kind: analysis
-            for analysis in read_analyses(run.path)
-            if analysis.kind in kinds
+            kind: found for kind, found in in_force_by_kind(run.path).items() if kind in kinds
         }
     except RunFileError as error:
         return [], [
@@ -154,7 +153,9 @@ def _read(run: IndexedRun) -> tuple[list[AnalysedRun], list[Missing]]:
         return [], [*missing, Missing(str(error), run.run_id)]
     try:
         analysed = []
-        for analysis in stored.values():
+        for found in stored.values():
+            analysis = found.analysis
+            assert analysis is not None
             if str(analysis.content.get("run_sha256", "")) != recording.metadata.sha256:
                 missing.append(
                     Missing(
@@ -164,6 +165,14 @@ def _read(run: IndexedRun) -> tuple[list[AnalysedRun], list[Missing]]:
                     )
                 )
                 continue
+            missing += [
+                Missing(
+                    f"its {found.kind} analysis {found.number} is stale: {reason}",
+                    run.run_id,
+                    found.renewed_by,
+                )
+                for reason in found.stale
+            ]
             analysed.append(_analysed(run, recording, analysis))
         return analysed, missing
     finally:
