@@ -22,7 +22,7 @@ from rig.commands import (
     gears,
     library,
     modelling,
-    previewing,
+    planning,
     reporting,
     running,
     simulating,
@@ -46,8 +46,7 @@ JSON_FLAGS = frozenset({"--json", "--events"})
 """Flags of a caller that is a program and reads standard output."""
 PANELS = {
     "At the rig": (
-        running.plan,
-        previewing.preview,
+        planning.plan,
         doctoring.doctor,
         running.run,
         window.live,

@@ -17,7 +17,7 @@ from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.units import ARCMIN, RPM
 from rig.analysis.fit import Fit
-from rig.analysis.judging import GearVerdict, judge
+from rig.analysis.judging import GearVerdict, judge, not_judged
 from rig.analysis.result_data import quantities_for
 from rig.gears.acceptance import Acceptance, Limit, Use
 
@@ -136,7 +136,9 @@ def acceptance(
 def verdict(
     fits: Sequence[Fit], limit: float = 0.15, confirmed_by: str = "A. Example"
 ) -> GearVerdict:
-    """What `judge` says of these fits by that limit."""
+    """What `judge` says of these fits by that limit; it is on friction alone."""
+    if not any(one.result.kind == "friction" for one in fits):
+        return not_judged("no limit is named")
     return judge(fits, acceptance(limit, confirmed_by))
 
 

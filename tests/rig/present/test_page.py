@@ -194,9 +194,11 @@ def test_nothing_judged_is_not_called_a_pass() -> None:
 
 
 @pytest.mark.parametrize("outcome", ["ABORTED", "TRIPPED", "ERROR", "INTERRUPTED"])
-def test_an_unfinished_run_is_incomplete_whatever_its_numbers(outcome: str) -> None:
+def test_an_unfinished_run_is_not_judged_whatever_its_numbers(outcome: str) -> None:
     text = render_report([bare("hardware", outcome=outcome)], created=CREATED)
-    assert ">INCOMPLETE<" in text
+    assert re.search(r'class="word" id="verdict">([A-Z ]+)<', text)[1] == "NOT JUDGED"  # type: ignore[index]
+    assert f"the run ended as {outcome}" in text
+    assert f"Not every run reached its end: R-000042 ({outcome})" in text
     assert "Approved by" not in text
 
 
@@ -229,8 +231,15 @@ def test_hostile_names_inject_nothing() -> None:
 
 
 def test_the_same_fits_give_the_same_bytes(tmp_path: Path) -> None:
-    first = write_report([handmade.fit()], tmp_path / "a" / "report.html", created=CREATED)
-    second = write_report([handmade.fit()], tmp_path / "b.html", created=CREATED)
+    first = write_report(
+        [handmade.fit()],
+        tmp_path / "a" / "report.html",
+        created=CREATED,
+        verdict=handmade.verdict([]),
+    )
+    second = write_report(
+        [handmade.fit()], tmp_path / "b.html", created=CREATED, verdict=handmade.verdict([])
+    )
     assert first.read_bytes() == second.read_bytes()
 
 
@@ -250,7 +259,12 @@ def test_nothing_to_report_is_refused() -> None:
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RigError, match=r"report\.html"):
-        write_report([bare()], tmp_path / "file" / "report.html", created=CREATED)
+        write_report(
+            [bare()],
+            tmp_path / "file" / "report.html",
+            created=CREATED,
+            verdict=handmade.verdict([]),
+        )
 
 
 def test_a_result_without_anything_makes_a_page() -> None:
