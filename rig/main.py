@@ -22,6 +22,7 @@ from rig.commands import (
     gears,
     library,
     modelling,
+    motors,
     planning,
     reporting,
     running,
@@ -53,6 +54,7 @@ PANELS = {
         reporting.demo,
         configuring.config,
         gears.gear,
+        motors.motor,
         simulating.sim,
     ),
     "Fit and compare": (

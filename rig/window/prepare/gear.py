@@ -22,11 +22,11 @@ from rig.gears.card import (
     list_cards,
     make_facts,
     now_text,
-    save_card,
     stated_facts,
     with_changes,
     with_confirmation,
 )
+from rig.gears.making import write_card
 from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.preview_plot import short_name
 from rig.window.shell.session import WindowSession
@@ -180,7 +180,7 @@ class GearSection(QWidget):
                 return
             card = with_changes(before, values, self._operator, now_text())
             self._stored = with_confirmation(card, self._operator, now_text())
-            save_card(folder, self._stored)
+            write_card(folder, self._stored)
         except PlanError as error:
             self.form.mark(error.where, error.what)
             self._session.message.emit(str(error))
