@@ -15,6 +15,7 @@ from rig import exits
 from rig.commands import (
     analysis,
     campaigning,
+    certifying,
     configuring,
     doctoring,
     drilling,
@@ -58,7 +59,13 @@ PANELS = {
         motors.motor,
         simulating.sim,
     ),
-    "Fit and compare": (analysis.fit, analysis.compare, reporting.report, modelling.model),
+    "Fit and compare": (
+        analysis.fit,
+        analysis.compare,
+        certifying.certificate,
+        reporting.report,
+        modelling.model,
+    ),
     "Safety": (drilling.drill, drilling.acknowledge),
     "Run files": (
         files.runs,

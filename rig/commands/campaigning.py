@@ -153,7 +153,7 @@ def _code_of(report: CampaignReport, require_verdict: bool) -> int:
         return exits.code_of_outcome(report.outcome)
     if report.problems:
         return exits.ERROR
-    return exits.code_of_outcome(report.verdict.verdict)
+    return exits.code_of_verdict(report.verdict.verdict, required=require_verdict)
 
 
 def _plan_of(name: str, path: Path | None) -> CampaignPlan:

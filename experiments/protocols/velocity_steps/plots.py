@@ -100,9 +100,8 @@ def _commanded(step: RecordedStep, time: FloatArray) -> Series:
     height = step.segment.setpoint / step.data.ratio / RPM
     return Series(
         label="commanded input / N",
-        x=np.array([min(float(time[0]), 0.0), 0.0, float(time[-1])]),
-        y=np.array([0.0, height, height]),
-        style="steps",
+        x=np.array([min(float(time[0]), 0.0), 0.0, 0.0, float(time[-1])]),
+        y=np.array([0.0, 0.0, height, height]),
         role="null",
     )
 

@@ -401,7 +401,7 @@ class RealTime(Part):
 
 
 class Laboratory(Part):
-    """Who tests and for whom, as it stands on a certificate. `logo` is a picture (PNG, JPEG or SVG) beside this file."""
+    """Who tests and for whom, as it stands on a certificate. `logo` is a picture beside this file (PNG, JPEG, SVG)."""
 
     name: str = Field(min_length=1)
     address: str = ""

@@ -28,8 +28,8 @@ VALUES = 5
 NO_LIMIT = "not listed"
 """What stands in the place of a verdict where the acceptance file says nothing of a quantity."""
 CURVES = (
-    ("kinematic-error", "kinematic-error-fit", (2.75, 1.0)),
-    ("friction", "friction-curve", (4.2, 1.75)),
+    ("kinematic-error", "kinematic-error-fit", (6.85, 1.1)),
+    ("friction", "friction-curve", (6.85, 1.85)),
 )
 """The curves of page one: kind, name of the figure, width and height of its first panel [inch]."""
 STYLES = {"PASS": "pass", "MARGINAL": "marginal", "FAIL": "fail"}
@@ -46,8 +46,6 @@ class Curve:
 
     svg: Any
     title: str
-    share: float
-    """Width beside the others."""
 
 
 def front_page(gathered: Certified, laboratory: LaboratoryWords) -> dict[str, Any]:
@@ -197,7 +195,7 @@ def _curves(fits: Sequence[Fit]) -> Iterator[Curve]:
                 continue
             origin = fit.recording.metadata.origin
             drawing = figures.draw_svg(_without_residuals(plot), origin, f"front-{kind}", size)
-            yield Curve(svg=Markup(drawing.svg), title=plot.title, share=size[0])
+            yield Curve(svg=Markup(drawing.svg), title=plot.title)
 
 
 def _without_residuals(plot: Plot) -> Plot:

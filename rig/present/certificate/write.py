@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from experiments.result import DECISION_RULE
 from rig.analysis.judging import GearVerdict
 from rig.gears.acceptance import Acceptance
 from rig.present import content, definitions, provenance
@@ -126,6 +127,7 @@ def certificate_context(
         "origin_sentences": [ORIGIN_SENTENCES[o] for o in origins if o in ORIGIN_SENTENCES],
         "states": (),
         "verdicts": (),
+        "decision_rule": DECISION_RULE,
         "catalogue": None,
         "key_results": (),
         "alarms": tuple(dict.fromkeys(alarm for _, one in facts for alarm in one.alarms)),
