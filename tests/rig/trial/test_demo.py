@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rig.trial.demo.work import DemoOrder, Failed, Finished, Step
 
 from experiments.errors import PlanError
 from model.gear_file import load_gear
@@ -24,7 +25,6 @@ from rig.runfile.read import close_recording, open_run
 from rig.trial.demo import chain as demo
 from rig.trial.demo import work as demo_work
 from rig.trial.demo.chain import Demonstration, demonstrate
-from rig.trial.demo.work import DemoOrder, Failed, Finished, Step
 from tests.rig.handmade import friction_result
 
 SHORT = {
