@@ -24,7 +24,8 @@ from pytestqt.qtbot import QtBot
 import rig.main
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit import fit_files, store
+from rig.analysis.fit import store
+from rig.analysis.fit_run import fit_files
 from rig.run.start import RunRequest, plan_request, run_request
 from rig.window.main import MainWindow
 from rig.window.review.page import ReviewPage
