@@ -311,23 +311,7 @@ class Supervisor:
             )
         if rows >= length:
             rows = missed = 0
-        longest = LONGEST_STEP * self._cycle_ns
-        steps = self._steps(block.time_ns, state.last_time, lost)
-        sent = self._steps(block.interval_ns, state.last_sync, lost)
-        knows_sending = block.sync_ns is not None
-        # Where the computer itself was late, the stamps are right to say so.
-        late = np.maximum(sent - self._cycle_ns, 0) if knows_sending else np.zeros_like(sent)
-        overdue = (sent > longest) & (knows_sending and turn.enabled)
-        # Changing the mode goes by SDO and may take its time.
-        overdue[0] &= state.mode is turn.command.mode
-        for cause, raised, step in (
-            (LATE_TURN, overdue, sent),
-            (TIME_BASE, (steps <= 0) | (steps - late > longest), steps),
-        ):
-            if raised.any():
-                row = int(np.argmax(raised))
-                value, limit = float(step[row]) * 1e-6, longest * 1e-6
-                trips.append(Trip(cause, state.rows + row, value, limit, "ms between SYNCs"))
+        trips += self._intervals(state, block, turn, lost)
         state = replace(
             state,
             next_cycle=block.first_cycle + len(block),
@@ -340,6 +324,30 @@ class Supervisor:
             window_missed=missed,
         )
         return state, trips
+
+    def _intervals(
+        self, state: WatchState, block: SampleBlock, turn: Turn, lost: int
+    ) -> list[Trip]:
+        """SYNCs that the computer sent far too late, and stamps that run backwards or away from the SYNCs."""
+        longest = LONGEST_STEP * self._cycle_ns
+        steps = self._steps(block.time_ns, state.last_time, lost)
+        raised = [(TIME_BASE, (steps <= 0) | (steps > longest), steps)]
+        if block.sync_ns is not None:
+            sent = self._steps(block.sync_ns, state.last_sync, lost)
+            overdue = (sent > longest) & turn.enabled
+            # Changing the mode goes by SDO and may take its time.
+            overdue[0] &= state.mode is turn.command.mode
+            # Where the computer itself was late, the stamps are right to say so.
+            late = np.maximum(sent - self._cycle_ns, 0)
+            away = (steps <= 0) | (steps - late > longest)
+            raised = [(LATE_TURN, overdue, sent), (TIME_BASE, away, steps)]
+        trips: list[Trip] = []
+        for cause, rows, step in raised:
+            if rows.any():
+                row = int(np.argmax(rows))
+                value, limit = float(step[row]) * 1e-6, longest * 1e-6
+                trips.append(Trip(cause, state.rows + row, value, limit, "ms between SYNCs"))
+        return trips
 
     def _steps(self, times: NDArray[np.int64], last: int | None, lost: int) -> NDArray[np.int64]:
         """Times (n,) between a block's cycles and the ones before them [ns], without those of lost cycles."""
@@ -454,8 +462,7 @@ class Supervisor:
         slip, trips = self._slip_review.reviewed(state.slip, block, start)
         state = replace(state, slip=slip)
         if HOUSING_TEMPERATURE in self._column:
-            good = (block.flags & CycleFlag.INCOMPLETE) == 0
-            counts = block.counts[good, self._column[HOUSING_TEMPERATURE]]
+            counts = block.complete_counts[:, self._column[HOUSING_TEMPERATURE]]
             thermometer, notes = stood(state.thermometer, counts, self.watch, self._period)
             state = replace(state, thermometer=thermometer, notes=(*state.notes, *notes))
         return state, trips
@@ -477,7 +484,7 @@ class Supervisor:
         heated, trips, _ = self._torque_review.heated(state.torque, torque, start)
         state = replace(state, torque=heated)
         if TORQUE in self._column and DRIVE_TORQUE in self._column and state.trip is None:
-            good = (block.flags & CycleFlag.INCOMPLETE) == 0
+            good = block.complete
             drive = self._si(block, DRIVE_TORQUE)[good]
             compared, new, notes = self._torque_review.compared(
                 state.torque, torque[good], drive, start
