@@ -221,12 +221,15 @@ class Supervisor:
         state, new = self._slow(state, block, start)
         trips += new
         index, new, notes = self._index_review.reviewed(state.index, block, start)
-        state, trips = replace(state, index=index, notes=(*state.notes, *notes)), trips + new
-        peaks = self._margins.after(state.peaks, block).with_values(self._shares(state))
-        state = replace(state, peaks=peaks, rows=start + len(block))
-        if state.trip is None and trips:
-            state = replace(state, trip=trips[0])
-        return state
+        trips += new
+        return replace(
+            state,
+            index=index,
+            notes=(*state.notes, *notes),
+            peaks=self._margins.after(state.peaks, block).with_values(self._shares(state)),
+            rows=start + len(block),
+            trip=trips[0] if state.trip is None and trips else state.trip,
+        )
 
     def _shares(self, state: WatchState) -> dict[str, float]:
         """How far the review's own quantities have come."""
@@ -460,12 +463,12 @@ class Supervisor:
     ) -> tuple[WatchState, list[Trip]]:
         """What goes wrong slowly: slip between the encoders, a thermometer that does not move any more."""
         slip, trips = self._slip_review.reviewed(state.slip, block, start)
-        state = replace(state, slip=slip)
+        thermometer, notes = state.thermometer, ()
         if HOUSING_TEMPERATURE in self._column:
             counts = block.complete_counts[:, self._column[HOUSING_TEMPERATURE]]
             thermometer, notes = stood(state.thermometer, counts, self.watch, self._period)
-            state = replace(state, thermometer=thermometer, notes=(*state.notes, *notes))
-        return state, trips
+        notes = (*state.notes, *notes)
+        return replace(state, slip=slip, thermometer=thermometer, notes=notes), trips
 
     @property
     def _following_patience(self) -> float:
@@ -481,19 +484,15 @@ class Supervisor:
         if name not in self._column:
             return state, []
         torque = self._si(block, name)
-        heated, trips, _ = self._torque_review.heated(state.torque, torque, start)
-        state = replace(state, torque=heated)
+        reviewed, trips, notes = self._torque_review.heated(state.torque, torque, start)
         if TORQUE in self._column and DRIVE_TORQUE in self._column and state.trip is None:
             good = block.complete
             drive = self._si(block, DRIVE_TORQUE)[good]
-            compared, new, notes = self._torque_review.compared(
-                state.torque, torque[good], drive, start
+            reviewed, new, notes = self._torque_review.compared(
+                reviewed, torque[good], drive, start
             )
-            state, trips = (
-                replace(state, torque=compared, notes=(*state.notes, *notes)),
-                trips + new,
-            )
-        return state, trips
+            trips = trips + new
+        return replace(state, torque=reviewed, notes=(*state.notes, *notes)), trips
 
     def acquisition(self) -> dict[str, object]:
         """What the review has seen of the acquisition: counts at the index marks, and torque port against drive."""
