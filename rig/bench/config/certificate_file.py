@@ -16,7 +16,6 @@ Units stand in the names of the columns; signs and senses are asked for, never g
 
 from __future__ import annotations
 
-import csv
 import datetime
 import math
 import tomllib
@@ -108,11 +107,9 @@ def _read(text: str) -> tuple[Header, AngleCertificate]:
     count = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
     header = _header("\n".join(line[1:].strip() for line in lines[:count]))
     table = [
-        (number, row)
-        for number, row in zip(
-            range(count + 1, len(lines) + 1), csv.reader(lines[count:]), strict=False
-        )
-        if any(cell.strip() for cell in row)
+        (number, line.split(","))
+        for number, line in enumerate(lines[count:], start=count + 1)
+        if line.strip()
     ]
     if len(table) < 2:
         raise ValueError(f"line {count + 1}: there is no table of points behind the header")
