@@ -56,6 +56,7 @@ from model.identify.common_errors import (
     spread_beyond,
 )
 from model.identify.estimate import Cause
+from model.identify.friction import tare_scatter
 from model.identify.running_torque import FrictionPoints, RunningTorque, Tare, pair_directions
 from model.identify.stribeck import stribeck_curve, stribeck_jacobian
 
@@ -441,6 +442,8 @@ def spread_of(
     speed = np.array([abs(h.torque.speed) for h in every])
     waves = place_columns(every, PLACE_ORDERS[: freedom // REPETITIONS_PER_ORDER])
     waves = points.mean_of(waves * curve.dry(speed)[:, None]) / whole[:, None]
+    if measured.tare is not None:
+        others = [*others, tare_scatter(measured.tare, speed)]
     known = np.column_stack([points.mean_of(c.columns) for c in others if c.is_fitted])
     known = known / whole[:, None]
     relative = (points.friction - tare) / whole - 1.0
