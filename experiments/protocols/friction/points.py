@@ -29,6 +29,7 @@ from experiments.evidence import check_recording, time_base_remark
 from experiments.protocols.friction.bearing import OutputBearing, output_bearing
 from experiments.protocols.friction.temperature import (
     DRY,
+    THERMOMETRY,
     VISCOUS,
     TemperatureLaw,
     temperature_law,
@@ -86,7 +87,7 @@ does not show how the next one will be."""
 PORT_LAG = "lag of the torque port"
 LAG_RELATIVE = 1.0 / math.sqrt(3.0)
 """Relative standard uncertainty of the lag: 0 to twice as much."""
-THERMOMETRY, SCALE, ZERO = "thermometer", "torque scale", "torque zero"
+SCALE, ZERO = "torque scale", "torque zero"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +166,9 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
             for part in (holds, bracket)
         )
     law = temperature_law(
-        evidence.settings, float(np.mean([hold.torque.temperature for hold in holds]))
+        evidence.settings,
+        float(np.mean([hold.torque.temperature for hold in holds])),
+        _thermometer(recording),
     )
     heat = motor_heat(recording, law.mean)
     if tare is not None and evidence.tare is not None:
@@ -185,6 +188,13 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         output=output_bearing(recording, evidence.settings),
         heat=heat,
     )
+
+
+def _thermometer(recording: Recording) -> float:
+    """Standard uncertainty of the housing's temperature [K]."""
+    if not recording.has(TEMPERATURE):
+        return 0.0
+    return recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
 
 
 def _speeds(holds: list[Hold]) -> FloatArray:
@@ -345,9 +355,8 @@ def common_errors(
             )
         )
     if law.is_known:
-        slope = law.dry.value * (dry + still) + law.viscous.value * (viscous + moving * 2.0 / 3.0)
-        kelvin = recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
-        errors.append(CommonError(source=THERMOMETRY, effect=kelvin * slope))
+        # It moves no hold, only what is brought to 20 degC.
+        errors.append(CommonError(source=THERMOMETRY, effect=np.zeros_like(speed)))
     if measured.tare is not None:
         errors.append(
             CommonError(
