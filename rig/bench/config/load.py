@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from rig.bench.config.schema import FORMAT, RigConfiguration
+from rig.bench.config.schema import FOLDER, FORMAT, RigConfiguration
 from rig.errors import ConfigurationError
 
 DEFAULT_PATH = Path("rig.toml")
@@ -67,7 +67,7 @@ def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem,
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"is not TOML: {error}", where=str(path)) from error
     try:
-        return RigConfiguration.model_validate(content)
+        return RigConfiguration.model_validate(content, context={FOLDER: path.parent})
     except ValidationError as error:
         return tuple(_problem(entry) for entry in error.errors())
 
