@@ -243,12 +243,13 @@ class Problem:
         moved: list[tuple[str, float, dict[str, float], Array]],
         near: Normal | None,
     ) -> Normal:
+        from model.kernels import products
         from model.kernels import steps as kernel
 
         ideal = self.ideal(step, error)
         angle, speed, piece, yielding = self.response(step, values, ideal, tables)
         predicted, place, share = self.at_samples(step, values["skew"], angle, speed)
-        residual = step.measured - predicted
+        residual = (step.measured - predicted)[:, np.newaxis]
         columns = np.empty((len(place), len(moved)))
         for j, (name, h, there, table) in enumerate(moved):
             if name == "skew":
@@ -258,9 +259,9 @@ class Problem:
             columns[:, j] = (
                 self.at_samples(step, values["skew"], other[0], other[1])[0] - predicted
             ) / h
-        left = np.linalg.qr(self._own(step, tables, place, share))[0]
-        residual = residual - left @ (left.T @ residual)
-        columns = columns - left @ (left.T @ columns)
+        own = products.orthonormal(self._own(step, tables, place, share))
+        products.take_out(own, residual)
+        products.take_out(own, columns)
         size = len(moved)
         waves, block = np.empty((len(place), 0)), np.empty((0, 0))
         if moved and near is not None:
@@ -281,21 +282,23 @@ class Problem:
                 yielding,
                 waves,
             )
-            waves -= left @ (left.T @ waves)
-            block = waves.T @ waves
+            products.take_out(own, waves)
+            block = products.inner(waves, waves)
         matrix = np.empty((size + len(block), size + len(block)))
-        matrix[:size, :size] = columns.T @ columns
-        matrix[:size, size:] = columns.T @ waves
+        matrix[:size, :size] = products.inner(columns, columns)
+        matrix[:size, size:] = products.inner(columns, waves)
         matrix[size:, :size] = matrix[:size, size:].T
         matrix[size:, size:] = block
         return Normal(
             matrix=matrix,
-            gradient=np.concatenate([columns.T @ residual, waves.T @ residual]),
-            square=float(residual @ residual),
+            gradient=np.concatenate(
+                [products.inner(residual, columns)[0], products.inner(residual, waves)[0]]
+            ),
+            square=float(products.inner(residual, residual)[0, 0]),
             count=len(residual),
             columns=columns,
             waves=waves,
-            residual=residual,
+            residual=residual[:, 0],
         )
 
     def _own(

@@ -112,10 +112,10 @@ class TorqueReview:
         heat = heat_integral(
             state.heat, np.square(torque / self.rating), self.period / self.watch.thermal_time
         )
-        hot = np.flatnonzero(heat > 1.0)
+        hottest = float(heat.max())
         trips = []
-        if len(hot):
-            row = int(hot[0])
+        if hottest > 1.0:
+            row = int(np.argmax(heat > 1.0))
             trips.append(
                 Trip(
                     OVERLOAD,
@@ -126,7 +126,7 @@ class TorqueReview:
                 )
             )
         return (
-            replace(state, heat=float(heat[-1]), hottest=max(state.hottest, float(heat.max()))),
+            replace(state, heat=float(heat[-1]), hottest=max(state.hottest, hottest)),
             trips,
             (),
         )
