@@ -33,10 +33,11 @@ MICROSECONDS = 1e-3
 """Times shorter than this [s] are read in microseconds."""
 
 
-def words_of(group: str, name: str, protocol: str = "") -> tuple[str, str]:
-    """Title and unit of a fact of a run, as they are read."""
+def words_of(group: str, name: str, *protocols: str) -> tuple[str, str]:
+    """Title and unit of a fact of a run by one of these protocols, as they are read."""
     if group == "parameters":
-        unit = _parameter_units(protocol).get(name, "")
+        units = [_parameter_units(protocol).get(name, "") for protocol in protocols]
+        unit = next((one for one in units if one), "")
         return in_words(name), "" if unit == "1" else pretty(unit)
     if group in ("conditions", "gear"):
         unit = UNITS.get(name, "")

@@ -141,7 +141,7 @@ def difference(first: str | Path, second: str | Path) -> Difference:
         names = list(dict.fromkeys((*left, *right)))
         compared[group] = len(names)
         for name in names:
-            title, unit = words_of(group, name, _protocol(a, b))
+            title, unit = words_of(group, name, _protocol(a), _protocol(b))
             change = Change(
                 group=group,
                 name=name,
@@ -158,9 +158,8 @@ def difference(first: str | Path, second: str | Path) -> Difference:
     return Difference(a.run_id, b.run_id, tuple(changes), compared, tuple(same))
 
 
-def _protocol(a: _Facts, b: _Facts) -> str:
-    """The protocol whose parameters these are: that of the first run where they are of two."""
-    return a.groups["parameters"].get("protocol", "") or b.groups["parameters"].get("protocol", "")
+def _protocol(facts: _Facts) -> str:
+    return facts.groups["parameters"].get("protocol", "")
 
 
 def _is_same(change: Change) -> bool:
