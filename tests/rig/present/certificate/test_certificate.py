@@ -182,7 +182,7 @@ def test_page_one_alone_is_enough(pages: list[str]) -> None:
         "PO 4711",
         "TI 12",
         "serial number A1, ratio 120",
-        "The gear A1 keeps all 2 limits of specification.",
+        "The gear A1 keeps all 2 limits of the acceptance file specification.",
         "Ada Grün",
         "Kinematic error, averaged per input angle",
         "No-load running torque over speed",
