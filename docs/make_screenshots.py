@@ -326,7 +326,8 @@ def _some_runs() -> Path:
     from experiments.parameters import parameter_fields
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
-    from rig.analysis.fit import fit_files, store
+    from rig.analysis.fit import store
+    from rig.analysis.fit_run import fit_files
     from rig.commands.running import read_flags
     from rig.run.start import RunRequest, run_request
 

@@ -157,8 +157,10 @@ def not_judged(*because: str) -> GearVerdict:
 
 def worst_of(verdicts: Sequence[VerdictOutcome]) -> VerdictOutcome:
     """The worst of several verdicts; NOT JUDGED for none."""
-    none: VerdictOutcome = "NOT JUDGED"
-    return next((word for word in WORST_FIRST if word in verdicts), none)
+    for word in WORST_FIRST:
+        if word in verdicts:
+            return word
+    return "NOT JUDGED"
 
 
 def _without_limits(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:

@@ -66,7 +66,7 @@ def pairs_of(seed: int, population: Any) -> list[tuple[Estimate, Estimate]]:
     """The quantities of both plans, run on one simulated gear and bench."""
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
-    from rig.analysis.fit import fit_files
+    from rig.analysis.fit_run import fit_files
     from rig.bench.backends.assembly import WorldChoice
     from rig.run.start import RunRequest, run_request
 

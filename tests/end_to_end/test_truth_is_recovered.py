@@ -10,7 +10,8 @@ from experiments.truth import truth_of, truth_rows
 from model.gear_file import shipped_gear
 from model.identify.kinematic_error import KinematicErrorAccumulator, score_kinematic_error
 from model.motor import shipped_motor
-from rig.analysis.fit import Fit, fit_files
+from rig.analysis.fit import Fit
+from rig.analysis.fit_run import fit_files
 from rig.run.start import RunRequest, run_request
 
 SEEDS = (11, 12)

@@ -76,9 +76,7 @@ def _figure_19(
         )
         if paper is not None:
             published = paper[place][shown] / RPM
-            series += (
-                Series(label="equation 2, nothing fitted", x=x, y=published, role="null"),
-            )
+            series += (Series(label="equation 2, nothing fitted", x=x, y=published, role="null"),)
         note = f"skill on the output speed {score.metrics['skill_speed']:.2f} against a rigid gear with kinematic error"
         plots.append(
             Plot(

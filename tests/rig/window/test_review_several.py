@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt, QUrl
 from pytestqt.qtbot import QtBot
 
 from model.gear_file import load_gear, save_gear, shipped_gear
-from rig.analysis.fit import fit_files
+from rig.analysis.fit_run import fit_files
 from rig.analysis.store import read_analyses
 from rig.window.review.fit import FitOrder, ResultCache
 from rig.window.review.page import ReviewPage, report_path
