@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QComboBox, QPushButton, QWidget
 from experiments.errors import PlanError
 from experiments.parameters import parameter_fields
 from rig.errors import RigError
+from rig.gears.acceptance import shipped_names
 from rig.gears.card import (
     CHOICES,
     GearCard,
@@ -54,7 +55,10 @@ class GearSection(QWidget):
         self.choice.setMinimumContentsLength(12)
         self.choice.activated.connect(lambda _: self.choose(self.choice.currentData() or ""))
         self.form = ParameterForm(
-            parameter_fields(GearFacts), _check_fact, CHOICES, {"part": shipped_parts()}
+            parameter_fields(GearFacts),
+            _check_fact,
+            CHOICES,
+            {"part": shipped_parts(), "acceptance": shipped_names()},
         )
         self.form.rows["serial"].editor.setAccessibleName("Serial number of the gear")
         self.status = text_label(wraps=True, plain=True)

@@ -69,7 +69,7 @@ def test_a_made_gear_is_planned_and_turns_on_the_simulated_rig(
 ) -> None:
     assert made(product, "SN-1", "--mounting", "circular-spline-fixed") == 0
     assert rig("gear", "confirm", "SN-1", "--by", "A. Example") == 0
-    assert rig("plan", "friction", "--parameters", str(set_path("runs", "SN-1"))) == 0
+    assert rig("plan", "friction", "--gear", "SN-1") == 0
     capsys.readouterr()
     assert rig("run", "home", "--gear", "SN-1", "--operator", "A. Example", "--seed", "7") == 0
     (file,) = Path("runs").glob("*.h5")
