@@ -263,7 +263,8 @@ def _lay_out(
 
 def _fold_label(axes: Axes, height: float) -> int:
     """Break the label of a panel of this height [inch] into lines that are no longer; how many they are."""
-    text = textwrap.fill(axes.get_ylabel(), max(int(height / CHARACTER), 8), break_long_words=False)
+    whole = re.sub(r"\[[^\]]*\]", lambda unit: unit[0].replace(" ", "\u00a0"), axes.get_ylabel())
+    text = textwrap.fill(whole, max(int(height / CHARACTER), 8), break_long_words=False)
     axes.set_ylabel(text)
     return text.count("\n") + 1
 
@@ -483,7 +484,7 @@ def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, f
         for handle, label in zip(some, texts, strict=True)
     }
     characters = max(len(label) for label in labels) + (6 if size[0] > 5 else 4)
-    letters = 7.5 if size[0] > 5 else 6.5
+    letters = 7.5 if size[0] > 5 else 6.0
     columns = max(1, min(len(labels), int(size[0] * 15.5 * 7.5 / letters / characters)))
     legend = first.legend(
         [handles[label] for label in labels if label in handles],

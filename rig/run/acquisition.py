@@ -21,6 +21,24 @@ from model.errors import ModelError
 from rig.errors import RigError
 from rig.run.logbook import Logbook
 
+READ_IN = {
+    "duration": (1.0, "s"),
+    "nominal_rate": (1.0, "Hz"),
+    "achieved_rate": (1.0, "Hz"),
+    "missed_share": (1e-2, "%"),
+}
+"""Figures of an acquisition that have a unit, besides the times below: how much of SI it is, and the unit."""
+SHORT_TIMES = ("jitter", "latency")
+"""How the names of those begin that are read in microseconds."""
+
+
+def _in_words(name: str, value: float) -> str:
+    """A figure of an acquisition as an event says it."""
+    factor, unit = READ_IN.get(name, (1.0, ""))
+    if name.startswith(SHORT_TIMES):
+        factor, unit = 1e-6, "µs"
+    return f"{name.replace('_', ' ')} {value / factor:.6g} {unit}".rstrip()
+
 
 class AcquisitionLog:
     """Counts the blocks of one run, and says at its end how well it was acquired."""
@@ -38,7 +56,7 @@ class AcquisitionLog:
         An event says them too.
         """
         counted = self._counted()
-        line = ", ".join(f"{name} {value:.6g}" for name, value in counted.items())
+        line = ", ".join(_in_words(name, value) for name, value in counted.items())
         self._logbook.event("info", "acquisition", "port", line)
         skews = self._skews()
         metrics = {f"acquisition_{name}": value for name, value in counted.items()}

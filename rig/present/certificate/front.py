@@ -6,6 +6,7 @@ import base64
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
@@ -34,9 +35,10 @@ CURVES = (
 """The curves of page one: kind, name of the figure, width and height of its first panel [inch]."""
 STYLES = {"PASS": "pass", "MARGINAL": "marginal", "FAIL": "fail"}
 COUNTED = {
-    "PASS": "keeps all {all} limits of",
-    "MARGINAL": "breaks none of the {all} limits of {name} for certain, but does not keep {bad} of them for certain",
-    "FAIL": "breaks {bad} of the {all} limits of",
+    "PASS": "keeps all {all} limits of the acceptance file {name}",
+    "MARGINAL": "breaks none of the {all} limits of the acceptance file {name} for certain, but does not keep {bad} of "
+    "them for certain",
+    "FAIL": "breaks {bad} of the {all} limits of the acceptance file {name}",
 }
 
 
@@ -128,8 +130,7 @@ def sentence_of(gathered: Certified) -> str:
         return f"{gear} is not judged: {verdict.because[0] if verdict.because else 'nothing was held against a limit'}."
     bad = sum(line.outcome == verdict.verdict for line in verdict.lines)
     words = COUNTED[verdict.verdict].format(all=len(verdict.lines), bad=bad, name=acceptance.name)
-    of_file = "" if acceptance.name in words else f" {acceptance.name}"
-    return f"{gear} {words}{of_file}."
+    return f"{gear} {words}."
 
 
 def _incomplete(gathered: Certified) -> str:
@@ -248,7 +249,8 @@ def hash_grid(gathered: Certified) -> Grid:
     rows += dict.fromkeys(_gear_set(fit) for fit in gathered.fits if fit.gear_known)
     if gathered.acceptance is not None:
         acceptance = gathered.acceptance
-        rows.append(("acceptance file", acceptance.path, acceptance_sha256(acceptance)))
+        name = Path(acceptance.path).name
+        rows.append(("acceptance file", name, acceptance_sha256(acceptance)))
     columns = ("What", "Name", "SHA-256")
     return Grid("", columns, tuple(rows), (False, False, False), hashes=columns[2:])
 

@@ -113,7 +113,7 @@ def certificate_context(
     origins = list(dict.fromkeys(fit.recording.metadata.origin for fit in fits))
     facts = [(part.title, part.provenance) for part in annexes]
     return {
-        "front": front_page(gathered, laboratory),
+        "front": front_page(replace(gathered, fits=fits), laboratory),
         "created": created,
         "number": _number(gathered),
         "heading": f"Certificate of gear {gathered.serial}",
