@@ -1,4 +1,4 @@
-"""The whole chain on the simulated rig, and what happens when one of its processes stops, fails or dies."""
+"""The whole chain on the simulated rig, and what happens when it is stopped, fails, or an analysis crashes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rig.trial.demo.work import DemoOrder, Finished, Step
 
 from experiments.errors import PlanError
 from model.gear_file import load_gear
@@ -24,7 +23,7 @@ from rig.trial.campaign.analyst import Analysed
 from rig.trial.campaign.conduct import CampaignReport
 from rig.trial.campaign.journal import DoneStage
 from rig.trial.demo import chain as demo
-from rig.trial.demo.chain import Demonstration, demonstrate
+from rig.trial.demo.chain import Demonstration, DemoOrder, Finished, Step, demonstrate
 
 SHORT = {
     "motor-tare": {"lowest_rpm": 5.0, "points": 9, "measure_time": 0.3, "settle_time": 0.2},
