@@ -12,8 +12,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from drivers.acquisition_statistics import AcquisitionStatistics
 from drivers.errors import DriverError
 from drivers.port import RigPort, TellsAcquisition
@@ -51,7 +49,7 @@ class AcquisitionLog:
 
     def put(self, block: SampleBlock) -> None:
         """Count a block."""
-        self._statistics.add(block.time_ns, np.zeros(len(block), dtype=np.int64), block.flags)
+        self._statistics.add(block.time_ns, None, block.flags)
 
     def figures(self, reviewed: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
         """Metrics for the report and figures for the file; `reviewed` is what the supervisor reviewed.
