@@ -64,7 +64,6 @@ def rows(population: Population, seed: int, folder: Path) -> tuple[Result, list[
             seed=seed,
             world=world,
         ),
-        judged=False,
     )
     run = open_run(made.path)
     request = RigRequest(gear=shipped_gear(), motor=shipped_motor(), world=world)
