@@ -7,7 +7,7 @@ import sys
 import tempfile
 import traceback
 from importlib import metadata
-from typing import Annotated
+from typing import Annotated, Any, cast
 
 import typer
 
@@ -113,11 +113,13 @@ def run(arguments: list[str] | None = None) -> None:
     words = sys.argv[1:] if arguments is None else arguments
     as_json = not JSON_FLAGS.isdisjoint(words)
     try:
-        # Where a program reads along, the command-line library must not print its own kind of error.
-        code = app(args=arguments, standalone_mode=not as_json)
+        # The library's own endings have exit codes of their own for Ctrl-C and a reader that has gone.
+        code = app(args=arguments, standalone_mode=False)
         raise SystemExit(code or exits.DONE)
-    except BrokenPipeError:
-        # Whoever read our output has gone; there is nobody left to tell.
+    except SystemExit as end:
+        if not isinstance(end.__context__, BrokenPipeError):
+            raise
+        # Whoever read our output has gone (`| head`); there is nobody left to tell.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(exits.DONE) from None
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  the last line before the user
@@ -135,6 +137,11 @@ def _tell(error: BaseException, *, as_json: bool = False) -> int:
 
     if as_json:
         _tell_as_json(error, known[1] if known is not None else str(error))
+    elif hasattr(error, "format_message"):
+        from typer.rich_utils import rich_format_error
+
+        rich_format_error(cast("Any", error))
+        return exits.USAGE
     if known is not None:
         code, sentence = known
         sys.stderr.write(f"{visible(sentence)}\n")
@@ -153,7 +160,8 @@ def _tell(error: BaseException, *, as_json: bool = False) -> int:
 def _refusal(error: BaseException) -> tuple[int, str] | None:
     """Exit code and sentence of what the command-line library refuses; None for any other error."""
     if isinstance(error, typer.Abort):
-        return exits.ABORTED, "Stopped by the operator."
+        # A run hears Ctrl-C itself: what comes to here was pressed before it began, or after it ended.
+        return exits.ABORTED, "Stopped by the operator; no rig was moving."
     words = getattr(error, "format_message", None)
     return None if words is None else (exits.USAGE, str(words()))
 

@@ -25,10 +25,12 @@ SHOWN_SEGMENTS = 24
 SHOWN_EVENTS = 20
 _LOOK: dict[str, Any] = {"box": None, "header_style": "bold", "pad_edge": False}
 _COLOURS = {"error": "bold red", "warning": "yellow", "ok": "green", "info": ""}
+WIDE = 110
+"""Columns of a terminal from which on the list has room for gear and rows."""
 _OUTCOME_COLOURS = {"COMPLETED": "", "ABORTED": "yellow", "being written": "cyan", "-": ""}
 _STATE_WORDS = {
     "being written": "being written",
-    "left behind": "unfinished, left behind: rig recover",
+    "left behind": "left behind",
     "sealed": "-",
 }
 
@@ -41,38 +43,59 @@ def print_runs(
     if not listed:
         out.print(f"No runs in {folder}.")
         return
-    headings = (
-        "run",
-        "started",
-        "protocol",
-        "gear",
-        "time",
-        "rows",
-        "outcome",
-        "verdict",
-        "origin",
-    )
-    look: dict[str, Any] = {"numbers": ("time", "rows"), "whole": ("run",), "overflow": "fold"}
-    runs = table(*headings, **look, **_LOOK)
+    wide = out.width >= WIDE
+    headings = ["run", "started", "lasted", "outcome", "verdict"]
+    headings += ["gear", "rows"] if wide else []
+    numbers, whole = ("lasted", "rows"), ("started", "lasted", "outcome", "verdict")
+    runs = table(*headings, numbers=numbers, whole=whole, overflow="fold", **_LOOK)
     for run in listed:
         if run.problem:
-            runs.add_row(run.path.name, Text("unreadable: " + run.problem, style="bold red"))
+            runs.add_row(run.path.name, Text("unreadable", style="bold red"))
             continue
         outcome = run.outcome or _STATE_WORDS[run.state]
-        style = _OUTCOME_COLOURS.get(outcome, "bold red")
-        mark = ORIGIN_WORDS.get(run.origin, run.origin) or "hardware"
-        runs.add_row(
-            run.path.name,
-            run.start[:16] or "-",
-            run.protocol or "-",
-            _gear_text(run.gear, run.gear_serial),
-            duration_text(run.duration),
-            str(run.rows),
-            Text(outcome, style=style),
+        cells = [
+            run.run_id or run.path.name,
+            run.start[:16].replace("T", " ") or "-",
+            _lasted(run.duration),
+            Text(outcome, style=_OUTCOME_COLOURS.get(outcome, "bold red")),
             _verdict_cell(verdicts.get(run.path)),
-            mark,
-        )
+        ]
+        if wide:
+            cells += [_gear_text(run.gear, run.gear_serial), str(run.rows)]
+        runs.add_row(*cells)
     out.print(runs)
+    _print_below(out, listed)
+
+
+def _print_below(out: Console, listed: Sequence[IndexedRun]) -> None:
+    """What needs more room than a column: files that cannot be read, and where the runs are from."""
+    for run in listed:
+        if run.problem:
+            out.print(Text(f"{run.path.name}: unreadable: {run.problem}", style="bold red"))
+        elif run.state == "left behind":
+            out.print(
+                Text(
+                    f"{run.path.name}: unfinished, left behind by a program that died: rig recover",
+                    style="bold red",
+                )
+            )
+    origins: dict[str, list[str]] = {}
+    for run in listed:
+        mark = ORIGIN_WORDS.get(run.origin, run.origin)
+        if mark and not run.problem:
+            origins.setdefault(mark, []).append(run.run_id)
+    for mark, names in origins.items():
+        every = "all of them" if len(names) == len(listed) else ", ".join(names)
+        out.print(Text(f"{mark}: {every}", style="bold magenta"))
+
+
+def _lasted(seconds: float) -> str:
+    """A duration in hours, minutes and seconds as clocks show it."""
+    if not math.isfinite(seconds):
+        return "-"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
 
 
 def _verdict_cell(verdict: GearVerdict | None) -> Text:

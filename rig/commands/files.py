@@ -44,7 +44,7 @@ class TimeBaseChoice(str, Enum):  # noqa: UP042
 
 
 def runs(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of runs.")] = Path("."),
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of runs.")] = Path("runs"),
     text: Annotated[
         str, typer.Option(metavar="WORDS", help="Only runs in which every word is found somewhere.")
     ] = "",
@@ -205,7 +205,7 @@ def import_(
     ] = None,
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of runs.")
-    ] = Path("."),
+    ] = Path("runs"),
     rate: Annotated[
         float | None,
         typer.Option("--rate", help="Sample rate in Hz, where there is no time column."),
