@@ -471,7 +471,13 @@ def fit_all(
                 raise IdentificationError("the fit of the steps diverged", where="velocity steps")
             there = {**values, **dict(zip(names, trial[:size].tolist(), strict=True))}
             there["skew"] = min(max(there["skew"], -LARGEST_SKEW), LARGEST_SKEW)
-            found = cost(trial, problem.normals(shape, there, trial[size:], gradient=False))
+            # A spring that is nothing, or everything, is no answer: the step was too long.
+            is_spring = all(abs(there[name]) < RUNAWAY for name in names if name != "skew")
+            found = (
+                cost(trial, problem.normals(shape, there, trial[size:], gradient=False))
+                if is_spring
+                else math.inf
+            )
             if found <= best:
                 break
             damped = max(STIFFER * damped, LEAST_DAMPED)
@@ -505,6 +511,8 @@ def fit_all(
     )
 
 
+RUNAWAY = 200.0
+"""Logarithm of a number of the spring, in SI, beyond which it is none."""
 _LARGEST: Mapping[str, float] = {"stiffness": 0.1, "damping": 1.0, "skew": 5e-4, "second": 0.2}
 
 

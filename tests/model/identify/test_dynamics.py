@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,6 +13,7 @@ import scipy
 from model.dynamics import simulate_prescribed
 from model.errors import IdentificationError
 from model.gear_file import shipped_gear
+from model.identify import step_fit
 from model.identify.differentiation import speed_from_counts
 from model.identify.dynamics import Expected, LadderFit, fit_ladder
 from model.identify.sensitivity import step_identifiability
@@ -226,6 +228,35 @@ def test_the_derivatives_by_the_kinematic_error_are_those_of_the_response(soft: 
         change = (residual(-moved) - residual(moved)) / 2e-8
         away = float(np.linalg.norm(change - exact[:, column]) / np.linalg.norm(change))
         assert away < 0.02
+
+
+def test_a_step_of_the_search_to_a_spring_that_is_none_is_not_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    data, _, _ = step(1800.0, 3)
+
+    def model(values: Mapping[str, float]) -> TorsionModel:
+        return TorsionModel(stiffness=math.exp(values["stiffness"]), relaxation=2e-4, share=0.4)
+
+    problem = Problem(
+        steps=(step_arrays(data, 5e-4, BASIS),), basis=BASIS, error_width=1e-4, model=model
+    )
+    solve, wild = np.linalg.solve, [True]
+
+    def once_too_far(matrix: np.ndarray, pull: np.ndarray) -> np.ndarray:
+        change = solve(matrix, pull)
+        if wild.pop() if wild else False:
+            change[:] = 0.0
+            change[0] = 1000.0
+        return change
+
+    monkeypatch.setattr(step_fit, "_excess", lambda names, change: 0.0)
+    monkeypatch.setattr(np.linalg, "solve", once_too_far)
+    start = {"stiffness": math.log(0.98 * STATIC), "skew": 0.0}
+    error = np.zeros(2 * len(BASIS))
+    found = step_fit.fit_all(problem, Shape(names=("stiffness", "skew")), start, error, noise=1e-5)
+    assert not wild
+    assert abs(found.values["stiffness"] - start["stiffness"]) < 1.0
 
 
 def test_a_direction_alone_is_in_doubt_by_as_much_as_it_leads_away(run, ladder: LadderFit) -> None:
