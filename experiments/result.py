@@ -17,6 +17,7 @@ from model.arrays import FloatArray
 from model.identify.estimate import Cause, Estimate
 
 SeriesStyle = Literal["line", "points", "band", "steps", "bars"]
+SeriesRole = Literal["data", "null", "limit"]
 VerdictOutcome = Literal["PASS", "MARGINAL", "FAIL", "NOT JUDGED"]
 CheckOutcome = Literal["ok", "widened", "refused", "not checked"]
 
@@ -39,6 +40,10 @@ class Series:
     high: FloatArray | None = None
     group: int = 0
     """Series of one group share a colour."""
+    role: SeriesRole = "data"
+    """A null model, or what was commanded, lies thin, grey and behind; a limit is a line of its own colour."""
+    panel: int = 0
+    """In which panel of the figure it lies; 0 is the first."""
 
 
 def way_of(direction: float) -> str:
@@ -66,6 +71,20 @@ def both_ways(
     return series
 
 
+@dataclass(frozen=True)
+class Panel:
+    """A further panel under the first one of a figure, over the same x: its axis with unit, its share of the height."""
+
+    y_label: str
+    share: float = 0.5
+    """Height over that of the first panel."""
+
+
+def residual_panel(unit: str) -> Panel:
+    """The low panel under a figure that shows what a fit leaves."""
+    return Panel(f"residual [{unit}]", 0.4)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Plot:
     """A figure as data: the report and the window draw it. Axis labels carry their unit. `figure` names the paper's."""
@@ -79,6 +98,14 @@ class Plot:
     y_scale: Literal["linear", "log"] = "linear"
     figure: str = ""
     note: str = ""
+    panels: tuple[Panel, ...] = ()
+    """Panels under the first one, in which the series of `panel` 1, 2, ... lie."""
+    enlarged: tuple[float, float] | None = None
+    """Range of x that paper shows once more beside the first panel, enlarged."""
+
+    def of_panel(self, panel: int) -> tuple[Series, ...]:
+        """The series of one panel."""
+        return tuple(series for series in self.series if series.panel == panel)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import typer
 from rig import exits
 from rig.commands import (
     analysis,
+    campaigning,
     configuring,
     doctoring,
     drilling,
@@ -21,7 +22,7 @@ from rig.commands import (
     gears,
     library,
     modelling,
-    previewing,
+    planning,
     reporting,
     running,
     simulating,
@@ -45,10 +46,10 @@ JSON_FLAGS = frozenset({"--json", "--events"})
 """Flags of a caller that is a program and reads standard output."""
 PANELS = {
     "At the rig": (
-        running.plan,
-        previewing.preview,
+        planning.plan,
         doctoring.doctor,
         running.run,
+        campaigning.campaign,
         window.live,
         reporting.demo,
         configuring.config,

@@ -24,7 +24,7 @@ from experiments.protocols.friction import protocol as friction
 from experiments.protocols.friction.quantities import at_reference
 from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
-from experiments.result import Covariance, Plot, Result, Series, both_ways
+from experiments.result import Covariance, Plot, Result, Series, both_ways, residual_panel
 from experiments.steps.vocabulary import Prompt, Step
 from experiments.torque.motor_heat import FRICTION, MotorHeat, motor_heat
 from experiments.torque.pattern import direction_patterns
@@ -424,6 +424,10 @@ def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
     speed = np.geomspace(every.min(), every.max(), 200)
     line = estimates["motor_coulomb"].value + estimates["motor_viscous"].value * speed
     series.append(Series(label="Coulomb + viscous", x=speed / RPM, y=line * 1e3, group=2))
+    straight = estimates["motor_coulomb"].value + estimates["motor_viscous"].value * every
+    left = y - straight * 1e3
+    residuals = both_ways(direction, every / RPM, left, low=left - spread, high=left + spread)
+    series += [replace(one, label="", panel=1) for one in residuals]
     return Plot(
         name="motor-friction",
         title="Friction of the bare motor",
@@ -431,6 +435,7 @@ def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
         y_label="torque [mN m]",
         series=tuple(series),
         x_scale="log",
+        panels=(residual_panel("mN m"),),
     )
 
 

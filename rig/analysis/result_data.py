@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from experiments import catalogue
 from experiments.quantity import Quantity, with_bare
-from experiments.result import Check, Covariance, Plot, Result, Series, Table
+from experiments.result import Check, Covariance, Panel, Plot, Result, Series, Table
 from model.identify.estimate import BudgetLine, Cause, Estimate
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
@@ -107,10 +107,14 @@ def plot_to_mapping(plot: Plot) -> dict[str, Any]:
             "label": s.label,
             "style": s.style,
             "group": s.group,
+            "role": s.role,
+            "panel": s.panel,
             **{name: _numbers(getattr(s, name)) for name in _ARRAYS},
         }
         for s in plot.series
     ]
+    mapping["panels"] = [{"y_label": p.y_label, "share": p.share} for p in plot.panels]
+    mapping["enlarged"] = plot.enlarged
     return mapping
 
 
@@ -125,10 +129,19 @@ def plot_from_mapping(mapping: Mapping[str, Any]) -> Plot:
             low=_optional(s.get("low")),
             high=_optional(s.get("high")),
             group=int(s["group"]),
+            role=s.get("role", "data"),
+            panel=int(s.get("panel", 0)),
         )
         for s in mapping["series"]
     )
-    return Plot(series=series, **{name: mapping[name] for name in _WORDS})
+    panels = tuple(Panel(str(p["y_label"]), float(p["share"])) for p in mapping.get("panels", ()))
+    enlarged = mapping.get("enlarged")
+    return Plot(
+        series=series,
+        panels=panels,
+        enlarged=None if enlarged is None else (float(enlarged[0]), float(enlarged[1])),
+        **{name: mapping[name] for name in _WORDS},
+    )
 
 
 def table_to_mapping(table: Table) -> dict[str, Any]:

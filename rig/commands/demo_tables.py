@@ -15,8 +15,7 @@ from rig.analysis.wording import number, show
 from rig.commands.result_tables import print_verdict, print_warnings
 from rig.commands.terminal import console, ruled_table
 from rig.commands.visible import Text
-from rig.trial.demo.chain import Demonstration
-from rig.trial.demo.work import ORDER, Finished, Step
+from rig.trial.demo.chain import ORDER, Demonstration, Finished, Step
 
 
 @contextlib.contextmanager
@@ -33,10 +32,7 @@ def progress(quiet: bool) -> Iterator[Callable[[Step | Finished], None]]:
 
 def _line(message: Step | Finished) -> None:
     if isinstance(message, Finished):
-        done = "run and fitted" if message.result is not None else "ended"
-        sys.stderr.write(
-            f"{message.protocol}: {message.outcome}, {done} in {message.seconds:.1f} s\n"
-        )
+        sys.stderr.write(f"{message.protocol}: {message.outcome} in {message.seconds:.1f} s\n")
 
 
 @contextlib.contextmanager
@@ -137,9 +133,10 @@ def print_demonstration(demonstration: Demonstration) -> None:
     _print_misses(out, demonstration, results)
     for fit in demonstration.fits:
         print_warnings(out, [f"{fit.result.kind}: {w}" for w in fit.result.warnings])
-    print_verdict(out, demonstration.verdict)
+    print_verdict(out, demonstration.campaign.verdict)
     out.print()
     for name, path in (
+        *(("certificate", path) for path in demonstration.certificate),
         ("report", demonstration.report),
         ("parameter set", demonstration.parameters),
     ):

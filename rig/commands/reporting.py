@@ -189,7 +189,7 @@ def demo(
         bool, typer.Option("--json", help="Print one JSON object on standard output.")
     ] = False,
 ) -> None:
-    """Turn a simulated gear through the paper's experiments, fit them, compare with the truth, and write the report.
+    """Take a simulated gear through its acceptance, compare what was found with the truth, and certify it.
 
     Ctrl-C is a STOP (controlled ramp, what was recorded is kept), a second one an ABORT (quick stop).
     """
@@ -197,8 +197,8 @@ def demo(
 
     from rig.commands.demo_tables import print_demonstration, progress
     from rig.exits import ABORTED, explain
-    from rig.trial.demo.chain import demonstrate
-    from rig.trial.demo.work import DemoOrder
+    from rig.run.stop import StopRequest, pressed_by_signals
+    from rig.trial.demo.chain import DemoOrder, demonstrate
 
     world = world_choice(
         mount_turn,
@@ -211,8 +211,9 @@ def demo(
     created = datetime.now().astimezone().isoformat(timespec="seconds")
     order = DemoOrder(output, seed, created, world=world)
     try:
-        with progress(quiet=json) as show:
-            demonstration = demonstrate(order, show=show)
+        stop = StopRequest()
+        with pressed_by_signals(stop), progress(quiet=json) as show:
+            demonstration = demonstrate(order, stop=stop, show=show)
     except KeyboardInterrupt as stopped:
         # Caught here because the command-line library would make an exit code of its own out of it.
         code, sentence = explain(stopped) or (ABORTED, "")

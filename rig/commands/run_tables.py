@@ -12,6 +12,7 @@ from experiments import catalogue
 from experiments.parameters import ParameterField, parameter_fields
 from model.units import RPM
 from rig.commands.terminal import console, table
+from rig.run.margins import number, worded
 from rig.run.progress import in_words
 
 if TYPE_CHECKING:
@@ -78,7 +79,16 @@ def print_plan(planned: PlannedRun) -> None:
     for quantity in aims[:1]:
         facts.add_row("of use where", f"U of {quantity.family_title} {quantity.target_text}")
     out.print(facts)
-    margins = table("limit on", "planned", "allowed", "margin", "where", "origin", title="Margins")
+    margins = table(
+        "limit on",
+        "planned",
+        "allowed",
+        "margin",
+        "where",
+        "origin",
+        title="Margins",
+        overflow="fold",
+    )
     for margin in planned.margins:
         factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
         origin = f"{margin.limit.tier}: {margin.limit.origin}"
@@ -107,12 +117,12 @@ def _print_margins(out: Console, report: RunReport) -> None:
     margins = table("limit on", "peak", "limit", "margin", title="Margins of this run", box=None)
     for name, margin in sorted(report.margins.items(), key=lambda item: item[1]["margin"]):
         style = "red" if margin["margin"] < 0.0 else "yellow" if margin["margin"] < 0.1 else None
-        share = f"{100.0 * margin['margin']:.0f} %"
+        words, unit, factor = worded(name)
         margins.add_row(
-            name.replace("_", " "),
-            f"{margin['peak']:.4g}",
-            f"{margin['limit']:.4g}",
-            share,
+            words,
+            f"{number(margin['peak'] / factor)} {unit}",
+            f"{number(margin['limit'] / factor)} {unit}",
+            f"{100.0 * margin['margin']:.0f} %",
             style=style,
         )
     out.print(margins)

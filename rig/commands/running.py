@@ -1,4 +1,4 @@
-"""`rig plan` and `rig run`: a protocol walked without a rig, and executed on one.
+"""`rig run`: a protocol executed on a rig.
 
 Flags of a protocol are made from its parameter model when it is named, so that the models stay their only definition.
 """
@@ -87,50 +87,6 @@ Config = Annotated[
 
 
 @with_protocol_flags
-def plan(
-    context: typer.Context,
-    parameters: Parameters = None,
-    mounting: MountedHow = None,
-    sample_rate: SampleRate = None,
-    config: Config = None,
-    gear_seed: GearSeed = None,
-    population: PopulationName = "narrow",
-    json: Json = False,
-    show_help: Help = False,
-) -> None:
-    """Walk a protocol without a rig: duration, revolutions, samples, file size, peak speed and
-    torque, margin to each limit.
-
-    Usage: rig plan PROTOCOL [flags of the protocol]. A plan that would break a limit is refused
-    with the step, the value and the limit (exit code 2).
-    """
-    from rig.commands.run_tables import print_help, print_plan
-
-    if show_help:
-        print_help(context)
-        raise typer.Exit
-    from rig.commands.ordering import request_of
-    from rig.run.start import plan_request
-
-    protocol, values = read_protocol(context.args)
-    planned = plan_request(
-        request_of(
-            protocol,
-            values,
-            config=config,
-            parameters=parameters,
-            mounting=mounting,
-            sample_rate=sample_rate,
-            world=world_choice(gear_seed=gear_seed, population=population),
-        )
-    )
-    if json:
-        print_json(planned.as_json())
-        return
-    print_plan(planned)
-
-
-@with_protocol_flags
 @outliving_the_terminal()
 def run(
     context: typer.Context,
@@ -208,7 +164,7 @@ def run(
 ) -> None:
     """Execute a protocol on a rig and keep it as one run file.
 
-    Usage: rig run PROTOCOL [flags of the protocol]. Ctrl-C, a closed terminal and a termination
+    Usage: rig run PROTOCOL \\[flags of the protocol]. Ctrl-C, a closed terminal and a termination
     request are a STOP (controlled ramp, the file is sealed as ABORTED), a second Ctrl-C an ABORT
     (quick stop). Whatever happens, the rig is made safe
     and that is checked. A rig of hardware has to be armed: operator and gear named, the guard

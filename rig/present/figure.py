@@ -35,7 +35,13 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (6, 1.5, 1.2, 
 
 FULL_WIDTH = (7.1, 2.8)
 HALF_WIDTH = (3.5, 2.4)
-"""Width and height [inch]: the whole text width of A4, and half of it."""
+"""Width and height [inch]: the whole text width of A4, and half of it; of the first panel."""
+TALL = 0.75
+"""Share of the first panel's height that a panel of its full share adds: the axis of x is there once."""
+MARKED = 0.8
+"""Share of the first panel's height from which the word of the origin stands in a further one too."""
+BESIDE = (2.4, 1.0)
+"""Widths of a figure and of what it shows enlarged beside it."""
 
 CROWDED_POINTS = 120
 """More scattered points than this are drawn as small dots."""
@@ -43,6 +49,8 @@ VECTOR_POINTS = 1500
 """More scattered points than this are painted as an image inside the SVG."""
 
 INK, GRID, FAINT = "#1F2328", "#D9DDE1", "#6A737D"
+NULL, LIMIT = "#8C959F", "#9B1C1C"
+"""Colours of null models and of limits: those of no group."""
 
 _STYLE: Any = {
     "font.family": "sans-serif",
@@ -96,6 +104,7 @@ def draw_svg(
     import matplotlib
 
     plot, remarks = _drawable(plot)
+    size = size_of(plot, size)
     style: Any = {**_STYLE, "svg.hashsalt": identifier}
     with matplotlib.rc_context(style):
         figure = _draw(plot, origin, size, "")
@@ -113,9 +122,15 @@ def draw_png(
     import matplotlib
 
     plot, _ = _drawable(plot)
+    size = size_of(plot, size)
     with matplotlib.rc_context(_STYLE):
         figure = _draw(plot, origin, (size[0], size[1] + 0.3), plot.title)
         return _saved(figure, format="png", dpi=dpi, metadata={"Software": None})
+
+
+def size_of(plot: Plot, size: tuple[float, float]) -> tuple[float, float]:
+    """Width and height [inch] of a figure with all its panels; `size` is that of the first one."""
+    return size[0], size[1] * (1.0 + TALL * sum(panel.share for panel in plot.panels))
 
 
 def _saved(figure: Figure, **output: Any) -> bytes:
@@ -134,7 +149,8 @@ def _drawable(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
     words = {
         name: printable(getattr(plot, name)) for name in ("title", "x_label", "y_label", "note")
     }
-    return replace(plot, series=series, **words), remarks
+    panels = tuple(replace(panel, y_label=printable(panel.y_label)) for panel in plot.panels)
+    return replace(plot, series=series, panels=panels, **words), remarks
 
 
 def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
@@ -149,7 +165,7 @@ def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
         good = np.ones(len(x), dtype=bool)
         if plot.x_scale == "log":
             good &= ~(x <= 0)
-        if plot.y_scale == "log":
+        if plot.y_scale == "log" and not series.panel:
             good &= ~(y <= 0)
         lost = int(len(x) - good.sum())
         if lost:
@@ -162,34 +178,79 @@ def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
 
 
 def _draw(plot: Plot, origin: str, size: tuple[float, float], title: str) -> Figure:
-    """The matplotlib figure of a plot."""
+    """The matplotlib figure of a plot: its panels under each other over one x, what is enlarged beside the first."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    axes.set_xscale(plot.x_scale)
-    axes.set_yscale(plot.y_scale)
-    axes.set_xlabel(plot.x_label)
-    axes.set_ylabel(plot.y_label)
-    _watermark(axes, origin, size)
+    shares = [1.0, *(panel.share for panel in plot.panels)]
+    grid = figure.add_gridspec(
+        len(shares),
+        2 if plot.enlarged else 1,
+        height_ratios=shares,
+        width_ratios=BESIDE if plot.enlarged else None,
+    )
+    first = figure.add_subplot(grid[0, 0])
+    lower = [figure.add_subplot(grid[k, 0], sharex=first) for k in range(1, len(shares))]
+    for panel, axes in enumerate((first, *lower)):
+        axes.set_xscale(plot.x_scale)
+        axes.set_yscale("linear" if panel else plot.y_scale)
+        axes.set_ylabel(plot.panels[panel - 1].y_label if panel else plot.y_label)
+        if shares[panel] >= MARKED:
+            _watermark(axes, origin, size)
+        _paint(axes, plot, panel, int(100 * size[0]))
+        if axes is not (first, *lower)[-1]:
+            axes.tick_params(labelbottom=False)
+        _ticks(axes, plot, "linear" if panel else plot.y_scale)
+    (first, *lower)[-1].set_xlabel(plot.x_label)
     if any(np.isfinite(s.y).any() for s in plot.series):
-        bins = int(100 * size[0])
-        for number, series in enumerate(plot.series):
-            _PAINTERS[series.style](
-                axes, series, _look(plot.series, number, plot.y_scale == "log"), bins
-            )
-        axes.margins(x=0.02, y=0.06)
-        _legend(axes, plot, size)
-    else:
-        axes.text(
-            0.5, 0.5, "no data", transform=axes.transAxes, ha="center", va="center", color=FAINT
-        )
-    _ticks(axes, plot)
+        _legend(first, lower, plot, size)
+    if plot.enlarged:
+        _enlarge(figure.add_subplot(grid[:, 1]), first, plot)
+    figure.align_ylabels([first, *lower])
     if title:
         figure.suptitle(title, x=0.02, ha="left", fontsize=9.0, fontweight="bold")
     return figure
+
+
+def _paint(axes: Axes, plot: Plot, panel: int, bins: int) -> None:
+    """The series of one panel."""
+    if not any(np.isfinite(s.y).any() for s in plot.of_panel(panel)):
+        words = {"ha": "center", "va": "center", "color": FAINT}
+        axes.text(0.5, 0.5, "no data", transform=axes.transAxes, **words)
+        return
+    logarithmic = plot.y_scale == "log" and not panel
+    for number, series in enumerate(plot.series):
+        if series.panel == panel:
+            _PAINTERS[series.style](axes, series, _look(plot.series, number, logarithmic), bins)
+    axes.margins(x=0.02, y=0.06)
+
+
+def _enlarge(axes: Axes, whole: Axes, plot: Plot) -> None:
+    """A range of x of the first panel once more, with the room that its values need."""
+    assert plot.enlarged is not None
+    low, high = plot.enlarged
+    _paint(axes, plot, 0, 200)
+    inside = [
+        np.concatenate([edge[(series.x >= low) & (series.x <= high)] for edge in _edges(series)])
+        for series in plot.of_panel(0)
+    ]
+    values = np.concatenate(inside)
+    values = values[np.isfinite(values)]
+    if len(values):
+        spare = 0.08 * float(np.ptp(values)) or 1.0
+        axes.set_ylim(float(values.min()) - spare, float(values.max()) + spare)
+    axes.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
+    axes.set_title("the same, enlarged", fontsize=7.5, color=FAINT, loc="left")
+    axes.set_xlabel(plot.x_label)
+    bottom, top = axes.get_ylim()
+    whole.indicate_inset((low, bottom, high - low, top - bottom), edgecolor=FAINT, linewidth=0.7)
+
+
+def _edges(series: Series) -> list[NDArray[np.float64]]:
+    """The values of a series, and the ends of its bars or its band."""
+    return [edge for edge in (series.y, series.low, series.high) if edge is not None]
 
 
 @dataclass(frozen=True)
@@ -203,22 +264,30 @@ class _Look:
     """Points by which bars stand beside those of the other series."""
     foot: float
     """Where bars begin: zero, or below the smallest of them on a logarithmic axis."""
+    behind: bool = False
+    """Whether it lies under everything else, in a thin line."""
 
 
 def _look(all_series: Sequence[Series], number: int, logarithmic: bool) -> _Look:
     series = all_series[number]
-    groups = list(dict.fromkeys(s.group for s in all_series))
+    groups = list(dict.fromkeys(s.group for s in all_series if s.role == "data"))
     earlier = sum(
-        s.group == series.group and s.style in ("line", "steps") for s in all_series[:number]
+        (s.group == series.group or s.role != "data")
+        and (s.role, s.panel) == (series.role, series.panel)
+        and s.style in ("line", "steps")
+        for s in all_series[:number]
     )
     barred = [i for i, s in enumerate(all_series) if s.style == "bars"]
     shift = 3.2 * (barred.index(number) - 0.5 * (len(barred) - 1)) if number in barred else 0.0
+    own = PALETTE[series.group % len(PALETTE)]
+    place = groups.index(series.group) if series.group in groups else 0
     return _Look(
-        colour=PALETTE[series.group % len(PALETTE)],
-        marker=MARKERS[groups.index(series.group) % len(MARKERS)],
-        dash=DASHES[earlier % len(DASHES)],
+        colour={"null": NULL, "limit": LIMIT}.get(series.role, own),
+        marker=MARKERS[place % len(MARKERS)],
+        dash=DASHES[(earlier + (series.role == "limit")) % len(DASHES)],
         shift=shift,
         foot=foot_of(all_series) if logarithmic else 0.0,
+        behind=series.role == "null",
     )
 
 
@@ -238,7 +307,7 @@ def _line(axes: Axes, series: Series, look: _Look, bins: int) -> None:
         axes.fill_between(
             series.x[rows], series.low[rows], series.high[rows], color=look.colour, alpha=0.18, lw=0
         )
-    width = 1.3 if len(series.y) < 4000 else 0.9
+    width = 0.8 if look.behind else 1.1 if len(series.y) < 4000 else 0.8
     axes.plot(
         series.x[rows],
         series.y[rows],
@@ -246,7 +315,7 @@ def _line(axes: Axes, series: Series, look: _Look, bins: int) -> None:
         lw=width,
         color=look.colour,
         label=series.label,
-        zorder=2.4,
+        zorder=1.6 if look.behind else 2.4,
     )
 
 
@@ -257,16 +326,17 @@ def _steps(axes: Axes, series: Series, look: _Look, bins: int) -> None:
         series.y[rows],
         where="post",
         ls=look.dash,
-        lw=1.1,
+        lw=0.8 if look.behind else 1.1,
         color=look.colour,
         label=series.label,
+        zorder=1.6 if look.behind else 2.4,
     )
 
 
 def _points(axes: Axes, series: Series, look: _Look, bins: int) -> None:
     many, crowded = len(series.y) > VECTOR_POINTS, len(series.y) > CROWDED_POINTS
     rows = scatter_rows(series.x, series.y) if many else np.arange(len(series.y))
-    size = 1.2 if many else 1.8 if crowded else 3.4
+    size = 1.2 if many else 2.6 if crowded else 3.4
     # Points lie under lines: where there are many of them the curve through them must still be seen.
     style: dict[str, Any] = {
         "ls": "none",
@@ -340,14 +410,22 @@ _PAINTERS: dict[str, Callable[[Axes, Series, _Look, int], None]] = {
 }
 
 
-def _legend(axes: Axes, plot: Plot, size: tuple[float, float]) -> None:
-    """The legend above the axes, in as many columns as fit: it hides nothing."""
-    labels = [s.label for s in plot.series if s.label]
+def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, float]) -> None:
+    """The legend of all panels above the first one, in as many columns as fit: it hides nothing."""
+    labels = list(dict.fromkeys(s.label for s in plot.series if s.label))
     if len(labels) < 2 and not (labels and plot.series[0].style == "points"):
         return
+    named = [axes.get_legend_handles_labels() for axes in (first, *lower)]
+    handles = {
+        label: handle
+        for some, texts in reversed(named)
+        for handle, label in zip(some, texts, strict=True)
+    }
     characters = max(len(label) for label in labels) + 6
     columns = max(1, min(len(labels), int(size[0] * 15.5 / characters)))
-    axes.legend(
+    legend = first.legend(
+        [handles[label] for label in labels if label in handles],
+        [label for label in labels if label in handles],
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
         ncols=columns,
@@ -357,9 +435,13 @@ def _legend(axes: Axes, plot: Plot, size: tuple[float, float]) -> None:
         labelspacing=0.3,
         markerscale=1.0,
     )
+    for line in legend.get_lines():
+        # A dot of a crowded curve is too small to tell its colour.
+        line.set_markersize(max(line.get_markersize(), 3.4))
+        line.set_alpha(1.0)
 
 
-def _ticks(axes: Axes, plot: Plot) -> None:
+def _ticks(axes: Axes, plot: Plot, y_scale: str) -> None:
     """Plain numbers on logarithmic axes (10, 100, 1000), and no scientific offsets without need."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
@@ -368,7 +450,7 @@ def _ticks(axes: Axes, plot: Plot) -> None:
     if plot.x_scale != "log" and places and all(np.array_equal(x, np.round(x)) for x in places):
         # Runs, orders, segments: nothing lies between them.
         axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    for axis, scale in ((axes.xaxis, plot.x_scale), (axes.yaxis, plot.y_scale)):
+    for axis, scale in ((axes.xaxis, plot.x_scale), (axes.yaxis, y_scale)):
         if scale != "log":
             continue
         low, high = sorted(axis.get_view_interval())

@@ -243,14 +243,14 @@ def _context(
         ),
         "truth": content.truth_grid(truth, results) if truth else None,
         "truth_note": _truth_note(truth),
-        "paper_figures": [row for row in _paper_figures(all_figures) if row[2] or len(fits) > 1],
+        "paper_figures": [row for row in paper_figure_rows(all_figures) if row[2] or len(fits) > 1],
         "run_word": "Run",
         "annex_title": "parameter set with its sources",
         "parameter_sets": content.parameter_grids(fits),
         "definitions": definitions.definitions_for(r.kind for r in results),
         "not_measured": definitions.NOT_MEASURED,
         "paper": definitions.PAPER,
-        "signature": _signature(origins, fits),
+        "signature": signature_of(origins, fits),
         "version": content.program_version(),
         "key_results": content.key_results(fits),
     }
@@ -282,7 +282,9 @@ def _truth_note(truth: Sequence[tuple[str, TruthRow]]) -> str:
 def _parts(fits: Sequence[Fit]) -> tuple[tuple[content.Part, ...], list[tuple[Figure, Plot]]]:
     parts, all_figures = [], []
     for index, fit in enumerate(fits):
-        figures_and_plots = _figures(fit, len(all_figures))
+        figures_and_plots = figures_of(
+            fit.result.plots, fit.recording.metadata.origin, len(all_figures)
+        )
         all_figures += figures_and_plots
         parts.append(
             replace(
@@ -299,17 +301,18 @@ def _title(fit: Fit, fits: Sequence[Fit]) -> str:
     return f"{title}, run {fit.result.run}" if len(same) > 1 else title
 
 
-def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
-    """The plots of a result as numbered figures; three or more of one figure of the paper stand two in a row."""
+def figures_of(plots: Sequence[Plot], origin: str, before: int) -> list[tuple[Figure, Plot]]:
+    """Plots of runs of one origin as figures, numbered after `before`; three or more of one figure of
+    the paper stand two in a row.
+    """
     from markupsafe import Markup
 
-    origin = fit.recording.metadata.origin
     siblings: dict[str, int] = defaultdict(int)
-    for plot in fit.result.plots:
+    for plot in plots:
         siblings[plot.figure] += bool(plot.figure)
     figures_and_plots = []
     begun: set[str] = set()
-    for number, plot in enumerate(fit.result.plots, before + 1):
+    for number, plot in enumerate(plots, before + 1):
         half = siblings[plot.figure] >= 3 and not (
             siblings[plot.figure] % 2 and plot.figure not in begun
         )
@@ -335,7 +338,7 @@ def _figures(fit: Fit, before: int) -> list[tuple[Figure, Plot]]:
     return figures_and_plots
 
 
-def _paper_figures(
+def paper_figure_rows(
     figures_and_plots: Sequence[tuple[Figure, Plot]],
 ) -> list[tuple[str, str, list[Figure], str]]:
     """Each of the paper's figures: its number, what it shows, the figures here, and what is missing."""
@@ -373,7 +376,7 @@ def _dates(fits: Sequence[Fit]) -> str:
     return days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
 
 
-def _signature(origins: Sequence[str], fits: Sequence[Fit]) -> Signature:
+def signature_of(origins: Sequence[str], fits: Sequence[Fit]) -> Signature:
     if any(o != "hardware" for o in origins):
         words = ", ".join(figures.WATERMARKS.get(o, o.upper()) for o in origins if o != "hardware")
         return Signature(

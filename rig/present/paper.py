@@ -18,7 +18,9 @@ from rig.analysis.wording import printable, unbroken
 from rig.errors import RigError
 from rig.present.content import Grid, VerdictLine
 
-TEMPLATE = "page.typ"
+TEMPLATE, FRONT = "page.typ", "front.typ"
+PLACE = b"// FRONT\n"
+"""Where the functions of page one stand in the template: after those that they call."""
 LONGEST_WORD = 26
 """Letters after which a word without a break may be broken: hashes, file names, hostile serial numbers."""
 HEADING_LENGTH = 80
@@ -38,7 +40,9 @@ def typeset(context: Mapping[str, Any], **output: Any) -> Any:
     import typst
 
     content = json.dumps(paper_content(context), ensure_ascii=False, allow_nan=False)
-    source = resources.files("rig.present").joinpath(TEMPLATE).read_bytes()
+    folder = resources.files("rig.present")
+    source = folder.joinpath(TEMPLATE).read_bytes()
+    source = source.replace(PLACE, folder.joinpath(FRONT).read_bytes(), 1)
     try:
         return typst.compile(
             source,
@@ -105,7 +109,20 @@ def paper_content(context: Mapping[str, Any]) -> dict[str, Any]:
             *context["parameter_sets"], *(g for p in context["parts"] for g in p.annex)
         ),
     }
+    if "front" in context:
+        content["front"] = _front(context["front"])
     return _clean(content)
+
+
+def _front(front: Mapping[str, Any]) -> dict[str, Any]:
+    """Page one of a certificate: its tables as those of the pages, its drawings by their widths."""
+    return {
+        **front,
+        "laboratory": {**front["laboratory"], "logo": ""},
+        "values": _grids(front["values"]),
+        "hashes": _grids(front["hashes"], size=SMALL_TEXT_SIZE),
+        "curves": [{**curve, "svg": str(curve["svg"])} for curve in front["curves"]],
+    }
 
 
 SECTIONS = (

@@ -19,6 +19,7 @@ from drivers.channel import (
 )
 from drivers.port import Bound
 from drivers.samples import SampleBlock
+from model.units import RPM
 from rig.bench import limits as lim
 from rig.bench.limits import Limits
 from rig.run.bounds import Geometry, Watch
@@ -34,6 +35,43 @@ DIFFERENCE = "torque_difference"
 [rad/s], share of the travel's room, time beyond the tolerance of the speed [s], share of cycles
 missed in a window, incomplete cycles in a row, share of
 the difference that torque port and drive may have."""
+
+
+WORDS: Mapping[str, tuple[str, str, float]] = {
+    OUTPUT_SPEED: ("speed by output encoder", "r/min", RPM),
+    TRAVEL: ("travel", "%", 0.01),
+    FOLLOWING: ("time off set-point", "s", 1.0),
+    MISSED: ("missed cycles", "%", 0.01),
+    STALE: ("stale cycles in a row", "cycles", 1.0),
+    DIFFERENCE: ("torque port against drive", "%", 0.01),
+}
+"""Name, unit and factor from SI of what is watched besides the limited quantities."""
+SI_UNITS: Mapping[str, str] = {
+    **lim.UNITS,
+    OUTPUT_SPEED: "rad/s",
+    FOLLOWING: "s",
+    **dict.fromkeys((TRAVEL, MISSED, STALE, DIFFERENCE), "1"),
+}
+"""The unit of every margin as programs get it."""
+
+
+def worded(quantity: str) -> tuple[str, str, float]:
+    """Name, unit and factor from SI of any watched quantity, for people."""
+    if quantity in WORDS:
+        return WORDS[quantity]
+    unit = lim.UNITS.get(quantity, "")
+    name = quantity.replace("_", " ")
+    return (name, "r/min", RPM) if unit == "rad/s" else (name, {"degC": "°C"}.get(unit, unit), 1.0)
+
+
+def number(value: float) -> str:
+    """Three digits, or all those before the point."""
+    return f"{value:.0f}" if abs(value) >= 99.95 else f"{value:#.3g}"
+
+
+def with_units(margins: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float | str]]:
+    """The margins of a run with the SI unit of each, as `rig run --json` prints them."""
+    return {name: {**margin, "unit": SI_UNITS[name]} for name, margin in margins.items()}
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from rig.run.bounds import Watch
 from rig.run.dry_run import PlannedRun
 from rig.run.latch import TripLatch
 from rig.run.make_safe import MakeSafeReport, Patience
+from rig.run.margins import with_units
 from rig.run.marker import RunMarker
 from rig.run.preflight import Check
 from rig.run.recorder import Recorder
@@ -128,7 +129,7 @@ class RunReport:
             "make_safe": self.make_safe.as_json() if self.make_safe else None,
             "warnings": self.warnings,
             "metrics": self.metrics,
-            "margins": self.margins,
+            "margins": with_units(self.margins),
         }
 
 

@@ -38,6 +38,7 @@ from rig.run.engine import Ask, Engine, StepFailedError
 from rig.run.latch import LatchedTrip
 from rig.run.logbook import Logbook, iso_time
 from rig.run.make_safe import Action, MakeSafe
+from rig.run.margins import worded
 from rig.run.order import Begin, Progress, RunOrder, RunReport
 from rig.run.phases import Machine, Turn
 from rig.run.preflight import (
@@ -431,8 +432,10 @@ class Session:
             )
         margins = supervisor.margins()
         for name, margin in margins.items():
-            numbers = f"peak {margin['peak']:.4g}, limit {margin['limit']:.4g}, margin {100 * margin['margin']:.0f} %"
-            logbook.event("info", "margin", "supervisor", f"{name}: {numbers}")
+            words, unit, factor = worded(name)
+            peak, limit = margin["peak"] / factor, margin["limit"] / factor
+            numbers = f"peak {peak:.4g} {unit}, limit {limit:.4g} {unit}, margin {100 * margin['margin']:.0f} %"
+            logbook.event("info", "margin", "supervisor", f"{words}: {numbers}")
         metrics = {"missed_share": supervisor.state.missed_share}
         counted, figures = self._acquisition.figures(supervisor.acquisition())
         metrics.update(counted)

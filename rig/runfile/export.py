@@ -15,6 +15,8 @@ from rig.errors import RunFileError
 from rig.runfile.header import ORIGIN_WORDS
 
 BLOCK_ROWS = 16384
+TIME_DECIMALS = 9
+"""Nanoseconds, as the run file keeps them."""
 LARGEST_MATLAB_BYTES = 2**31 - 1
 """A variable of a MATLAB 5 file cannot be longer."""
 
@@ -25,7 +27,7 @@ def origin_note(recording: Recording) -> str:
 
 
 def export_csv(recording: Recording, target: Path, *, overwrite: bool = False) -> int:
-    """Write the run as text, a block at a time; returns the number of rows."""
+    """Write the run as text, a block at a time, rounded to a tenth of a count; returns the number of rows."""
     names = list(recording.signals)
     headings = [
         "time [s]",
@@ -40,8 +42,8 @@ def export_csv(recording: Recording, target: Path, *, overwrite: bool = False) -
             stream.write(",".join(headings) + "\n")
             for block in recording.blocks(size=BLOCK_ROWS):
                 columns = [
-                    recording.time(block).tolist(),
-                    *(recording.si(name, block).tolist() for name in names),
+                    recording.time(block).round(TIME_DECIMALS).tolist(),
+                    *(_rounded(recording, name, block) for name in names),
                 ]
                 columns += [recording.flags(block).tolist(), _segment_of_rows(recording, block)]
                 stream.writelines(
@@ -53,6 +55,15 @@ def export_csv(recording: Recording, target: Path, *, overwrite: bool = False) -
     finally:
         partial.unlink(missing_ok=True)
     return recording.rows
+
+
+def _rounded(recording: Recording, name: str, block: slice) -> list[float]:
+    """A channel in SI to a tenth of one count; as it is where no counts are stored, whose resolution nobody knows."""
+    values = recording.si(name, block)
+    scale = abs(recording.signals[name].scale)
+    if np.issubdtype(recording.stored(name, slice(0, 1)).dtype, np.integer) and scale > 0.0:
+        values = values.round(1 - math.floor(math.log10(scale)))
+    return values.tolist()
 
 
 def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -> int:

@@ -119,8 +119,19 @@ def test_one_figure_19_per_speed(result: Result) -> None:
             "measured",
             "simulated, measured input",
             "rigid gear",
+            "commanded input / N",
             "equation 2, nothing fitted",
-        } == {s.label for s in plot.series}
+        } == {s.label for s in plot.series if not s.panel}
+        behind = {s.label for s in plot.series if s.role == "null"}
+        assert behind == {"rigid gear", "commanded input / N", "equation 2, nothing fitted"}
+        left = plot.of_panel(1)[0]
+        by_label = {s.label: s for s in plot.of_panel(0)}
+        simulated = by_label["simulated, measured input"].y
+        assert np.allclose(left.y, by_label["measured"].y - simulated)
+        commanded = by_label["commanded input / N"].y
+        assert abs(commanded[-1] - float(by_label["measured"].y[-20:].mean())) < 0.1 * abs(
+            commanded[-1]
+        )
         assert all(np.isfinite(s.y).all() for s in plot.series)
 
 

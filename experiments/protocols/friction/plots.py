@@ -4,9 +4,11 @@ fitted, both directions.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from experiments.result import Plot, Series, Table, both_ways, way_of
+from experiments.result import Plot, Series, Table, both_ways, residual_panel, way_of
 from experiments.torque.running_torque import Hold
 from model.arrays import FloatArray
 from model.friction import friction_torque
@@ -24,8 +26,11 @@ def friction_plots(
 ) -> tuple[Plot, ...]:
     """Every figure of a friction run."""
     plots = [
-        _figure_9(
-            fit, "friction-curve", "No-load running torque over speed", fit.speed.max() / RPM
+        replace(
+            _figure_9(
+                fit, "friction-curve", "No-load running torque over speed", fit.speed.max() / RPM
+            ),
+            enlarged=(0.0, _knee(fit)),
         ),
         _figure_9(fit, "friction-curve-low", "Enlargement of the low speeds", ENLARGED_BELOW_RPM),
         _figure_17(fit, holds, tare),
@@ -34,6 +39,17 @@ def friction_plots(
     if bracket:
         plots.append(_bracket(bracket))
     return tuple(plots)
+
+
+def _knee(fit: FrictionFit) -> float:
+    """Speed [r/min] below which figure 9 is shown once more: the Stribeck velocity where the data
+    tell one, further where fewer than three points lie below it.
+    """
+    velocity = fit.estimates["stribeck_velocity"]
+    known = velocity.identifiable != "no" and np.isfinite(velocity.value)
+    speeds = np.sort(fit.speed) / RPM
+    third = float(speeds[min(2, len(speeds) - 1)])
+    return max(velocity.value / RPM if known else ENLARGED_BELOW_RPM, third)
 
 
 def _label(fit: FrictionFit) -> str:
@@ -66,6 +82,17 @@ def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Pl
             style="line",
             group=1,
         ),
+        Series(
+            label="",
+            x=x,
+            y=y - fit.fitted[shown] / MILLI,
+            style="points",
+            low=y - u - fit.fitted[shown] / MILLI,
+            high=y + u - fit.fitted[shown] / MILLI,
+            group=0,
+            panel=1,
+        ),
+        _zero(x),
     )
     note = f"torque balance: {fit.torque_balance}"
     return Plot(
@@ -76,7 +103,14 @@ def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Pl
         series=series,
         figure="9",
         note=note,
+        panels=(residual_panel("mN m"),),
     )
+
+
+def _zero(x: FloatArray) -> Series:
+    """The line of a residual panel at which nothing is left."""
+    ends = np.array([x.min(), x.max()]) if len(x) else np.zeros(0)
+    return Series(label="", x=ends, y=np.zeros(len(ends)), role="null", panel=1)
 
 
 def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
@@ -105,6 +139,21 @@ def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
                 group=group,
             )
         )
+        left = (
+            y - np.sign(speed) * np.interp(np.abs(speed), fit.curve_speed, fit.curve_torque) / MILLI
+        )
+        series.append(
+            Series(
+                label="",
+                x=speed / RPM,
+                y=left,
+                style="points",
+                low=left - u / MILLI,
+                high=left + u / MILLI,
+                group=group,
+                panel=1,
+            )
+        )
         x, curve = direction * fit.curve_speed, direction * fit.curve_torque
         series.append(
             Series(
@@ -115,13 +164,18 @@ def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
                 group=group,
             )
         )
+    both = np.array([-1.0, 1.0]) * fit.speed.max() / RPM
+    shared = float(np.abs(fit.points.friction - fit.tare - fit.torque).max()) / MILLI
     return Plot(
         name="friction-directions",
         title="Friction torque, measured and fitted",
         x_label="input speed [r/min]",
         y_label=_label(fit),
-        series=tuple(series),
+        series=(*series, _zero(both)),
         figure="17",
+        note=f"points as measured; what errors that they share make of them, at most {shared:.2g} mN m "
+        "by the fit, is not taken off",
+        panels=(residual_panel("mN m"),),
     )
 
 
@@ -192,12 +246,14 @@ def friction_prediction_plot(
             group=1,
         ),
         Series(
-            label="residual",
+            label="",
             x=points.speed / RPM,
             y=(torque - predicted) / MILLI,
             style="points",
-            group=2,
+            group=0,
+            panel=1,
         ),
+        _zero(points.speed / RPM),
     )
     return Plot(
         name="friction-prediction",
@@ -207,6 +263,7 @@ def friction_prediction_plot(
         series=series,
         x_scale="log",
         figure="17",
+        panels=(residual_panel("mN m"),),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.angle.phase_reference import PhaseReference
 from experiments.evidence import usable
 from experiments.recording import Recording
-from experiments.result import Plot, Series, Table, way_of
+from experiments.result import Panel, Plot, Series, Table, residual_panel, way_of
 from model.arrays import FloatArray, IntArray
 from model.gear import HarmonicDrive
 from model.identify.directions import CombinedKinematicError, PhaseRelation
@@ -22,6 +22,8 @@ from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
 RAW_REVOLUTIONS = 4.0
 """Input revolutions of raw samples that figure 12 shows."""
 RAW_POINTS = 4000
+FITTED = 6
+"""Group of the fitted curves, whose colour is that of no direction."""
 
 
 def kinematic_error_plots(
@@ -77,6 +79,14 @@ def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseRe
             style="line",
             group=1,
         ),
+        Series(
+            label="",
+            x=np.abs(angle[pick] - start) / REVOLUTION,
+            y=(raw[pick] - middle - _value(fit, angle[pick])) / ARCMIN,
+            style="points",
+            group=0,
+            panel=1,
+        ),
     )
     return Plot(
         name="kinematic-error",
@@ -85,6 +95,8 @@ def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseRe
         y_label="kinematic error [arcmin]",
         series=series,
         figure="12",
+        note=f"{way_of(sign)}, raw samples",
+        panels=(residual_panel("arcmin"),),
     )
 
 
@@ -115,9 +127,12 @@ def _value(fit: KinematicErrorFit, angle: FloatArray) -> FloatArray:
 
 
 def _averaged(fits: list[KinematicErrorFit]) -> Plot:
-    """Figure 13: the error averaged over all revolutions per input angle, and the fit, each direction."""
+    """Figure 13: the error averaged over all revolutions per input angle, and the fit: a panel for
+    each direction, and what both leave.
+    """
     series = []
-    for k, fit in enumerate(_one_each_way(fits)):
+    ways = _one_each_way(fits)
+    for k, fit in enumerate(ways):
         x = fit.input_angle / DEGREE
         series.append(
             Series(
@@ -126,6 +141,7 @@ def _averaged(fits: list[KinematicErrorFit]) -> Plot:
                 y=fit.measured_curve / ARCMIN,
                 style="points",
                 group=k,
+                panel=k,
             )
         )
         series.append(
@@ -134,23 +150,45 @@ def _averaged(fits: list[KinematicErrorFit]) -> Plot:
                 x=x,
                 y=fit.fitted_curve / ARCMIN,
                 style="line",
+                group=FITTED,
+                panel=k,
+            )
+        )
+        series.append(
+            Series(
+                label="",
+                x=x,
+                y=(fit.measured_curve - fit.fitted_curve) / ARCMIN,
+                style="line",
                 group=k,
+                panel=len(ways),
             )
         )
     note = ", ".join(
         f"MSE (22) {way_of(f.direction)} {f.metrics['mse_curve']:.2g}, on revolutions left out "
         f"{f.metrics['mse_left_out']:.2g}"
-        for f in _one_each_way(fits)
+        for f in ways
     )
     return Plot(
         name="kinematic-error-fit",
         title="Kinematic error, averaged per input angle",
         x_label="input angle [deg]",
-        y_label="kinematic error [arcmin]",
+        y_label=_way_label(ways[0]),
         series=tuple(series),
         figure="13",
         note=note,
+        panels=(*_further_ways(ways), residual_panel("arcmin")),
     )
+
+
+def _way_label(fit: KinematicErrorFit) -> str:
+    """The axis of one direction's panel."""
+    return f"{way_of(fit.direction)} [arcmin]"
+
+
+def _further_ways(ways: list[KinematicErrorFit]) -> tuple[Panel, ...]:
+    """The panels of the directions after the first: no curve hides another."""
+    return tuple(Panel(_way_label(fit), 1.0) for fit in ways[1:])
 
 
 def _spectrum(fits: list[KinematicErrorFit], combined: CombinedKinematicError | None) -> Plot:
@@ -178,87 +216,65 @@ def _spectrum(fits: list[KinematicErrorFit], combined: CombinedKinematicError | 
 def _over_output(fits: list[KinematicErrorFit]) -> Plot:
     """The fitted curve over one output revolution, whose peak-to-peak is the transmission accuracy."""
     series = []
-    for k, fit in enumerate(_one_each_way(fits)):
+    ways = _one_each_way(fits)
+    for k, fit in enumerate(ways):
         x = fit.output_curve_angle / (REVOLUTION * fit.ratio) * 360.0
         pick = slice(None, None, max(1, len(x) // 12000))
         series.append(
             Series(
-                label=way_of(fit.direction), x=x[pick], y=fit.output_curve[pick] / ARCMIN, group=k
+                label=way_of(fit.direction),
+                x=x[pick],
+                y=fit.output_curve[pick] / ARCMIN,
+                group=k,
+                panel=k,
             )
         )
     return Plot(
         name="transmission-accuracy",
         title="Fitted error over one output revolution",
         x_label="output angle [deg]",
-        y_label="kinematic error [arcmin]",
+        y_label=_way_label(ways[0]),
         series=tuple(series),
         note="its peak-to-peak is the transmission accuracy",
+        panels=_further_ways(ways),
     )
 
 
 def _figure_16(relation: PhaseRelation) -> list[Plot]:
-    """Figure 16: friction torque and kinematic error over one input revolution with their extremes,
-    alone and together.
+    """Figure 16: friction torque over one input revolution, the kinematic error under it, both with
+    their extremes.
     """
     x = relation.input_angle / DEGREE
     both = (
-        (
-            "friction torque",
-            relation.friction_torque,
-            1e-3,
-            "friction torque [mN m]",
-            "figure-16-torque",
-        ),
-        (
-            "kinematic error",
-            relation.kinematic_error,
-            ARCMIN,
-            "kinematic error [arcmin]",
-            "figure-16-error",
-        ),
+        ("friction torque", relation.friction_torque, 1e-3),
+        ("kinematic error", relation.kinematic_error, ARCMIN),
     )
-    plots, together = [], []
-    for k, (name, curve, unit, label, key) in enumerate(both):
+    series = []
+    for k, (name, curve, unit) in enumerate(both):
         extremes = _extremes(curve)
-        series = (
-            Series(label=name, x=x, y=curve / unit, style="line", group=k),
+        look = {"group": k, "panel": k}
+        series.append(Series(label=name, x=x, y=curve / unit, style="line", **look))
+        series.append(
             Series(
-                label="extremes", x=x[extremes], y=curve[extremes] / unit, style="points", group=k
-            ),
-        )
-        title = f"{name[0].upper()}{name[1:]} over the input revolution"
-        plots.append(
-            Plot(
-                name=key,
-                title=title,
-                x_label="input angle [deg]",
-                y_label=label,
-                series=series,
-                figure="16",
+                label=f"extremes of the {name}",
+                x=x[extremes],
+                y=curve[extremes] / unit,
+                style="points",
+                **look,
             )
         )
-        size = 0.5 * float(np.ptp(curve))
-        if size > 0.0:
-            together.append(Series(label=name, x=x, y=curve / size, style="line", group=k))
-            together.append(
-                Series(
-                    label=f"extremes of the {name}",
-                    x=x[extremes],
-                    y=curve[extremes] / size,
-                    style="points",
-                    group=k,
-                )
-            )
-    overlay = Plot(
-        name="figure-16",
-        title="Do friction torque and kinematic error have their extremes together?",
-        x_label="input angle [deg]",
-        y_label="share of half the peak-to-peak",
-        series=tuple(together),
-        figure="16",
-        note=relation.sentence,
-    )
-    return [overlay, *plots]
+    return [
+        Plot(
+            name="figure-16",
+            title="Do friction torque and kinematic error have their extremes together?",
+            x_label="input angle [deg]",
+            y_label="friction torque [mN m]",
+            series=tuple(series),
+            figure="16",
+            note=relation.sentence,
+            panels=(Panel("kinematic error [arcmin]", 1.0),),
+        )
+    ]
 
 
 def _extremes(curve: FloatArray) -> IntArray:
@@ -285,11 +301,12 @@ def prediction_plot(gear: HarmonicDrive, fit: KinematicErrorFit) -> Plot:
         Series(label="measured", x=x, y=fit.measured_curve / ARCMIN, style="points", group=0),
         Series(label=gear.name, x=x, y=predicted / ARCMIN, style="line", group=1),
         Series(
-            label="residual",
+            label="",
             x=x,
             y=(fit.measured_curve - predicted) / ARCMIN,
             style="line",
-            group=2,
+            group=0,
+            panel=1,
         ),
     )
     return Plot(
@@ -299,6 +316,7 @@ def prediction_plot(gear: HarmonicDrive, fit: KinematicErrorFit) -> Plot:
         y_label="kinematic error [arcmin]",
         series=series,
         figure="13",
+        panels=(residual_panel("arcmin"),),
     )
 
 

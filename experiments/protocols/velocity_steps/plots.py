@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from experiments.protocols.velocity_steps.data import RecordedStep
-from experiments.result import Plot, Series, Table, way_of
+from experiments.result import Plot, Series, Table, residual_panel, way_of
 from model.arrays import FloatArray
 from model.errors import ModelError
 from model.identify.dynamics import LadderFit
@@ -18,7 +18,7 @@ from model.identify.step_data import StepScore, score_step
 from model.kinematic_error import order_spectrum
 from model.units import ARCSEC, RPM
 
-SHOWN = 0.6
+SHOWN = 0.3
 """s of a step that figure 19 shows: the rise and the ring-down."""
 HIGHEST_ORDER = 16.0
 LEAST_REVOLUTIONS = 6.0
@@ -66,25 +66,18 @@ def _figure_19(
         score = scores[place]
         shown = score.time <= max(SHOWN, 3.0 * 60.0 / max(rpm, 1))
         x = score.time[shown]
+        measured, simulated = score.measured_speed[shown] / RPM, score.predicted_speed[shown] / RPM
         series = (
-            Series(
-                label="measured", x=x, y=score.measured_speed[shown] / RPM, style="points", group=0
-            ),
-            Series(label=label, x=x, y=score.predicted_speed[shown] / RPM, style="line", group=1),
-            Series(
-                label="rigid gear", x=x, y=score.rigid_speed[shown] / RPM, style="line", group=2
-            ),
+            _commanded(steps[place], x),
+            Series(label="rigid gear", x=x, y=score.rigid_speed[shown] / RPM, role="null"),
+            Series(label="measured", x=x, y=measured, style="points", group=0),
+            Series(label=label, x=x, y=simulated, style="line", group=1),
+            Series(label="", x=x, y=measured - simulated, style="line", group=0, panel=1),
         )
         if paper is not None:
             published = paper[place][shown] / RPM
             series += (
-                Series(
-                    label="equation 2, nothing fitted",
-                    x=score.time[shown],
-                    y=published,
-                    style="line",
-                    group=3,
-                ),
+                Series(label="equation 2, nothing fitted", x=x, y=published, role="null"),
             )
         note = f"skill on the output speed {score.metrics['skill_speed']:.2f} against a rigid gear with kinematic error"
         plots.append(
@@ -96,9 +89,22 @@ def _figure_19(
                 series=series,
                 figure="19",
                 note=note,
+                panels=(residual_panel("r/min"),),
             )
         )
     return plots
+
+
+def _commanded(step: RecordedStep, time: FloatArray) -> Series:
+    """The commanded input speed over the ratio: nothing before the step, the whole of it at once."""
+    height = step.segment.setpoint / step.data.ratio / RPM
+    return Series(
+        label="commanded input / N",
+        x=np.array([min(float(time[0]), 0.0), 0.0, float(time[-1])]),
+        y=np.array([0.0, height, height]),
+        style="steps",
+        role="null",
+    )
 
 
 def _rungs(steps: list[RecordedStep], ladder: LadderFit) -> Plot:

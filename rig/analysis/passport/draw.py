@@ -77,6 +77,7 @@ def control_plot(
                     y=np.full(2, value / factor),
                     style="line",
                     group=CONTROL,
+                    role="null" if label == "centre line" else "data",
                 )
             )
     if limit is not None:
@@ -88,6 +89,7 @@ def control_plot(
                 y=np.full(2, limit.value / factor),
                 style="line",
                 group=CATALOGUE,
+                role="limit",
             )
         )
     days = (

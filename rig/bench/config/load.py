@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from rig.bench.config.schema import FORMAT, RigConfiguration
+from rig.bench.config.schema import FORMAT, Laboratory, RigConfiguration
 from rig.errors import ConfigurationError
 
 DEFAULT_PATH = Path("rig.toml")
@@ -52,8 +52,35 @@ def load_configuration(path: str | Path) -> RigConfiguration:
 def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem, ...]:
     """The configuration of a file, or all its problems. Raises `ConfigurationError` for a file that cannot be read."""
     path = Path(path)
+    content = _content(path)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        return RigConfiguration.model_validate(content)
+    except ValidationError as error:
+        return tuple(_problem(entry) for entry in error.errors())
+
+
+def load_laboratory(path: str | Path) -> Laboratory | None:
+    """The `[laboratory]` of a rig's description, whatever else the file says; None where it has none.
+
+    Raises `ConfigurationError` for a file that cannot be read and for a table that cannot be accepted.
+    """
+    path = Path(path)
+    table = _content(path).get("laboratory")
+    if table is None:
+        return None
+    try:
+        return Laboratory.model_validate(table)
+    except ValidationError as error:
+        problem = _problem({**error.errors()[0], "loc": ("laboratory", *error.errors()[0]["loc"])})
+        raise ConfigurationError(
+            problem.reason, where=f"{path}: {problem.path}", value=problem.value or None
+        ) from error
+
+
+def _content(path: Path) -> dict[str, Any]:
+    """A TOML file as it stands. Raises `ConfigurationError`."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigurationError(
             f"cannot be read: {error.strerror or error}",
@@ -66,10 +93,6 @@ def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem,
         ) from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"is not TOML: {error}", where=str(path)) from error
-    try:
-        return RigConfiguration.model_validate(content)
-    except ValidationError as error:
-        return tuple(_problem(entry) for entry in error.errors())
 
 
 def missing_files(configuration: RigConfiguration, folder: Path) -> tuple[Problem, ...]:

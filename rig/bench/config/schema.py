@@ -400,6 +400,17 @@ class RealTime(Part):
     lock_memory: bool = False
 
 
+class Laboratory(Part):
+    """Who tests and for whom, as it stands on a certificate. `logo` is a picture (PNG, JPEG or SVG) beside this file."""
+
+    name: str = Field(min_length=1)
+    address: str = ""
+    logo: str = ""
+    customer: str = ""
+    order: str = ""
+    method: str = ""
+
+
 class RigConfiguration(Part):
     """A rig of hardware, as its `rig.toml` describes it."""
 
@@ -417,6 +428,7 @@ class RigConfiguration(Part):
     limits: Limits = Limits()
     ratings: Ratings = Ratings()
     real_time: RealTime = RealTime()
+    laboratory: Laboratory | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> RigConfiguration:

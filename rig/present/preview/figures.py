@@ -1,4 +1,4 @@
-"""The figures of a preview as data: the window, a report and `rig preview` draw the same ones."""
+"""The figures of a preview as data: the window, a report and `rig plan` draw the same ones."""
 
 from __future__ import annotations
 

@@ -1,51 +1,86 @@
-"""The whole chain on the simulated rig: tare and the paper's three experiments, fitted, held
-against the truth, reported.
+"""The whole chain on the simulated rig: an acceptance campaign of one gear, held against the truth, reported.
 
-Two processes share the work, because the experiments of one need each other (tare before friction,
-kinematic error before velocity steps) and those of different processes do not. Run numbers are
-given out in one order, so that the same seed makes the same runs. Ctrl-C is a STOP for both; a
-second one an ABORT.
+The protocols run one after the other in this process; a process beside it analyses what was run.
+Numbers and start states are named, so that a demonstration gives the same counts whatever lies in its
+folder. Ctrl-C is a STOP, a second one an ABORT.
 """
 
 from __future__ import annotations
 
-import contextlib
-import multiprocessing
-import os
-import queue
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rig.bench.backends.assembly import StartState, WorldChoice
 from rig.errors import RigError
-from rig.trial.demo.work import (
-    ORDER,
-    DemoOrder,
-    Failed,
-    Finished,
-    Step,
-    card_in,
-    gear_for,
-    work,
-)
+from rig.gears.acceptance import shipped_acceptance
+from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew, conduct
+from rig.trial.campaign.plan import CampaignPlan, Stage, shipped_plan
+from rig.trial.campaign.walk import WalkedStage, walk
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
+    from model.gear import HarmonicDrive
     from rig.analysis.fit import Fit
-    from rig.analysis.judging import GearVerdict
+    from rig.run.order import Progress
+    from rig.run.stop import StopRequest
+    from rig.trial.campaign.journal import DoneStage
 
-BRANCHES: tuple[tuple[str, ...], ...] = (
-    ("motor-tare", "friction"),
-    ("kinematic-error", "velocity-steps"),
-)
-"""What each process runs, one after the other."""
+CAMPAIGN = "acceptance"
+"""The campaign that is demonstrated, and the protocols of it in their order."""
+ACCEPTANCE = "demonstration"
+"""The acceptance file of a made-up maker, for simulated rigs only."""
 REPORT, PARAMETERS = "report.html", "identified.toml"
-DEMONSTRATION = "demonstration"
-"""The acceptance file of the made-up maker, by which the simulated gear is judged."""
+CERTIFICATE = ("certificate.html", "certificate.pdf")
+ORDER = tuple(stage.protocol for stage in shipped_plan(CAMPAIGN).stages)
+
+
+@dataclass(frozen=True)
+class DemoOrder:
+    """What is asked for: folder, seed, values of protocol parameters that differ from their
+    defaults (for short tests), and the simulated world.
+    """
+
+    folder: Path
+    seed: int
+    created: str
+    values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    world: WorldChoice = field(default_factory=WorldChoice)
+
+    @property
+    def serial(self) -> str:
+        """Serial number of the simulated gear."""
+        return f"SIM-{self.seed:04d}"
+
+    @property
+    def plan(self) -> CampaignPlan:
+        """The campaign with the values of this order."""
+        shipped = shipped_plan(CAMPAIGN)
+        stages = tuple(Stage(name, dict(self.values.get(name, {}))) for name in ORDER)
+        return replace(shipped, stages=stages)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One line of progress of one protocol: rig seconds done and left, and what is being done."""
+
+    protocol: str
+    done: float
+    left: float
+    what: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finished:
+    """One protocol that was run: its file, how it ended, how long it took on this computer [s]."""
+
+    protocol: str
+    path: Path
+    outcome: str
+    message: str
+    seconds: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,10 +88,11 @@ class Demonstration:
     """Everything that a demonstration made."""
 
     order: DemoOrder
+    campaign: CampaignReport
     finished: tuple[Finished, ...]
     fits: tuple[Fit, ...]
-    verdict: GearVerdict
     truth: tuple[tuple[str, TruthRow], ...]
+    certificate: tuple[Path, ...]
     report: Path
     parameters: Path
     seconds: float
@@ -66,12 +102,14 @@ class Demonstration:
         return {
             "seed": self.order.seed,
             "folder": str(self.order.folder),
+            "certificate": [str(path) for path in self.certificate],
             "report": str(self.report),
             "parameters": str(self.parameters),
             "seconds": self.seconds,
             "runs": [{"path": str(f.path), "outcome": f.outcome} for f in self.finished],
+            "outcome": self.campaign.outcome,
+            **self.campaign.verdict.as_json(),
             "fits": [f.result.as_json() for f in self.fits],
-            **self.verdict.as_json(),
             "truth": [_row_as_json(kind, row) for kind, row in self.truth],
             "covered": sum(row.covered for _, row in self.truth),
             "within_uncertainty": sum(row.within for _, row in self.truth),
@@ -96,102 +134,179 @@ def _row_as_json(kind: str, row: TruthRow) -> dict[str, Any]:
     }
 
 
-@dataclass
-class _Local:
-    """The shared number of a demonstration in one process."""
+class _Watcher:
+    """Tells a demonstration's progress, and keeps what was run."""
 
-    value: int = 0
+    def __init__(self, show: Callable[[Step | Finished], None], folder: Path) -> None:
+        self._show, self._folder = show, folder
+        self._protocol, self._begun, self._told = "", 0.0, 0.0
+        self.finished: list[Finished] = []
 
+    def begun(self, index: int, stage: WalkedStage) -> None:
+        self._protocol, self._begun = stage.stage.protocol, time.monotonic()
+        self._show(Step(self._protocol, 0.0, stage.planned.nominal, "running"))
 
-def _process(*arguments: Any) -> None:
-    """A child process: the parent decides what Ctrl-C or a closed terminal means."""
-    for number in _sent_to_all():
-        signal.signal(number, signal.SIG_IGN)
-    work(*arguments)
+    def progress(self, now: Progress) -> None:
+        instant = time.monotonic()
+        if instant - self._told > 0.1:
+            self._told = instant
+            self._show(Step(self._protocol, now.elapsed, now.left, "running"))
+
+    def ended(self, done: DoneStage) -> None:
+        finished = Finished(
+            protocol=done.protocol,
+            path=self._folder / done.run,
+            outcome=done.outcome,
+            message=done.message,
+            seconds=time.monotonic() - self._begun,
+        )
+        self.finished.append(finished)
+        self._show(finished)
 
 
 def demonstrate(
     order: DemoOrder,
     *,
-    processes: int = 2,
+    stop: StopRequest | None = None,
+    beside: bool = True,
     show: Callable[[Step | Finished], None] = lambda message: None,
 ) -> Demonstration:
-    """Run, fit, compare and report. Raises the first error of any process, and `KeyboardInterrupt`
-    when it was stopped.
+    """Run, fit, compare and report. Raises `KeyboardInterrupt` when it was stopped, `RigError` where a run or an
+    analysis did not come to its end.
+
+    `beside`: the analyses have a process of their own.
     """
+    from rig.run.stop import StopRequest
+
     started = time.monotonic()
     order.folder.mkdir(parents=True, exist_ok=True)
-    messages = _in_processes(order, show) if processes > 1 else _in_this_one(order, show)
-    finished = sorted(messages, key=lambda f: ORDER.index(f.protocol))
-    stopped = [f for f in finished if f.result is None]
-    if any(f.outcome == "ABORTED" for f in stopped):
-        raise KeyboardInterrupt(_recorded(order))
-    if stopped or len(finished) < len(ORDER):
-        reason = (
-            "; ".join(f"{f.protocol} {f.outcome}: {f.message}" for f in stopped)
-            or "a run is missing"
-        )
+    watcher = _Watcher(show, order.folder)
+    report = conduct(
+        campaign_order(order, beside=beside),
+        Crew(
+            stop=stop or StopRequest(),
+            ask=lambda prompt: "simulated",
+            begun=watcher.begun,
+            ended=watcher.ended,
+            on_progress=watcher.progress,
+        ),
+    )
+    _refuse_unfinished(order, report)
+    return _conclude(order, report, tuple(watcher.finished), started)
+
+
+def campaign_order(order: DemoOrder, *, beside: bool) -> CampaignOrder:
+    """The campaign of a demonstration: number and start state of every run are named, whatever lies in its folder."""
+    from model.gear_file import shipped_gear
+    from model.motor import shipped_motor
+    from rig.run.start import RunRequest, bench_for
+
+    pattern = RunRequest(
+        protocol=ORDER[0],
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=order.folder,
+        gear_serial=order.serial,
+        operator="rig demo",
+        seed=order.seed,
+        world=order.world,
+    )
+    walked = walk(order.plan, pattern)
+    stages = tuple(
+        replace(one, request=replace(one.request, world=_world(order, number)))
+        for number, one in enumerate(walked.stages, 1)
+    )
+    return CampaignOrder(
+        walk=replace(walked, stages=stages),
+        serial=order.serial,
+        folder=order.folder,
+        bench=bench_for(pattern).id,
+        created=order.created,
+        now=lambda: order.created,
+        acceptance=shipped_acceptance(ACCEPTANCE),
+        beside=beside,
+        anew=True,
+    )
+
+
+def _world(order: DemoOrder, number: int) -> WorldChoice:
+    return replace(order.world, number=number, start=StartState())
+
+
+def _refuse_unfinished(order: DemoOrder, report: CampaignReport) -> None:
+    recorded = f"what was recorded is kept in {order.folder}"
+    if report.outcome == "ABORTED":
+        raise KeyboardInterrupt(recorded)
+    last = report.journal.stages[-1]
+    refused = [f"{one.run.name}: {one.refused}" for one in report.analysed if one.refused]
+    reason = "; ".join([*report.problems, *refused])
+    if not report.is_complete:
+        reason = f"{last.protocol} {last.outcome}: {last.message}"
+    if reason:
         raise RigError(
             "the demonstration did not reach its end", where=str(order.folder), value=reason
         )
-    return _conclude(order, tuple(finished), started)
 
 
-def _recorded(order: DemoOrder) -> str:
-    return f"what was recorded is kept in {order.folder}"
-
-
-def _conclude(order: DemoOrder, finished: tuple[Finished, ...], started: float) -> Demonstration:
+def _conclude(
+    order: DemoOrder, campaign: CampaignReport, finished: tuple[Finished, ...], started: float
+) -> Demonstration:
     from model.gear_file import save_gear
     from rig.analysis.adopt import adopt
-    from rig.analysis.fit import Fit
-    from rig.analysis.judging import judge
-    from rig.analysis.tare import tare_kind
-    from rig.gears.acceptance import shipped_acceptance
+    from rig.present.certificate.write import write_certificate
     from rig.present.page import write_report
-    from rig.runfile.read import open_run
 
-    fits: dict[str, Fit] = {}
-    for done in finished:
-        assert done.result is not None
-        recording = open_run(done.path)
-        gear = gear_for(done.protocol, fits, card_in(recording))
-        with_tare = done.result.options.get("tare_run") not in (None, "none")
-        tare = fits.get(tare_kind()) if with_tare else None
-        fits[done.protocol] = Fit(
-            recording=recording,
-            gear=gear,
-            result=done.result,
-            path=done.path,
-            tare=tare,
-            stored=done.stored,
-        )
-    fitted = tuple(fits.values())
-    truth = tuple((fit.result.kind, row) for fit in fitted for row in _truth(fit))
-    adopted = adopt(card_in(fitted[0].recording), [fit.result for fit in fitted])
+    fits = tuple(_fit(done.path, done.protocol) for done in finished)
+    truth = tuple((fit.result.kind, row) for fit in fits for row in _truth(fit))
+    adopted = adopt(_card(fits), [fit.result for fit in fits])
     parameters = order.folder / PARAMETERS
     save_gear(adopted.gear, parameters)
     note = "Made by rig demo: the whole chain, from plan to report, on the simulated rig."
     created = order.created.replace("T", " ", 1)
-    verdict = judge(fitted, shipped_acceptance(DEMONSTRATION))
     report = write_report(
-        fitted,
+        fits,
         order.folder / REPORT,
         created=created,
-        verdict=verdict,
+        verdict=campaign.verdict,
         truth=truth,
         note=note,
     )
+    certificate = write_certificate(
+        order.folder,
+        order.serial,
+        [order.folder / name for name in CERTIFICATE],
+        acceptance=shipped_acceptance(ACCEPTANCE),
+        protocols=ORDER,
+        created=order.created,
+    )
     return Demonstration(
         order=order,
+        campaign=campaign,
         finished=finished,
-        fits=fitted,
-        verdict=verdict,
+        fits=fits,
         truth=truth,
+        certificate=certificate.paths,
         report=report,
         parameters=parameters,
         seconds=time.monotonic() - started,
     )
+
+
+def _fit(path: Path, protocol: str) -> Fit:
+    """The analysis in force of a run."""
+    from rig.analysis.in_force import in_force
+    from rig.analysis.stored_fit import stored_fit
+
+    analysis = in_force(path, protocol).analysis
+    assert analysis is not None
+    return stored_fit(path, analysis)
+
+
+def _card(fits: tuple[Fit, ...]) -> HarmonicDrive:
+    """The gear's card, with which the runs were planned."""
+    card = next(fit.recording.metadata.gear for fit in fits if fit.recording.metadata.gear)
+    assert card is not None
+    return card
 
 
 def _truth(fit: Fit) -> Iterator[TruthRow]:
@@ -201,122 +316,3 @@ def _truth(fit: Fit) -> Iterator[TruthRow]:
     for row in truth_rows(fit.result, truth_of(fit.recording.metadata.process)):
         if row.estimate.identifiable != "no":
             yield row
-
-
-def _in_this_one(order: DemoOrder, show: Callable[[Step | Finished], None]) -> list[Finished]:
-    """Everything in this process, one protocol after the other."""
-    messages: queue.Queue[Any] = queue.Queue()
-    begun = {name: threading.Event() for name in ORDER}
-    work(ORDER, order, messages, begun, _Local())
-    return _collect(messages, 1, show)
-
-
-def _in_processes(order: DemoOrder, show: Callable[[Step | Finished], None]) -> list[Finished]:
-    """One process per branch; they end with this one, however it ends."""
-    context = multiprocessing.get_context("spawn")
-    messages: Any = context.Queue()
-    begun = {name: context.Event() for name in ORDER}
-    shared = context.Value("i", 0)
-    children = [
-        context.Process(target=_process, args=(branch, order, messages, begun, shared), daemon=True)
-        for branch in BRANCHES
-    ]
-    with _one_thread_each():
-        for child in children:
-            child.start()
-    try:
-        with _ctrl_c(shared):
-            finished = _collect(messages, len(children), show, children)
-        if shared.value:
-            raise KeyboardInterrupt(_recorded(order))
-    except BaseException:
-        shared.value = 2
-        raise
-    finally:
-        for child in children:
-            child.join(10.0)
-            if child.is_alive():
-                child.terminate()
-                child.join(5.0)
-    return finished
-
-
-@contextlib.contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Processes started in here do their linear algebra in one thread: with more, two of them would
-    wait for each other.
-    """
-    names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update({name: "1" for name in names if before[name] is None})
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-
-
-@contextlib.contextmanager
-def _ctrl_c(shared: Any) -> Iterator[None]:
-    """Ctrl-C presses STOP, then ABORT, in every process; so do a closed terminal and a termination request.
-
-    Only the main thread can ask for that. What is to be ignored (`nohup`) stays ignored.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def press(number: int, frame: object) -> None:
-        shared.value = min(shared.value + 1, 2)
-
-    numbers = (*_sent_to_all(), signal.SIGTERM)
-    heard = [n for n in numbers if signal.getsignal(n) is not signal.SIG_IGN]
-    before = {number: signal.signal(number, press) for number in heard}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler or signal.SIG_DFL)
-
-
-def _sent_to_all() -> list[int]:
-    """The signals that a terminal sends to every process in it, where the system has them."""
-    names = ("SIGINT", "SIGQUIT", "SIGHUP")
-    return [getattr(signal, name) for name in names if hasattr(signal, name)]
-
-
-def _collect(
-    messages: Any,
-    branches: int,
-    show: Callable[[Step | Finished], None],
-    children: Sequence[Any] = (),
-) -> list[Finished]:
-    """Everything until each branch has ended. Raises what a branch raised, and `RigError` for a process that died."""
-    finished: list[Finished] = []
-    failed: list[Failed] = []
-    while branches:
-        try:
-            message = messages.get(timeout=0.5)
-        except queue.Empty:
-            dead = [c for c in children if c.exitcode]
-            if dead:
-                raise RigError(
-                    "a process of the demonstration died",
-                    value=f"exit code {dead[0].exitcode}",
-                    remedy="Look for lack of memory or disk, and try again.",
-                ) from None
-            continue
-        if message is None:
-            branches -= 1
-        elif isinstance(message, Failed):
-            failed.append(message)
-        else:
-            show(message)
-            if isinstance(message, Finished):
-                finished.append(message)
-    for failure in failed:
-        if failure.error is not None:
-            raise failure.error
-        raise RuntimeError(failure.text)
-    return finished

@@ -8,37 +8,12 @@ from PySide6.QtCore import QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from model.units import RPM
-from rig.bench.limits import UNITS
-from rig.run.margins import DIFFERENCE, FOLLOWING, MISSED, OUTPUT_SPEED, STALE, TRAVEL
+from rig.run.margins import TRAVEL, number, worded
 from rig.window.shell.session import WindowSession
 
-WORDS: dict[str, tuple[str, str, float]] = {
-    OUTPUT_SPEED: ("speed by output encoder", "r/min", RPM),
-    TRAVEL: ("travel", "%", 0.01),
-    FOLLOWING: ("time off set-point", "s", 1.0),
-    MISSED: ("missed cycles", "%", 0.01),
-    STALE: ("stale cycles in a row", "cycles", 1.0),
-    DIFFERENCE: ("torque port against drive", "%", 0.01),
-}
-"""Name, unit and factor from SI of what is watched besides the limited quantities."""
 NEAR = 0.1
 """Share of a limit below which its bar warns."""
 ROW = 30
-
-
-def worded(quantity: str) -> tuple[str, str, float]:
-    """Name, unit and factor from SI of any watched quantity."""
-    if quantity in WORDS:
-        return WORDS[quantity]
-    unit = UNITS.get(quantity, "")
-    name = quantity.replace("_", " ")
-    return (name, "r/min", RPM) if unit == "rad/s" else (name, {"degC": "°C"}.get(unit, unit), 1.0)
-
-
-def number(value: float) -> str:
-    """Three digits, or all those before the point."""
-    return f"{value:.0f}" if abs(value) >= 99.95 else f"{value:#.3g}"
 
 
 class MarginBars(QWidget):

@@ -311,12 +311,13 @@ def test_the_command_prints_json_and_figures(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as end:
-        main(["preview", "home", "--json", "--figures", str(tmp_path)])
+        main(["plan", "home", "--json", "--figures", str(tmp_path)])
     assert not end.value.code
     told = json.loads(capsys.readouterr().out)
     assert len(told["figures"]) == 5
     assert all(Path(path).stat().st_size > 5000 for path in told["figures"])
-    assert told["starting_torque"]["value"] > 0.0
+    assert told["prediction"]["starting_torque"]["value"] > 0.0
+    assert told["samples"] > 0
     with pytest.raises(SystemExit) as end:
-        main(["preview", "home", "--gear", "SN-1", "--output", str(tmp_path)])
+        main(["plan", "home", "--gear", "SN-1", "--runs", str(tmp_path)])
     assert end.value.code == 2

@@ -18,6 +18,7 @@ from experiments import catalogue
 from experiments.recording import Event, RunMetadata, Segment
 from model.channel import Channel
 from model.units import ARCMIN, REVOLUTION
+from rig.run.margins import number, worded
 from rig.run.order import Progress
 from rig.run.trips import SESSION_ERRORS, TRIPS
 from rig.runfile.header import RunHeader
@@ -26,7 +27,6 @@ from rig.runfile.write import RunWriter
 from rig.window.run.banner import LOOKS, look_of
 from rig.window.run.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows
 from rig.window.run.live_plots import VIEWS
-from rig.window.run.margins_view import number, worded
 from rig.window.run.outcome_view import fitted_result, result_lines
 from rig.window.run.state import LOST, STOOD, RunState, State
 from rig.window.shell.palette import DARK, LIGHT, Palette

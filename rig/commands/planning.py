@@ -1,4 +1,4 @@
-"""`rig preview`: what the model expects of a plan on this gear, before anything moves."""
+"""`rig plan`: a protocol walked without a rig, and what the model expects of it on this gear."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @with_protocol_flags
-def preview(
+def plan(
     context: typer.Context,
     parameters: Parameters = None,
     mounting: MountedHow = None,
@@ -39,9 +39,13 @@ def preview(
             help="Gear whose card tells part, mounting and load inertia.",
         ),
     ] = "",
-    output: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder of the run files, with the gear cards.")
-    ] = Path("runs"),
+    runs: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder of the run files, with the gear cards; runs, or that of the configuration.",
+        ),
+    ] = None,
     figures: Annotated[
         Path | None,
         typer.Option(
@@ -53,10 +57,12 @@ def preview(
     json: Json = False,
     show_help: Help = False,
 ) -> None:
-    """Predict torque and output of a plan with their uncertainty, and say which limit they touch.
+    """Walk a protocol without a rig: duration, revolutions, samples, file size, peaks; margin to each
+    limit as planned and as predicted.
 
-    Usage: rig preview PROTOCOL [flags of the protocol]. Quasi-static, by the gear's parameter set;
-    a gear card gives the load inertia with its uncertainty. Nothing is connected.
+    Usage: rig plan PROTOCOL \\[flags of the protocol]. A plan that would break a limit is refused
+    with the step, the value and the limit (exit code 2). Torque and output are predicted quasi-statically,
+    by the gear's parameter set, with their uncertainty; a gear card gives the load inertia.
     """
     if show_help:
         from rig.commands.run_tables import print_help
@@ -64,19 +70,11 @@ def preview(
         print_help(context)
         raise typer.Exit
     from rig.commands.ordering import request_of
-    from rig.errors import ConfigurationError
-    from rig.gears.card import card_for
+    from rig.commands.run_tables import print_plan
     from rig.present.preview.plan import preview_plan
     from rig.run.start import plan_request
 
     protocol, values = read_protocol(context.args)
-    if gear_serial and card_for(output, gear_serial) is None:
-        raise ConfigurationError(
-            "there is no card of this gear",
-            where=str(output),
-            value=gear_serial,
-            remedy="Write one with `rig gear set`.",
-        )
     request = request_of(
         protocol,
         values,
@@ -84,19 +82,42 @@ def preview(
         parameters=parameters,
         mounting=mounting,
         sample_rate=sample_rate,
-        output=output,
-        gear_serial=gear_serial,
+        output=runs,
+        gear_serial=gear_serial or "unknown",
         world=world_choice(gear_seed=gear_seed, population=population),
     )
-    prediction = preview_plan(plan_request(request))
-    written = _write_figures(prediction, figures, request.backend) if figures is not None else []
+    _require_card(request.output, gear_serial)
+    planned = plan_request(request)
+    prediction = preview_plan(planned)
+    written = _write_figures(prediction, figures) if figures is not None else []
     if json:
-        print_json({**prediction.as_json(), "figures": [str(path) for path in written]})
+        print_json(
+            {
+                **planned.as_json(),
+                "prediction": prediction.as_json(),
+                "figures": [str(path) for path in written],
+            }
+        )
         return
+    print_plan(planned)
     _print(prediction, written)
 
 
-def _write_figures(prediction: PlanPreview, folder: Path, backend: str) -> list[Path]:
+def _require_card(runs: Path, serial: str) -> None:
+    """Raise `ConfigurationError` for a gear that is named and has no card."""
+    from rig.errors import ConfigurationError
+    from rig.gears.card import card_for
+
+    if serial and card_for(runs, serial) is None:
+        raise ConfigurationError(
+            "there is no card of this gear",
+            where=str(runs),
+            value=serial,
+            remedy="Write one with `rig gear new` or `rig gear set`.",
+        )
+
+
+def _write_figures(prediction: PlanPreview, folder: Path) -> list[Path]:
     from rig.errors import RigError
     from rig.present.figure import draw_png
     from rig.present.preview.figures import figures_of
@@ -119,26 +140,20 @@ def _write_figures(prediction: PlanPreview, folder: Path, backend: str) -> list[
 def _print(prediction: PlanPreview, written: list[Path]) -> None:
     from model.units import RPM
     from rig.present.preview.plan import percent
-    from rig.run.progress import in_words
 
     out = console()
-    planned = prediction.planned
-    out.print(
-        f"{planned.experiment.name} on {planned.gear.name}, {planned.mounting}: {in_words(planned.nominal)} nominal",
-        markup=False,
-    )
     start = prediction.starting
     out.print(
         f"predicted starting torque {1e3 * float(start.value):.0f} ± {1e3 * float(start.uncertainty):.0f} mN m (95 %)"
     )
     headings = ("limit on", "predicted", "limit", "margin", "least margin", "where")
-    margins = table(*headings, title="Margins with their uncertainty")
-    for margin in prediction.margins:
+    margins = table(*headings, title="Margins as the model predicts them", overflow="fold")
+    # What is commanded stands in the plan's own table; here is what depends on the gear.
+    for margin in (margin for margin in prediction.margins if margin.uncertainty):
         factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
-        doubt = f" ± {margin.uncertainty / factor:.2g}" if margin.uncertainty else ""
         margins.add_row(
             margin.quantity.replace("_", " "),
-            f"{margin.value / factor:.4g}{doubt} {unit}",
+            f"{margin.value / factor:.4g} ± {margin.uncertainty / factor:.2g} {unit}",
             f"{margin.limit.value / factor:.4g} {unit}",
             percent(margin.margin),
             percent(margin.least_margin),

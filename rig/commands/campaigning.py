@@ -1,0 +1,296 @@
+"""`rig campaign`: a gear taken through its protocols, with one verdict and one certificate at the end."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rig.commands.result_tables import print_verdict
+from rig.commands.running import Config, Json, MountedHow, Parameters, SampleRate
+from rig.commands.terminal import console, outliving_the_terminal, print_json, ruled_table
+from rig.commands.worlds import (
+    BenchSeed,
+    Day,
+    GearSeed,
+    Mount,
+    MountTurn,
+    PopulationName,
+    world_choice,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from rig.gears.acceptance import Acceptance
+    from rig.run.dry_run import PlannedRun
+    from rig.run.start import RunRequest
+    from rig.trial.campaign.conduct import CampaignReport, Crew
+    from rig.trial.campaign.journal import DoneStage
+    from rig.trial.campaign.plan import CampaignPlan
+    from rig.trial.campaign.walk import Walk, WalkedStage
+
+
+@outliving_the_terminal()
+def campaign(
+    name: Annotated[
+        str, typer.Argument(metavar="[CAMPAIGN]", help="A campaign that ships; or give --plan.")
+    ] = "",
+    gear_serial: Annotated[
+        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
+    ] = "",
+    plan: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A campaign plan of your own (TOML)."),
+    ] = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Walk all of it without a rig: times and limits, and stop."),
+    ] = False,
+    anew: Annotated[
+        bool, typer.Option("--anew", help="Begin again where an unfinished one could go on.")
+    ] = False,
+    acceptance: Annotated[
+        str,
+        typer.Option(
+            metavar="FILE",
+            help="What the gear must show, instead of what its card names: TOML, or a shipped name.",
+        ),
+    ] = "",
+    backend: Annotated[
+        str,
+        typer.Option(
+            help="Which rig: sim, wire (drivers and simulated devices), or hardware (see --config)."
+        ),
+    ] = "sim",
+    operator: Annotated[str, typer.Option(metavar="NAME", help="Who runs it.")] = "",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of the run files; runs, or that of the configuration."
+        ),
+    ] = None,
+    junit: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write runs and limits as JUnit XML, for CI."),
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Seed of a simulated rig: another one is another bench.")
+    ] = 0,
+    gear_seed: GearSeed = None,
+    bench_seed: BenchSeed = None,
+    mount: Mount = 1,
+    mount_turn: MountTurn = 0.0,
+    day: Day = 1,
+    population: PopulationName = "narrow",
+    parameters: Parameters = None,
+    mounting: MountedHow = None,
+    sample_rate: SampleRate = None,
+    config: Config = None,
+    require_verdict: Annotated[
+        bool,
+        typer.Option("--require-verdict", help="Exit with 7 where the gear was NOT JUDGED."),
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Take a gear through a campaign: protocols in order, one verdict, one certificate.
+
+    Every protocol is walked before the first one moves. A trip, an error or a STOP ends the campaign;
+    the same command goes on from there, and does again what went out of date. A quantity that breaks its
+    limit ends nothing: FAIL is the verdict of the whole.
+    """
+    from rig.commands.ordering import request_of
+    from rig.trial.campaign.walk import walk
+
+    chosen = _plan_of(name, plan)
+    if not gear_serial and not dry_run:
+        raise typer.BadParameter("name the gear by its serial number", param_hint="--gear")
+    pattern = request_of(
+        chosen.stages[0].protocol,
+        {},
+        backend=backend,
+        config=config,
+        parameters=parameters,
+        mounting=mounting,
+        sample_rate=sample_rate,
+        output=output,
+        gear_serial=gear_serial or "unknown",
+        operator=operator,
+        seed=seed,
+        world=world_choice(
+            mount_turn,
+            gear_seed=gear_seed,
+            bench_seed=bench_seed,
+            mount=mount,
+            day=day,
+            population=population,
+        ),
+    )
+    walked = walk(chosen, pattern)
+    if dry_run:
+        print_json(walked.as_json()) if json else _print_walk(walked)
+        return
+    report = _conducted(walked, pattern, acceptance, anew=anew, quiet=json)
+    certificate = _certificate(report, pattern, acceptance)
+    if junit is not None:
+        from rig.trial.campaign.junit import write_junit
+
+        write_junit(report, junit)
+    if json:
+        print_json({**report.as_json(), "certificate": certificate})
+    else:
+        _print_report(report, certificate)
+    raise typer.Exit(_code_of(report, require_verdict))
+
+
+def _code_of(report: CampaignReport, require_verdict: bool) -> int:
+    """First what stopped it, then an analysis that crashed, then the verdict."""
+    from rig import exits
+
+    if not report.is_complete:
+        return exits.code_of_outcome(report.outcome)
+    if report.problems:
+        return exits.ERROR
+    return exits.code_of_outcome(report.verdict.verdict)
+
+
+def _plan_of(name: str, path: Path | None) -> CampaignPlan:
+    from rig.trial.campaign.plan import load_plan, shipped_names, shipped_plan
+
+    if bool(name) == (path is not None):
+        raise typer.BadParameter(
+            f"name a campaign ({', '.join(shipped_names())}) or give a plan with --plan, one of the two",
+            param_hint="CAMPAIGN",
+        )
+    return load_plan(path) if path is not None else shipped_plan(name)
+
+
+def _acceptance_of(pattern: RunRequest, named: str) -> Acceptance | None:
+    from rig.gears.acceptance import acceptance_for, acceptance_named
+
+    return acceptance_named(named) if named else acceptance_for(pattern.output, pattern.gear_serial)
+
+
+def _conducted(
+    walked: Walk, pattern: RunRequest, acceptance: str, *, anew: bool, quiet: bool
+) -> CampaignReport:
+    from rig.bench.backends.registry import is_simulated
+    from rig.gears.card import now_text
+    from rig.run.start import bench_for
+    from rig.trial.campaign.conduct import CampaignOrder, conduct
+
+    order = CampaignOrder(
+        walk=walked,
+        serial=pattern.gear_serial,
+        folder=pattern.output,
+        bench=bench_for(pattern).id,
+        created=now_text(),
+        now=now_text,
+        acceptance=_acceptance_of(pattern, acceptance),
+        beside=is_simulated(pattern.backend),
+        anew=anew,
+    )
+    with _crew(walked, quiet) as crew:
+        return conduct(order, crew)
+
+
+@contextmanager
+def _crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
+    """STOP by signals, prompts at the terminal, each run armed by whoever sits there, and progress."""
+    from rig.commands.ordering import confirmed
+    from rig.commands.prompting import terminal_ask
+    from rig.run.progress import progress_line
+    from rig.run.stop import StopRequest, pressed_by_signals
+    from rig.trial.campaign.conduct import Crew
+
+    stop = StopRequest()
+    number = len(walked.stages)
+
+    def begun(index: int, one: WalkedStage) -> None:
+        if not quiet:
+            typer.echo(f"[{index + 1}/{number}] {one.stage.protocol}", err=True)
+
+    def ended(done: DoneStage) -> None:
+        if not quiet:
+            typer.echo(f"      {done.outcome}  {done.run}  {done.message}".rstrip(), err=True)
+
+    def prepare(request: RunRequest, planned: PlannedRun) -> RunRequest:
+        return confirmed(request, planned, asks=not quiet)
+
+    with (
+        pressed_by_signals(stop),
+        progress_line(f"campaign {walked.plan.name}", walked.nominal, quiet) as (progress, _),
+    ):
+        yield Crew(
+            stop=stop,
+            ask=terminal_ask(stop),
+            prepare=prepare,
+            begun=begun,
+            ended=ended,
+            on_progress=progress,
+        )
+
+
+def _certificate(report: CampaignReport, pattern: RunRequest, acceptance: str) -> list[str]:
+    """Write the certificate of a campaign beside its runs, HTML and PDF; the paths, none where nothing is analysed."""
+    from rig.present.certificate.laboratory import laboratory_of
+    from rig.present.certificate.write import write_certificate
+
+    if not report.verdict_rests_on:
+        return []
+    stem = report.journal.path.stem
+    outputs = [pattern.output / f"certificate-{stem}{suffix}" for suffix in (".html", ".pdf")]
+    certificate = write_certificate(
+        pattern.output,
+        pattern.gear_serial,
+        outputs,
+        acceptance=_acceptance_of(pattern, acceptance),
+        protocols=[one.stage.protocol for one in report.walk.stages],
+        laboratory=laboratory_of(pattern.configuration) if pattern.configuration else None,
+    )
+    return [str(path) for path in certificate.paths]
+
+
+def _print_walk(walked: Walk) -> None:
+    from rig.run.progress import in_words
+
+    out = console()
+    rows = ruled_table("protocol", "duration", "at most", "nearest limit", "margin")
+    for one in walked.stages:
+        nearest = min(one.planned.margins, key=lambda margin: margin.margin, default=None)
+        rows.add_row(
+            one.stage.protocol,
+            in_words(one.planned.nominal),
+            in_words(one.planned.longest),
+            nearest.quantity.replace("_", " ") if nearest else "-",
+            f"{100.0 * nearest.margin:.0f} %" if nearest else "-",
+        )
+    out.print(walked.plan.title)
+    out.print(rows)
+    out.print(
+        f"in all {in_words(walked.nominal)} nominal, {in_words(walked.longest)} at most, prompts not counted"
+    )
+
+
+def _print_report(report: CampaignReport, certificate: list[str]) -> None:
+    """How a campaign stands: its runs, the verdict with its reasons, the certificate, what to do next."""
+    out = console()
+    for words in report.resumed:
+        out.print(words, soft_wrap=True)
+    rows = ruled_table("protocol", "run", "outcome")
+    done: dict[int, Any] = {run.index: run for run in report.journal.stages}
+    for index, one in enumerate(report.walk.stages):
+        run = done.get(index)
+        rows.add_row(one.stage.protocol, run.run if run else "not run", run.outcome if run else "-")
+    out.print(rows)
+    for problem in report.problems:
+        out.print(f"analysis: {problem}", style="red", soft_wrap=True)
+    state = "" if report.is_complete else "INCOMPLETE, "
+    out.print(f"{state}outcome {report.outcome}", style="bold")
+    print_verdict(out, report.verdict)
+    for path in certificate:
+        out.print(f"certificate  {path}", soft_wrap=True)
+    if not report.is_complete:
+        out.print("The same command goes on from here.")

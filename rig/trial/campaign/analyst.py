@@ -1,0 +1,122 @@
+"""Who analyses the runs of a campaign: in line, or beside it in a process of its own.
+
+In line is the rule of hardware: nothing is fitted on a computer that leads a rig at the same time.
+On a simulated rig the next protocol runs while the last one is fitted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import traceback
+from collections.abc import Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.errors import AnalysisError
+from model.errors import WordedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Analysed:
+    """What came of the analysis of one run.
+
+    `refused` says why the recording carries no result; `crashed` is what went wrong with the file or
+    the program; `without_tare` why a tare that the analysis takes was not found.
+    """
+
+    run: Path
+    refused: str = ""
+    crashed: str = ""
+    without_tare: tuple[str, ...] = ()
+
+
+class Analyst:
+    """Analyses runs in the order in which they come."""
+
+    def __init__(self, created: str, pool: ProcessPoolExecutor | None) -> None:
+        self._created = created
+        self._pool = pool
+        self._waiting: list[Future[Analysed] | Analysed] = []
+
+    def take(self, run: Path) -> None:
+        """Analyse a run: now, or as soon as the process beside is free."""
+        if self._pool is None:
+            self._waiting.append(analyse(run, self._created))
+        else:
+            self._waiting.append(self._pool.submit(analyse, run, self._created))
+
+    def all(self) -> tuple[Analysed, ...]:
+        """What came of every run that was taken since the last call, once it is there."""
+        waiting, self._waiting = self._waiting, []
+        return tuple(one.result() if isinstance(one, Future) else one for one in waiting)
+
+
+@contextlib.contextmanager
+def analyst(created: str, *, beside: bool) -> Iterator[Analyst]:
+    """An analyst, whose process (where it has one) ends with it."""
+    if not beside:
+        yield Analyst(created, None)
+        return
+    context = multiprocessing.get_context("spawn")
+    with (
+        _one_thread_each(),
+        ProcessPoolExecutor(1, mp_context=context, initializer=_leave_signals_alone) as pool,
+    ):
+        # While the first run compiles what leads a rig, this one compiles what fits.
+        pool.submit(_compile_ahead)
+        yield Analyst(created, pool)
+
+
+def analyse(run: Path, created: str) -> Analysed:
+    """Analyse one run with what its folder knows, and keep what was found beside it."""
+    from rig.analysis.fit import store
+    from rig.analysis.fit_run import fit_run
+
+    try:
+        fit = fit_run(run)
+        store(fit, created)
+    except AnalysisError as error:
+        return Analysed(run=run, refused=str(error))
+    except (WordedError, OSError) as error:
+        return Analysed(run=run, crashed=str(error))
+    except Exception:  # noqa: BLE001  whatever it was, the run stays and the campaign must hear of it
+        return Analysed(run=run, crashed=traceback.format_exc())
+    lacks = fit.found_tare is not None and fit.found_tare.path is None
+    return Analysed(
+        run=run, without_tare=fit.found_tare.because if fit.found_tare and lacks else ()
+    )
+
+
+def _compile_ahead() -> None:
+    """Compile the kernels of the analyses."""
+    import numpy as np
+
+    from model.identify.angle_regression import AngleRegression
+
+    angle = np.linspace(0.0, 60.0, 6000)
+    AngleRegression(120.0).add(angle, np.cos(2.0 * angle))
+
+
+def _leave_signals_alone() -> None:
+    """The process that leads the rig decides what Ctrl-C or a closed terminal means."""
+    for name in ("SIGINT", "SIGQUIT", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+
+
+@contextlib.contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Processes started in here do their linear algebra in one thread: with more they would wait for each other."""
+    names = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update({name: "1" for name in names if before[name] is None})
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)

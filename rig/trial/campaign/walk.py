@@ -1,0 +1,66 @@
+"""A campaign walked without a rig: every protocol planned, the total time, the nearest limit of all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from rig.errors import RigError
+from rig.trial.campaign.plan import CampaignPlan, Stage
+
+if TYPE_CHECKING:
+    from rig.run.dry_run import PlannedRun
+    from rig.run.start import RunRequest
+
+
+@dataclass(frozen=True)
+class WalkedStage:
+    """One stage as it would be run."""
+
+    stage: Stage
+    request: RunRequest
+    planned: PlannedRun
+
+
+@dataclass(frozen=True)
+class Walk:
+    """All stages of a campaign, planned."""
+
+    plan: CampaignPlan
+    stages: tuple[WalkedStage, ...]
+
+    @property
+    def nominal(self) -> float:
+        """Nominal duration of all runs [s]; prompts and fits are not counted."""
+        return sum(one.planned.nominal for one in self.stages)
+
+    @property
+    def longest(self) -> float:
+        """Duration if every step takes as long as it may [s]."""
+        return sum(one.planned.longest for one in self.stages)
+
+    def as_json(self) -> dict[str, Any]:
+        """As `rig campaign --dry-run --json` prints it."""
+        return {
+            "campaign": self.plan.name,
+            "title": self.plan.title,
+            "duration": {"nominal": self.nominal, "longest": self.longest, "unit": "s"},
+            "protocols": [one.planned.as_json() for one in self.stages],
+        }
+
+
+def walk(plan: CampaignPlan, request: RunRequest) -> Walk:
+    """Plan every stage with `request` as the pattern of its run. Nothing is opened.
+
+    Raises the first error of any stage as `RigError`s and `PlanError`s say it: a campaign that would
+    break a limit in its last protocol does not begin with its first.
+    """
+    from rig.run.start import plan_request
+
+    stages = []
+    for stage in plan.stages:
+        wanted = replace(request, protocol=stage.protocol, values=dict(stage.values))
+        stages.append(WalkedStage(stage, wanted, plan_request(wanted)))
+    if not stages:
+        raise RigError("a campaign needs at least one protocol", where=plan.path)
+    return Walk(plan, tuple(stages))
