@@ -67,8 +67,8 @@ class LivePlots(QWidget):
         self.plots: list[LabPlot] = []
         self.mark = ""
         self.protocol = ""
-        self.answers: list[int] = []
-        """Calendar time at which each prompt was answered [ns]."""
+        self.begun: list[float] = []
+        """When each step of the plan began, so far, since the start of the run [s]."""
         self._frames = 0
         self._pacer = Pacer()
         self._work: SegmentWork | None = None
@@ -114,7 +114,7 @@ class LivePlots(QWidget):
         self._rows.clear()
         self._hint.setText("The plots appear as soon as the run writes its file.")
         self._hint.setVisible(True)
-        self._context, self.answers = (planned, prediction), []
+        self._context, self.begun = (planned, prediction), []
 
     def open(self, path: Path) -> None:
         """Follow this file as soon as it can be opened."""
@@ -200,7 +200,7 @@ class LivePlots(QWidget):
         metadata = live.recording.metadata
         self.protocol, self.mark = metadata.experiment, ORIGIN_WORDS[metadata.origin]
         self._work = SegmentWork()
-        context = LiveContext(live.recording, *self._context, work=self._work, answers=self.answers)
+        context = LiveContext(live.recording, *self._context, work=self._work, begun=self.begun)
         # A recording of nobody's protocol gets the board of a protocol that asks for nothing special.
         experiment = catalogue.declared(self.protocol) or Experiment
         self._lay_out([VIEWS[name](self._session, context) for name in experiment.live])

@@ -74,7 +74,6 @@ class RunPage(QWidget):
         self.close_question = CloseQuestion(session)
         self._title = ""
         self._closing = False
-        self._unanswered: Prompt | None = None
         self.banner, self.buttons = Banner(), StopButtons()
         self.prompt, self.outcome = PromptView(session, clock), OutcomeView(session)
         self.plots, self.margins, self.events = (
@@ -156,7 +155,6 @@ class RunPage(QWidget):
         self, process: RunProcess, planned: PlannedRun | None, prediction: PlanPreview | None
     ) -> None:
         self.process, self.report, self._closing = process, {}, False
-        self._unanswered = None
         process.event_received.connect(self._on_event)
         process.progress.connect(self._on_progress)
         process.prompt.connect(self._on_prompt)
@@ -176,7 +174,6 @@ class RunPage(QWidget):
     # What the run tells.
 
     def _on_prompt(self, prompt: Prompt) -> None:
-        self._unanswered = prompt
         self.prompt.ask(prompt)
         self._change(self.state.asked(prompt.text))
 
@@ -187,14 +184,11 @@ class RunPage(QWidget):
 
     def _on_event(self, event: Event) -> None:
         self.events.add(event)
-        asked = self._unanswered
-        if asked is not None and (event.source, event.code) == ("operator", asked.key or "prompt"):
-            self._unanswered = None
-            self.plots.answers.append(event.time_ns)
         self._change(self.state.after(event))
 
     def _on_progress(self, progress: Progress) -> None:
         self._change(self.state.went_on(progress))
+        self.plots.begun[:] = progress.begun
         if progress.file:
             self.plots.open(Path(progress.file))
         if progress.what == MAKING_SAFE:
