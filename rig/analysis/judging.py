@@ -157,8 +157,10 @@ def not_judged(*because: str) -> GearVerdict:
 
 def worst_of(verdicts: Sequence[VerdictOutcome]) -> VerdictOutcome:
     """The worst of several verdicts; NOT JUDGED for none."""
-    none: VerdictOutcome = "NOT JUDGED"
-    return next((word for word in WORST_FIRST if word in verdicts), none)
+    for word in WORST_FIRST:
+        if word in verdicts:
+            return word
+    return "NOT JUDGED"
 
 
 def _without_limits(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
@@ -209,16 +211,16 @@ def whose_limit(line: Verdict) -> str:
 
 def _lines(limit: Limit, found: Sequence[Analysed], acceptance: Acceptance) -> Iterator[Verdict]:
     """A limit against everything that was found of its quantity; one line that says so where that is nothing."""
-    quantity = limit.declared()
     measured = [
         (one, name) for one in found if one.result.kind == limit.kind for name in _named(limit, one)
     ]
     for one, name in measured:
         doubt = acceptance.doubt(limit, is_simulated=one.origin == "simulated")
-        estimate = one.result.estimates[name]
+        estimate, quantity = one.result.estimates[name], one.result.quantity(name)
         because = doubt or _lacks(one, estimate, quantity)
-        yield from _sides(limit, one.result.quantity(name), estimate, because, one.result)
+        yield from _sides(limit, quantity, estimate, because, one.result)
     if not measured:
+        quantity = limit.declared()
         because = _why_nothing(limit, found)
         ran = next((one.result for one in found if one.result.kind == limit.kind), None)
         yield from _sides(limit, quantity, _no_number(limit, quantity), because, ran)

@@ -85,6 +85,7 @@ def fit(
         bool,
         typer.Option(
             "--store/--no-store",
+            " /--no-keep",
             help="Append the analysis to the store beside the run, or leave no trace.",
         ),
     ] = True,

@@ -105,6 +105,8 @@ def print_recording(recording: Recording, path: Path) -> None:
 
 def recording_as_json(recording: Recording, path: Path) -> dict[str, Any]:
     """Everything that `rig show` says of a run."""
+    from rig.analysis.in_force import in_force_by_kind
+
     m = recording.metadata
     ranges = channel_ranges(recording)
     return {
@@ -126,6 +128,7 @@ def recording_as_json(recording: Recording, path: Path) -> dict[str, Any]:
         "rows": recording.rows,
         "sample_rate": m.sample_rate,
         "time_base": m.time_base,
+        "analyses": [found.as_json() for found in in_force_by_kind(path).values()],
         "sha256": m.sha256,
         "sealed": m.is_sealed,
         "parameters": m.parameters,

@@ -85,7 +85,7 @@ def runs(
             until=_day(until, "--until"),
             origin=origin,
         )
-    from rig.commands.listed_verdicts import verdicts_of
+    from rig.commands.listed_verdicts import in_force_of, verdicts_of
 
     verdicts = verdicts_of(listed)
     if json:
@@ -93,7 +93,14 @@ def runs(
             {
                 "folder": str(folder),
                 "index": index.rebuilt,
-                "runs": [{**run.as_json(), **_told(verdicts.get(run.path))} for run in listed],
+                "runs": [
+                    {
+                        **run.as_json(),
+                        **_told(verdicts.get(run.path)),
+                        "analysis": in_force_of(run),
+                    }
+                    for run in listed
+                ],
             }
         )
         return

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from model.errors import WordedError
+from rig.analysis.in_force import in_force
 from rig.analysis.judging import GearVerdict, judge_listed, not_judged
 from rig.gears.acceptance import Acceptance, acceptance_for
 from rig.library.index import IndexedRun
@@ -26,3 +27,14 @@ def _verdict_of(run: IndexedRun, accepted: Callable[[Path, str], Acceptance | No
         )
     except (WordedError, KeyError, TypeError, ValueError) as error:
         return not_judged(f"analysis or acceptance file cannot be read: {error}")
+
+
+def in_force_of(run: IndexedRun) -> dict[str, object] | None:
+    """The analysis of a listed run that everybody reads, as `--json` tells it; None where there is none."""
+    if run.state != "sealed":
+        return None
+    try:
+        found = in_force(run.path, run.protocol)
+    except WordedError:
+        return None
+    return found.as_json() if found.analysis is not None else None

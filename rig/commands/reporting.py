@@ -71,9 +71,18 @@ def report(
     tare: Annotated[
         Path | None,
         typer.Option(
-            "--tare", metavar="RUN", help="Motor-tare run; one among RUN... is used without asking."
+            "--tare",
+            metavar="RUN",
+            help="Analyse anew with this motor-tare run; found by itself without it.",
         ),
     ] = None,
+    no_tare: Annotated[
+        bool, typer.Option("--no-tare", help="Analyse anew, and subtract no tare.")
+    ] = False,
+    refit: Annotated[
+        bool,
+        typer.Option("--refit", help="Analyse every run anew instead of reading what is in force."),
+    ] = False,
     parameters: Annotated[
         Path | None,
         typer.Option(
@@ -123,12 +132,28 @@ def report(
             if not json and len(named) > 1:
                 echo(f"{number}/{len(named)} {run}", errors=True)
             reports.append(
-                report_on_files([run], paths, tare=tare, parameters=parameters, acceptance=asked)
+                report_on_files(
+                    [run],
+                    paths,
+                    tare=tare,
+                    no_tare=no_tare,
+                    refit=refit,
+                    parameters=parameters,
+                    acceptance=asked,
+                )
             )
     else:
         paths = [output.with_suffix(suffix) for suffix in suffixes]
         reports = [
-            report_on_files(runs or [], paths, tare=tare, parameters=parameters, acceptance=asked)
+            report_on_files(
+                runs or [],
+                paths,
+                tare=tare,
+                no_tare=no_tare,
+                refit=refit,
+                parameters=parameters,
+                acceptance=asked,
+            )
         ]
     for one in reports:
         lines += one.lines

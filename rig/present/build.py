@@ -1,25 +1,22 @@
-"""From run files to a report: open, fit with the tare that is among them, keep the analyses, write the page."""
+"""From run files to a report: the analysis in force of each, judged, on a page. Nothing is fitted that was before."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
-from rig.errors import RigError, RunFileError
+from rig.errors import RigError
 from rig.gears.acceptance import acceptance_for
 
 if TYPE_CHECKING:
-    from experiments.recording import Recording
-    from model.gear import HarmonicDrive
     from rig.analysis.fit import Fit
+    from rig.analysis.fit_run import Choices
     from rig.analysis.judging import GearVerdict
     from rig.gears.acceptance import Acceptance
-
-"""The protocol that identifies a kinematic error, and the one whose analysis needs it."""
 
 
 @dataclass(frozen=True)
@@ -45,19 +42,20 @@ def report_on_files(
     parameters: Path | None = None,
     created: str | None = None,
     acceptance: Acceptance | None = None,
+    no_tare: bool = False,
+    refit: bool = False,
 ) -> Reports:
-    """Fit these run files and write the report of them: one file, or several of the same content (HTML, PDF).
+    """Write the report of these run files: one file, or several of the same content (HTML, PDF).
 
-    A motor-tare run among them is subtracted from the others unless `tare` names another one;
-    velocity steps are compared with the kinematic error that a run of the same gear among them
-    identified. `created` is the calendar time of the report; now, if not given.
+    What is reported of each is its analysis in force, as everybody reads it; a stale one says so. A run
+    that was never analysed is analysed once, and that is kept. `refit`, a tare or a parameter set
+    chosen by hand, and `no_tare` make every analysis anew. `created` is the calendar time of the
+    report; now, if not given. Raises `RigError` for a run that does not bear its analysis.
     """
     from model.gear_file import load_gear
-    from rig.analysis.fit import fit_recording, store
+    from rig.analysis.fit_run import Choices
     from rig.analysis.judging import judge_runs
-    from rig.analysis.tare import tare_kind
     from rig.present.page import report_context
-    from rig.runfile.read import open_run
     from rig.runfile.seal import forget_hashes
 
     if not runs:
@@ -65,33 +63,14 @@ def report_on_files(
     forget_hashes()
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
     gear = load_gear(parameters) if parameters else None
-    opened = [(Path(p), open_run(Path(p))) for p in dict.fromkeys(runs)]
-    tares = [
-        fit_recording(r, gear=gear, path=p)
-        for p, r in opened
-        if r.metadata.experiment == tare_kind()
-    ]
-    if tare is not None:
-        tare_fit = fit_recording(open_run(tare), tare_kind(), gear=gear, path=tare)
-    else:
-        tare_fit = max(tares, key=lambda f: f.recording.metadata.start_time, default=None)
-    fits = list(tares)
-    # What an analysis builds on has to be identified before it.
-    for path, recording in sorted(opened, key=lambda pair: bool(_basis(pair[1]))):
-        if recording.metadata.experiment != tare_kind():
-            fits.append(
-                fit_recording(
-                    recording, gear=_gear_for(recording, gear, fits), tare=tare_fit, path=path
-                )
-            )
-    lines = []
+    anew = refit or no_tare or tare is not None or gear is not None
+    choices = Choices(gear=gear, tare=tare, no_tare=no_tare) if anew else None
+    lines: list[str] = []
     stored_fits = []
-    for fit in fits:
-        try:
-            stored_fits.append(store(fit, created))
-        except RunFileError as error:
-            stored_fits.append(fit)
-            lines.append(f"Not stored: {error}")
+    for path in _in_order(runs):
+        fit, words = _fit_in_force(path, created, choices)
+        stored_fits.append(fit)
+        lines += words
     outputs = (output,) if isinstance(output, Path) else tuple(output)
     count = f"{len(stored_fits)} {'run' if len(stored_fits) == 1 else 'runs'}"
     verdict = judge_runs(stored_fits, _acceptance(acceptance, stored_fits))
@@ -144,32 +123,43 @@ def _written(context: dict[str, Any], outputs: Sequence[Path], what: str) -> lis
     ]
 
 
-def _gear_for(
-    recording: Recording, gear: HarmonicDrive | None, fits: Sequence[Fit]
-) -> HarmonicDrive | None:
-    """The parameter set for a run: the one given or the run's own (None), with what runs of the
-    same gear identified that its analysis builds on.
-    """
-    from rig.analysis.adopt import adopt
+def _in_order(runs: Sequence[Path]) -> list[Path]:
+    """The runs in the order of their analyses: tares first, and last what builds on others."""
+    from rig.analysis.tare import tare_kind
+    from rig.runfile.read import glance
 
-    metadata = recording.metadata
-    base = gear or metadata.gear
-    same = [
-        f
-        for f in fits
-        if f.result.kind in _basis(recording)
-        and f.recording.metadata.gear_serial == metadata.gear_serial
-        and f.recording.metadata.mounting == metadata.mounting
+    def place(path: Path) -> tuple[bool, bool]:
+        protocol = glance(path).metadata.experiment
+        experiment = catalogue.declared(protocol)
+        return protocol != tare_kind(), experiment is not None and bool(experiment.builds_on)
+
+    return sorted((Path(run) for run in dict.fromkeys(runs)), key=place)
+
+
+def _fit_in_force(path: Path, created: str, choices: Choices | None) -> tuple[Fit, list[str]]:
+    """What is reported of a run, and what is to be said of it; with choices it is made anew."""
+    from rig.analysis.digest import digest, read_or_digest
+
+    if choices is None:
+        fit, found, made = read_or_digest(path, created)
+    else:
+        # A tare that was named is for the others.
+        own = replace(choices, tare=None) if choices.tare == path else choices
+        made = digest(path, created, choices=own)
+        fit, found = made.fit, made.in_force
+    if fit is None:
+        because = made.because if made is not None else ()
+        raise RigError(
+            "this run does not bear its analysis", where=str(path), value="; ".join(because)
+        )
+    lines = [] if made is None or not made.not_stored else [f"Not stored: {made.not_stored}"]
+    if made is not None:
+        return fit, lines
+    stale = [
+        f"This analysis is stale: {reason}. Renew it: {found.renewed_by}." for reason in found.stale
     ]
-    if base is None or not same:
-        return gear
-    return adopt(base, [same[-1].result]).gear
-
-
-def _basis(recording: Recording) -> tuple[str, ...]:
-    """The protocols whose identified parameters the analysis of this recording builds on."""
-    experiment = catalogue.declared(recording.metadata.experiment)
-    return () if experiment is None else experiment.builds_on
+    result = replace(fit.result, warnings=(*stale, *fit.result.warnings))
+    return replace(fit, result=result), lines + [f"{path.name}: {words}" for words in stale]
 
 
 def _readable(created: str) -> str:

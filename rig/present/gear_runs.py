@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from rig.analysis.fit import Fit
 from rig.analysis.passport.content import Passport, PassportPoint
 from rig.analysis.store import Analysis, read_analyses
+from rig.analysis.stored_fit import stored_fit
 from rig.errors import RigError
 from rig.present.content import Grid, run_files, seal_words
 from rig.present.provenance import alarms_of
@@ -32,43 +33,12 @@ def newest_fits(passport: Passport) -> Iterator[tuple[Fit, ...]]:
             newest[series.kind] = last
     fits: list[Fit] = []
     try:
-        for kind, point in newest.items():
-            fits.append(_stored_fit(kind, point))
+        for point in newest.values():
+            fits.append(stored_fit(point.path, _analysis(point)))
         yield tuple(fits)
     finally:
         for fit in fits:
             close_recording(fit.recording)
-
-
-def _stored_fit(kind: str, point: PassportPoint) -> Fit:
-    """A run with the analysis that the passport read. Raises `RigError` for one that is none."""
-    from model.gear_file import gear_from_mapping, shipped_gear
-    from rig.analysis.result_data import result_from_mapping
-
-    analysis = _analysis(point)
-    recording = open_run(point.path)
-    try:
-        result = result_from_mapping(analysis.result)
-    except (KeyError, TypeError, ValueError) as error:
-        raise RigError(
-            "the stored analysis holds no result",
-            where=str(analysis.path),
-            value=str(error),
-            remedy=f"Move it away and analyse the run again: rig fit {point.path} --kind {kind}",
-        ) from None
-    leaned_on = analysis.content.get("gear")
-    gear = (
-        gear_from_mapping(leaned_on, str(analysis.path)) if leaned_on else recording.metadata.gear
-    )
-    return Fit(
-        recording=recording,
-        gear=gear or shipped_gear(),
-        result=result,
-        path=point.path,
-        settings=dict(analysis.content.get("settings", {})),
-        stored=point.analysis,
-        gear_known=recording.metadata.gear is not None,
-    )
 
 
 def _analysis(point: PassportPoint) -> Analysis:
@@ -90,21 +60,12 @@ def gear_files(passport: Passport, fits: Sequence[Fit]) -> Grid:
     ]
     listed = {row[0] for row in rows}
     for fit in fits:
-        tare = _analysis_tare(fit)
-        if tare and tare[0] not in listed:
-            listed.add(tare[0])
-            rows.append((tare[0], "motor tare", "as analysed", tare[1] or "not stated"))
+        tare = fit.named_tare
+        run = str(tare.get("run", ""))
+        if run and run not in listed:
+            listed.add(run)
+            rows.append((run, "motor tare", "as analysed", str(tare.get("sha256") or "not stated")))
     return run_files(rows)
-
-
-def _analysis_tare(fit: Fit) -> tuple[str, str] | None:
-    """Run and hash of the tare that a stored analysis names."""
-    name = fit.stored.rpartition("/")[2]
-    for analysis in read_analyses(fit.path) if fit.path else ():
-        tare = analysis.content.get("tare") or {}
-        if analysis.path.name == name and tare:
-            return str(tare.get("run", "")), str(tare.get("sha256", ""))
-    return None
 
 
 def gear_alarms(passport: Passport) -> tuple[str, ...]:

@@ -13,9 +13,10 @@ from experiments import catalogue
 from experiments.contract import Evidence
 from experiments.recording import Recording
 from experiments.result import Result
-from model.gear import HarmonicDrive, Origin
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.analysis.judging import GearVerdict, StoredResult, judge_run
+from rig.gears.acceptance import Acceptance, Limit
 from rig.run.start import RunRequest, run_request
 from rig.runfile.read import close_recording, open_run
 from tests.adversarial.acts import Honest, in_memory
@@ -27,18 +28,37 @@ SHORT: dict[str, dict[str, Any]] = {
     "velocity-steps": {"speeds_rpm": (120.0, 300.0, 1200.0, 1800.0), "repeats": 1},
     "starting-torque": {"positions": 4},
 }
-LIMITS = {
-    "ratings.running_torque": 0.06,
-    "ratings.transmission_accuracy": 1e-4,
-    "ratings.starting_torque": 0.03,
-}
-"""Verified limits that the simulated gear breaks: an act that hides it would make a PASS of a FAIL."""
+LIMITS = (
+    ("friction.running_torque_{speed}_rpm", 0.06, "N m"),
+    ("kinematic-error.transmission_accuracy", 1e-4, "rad"),
+    ("starting-torque.starting_torque", 0.03, "N m"),
+)
+"""Limits that the simulated gear breaks: an act that hides it would make a PASS of a FAIL."""
+ACCEPTANCE = Acceptance(
+    name="test",
+    source="data sheet of the test",
+    use="any",
+    limits=tuple(
+        Limit(
+            quantity=quantity,
+            unit=unit,
+            source="data sheet of the test",
+            standing="customer",
+            upper=upper,
+            confirmed_by="A. Example",
+            confirmed_on="2026-11-01",
+        )
+        for quantity, upper, unit in LIMITS
+    ),
+    path="test.toml",
+)
 SETTINGS = {"friction": {"genetic": False}}
 
 
-def verified(gear: HarmonicDrive) -> HarmonicDrive:
-    """The gear with limits that somebody can be held to."""
-    return gear.with_values(LIMITS, Origin("catalogue", "data sheet of the test"))
+def judged(result: Result, recording: Recording) -> GearVerdict:
+    """What the result of a recording is worth by those limits."""
+    m = recording.metadata
+    return judge_run(StoredResult(result, m.origin, m.outcome), ACCEPTANCE)
 
 
 @pytest.fixture(scope="session")
@@ -77,8 +97,7 @@ def honest(runs: dict[str, Recording], tare: Result) -> Callable[[str], Honest]:
 
     def of(kind: str) -> Honest:
         recording = runs[kind]
-        gear = verified(shipped_gear())
-        evidence = Evidence(gear, settings=dict(SETTINGS.get(kind, {})))
+        evidence = Evidence(shipped_gear(), settings=dict(SETTINGS.get(kind, {})))
         if catalogue.load(kind).takes_tare:
             evidence = dataclasses.replace(evidence, tare=tare, tare_recording=runs["motor-tare"])
         return Honest(kind, recording, evidence)

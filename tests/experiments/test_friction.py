@@ -72,7 +72,6 @@ def test_without_a_tare_it_is_motor_and_gear_and_nothing_is_claimed(
     result = friction.analyse(friction_run, Evidence(gear, settings=QUICK))
     assert result.options["torque_is_of"] == "motor + gear"
     assert any("motor and gear together" in w for w in result.warnings)
-    assert result.verdicts == ()
     assert result.estimates["coulomb"].value > 1.2 * gear.mesh_friction.coulomb
     assert friction.identified(result, gear) is gear
     assert all("motor + gear" in p.y_label for p in result.plots if p.figure in ("9", "17"))
@@ -295,18 +294,6 @@ def test_compare_scores_without_fitting(
     assert bad.metrics["skill_against_mean"] < good.metrics["skill_against_mean"]
     assert bad.metrics["mean_residual"] < -0.005
     assert good.estimates == {}
-
-
-def test_verdicts_need_a_verified_limit(
-    friction_run: Recording, gear: HarmonicDrive, tare: Result, result: Result
-) -> None:
-    assert [v.outcome for v in result.verdicts] == ["NOT JUDGED"]
-    for limit, outcome in ((0.2, "PASS"), (0.05, "FAIL")):
-        known = gear.with_values(
-            {"ratings.running_torque": limit}, Origin("catalogue", "a catalogue page")
-        )
-        judged = friction.analyse(friction_run, Evidence(known, tare, settings=QUICK))
-        assert [v.outcome for v in judged.verdicts] == [outcome]
 
 
 def test_the_papers_figures_are_there(result: Result) -> None:

@@ -56,18 +56,6 @@ def test_transmission_accuracy_is_the_peak_to_peak_of_the_fitted_curve(result: R
         assert result.metrics[f"mse_curve_{way}"] < 1.0
 
 
-def test_a_recalled_limit_gives_no_verdict_and_a_verified_one_does(
-    kinematic_error_run: Recording, gear: HarmonicDrive, result: Result
-) -> None:
-    assert {v.outcome for v in result.verdicts} == {"NOT JUDGED"}
-    assert result.outcome == "PASS"
-    path = "ratings.transmission_accuracy"
-    for limit, outcome in ((120.0 * ARCSEC, "PASS"), (10.0 * ARCSEC, "FAIL")):
-        known = gear.with_values({path: limit}, Origin("catalogue", "a catalogue page"))
-        judged = kinematic_error.analyse(kinematic_error_run, Evidence(known))
-        assert {v.outcome for v in judged.verdicts} == {outcome}
-
-
 def test_figure_16_friction_in_phase_with_the_error_is_called_so(result: Result) -> None:
     found = result.estimates["figure_16_phase_difference"]
     assert found.low - 1.0 * DEGREE <= 0.0 <= found.high + 1.0 * DEGREE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,13 +11,15 @@ import numpy as np
 from experiments.protocols.friction.quantities import QUANTITIES as FRICTION
 from experiments.quantity import quantity_of
 from experiments.recording import ArraySource, Origin, Recording, RunMetadata, Segment
-from experiments.result import Plot, Result, Series, Table, judge_upper
+from experiments.result import Plot, Result, Series, Table
 from model.channel import Channel
 from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.units import ARCMIN, RPM
 from rig.analysis.fit import Fit
+from rig.analysis.judging import GearVerdict, judge, not_judged
 from rig.analysis.result_data import quantities_for
+from rig.gears.acceptance import Acceptance, Limit, Use
 
 
 def estimate(name: str, value: float, unit: str, u: float, **more: Any) -> Estimate:
@@ -108,9 +111,40 @@ def friction_plot() -> Plot:
     )
 
 
-def friction_result(limit: float = 0.15, provenance: Any = "catalogue") -> Result:
-    """A friction result with a verdict, a warning, a table and the paper's figure 17."""
-    running = estimate("running_torque", 0.0873, "N m", 0.0011)
+def acceptance(
+    limit: float = 0.15, confirmed_by: str = "A. Example", use: Use = "any"
+) -> Acceptance:
+    """What the gear of `friction_result` must show: one limit on its running torque."""
+    running = Limit(
+        quantity="friction.running_torque",
+        unit="N m",
+        source="specification 12",
+        standing="customer",
+        upper=limit,
+        confirmed_by=confirmed_by,
+        confirmed_on="2026-11-01" if confirmed_by else "",
+    )
+    return Acceptance(
+        name="specification",
+        source="specification 12",
+        use=use,
+        limits=(running,),
+        path="spec.toml",
+    )
+
+
+def verdict(
+    fits: Sequence[Fit], limit: float = 0.15, confirmed_by: str = "A. Example"
+) -> GearVerdict:
+    """What `judge` says of these fits by that limit; it is on friction alone."""
+    if not any(one.result.kind == "friction" for one in fits):
+        return not_judged("no limit is named")
+    return judge(fits, acceptance(limit, confirmed_by))
+
+
+def friction_result(torque: float = 0.0873) -> Result:
+    """A friction result with a warning, a table and the paper's figure 17."""
+    running = estimate("running_torque", torque, "N m", 0.0011)
     estimates = {
         "F_c": estimate("F_c", 70.31, "N", 0.9),
         "F_s": estimate(
@@ -121,14 +155,6 @@ def friction_result(limit: float = 0.15, provenance: Any = "catalogue") -> Resul
         "shape": estimate("shape", 1.0, "1", 2.0, identifiable="no", note="does not move"),
         "running_torque": running,
     }
-    verdict = judge_upper(
-        "running torque at 2000 r/min",
-        "no-load running torque at the catalogue's speed",
-        running,
-        limit,
-        provenance,
-        "catalogue page 12",
-    )
     table = Table(
         "points",
         "Torque per speed",
@@ -148,7 +174,6 @@ def friction_result(limit: float = 0.15, provenance: Any = "catalogue") -> Resul
         estimates=estimates,
         metrics={"mse": 0.431, "relative_error": 0.012},
         warnings=("The bracket drifted by 1.2 % over the sweep.",),
-        verdicts=(verdict,),
         plots=(friction_plot(),),
         tables=(table,),
         options={"torque_balance": "energy", "mounting": "circular-spline-fixed"},

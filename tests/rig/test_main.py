@@ -104,9 +104,7 @@ def test_a_defect_is_not_explained_away() -> None:
 @pytest.mark.parametrize(
     ("outcome", "code"),
     [
-        ("PASS", 0),
-        ("FAIL", 1),
-        ("MARGINAL", 3),
+        ("COMPLETED", 0),
         ("ABORTED", 4),
         ("TRIPPED", 5),
         ("ERROR", 6),
@@ -115,6 +113,46 @@ def test_a_defect_is_not_explained_away() -> None:
 )
 def test_outcomes_have_the_documented_codes(outcome: str, code: int) -> None:
     assert exits.code_of_outcome(outcome) == code
+
+
+@pytest.mark.parametrize(
+    ("outcome", "verdict", "required", "code"),
+    [
+        ("COMPLETED", "PASS", False, 0),
+        ("COMPLETED", "NOT JUDGED", False, 0),
+        ("COMPLETED", "FAIL", False, 1),
+        ("COMPLETED", "MARGINAL", True, 3),
+        ("COMPLETED", "NOT JUDGED", True, 7),
+        ("ABORTED", "FAIL", True, 4),
+        ("TRIPPED", "NOT JUDGED", True, 5),
+        ("INTERRUPTED", "PASS", False, 6),
+    ],
+)
+def test_the_outcome_decides_before_the_verdict(
+    outcome: str, verdict: str, required: bool, code: int
+) -> None:
+    assert exits.code_of_run(outcome, verdict, required=required) == code
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "kind"),
+    [
+        (["show", "no-such-run.h5", "--json"], exits.ERROR, "RunFileError"),
+        (["runs", "--no-such-flag", "--json"], exits.USAGE, "NoSuchOption"),
+        (["run", "friction", "--points", "x", "--events"], exits.USAGE, None),
+    ],
+)
+def test_an_error_under_json_is_one_object(
+    arguments: list[str], code: int, kind: str | None
+) -> None:
+    done = run_python(f"from rig.main import run; run({arguments!r})")
+    assert done.returncode == code
+    (line,) = done.stdout.strip().splitlines()
+    error = json.loads(line)["error"]
+    assert set(error) == {"kind", "where", "value", "limit", "remedy", "message"}
+    assert kind is None or error["kind"] == kind
+    assert error["message"]
+    assert done.stderr
 
 
 def test_unknown_command_is_a_usage_error() -> None:

@@ -178,7 +178,7 @@ def _number(value: object) -> float:
 
 
 def _catalogue_limit(quantity: FollowedQuantity, newest: AnalysedRun) -> CatalogueLimit | None:
-    """The value that the catalogue of the newest run's gear states of this quantity; it is shown, and judges nothing."""
+    """What the catalogue of the newest run's gear states of this quantity; it is shown, and judges nothing."""
     counterpart, stored = quantity.quantity.catalogue, newest.analysis.content.get("gear")
     if counterpart is None or not stored:
         return None

@@ -13,12 +13,10 @@ from PySide6.QtCore import Qt, QTimer, QUrl
 from PySide6.QtGui import QDesktopServices, QShowEvent
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
-from rig.analysis.store import read_analyses
-from rig.errors import RigError
 from rig.library.index import IndexedRun
 from rig.window.review.details.page import RunDetails
 from rig.window.review.difference import DifferenceView
-from rig.window.review.fit import ResultCache, in_words, order_of
+from rig.window.review.fit import ResultCache, in_words
 from rig.window.review.library_table import HTML, LibraryTable
 from rig.window.review.overlay_view import OverlayView
 from rig.window.review.passport import PassportView
@@ -121,9 +119,7 @@ class ReviewPage(QWidget):
             self._session.message.emit("A report is being written already.")
             return
         page = report_path(paths, suffix)
-        tare = self._tare_of(paths)
-        words = [str(path) for path in paths] + (["--tare", str(tare)] if tare is not None else [])
-        self._write_report(words, page)
+        self._write_report([str(path) for path in paths], page)
 
     def make_gear_report(self, serial: str, suffix: str = HTML) -> None:
         """Write the report of a gear over all its runs of this folder, then open it."""
@@ -142,19 +138,6 @@ class ReviewPage(QWidget):
             lambda code, out, aside: self._open_report(page, code, aside),
         )
         self._report.start()
-
-    def _tare_of(self, paths: Sequence[Path]) -> Path | None:
-        """The tare that the newest analysis of these runs was made with: what was decided here holds in the report."""
-        runs = {run.run_id: run.path for run in self.library.model.runs if run.state == "sealed"}
-        for path in reversed(paths):
-            try:
-                analyses = read_analyses(path)
-            except RigError:
-                continue
-            tare = order_of(analyses[-1], path, runs).tare if analyses else None
-            if tare is not None and tare not in paths:
-                return tare
-        return None
 
     def _open_report(self, page: Path, code: int, complaint: str) -> None:
         self._report = None

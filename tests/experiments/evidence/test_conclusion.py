@@ -13,7 +13,7 @@ from experiments.evidence.conclusion import checked_analysis, concluded
 from experiments.evidence.holds import Recorded
 from experiments.quantity import Quantity
 from experiments.recording import Recording
-from experiments.result import Check, Covariance, Result, judge_upper
+from experiments.result import Check, Covariance, Result, lacks_number, outcome_against
 from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from tests.experiments.test_analyses_without_plan import foreign
@@ -104,53 +104,23 @@ def test_what_an_analysis_does_not_call_identified_is_never_raised(word: str) ->
     assert concluded(result, (), recorded(result)).estimates["size"].identifiable == word
 
 
-def test_a_verdict_without_its_evidence_is_not_judged() -> None:
+def test_a_stored_check_says_whether_a_verdict_needs_it() -> None:
     size = estimate("size", 1.0, 0.1)
-    result = of(size, verdicts=(judge_upper("size", "", size, 2.0, "catalogue", ""),))
-    assert concluded(result, (OK, BESIDE), recorded(result)).verdict == "PASS"
-    found = concluded(result, (OK, MISSING, BESIDE), recorded(result))
-    assert (found.verdict, found.because) == ("NOT JUDGED", "not checked: torque zero")
-    answer = found.as_json()
-    assert (answer["verdict"], answer["because"]) == (found.verdict, found.because)
-    assert answer["verdicts"][0]["because"] == found.because
-    assert [check["outcome"] for check in answer["checks"]] == ["ok", "not checked", "not checked"]
-    assert set(answer["checks"][1]) == {"name", "outcome", "found", "allowed", "words"}
+    found = concluded(of(size), (OK, MISSING, BESIDE), recorded(of(size))).as_json()
+    assert [check["outcome"] for check in found["checks"]] == ["ok", "not checked", "not checked"]
+    assert [check["is_evidence"] for check in found["checks"]] == [True, True, False]
+    assert {"verdict", "verdicts", "because", "outcome"}.isdisjoint(found)
 
 
-@pytest.mark.parametrize(
-    ("limit", "provenance", "value", "because"),
-    [
-        (2.0, "recalled", 1.0, "no verified limit"),
-        (math.nan, "catalogue", 1.0, "no verified limit"),
-        (2.0, "catalogue", math.nan, "no value"),
-    ],
-)
-def test_a_verdict_says_what_is_missing(
-    limit: float, provenance: str, value: float, because: str
-) -> None:
-    verdict = judge_upper("size", "", estimate("size", value, 0.1), limit, provenance, "")  # type: ignore[arg-type]
-    assert verdict.outcome == "NOT JUDGED"
-    assert because in verdict.because
-
-
-def test_a_number_that_the_data_do_not_determine_is_not_judged() -> None:
+def test_a_number_that_the_data_do_not_determine_is_held_against_nothing() -> None:
     vague = dataclasses.replace(estimate("size", 0.1, 0.1, "no"), note="at its bound")
-    verdict = judge_upper("size", "", vague, 1.0, "catalogue", "")
-    assert (verdict.outcome, "at its bound" in verdict.because) == ("NOT JUDGED", True)
+    assert outcome_against(vague, 1.0) == "NOT JUDGED"
+    assert "at its bound" in lacks_number(vague)
+    assert "no value" in lacks_number(estimate("size", math.nan, 0.1))
     # Small against the limit is what counts, not small against itself.
     wide = estimate("size", 0.1, 0.1)
-    assert judge_upper("size", "", wide, 1.0, "catalogue", "").outcome == "PASS"
-
-
-def test_the_worst_verdict_stands_and_a_missing_one_is_no_pass() -> None:
-    size = estimate("size", 1.0, 0.1)
-    good, bad = (judge_upper("size", "", size, limit, "catalogue", "") for limit in (2.0, 0.5))
-    unknown = judge_upper("size", "", size, 2.0, "recalled", "")
-    assert of(size).verdict == "NOT JUDGED"
-    assert of(size).because
-    assert of(size, verdicts=(good,)).verdict == "PASS"
-    assert of(size, verdicts=(good, unknown)).verdict == "NOT JUDGED"
-    assert of(size, verdicts=(good, unknown, bad)).verdict == "FAIL"
+    assert (outcome_against(wide, 1.0), lacks_number(wide)) == ("PASS", "")
+    assert outcome_against(wide, math.nan) == "NOT JUDGED"
 
 
 def test_what_widens_is_said() -> None:

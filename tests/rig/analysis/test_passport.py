@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.result import Plot
+from model.gear_file import gear_to_mapping, shipped_gear
 from model.identify.estimate import Cause
 from model.units import ARCMIN, ARCSEC
 from rig.analysis.passport.build import passport
@@ -402,7 +403,7 @@ def test_the_largest_orders_whatever_run_had_them() -> None:
     assert largest_members([]) == ()
 
 
-def test_starting_torque_is_followed_with_the_limit_it_was_judged_by(tmp_path: Path) -> None:
+def test_starting_torque_is_followed_beside_the_value_of_the_catalogue(tmp_path: Path) -> None:
     run = write(tmp_path, 1, "starting-torque", parameters={"rate": 0.02})
     stored = analyse(
         run,
@@ -411,15 +412,13 @@ def test_starting_torque_is_followed_with_the_limit_it_was_judged_by(tmp_path: P
         options={"torque_is_of": "motor + gear"},
     )
     told = json.loads(stored.path.read_text(encoding="utf-8"))
-    told["result"]["verdicts"] = [
-        {"limit": 0.1, "limit_source": "a recalled page", "limit_provenance": "recalled"}
-    ]
+    told["gear"] = gear_to_mapping(shipped_gear())
     stored.path.unlink()
     stored.path.write_text(json.dumps(told), encoding="utf-8")
     one = series(passport(tmp_path, "A1"), "starting_torque")
     assert one.limit is not None
-    assert (one.limit.value, one.limit.provenance) == (0.1, "recalled")
-    assert any("not verified" in note for note in one.notes)
+    stated = shipped_gear().value("ratings.starting_torque")
+    assert (one.limit.value, one.limit.source) == (stated.value, stated.origin.source)
     assert one.conditions["ramp"] == "0.02 N m/s"
 
 

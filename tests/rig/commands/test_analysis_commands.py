@@ -33,8 +33,8 @@ def results() -> dict[str, Result]:
     return {
         "friction": handmade.friction_result(),
         "again": second,
-        "failed": handmade.friction_result(limit=0.05),
-        "marginal": handmade.friction_result(limit=0.0875),
+        "failed": handmade.friction_result(torque=0.16),
+        "marginal": handmade.friction_result(torque=0.1498),
         "slow": handmade.kinematic_result(),
         "tare": TARE_RESULT,
     }
@@ -89,6 +89,8 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: dict[str, Res
 
     monkeypatch.setattr(rig.runfile.read, "open_run", open_run)
     monkeypatch.setattr(catalogue, "load", load)
+    for module in ("rig.gears.acceptance", "rig.present.build"):
+        monkeypatch.setattr(f"{module}.acceptance_for", lambda *_: handmade.acceptance())
     app = typer.Typer()
     for command in (analysis.fit, analysis.compare, reporting.report):
         app.command()(command)
@@ -108,6 +110,8 @@ def test_json_is_one_object_and_nothing_else(call: Call) -> None:
     assert {"value", "unit", "low", "high", "identifiable"} <= set(found["parameters"]["F_c"])
     assert found["parameters"]["F_s"]["identifiable"] is False
     assert found["metrics"]["mse"] == 0.431
+    assert (found["outcome"], found["verdict"], found["because"]) == ("COMPLETED", "PASS", [])
+    assert found["limits"][0]["limit_source"] == "specification 12"
     assert found["warnings"] == ["The bracket drifted by 1.2 % over the sweep."]
 
 
@@ -135,6 +139,16 @@ def test_the_exit_code_is_the_worst_verdict(
     assert call("fit", *(f"{name}.h5" for name in runs)).exit_code == code
 
 
+def test_a_verdict_can_be_required(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rig.gears.acceptance.acceptance_for", lambda *_: None)
+    assert call("fit", "friction.h5").exit_code == 0
+    called = call("fit", "friction.h5", "--require-verdict", "--json")
+    assert called.exit_code == 7
+    found = json.loads(called.stdout)
+    assert found["verdict"] == "NOT JUDGED"
+    assert "rig gear set" in found["because"][0]
+
+
 def test_people_get_a_table(call: Call) -> None:
     shown = call("fit", "friction.h5").stdout
     for words in (
@@ -143,7 +157,7 @@ def test_people_get_a_table(call: Call) -> None:
         "68.5 … 72.1",
         "weakly",
         "does not move",
-        "COMPLETED",
+        "verdict  PASS",
         "warning",
         "SIMULATED",
         "kept as",

@@ -113,6 +113,9 @@ def test_runs(rig: Rig, run: Path, tmp_path: Path) -> None:
         "00003-broken-A1.h5",
     ]
     assert found[0]["outcome"] == "COMPLETED"
+    assert found[0]["verdict"] == "NOT JUDGED"
+    assert found[0]["because"] == [f"the run is not analysed: rig fit {run}"]
+    assert found[1]["verdict"] is None
     assert (found[0]["rows"], found[0]["unfinished"]) == (ROWS, False)
     assert found[0]["duration_s"] == pytest.approx((ROWS - 1) * 1e-3, abs=2e-3)
     assert (found[1]["rows"], found[1]["unfinished"]) == (70, True)
@@ -137,7 +140,7 @@ def test_a_run_that_is_none(rig: Rig, tmp_path: Path, command: str) -> None:
     (tmp_path / "x.h5").write_bytes(b"no run at all")
     assert rig(command, tmp_path / "x.h5", "--json") == 6
     assert "x.h5" in rig.err
-    assert rig.out == ""
+    assert json.loads(rig.out)["error"]["kind"] == "RunFileError"
     assert not list(tmp_path.glob("*.csv"))
 
 

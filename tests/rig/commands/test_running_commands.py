@@ -165,6 +165,8 @@ def test_a_run_on_the_simulated_rig(capsys: pytest.CaptureFixture[str], tmp_path
     report = json.loads(printed.out)
     assert printed.err == ""
     assert report["outcome"] == "COMPLETED"
+    assert report["verdict"] == "NOT JUDGED"
+    assert report["because"] == [f"the run is not analysed: rig fit {report['path']}"]
     assert report["make_safe"]["safe"]
     assert report["trip"] is None
     assert Path(report["path"]).is_file()

@@ -29,9 +29,9 @@ LONG_WORD = "error-of-one-revolution,"
 def plain_context() -> dict[str, Any]:
     """A report without figures and without an annex of its own."""
     result = replace(handmade.friction_result(), plots=())
-    return report_context([handmade.fit(result=result)], created="2026-11-21 08:00:00+00:00") | {
-        "parameter_sets": ()
-    }
+    fits = [handmade.fit(result=result)]
+    created, verdict = "2026-11-21 08:00:00+00:00", handmade.verdict(fits)
+    return report_context(fits, created=created, verdict=verdict) | {"parameter_sets": ()}
 
 
 def layouts(monkeypatch: pytest.MonkeyPatch, grids: Sequence[Grid]) -> list[dict[str, Any]]:

@@ -20,6 +20,7 @@ from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine
 from model.units import ARCMIN
 from rig.analysis.fit import Fit
+from rig.analysis.judging import GearVerdict
 from rig.errors import RigError
 from rig.present import content
 from rig.present.page import (
@@ -81,10 +82,17 @@ class Page(HTMLParser):
 
 
 def render_report(
-    fits: Sequence[Fit], *, created: str, truth: Sequence[tuple[str, TruthRow]] = (), note: str = ""
+    fits: Sequence[Fit],
+    *,
+    created: str,
+    truth: Sequence[tuple[str, TruthRow]] = (),
+    note: str = "",
+    verdict: GearVerdict | None = None,
 ) -> str:
     """The text of the page of these fits."""
-    return render_page(report_context(fits, created=created, truth=truth, note=note))
+    verdict = verdict or handmade.verdict(fits)
+    context = report_context(fits, created=created, truth=truth, note=note, verdict=verdict)
+    return render_page(context)
 
 
 def bare(origin: Origin = "simulated", result: Result | None = None, **more: Any) -> Fit:
@@ -161,22 +169,22 @@ def test_one_run_from_elsewhere_takes_the_signature_away() -> None:
 
 
 @pytest.mark.parametrize(
-    ("limit", "provenance", "word"),
+    ("limit", "confirmed_by", "word"),
     [
-        (0.15, "catalogue", "PASS"),
-        (0.08, "catalogue", "FAIL"),
-        (0.088, "catalogue", "MARGINAL"),
-        (0.15, "recalled", "NOT JUDGED"),
-        (0.01, "assumed", "NOT JUDGED"),
+        (0.15, "A. Example", "PASS"),
+        (0.08, "A. Example", "FAIL"),
+        (0.088, "A. Example", "MARGINAL"),
+        (0.15, "", "NOT JUDGED"),
+        (0.01, "", "NOT JUDGED"),
     ],
 )
-def test_the_verdict_stands_at_the_top(limit: float, provenance: str, word: str) -> None:
-    text = render_report(
-        [bare(result=handmade.friction_result(limit, provenance))], created=CREATED
-    )
+def test_the_verdict_stands_at_the_top(limit: float, confirmed_by: str, word: str) -> None:
+    fits = [bare(result=handmade.friction_result())]
+    verdict = handmade.verdict(fits, limit, confirmed_by)
+    text = render_report(fits, created=CREATED, verdict=verdict)
     assert re.search(r'class="word" id="verdict">([A-Z ]+)<', text)[1] == word  # type: ignore[index]
     if word == "NOT JUDGED":
-        assert "no verified limit" in text
+        assert "the limit is not confirmed" in text
 
 
 def test_nothing_judged_is_not_called_a_pass() -> None:
@@ -186,9 +194,11 @@ def test_nothing_judged_is_not_called_a_pass() -> None:
 
 
 @pytest.mark.parametrize("outcome", ["ABORTED", "TRIPPED", "ERROR", "INTERRUPTED"])
-def test_an_unfinished_run_is_incomplete_whatever_its_numbers(outcome: str) -> None:
+def test_an_unfinished_run_is_not_judged_whatever_its_numbers(outcome: str) -> None:
     text = render_report([bare("hardware", outcome=outcome)], created=CREATED)
-    assert ">INCOMPLETE<" in text
+    assert re.search(r'class="word" id="verdict">([A-Z ]+)<', text)[1] == "NOT JUDGED"  # type: ignore[index]
+    assert f"the run ended as {outcome}" in text
+    assert f"Not every run reached its end: R-000042 ({outcome})" in text
     assert "Approved by" not in text
 
 
@@ -221,8 +231,15 @@ def test_hostile_names_inject_nothing() -> None:
 
 
 def test_the_same_fits_give_the_same_bytes(tmp_path: Path) -> None:
-    first = write_report([handmade.fit()], tmp_path / "a" / "report.html", created=CREATED)
-    second = write_report([handmade.fit()], tmp_path / "b.html", created=CREATED)
+    first = write_report(
+        [handmade.fit()],
+        tmp_path / "a" / "report.html",
+        created=CREATED,
+        verdict=handmade.verdict([]),
+    )
+    second = write_report(
+        [handmade.fit()], tmp_path / "b.html", created=CREATED, verdict=handmade.verdict([])
+    )
     assert first.read_bytes() == second.read_bytes()
 
 
@@ -242,7 +259,12 @@ def test_nothing_to_report_is_refused() -> None:
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RigError, match=r"report\.html"):
-        write_report([bare()], tmp_path / "file" / "report.html", created=CREATED)
+        write_report(
+            [bare()],
+            tmp_path / "file" / "report.html",
+            created=CREATED,
+            verdict=handmade.verdict([]),
+        )
 
 
 def test_a_result_without_anything_makes_a_page() -> None:
@@ -261,10 +283,12 @@ def test_a_result_without_anything_makes_a_page() -> None:
 
 
 def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_both() -> None:
-    context = report_context([bare(result=handmade.kinematic_result())], created=CREATED)
+    context = report_context(
+        [bare(result=handmade.kinematic_result())], created=CREATED, verdict=handmade.verdict([])
+    )
     grid = context["catalogue"]
     assert grid is not None
-    quantity, measured, stated, source, here, verdict = grid.rows[0]
+    quantity, measured, stated, source, here = grid.rows[0]
     rating = shipped_gear().value("ratings.transmission_accuracy")
     assert quantity.startswith(
         "transmission accuracy forward: largest positive plus largest negative deviation"
@@ -275,7 +299,6 @@ def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_bot
     assert rating.origin.source in source
     assert "Harmonic Grease SK-1A" in here
     assert "housing 24.0 to 26.2 °C" in here
-    assert verdict == "not judged"
     assert [row[4] for row in grid.rows if "stiffness" in row[0]] == [
         "cannot be measured on this rig"
     ] * 3
@@ -306,7 +329,7 @@ def test_the_set_points_of_a_starting_torque_are_places_and_not_speeds() -> None
 
 def test_a_gear_that_is_not_known_has_no_catalogue() -> None:
     fit = replace(bare(result=handmade.kinematic_result()), gear_known=False)
-    assert report_context([fit], created=CREATED)["catalogue"] is None
+    assert report_context([fit], created=CREATED, verdict=handmade.verdict([]))["catalogue"] is None
 
 
 def test_an_expired_calibration_is_said_at_the_top_and_a_missing_one_of_hardware_too() -> None:
@@ -355,7 +378,7 @@ def test_every_page_names_the_runs_letter_for_letter() -> None:
 
 def test_runs_of_more_than_one_gear_under_one_verdict_are_said_loudly() -> None:
     fits = [bare(gear_serial="A1"), bare(result=handmade.kinematic_result(), gear_serial="B2")]
-    context = report_context(fits, created=CREATED)
+    context = report_context(fits, created=CREATED, verdict=handmade.verdict([]))
     assert context["alarms"] == (
         "These runs are of more than one gear (B2, A1): the verdict covers them together.",
     )

@@ -47,7 +47,8 @@ def squeezed(text: str) -> str:
 
 def printed(fits: Sequence[Fit], *, annex: bool = False, **more: Any) -> Paper:
     """The report read back; without its annex, which takes the most of the reading, unless that is asked for."""
-    context = report_context(fits, **{"created": CREATED, **more})
+    told = {"created": CREATED, "verdict": handmade.verdict(fits), **more}
+    context = report_context(fits, **told)
     if not annex:
         context |= {"parameter_sets": ()}
     made = render_pdf(context)
@@ -214,7 +215,11 @@ def test_nothing_stands_in_the_margins() -> None:
         handmade.fit(result=handmade.kinematic_result(), **more),
     ]
     crosswise = 0
-    for page in typeset(report_context(fits, created=CREATED), format="png", ppi=72.0):
+    for page in typeset(
+        report_context(fits, created=CREATED, verdict=handmade.verdict(fits)),
+        format="png",
+        ppi=72.0,
+    ):
         picture = imread(io.BytesIO(page))[:, :, :3].min(axis=2)
         height, width = picture.shape
         crosswise += width > height

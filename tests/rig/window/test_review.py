@@ -28,7 +28,7 @@ def test_an_opened_run_says_what_when_who_on_which_gear(
     page.show_run(friction[0])
     head = page.details.header
     assert head.title.text() == friction[0].name.removesuffix(".h5")
-    assert (head.mark.text(), head.outcome.text()) == ("SIMULATED", "✓ PASS")
+    assert (head.mark.text(), head.outcome.text()) == ("SIMULATED", "✓ COMPLETED")
     for word in ("friction", "CSF-25-120", "SN-0815", "A. Example", "33"):
         assert word in head.facts.text()
     assert "SHA-256" in head.file.text()

@@ -9,7 +9,13 @@ import pytest
 from rig.analysis.difference import Change
 from rig.window.review.difference import change_row
 from rig.window.review.table_model import gear_words
-from rig.window.run.outcome_view import fitted_result, remarks, result_lines
+from rig.window.run.outcome_view import (
+    fitted_result,
+    remarks,
+    result_lines,
+    told_verdict,
+    verdict_line,
+)
 from tests.rig.window.reviewing import indexed
 
 
@@ -38,21 +44,6 @@ def said(**changes: object) -> list[str]:
     return remarks(result)
 
 
-def verdict(outcome: str) -> dict[str, object]:
-    """A verdict as JSON."""
-    return {
-        "name": "running torque",
-        "definition": "",
-        "value": 0.0734795,
-        "unit": "N m",
-        "expanded_uncertainty": 0.0021,
-        "limit": 0.1,
-        "limit_source": "",
-        "limit_provenance": "assumed",
-        "outcome": outcome,
-    }
-
-
 def test_the_end_of_a_run_names_results_in_words_and_whose_torque_it_is() -> None:
     result = fitted_result(answer())
     assert result is not None
@@ -64,9 +55,12 @@ def test_the_end_of_a_run_names_results_in_words_and_whose_torque_it_is() -> Non
     assert "no tare was subtracted. Review fits it" in whose
     (whose,) = said(kind="starting-torque", options={"torque_is_of": "motor + gear"})
     assert "Review" not in whose
-    (judged,) = said(verdicts=[verdict("NOT JUDGED")])
-    assert "not judged" in judged
-    assert said(verdicts=[verdict("NOT JUDGED"), verdict("FAIL")]) == []
+
+
+def test_the_end_of_a_run_says_what_its_gear_is_worth_and_why() -> None:
+    told = told_verdict(answer(verdict="NOT JUDGED", because=["no file", "no tare"]))
+    assert verdict_line(told) == "Verdict: NOT JUDGED (no file; no tare)"
+    assert verdict_line({"verdict": "PASS", "because": []}) == "Verdict: PASS"
 
 
 @pytest.mark.parametrize(

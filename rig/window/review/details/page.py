@@ -15,6 +15,7 @@ from experiments.result import Result
 from model.errors import WordedError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
+from rig.analysis.in_force import in_force
 from rig.analysis.judging import GearVerdict, StoredResult, judge_run, not_judged
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis, read_analyses
@@ -260,11 +261,11 @@ class RunDetails(QWidget):
         return self.recording.metadata.gear if self.recording is not None else None
 
     def _show_newest(self) -> None:
-        """The newest stored analysis, and the fit bar set as it was made."""
+        """The analysis in force, and the fit bar set as it was made."""
         assert self.path is not None
         assert self.recording is not None
         metadata = self.recording.metadata
-        newest = self._analyses[-1] if self._analyses else None
+        newest = self._in_force()
         used = order_of(newest, self.path, self._sealed_runs()) if newest else None
         tares = [r for r in tares_among(self._library, metadata.origin) if r.path != self.path]
         self.bar.show_run(self.path, metadata.experiment, tares, used)
@@ -279,6 +280,11 @@ class RunDetails(QWidget):
         else:
             self.results.show_nothing("Nothing has been identified from this run yet. Press Fit.")
 
+    def _in_force(self) -> Analysis | None:
+        """The analysis that everybody reads of this run."""
+        assert self.path is not None
+        return in_force(self.path).analysis if self._analyses else None
+
     def _sealed_runs(self) -> Mapping[str, Path]:
         return {run.run_id: run.path for run in self._library if run.state == "sealed"}
 
@@ -291,7 +297,14 @@ class RunDetails(QWidget):
         self.results.show_result(result, self._gear, self._verdict_on(result))
         heading = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
         tare = str(analysis.content.get("tare", {}).get("run", ""))
-        self.bar.say(f"{heading}, {analysis.kind}{self._tare_words(tare, analysis.kind)}.")
+        said = f"{heading}, {analysis.kind}{self._tare_words(tare, analysis.kind)}."
+        assert self.path is not None
+        found = in_force(self.path, analysis.kind)
+        stale = found.stale if found.number == analysis.number else ()
+        if stale:
+            self.bar.say(f"{said} Stale: {'; '.join(stale)}. Press Fit to renew it.", "warning")
+        else:
+            self.bar.say(said)
         if front:
             self.tabs.setCurrentWidget(self.results)
 
@@ -351,13 +364,13 @@ class RunDetails(QWidget):
         return ""
 
     def _ask_figures(self) -> None:
-        """The figures of the newest analysis, worked out again without leaving a trace."""
+        """The figures of the analysis in force, worked out again without leaving a trace."""
         assert self.path is not None
         why = self._why_no_figures()
         if why or self.desk.is_running:
             self.figure_hint.setText(why or self.figure_hint.text())
             return
-        newest = self._analyses[-1] if self._analyses else None
+        newest = self._in_force()
         order = (
             order_of(newest, self.path, self._sealed_runs())
             if newest
