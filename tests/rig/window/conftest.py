@@ -24,7 +24,8 @@ from pytestqt.qtbot import QtBot
 import rig.main
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit import fit_files, store
+from rig.analysis.fit import store
+from rig.analysis.fit_run import fit_run
 from rig.run.start import RunRequest, plan_request, run_request
 from rig.window.main import MainWindow
 from rig.window.review.page import ReviewPage
@@ -187,7 +188,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
             seed=seed,
         )
         assert run_request(request).outcome == "COMPLETED"
-    store(fit_files(sorted(folder.glob("*.h5"))[1:])[0], "2025-11-21T05:00:00+00:00")
+    store(fit_run(sorted(folder.glob("*.h5"))[1]), "2025-11-21T05:00:00+00:00")
     return folder
 
 

@@ -221,7 +221,7 @@ def test_what_is_predicted_begins_where_its_steps_have_begun(session: WindowSess
     slow = next(k for k in moving if k > asked + 1)
     begun = [float(seen.time[np.searchsorted(seen.step, k)]) for k in range(slow + 2)]
     late = [0.0 if k <= asked else 30.0 if k <= slow else 32.0 for k in range(slow + 2)]
-    context.begun += [start + delay for start, delay in zip(begun, late, strict=True)]
+    context.begun.extend(start + delay for start, delay in zip(begun, late, strict=True))
     view.draw(recent=False)
     expected = seen.time + np.array([late[min(k, slow + 1)] for k in seen.step])
     for item in (view.predicted.item, *view.predicted.edges):
