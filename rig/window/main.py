@@ -37,7 +37,7 @@ from rig.window.shell.collector import collector_in_this_thread
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, in_row, push_button, room_for, scrolled, text_label
 from rig.window.shell.theme import apply_theme, theme_named
-from rig.window.work.prepared import PreparedRun
+from rig.window.work.prepared import PreparedCampaign, PreparedRun
 
 PAGES = ("prepare", "run", "review")
 """The pages in the order of the navigation; Ctrl+1, Ctrl+2, Ctrl+3."""
@@ -130,15 +130,18 @@ class MainWindow(QMainWindow):
         self.stack.setCurrentIndex(index)
         self._buttons.button(index).setChecked(True)
 
-    def start(self, prepared: PreparedRun) -> None:
-        """Start a prepared run and watch it."""
+    def start(self, prepared: PreparedRun | PreparedCampaign) -> None:
+        """Start a prepared run, or a campaign of them, and watch it."""
         if self.run.is_active:
             self.session.message.emit(
                 "A run is going on: stop it or wait for its end before the next."
             )
             return
         self.show_page("run")
-        self.run.start(prepared)
+        if isinstance(prepared, PreparedCampaign):
+            self.run.start_campaign(prepared)
+        else:
+            self.run.start(prepared)
 
     def show_review(self, path: Path) -> None:
         """Open a run on the Review page."""

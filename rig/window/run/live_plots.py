@@ -19,6 +19,7 @@ from rig.runfile.header import ORIGIN_WORDS
 from rig.window.plot.plots import LabPlot
 from rig.window.run.kinematic_view import OutputView, WaveView
 from rig.window.run.live_axes import RECENT
+from rig.window.run.live_numbers import LiveNumbers
 from rig.window.run.live_view import LiveContext, LiveView, SpeedView, temperature_view, torque_view
 from rig.window.run.pacing import Pacer
 from rig.window.run.points_view import StartingPoints, TorquePoints
@@ -69,6 +70,8 @@ class LivePlots(QWidget):
         self.protocol = ""
         self.begun: list[float] = []
         """When each step of the plan began, so far, since the start of the run [s]."""
+        self.numbers = LiveNumbers()
+        """The latest values, to be laid out by the page."""
         self._frames = 0
         self._pacer = Pacer()
         self._work: SegmentWork | None = None
@@ -109,6 +112,7 @@ class LivePlots(QWidget):
         """A run is about to begin: forget the one before."""
         self.close_file()
         self.views, self.plots, self.mark, self.protocol = [], [], "", ""
+        self.numbers.clear()
         self._grid_holder.hide()
         self._recent.setVisible(False)
         self._rows.clear()
@@ -204,7 +208,9 @@ class LivePlots(QWidget):
         # A recording of nobody's protocol gets the board of a protocol that asks for nothing special.
         experiment = catalogue.declared(self.protocol) or Experiment
         self._lay_out([VIEWS[name](self._session, context) for name in experiment.live])
-        live.want({name for view in self.views for name in view.wanted})
+        self.numbers.begin(live.recording)
+        wanted = (*self.numbers.wanted, *(name for view in self.views for name in view.wanted))
+        live.want(set(wanted))
 
     def _lay_out(self, views: Sequence[LiveView]) -> None:
         """Two columns: speed and torque on the left, what the protocol is about on the right."""
@@ -236,6 +242,7 @@ class LivePlots(QWidget):
     def _take_all(self, blocks: Sequence[Block]) -> int:
         """Give the views the rows of this frame; returns how many."""
         for block in blocks:
+            self.numbers.take(block)
             for view in self.views:
                 view.take(block)
         return sum(map(len, blocks))
@@ -266,6 +273,7 @@ class LivePlots(QWidget):
             view.draw(self._recent.isChecked())
 
     def _count(self) -> None:
+        self.numbers.show_latest()
         if self.live is not None:
             self._rows.setText(
                 f"{self.rows_read:,} of {self.live.rows:,} cycles drawn".replace(",", "\u202f")

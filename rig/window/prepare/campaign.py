@@ -1,0 +1,125 @@
+"""A campaign on the Prepare page: from its plan to the walk of all its runs, its checks, and what starts it.
+
+No Qt in here, as in `request`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from experiments import catalogue
+from experiments.errors import ExperimentError
+from model.errors import ModelError
+from rig.errors import RigError
+from rig.present.preview.plan import preview_plan
+from rig.run.gear import card_checks
+from rig.run.preflight import Check, static_checks
+from rig.run.progress import in_words
+from rig.run.start import RunRequest
+from rig.trial.campaign import journal as journals
+from rig.trial.campaign.plan import CampaignPlan, load_plan, shipped_names, shipped_plan
+from rig.trial.campaign.walk import Walk, walk
+from rig.window.prepare.request import (
+    Intent,
+    Outlook,
+    for_this_rig,
+    latch_checks,
+    parameters_check,
+    prediction_checks,
+    request_for,
+    rig_flags,
+)
+
+WORST_FIRST = ("failed", "warning", "ok")
+
+
+def plan_named(campaign: str) -> CampaignPlan:
+    """The plan of a campaign that ships, or that of a file. Raises `ConfigurationError`."""
+    return shipped_plan(campaign) if campaign in shipped_names() else load_plan(Path(campaign))
+
+
+def armed_protocol(plan: CampaignPlan) -> str:
+    """The protocol that speaks for a campaign: its first with a gear, which is what the page asks for."""
+    names = [stage.protocol for stage in plan.stages]
+    return next((name for name in names if catalogue.load(name).gear_mounted), names[0])
+
+
+def look_ahead_campaign(intent: Intent) -> Outlook:
+    """Walk and check a campaign; what refuses it is part of the answer."""
+    problem: Exception | None = None
+    request: RunRequest | None = None
+    walked: Walk | None = None
+    checks: list[Check] = []
+    done: tuple[str, ...] = ()
+    try:
+        plan = plan_named(intent.campaign)
+        request = request_for(replace(intent, protocol=armed_protocol(plan), values={}))
+        walked = walk(plan, request)
+        checks += _walk_checks(walked, intent)
+        if not intent.anew:
+            done = runs_that_count(intent.rig.folder, plan, request.gear_serial)
+    except (RigError, ExperimentError, ModelError) as error:
+        problem = error
+    serial = intent.facts.serial if intent.facts is not None else ""
+    checks[:0] = [for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)]
+    checks += latch_checks(intent.rig)
+    return Outlook(
+        intent, request=request, checks=tuple(checks), problem=problem, walk=walked, done=done
+    )
+
+
+def _walk_checks(walked: Walk, intent: Intent) -> list[Check]:
+    """What is known of all the runs: parameters, plan, every prediction that touches a limit, disk and ratings."""
+    steps = sum(len(one.planned.plan) for one in walked.stages)
+    evidence = (
+        f"{len(walked.stages)} runs, {steps} steps, {in_words(walked.nominal)} nominal, "
+        f"{in_words(walked.longest)} at most, prompts not counted"
+    )
+    mounted = next(
+        (one.planned for one in walked.stages if one.planned.experiment.gear_mounted),
+        walked.stages[0].planned,
+    )
+    checks = [parameters_check(mounted, intent.rig), Check("plan", "ok", evidence)]
+    of_runs: list[Check] = []
+    for one in walked.stages:
+        found = (
+            *prediction_checks(preview_plan(one.planned)),
+            *static_checks(one.planned, intent.rig.folder),
+        )
+        of_runs += [
+            replace(check, evidence=f"{one.stage.protocol}: {check.evidence}") for check in found
+        ]
+    return checks + worst_of_each(of_runs)
+
+
+def worst_of_each(checks: list[Check]) -> list[Check]:
+    """Of the checks of all runs every one that is not good, and where all of a name are, the first of them."""
+    kept: list[Check] = []
+    for name in dict.fromkeys(check.name for check in checks):
+        named = [check for check in checks if check.name == name]
+        kept += [check for check in named if check.result != "ok"] or named[:1]
+    return sorted(kept, key=lambda check: WORST_FIRST.index(check.result))
+
+
+def runs_that_count(folder: Path, plan: CampaignPlan, serial: str) -> tuple[str, ...]:
+    """The run of every stage of an unfinished campaign that is done already; nothing where none is unfinished.
+
+    Whether it still counts is looked at once more when the campaign goes on. Raises `RunFileError`.
+    """
+    journal = journals.unfinished(folder, plan, serial)
+    if journal is None:
+        return ()
+    newest = (journal.newest(index) for index in range(len(plan.stages)))
+    return tuple(one.run if one is not None and one.counts else "" for one in newest)
+
+
+def campaign_arguments(
+    request: RunRequest, campaign: str, parameters: Path | None = None, *, anew: bool = False
+) -> list[str]:
+    """What follows `python -m rig` to start a campaign as a child that is spoken to in lines."""
+    words = ["campaign"]
+    words.append(campaign if campaign in shipped_names() else f"--plan={campaign}")
+    words += rig_flags(request, parameters)
+    words += ["--anew"] if anew else []
+    return [*words, "--events", "--stdin-control"]
