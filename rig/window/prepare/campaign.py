@@ -5,6 +5,7 @@ No Qt in here, as in `request`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -81,25 +82,28 @@ def _walk_checks(walked: Walk, intent: Intent) -> list[Check]:
         walked.stages[0].planned,
     )
     checks = [parameters_check(mounted, intent.rig), Check("plan", "ok", evidence)]
-    of_runs: list[Check] = []
-    for one in walked.stages:
-        found = (
+    of_runs = [
+        (one.stage.protocol, check)
+        for one in walked.stages
+        for check in (
             *prediction_checks(preview_plan(one.planned)),
             *static_checks(one.planned, intent.rig.folder),
         )
-        of_runs += [
-            replace(check, evidence=f"{one.stage.protocol}: {check.evidence}") for check in found
-        ]
-    return checks + worst_of_each(of_runs)
+    ]
+    return checks + joined(of_runs)
 
 
-def worst_of_each(checks: list[Check]) -> list[Check]:
-    """Of the checks of all runs every one that is not good, and where all of a name are, the first of them."""
-    kept: list[Check] = []
-    for name in dict.fromkeys(check.name for check in checks):
-        named = [check for check in checks if check.name == name]
-        kept += [check for check in named if check.result != "ok"] or named[:1]
-    return sorted(kept, key=lambda check: WORST_FIRST.index(check.result))
+def joined(of_runs: Sequence[tuple[str, Check]]) -> list[Check]:
+    """The checks of all runs: what is not good once, with the runs that it holds for; what is good in one line."""
+    runs: dict[Check, list[str]] = {}
+    for protocol, check in of_runs:
+        runs.setdefault(check, []).append(protocol)
+    bad = [check for check in runs if check.result != "ok"]
+    named = {check.name for check in bad}
+    told = [replace(c, evidence=f"{', '.join(runs[c])}: {c.evidence}") for c in bad]
+    good = dict.fromkeys(check.name for check in runs if check.name not in named)
+    told += [Check(name, "ok", "good for every run") for name in good]
+    return sorted(told, key=lambda check: WORST_FIRST.index(check.result))
 
 
 def runs_that_count(folder: Path, plan: CampaignPlan, serial: str) -> tuple[str, ...]:

@@ -44,7 +44,7 @@ class LiveNumbers(QWidget):
         self._labels[name], self._captions[name] = number, caption
         tile = QFrame()
         tile.setProperty("part", "card")
-        tile.setLayout(in_column(number, caption, margins=(8, 3, 8, 4), spacing=0))
+        tile.setLayout(in_column(number, caption, margins=(8, 0, 8, 2), spacing=0))
         return tile
 
     @property

@@ -91,6 +91,7 @@ class OutcomeView(QFrame):
     def show_end(self, state: RunState, report: dict[str, Any], path: Path | None) -> None:
         """The end of a run. `path` is its sealed file, None where there is none."""
         self._path = path
+        self.review.setText("Review this run")
         self.headline.setText(headline_of(state, report))
         session = self._session
         bench = option_of(session.backend, session.folder, session.configuration)
@@ -113,6 +114,7 @@ class OutcomeView(QFrame):
     ) -> None:
         """The end of a campaign; `run` is how its latest run ended, `path` the file of it."""
         self._path = path
+        self.review.setText("Review the last run")
         self.headline.setText(
             campaign_headline(state, report) if report else headline_of(state, run)
         )

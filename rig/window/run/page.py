@@ -280,6 +280,8 @@ class RunPage(QWidget):
             )
             self._times.setText(f"{run.get('rows', 0)} cycles")
         if self.stages.is_campaign:
+            self._title = self._campaign_title
+            self._show()
             self.outcome.show_campaign(self.state, self.report, run, path)
         else:
             self.outcome.show_end(self.state, run, path)

@@ -30,6 +30,7 @@ class State(Enum):
     RUNNING = "running"
     WAITING = "waiting for you"
     STOPPING = "stopping"
+    ANALYSING = "analysing"
     TRIPPED = "tripped"
     FINISHED = "finished"
     REFUSED = "refused"
@@ -109,7 +110,7 @@ class RunState:
 
     def asked(self, question: str) -> RunState:
         """After a question of the run; one that comes while the rig is being stopped changes nothing."""
-        if self.state not in (State.ARMED, State.RUNNING):
+        if self.state not in (State.ARMED, State.RUNNING, State.ANALYSING):
             return self
         return replace(self, state=State.WAITING, what=question)
 
@@ -156,7 +157,7 @@ class RunState:
         ended = self.reported(report)
         if ended.outcome != "COMPLETED" or not ended.safe:
             return ended
-        state = State.STOPPING if self.stop_asked else State.ARMED
+        state = State.STOPPING if self.stop_asked else State.ANALYSING
         return replace(ended, state=state, outcome="", what=what)
 
     def campaign_reported(self, report: dict[str, Any]) -> RunState:
